@@ -1,0 +1,15 @@
+# Debian packages only. LCM 1.3.1 ships neither a CMake config nor a pkg-config file that works
+# without glib's, so it is found by its files.
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(CLI11 REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(Threads REQUIRED)
+
+find_path(TOMLPP_INCLUDE_DIR toml++/toml.h REQUIRED)
+
+find_path(LCM_INCLUDE_DIR lcm/lcm-cpp.hpp REQUIRED)
+find_library(LCM_LIBRARY lcm REQUIRED)
+find_program(LCM_GEN lcm-gen REQUIRED)
+add_library(lcm_bus INTERFACE)
+target_include_directories(lcm_bus SYSTEM INTERFACE ${LCM_INCLUDE_DIR})
+target_link_libraries(lcm_bus INTERFACE ${LCM_LIBRARY})

@@ -1,0 +1,37 @@
+// Clamped-free Euler-Bernoulli beam by its first n eigenmodes: eqs. (19)-(22) of Baumann & Leine
+// 2014, with the printed sign of (19) (tip value -2 for odd modes, +2 for even ones).
+#pragma once
+
+#include <Eigen/Core>
+
+namespace sprag {
+
+struct Beam {
+  int modes = 1;                   ///< n, 1..200 in scene files
+  double length = 1.0;             ///< l [m]
+  double bending_stiffness = 1.0;  ///< EI [N m^2]
+  double mass_per_length = 1.0;    ///< rho A [kg/m]
+  double damping = 0.0;            ///< d [N s/m^2], viscous against the frame
+};
+
+/// beta_i l, i >= 1: i-th positive root of cos(x) cosh(x) + 1 = 0, right to a few units in the last place.
+double wavenumber(int i);
+
+/// v_i(x) of (19) at x = xi l, xi in [0, 1]; no overflow or cancellation for any i >= 1.
+double mode_shape(int i, double xi);
+
+/// (1/l) times the integral of v_i over the beam: -2 sigma_i / (beta_i l).
+double mode_mean(int i);
+
+/// v(x_c) for all n modes; x_c in [0, length].
+Eigen::VectorXd mode_shapes(const Beam& beam, double x_c);
+
+/// Diagonals of M, C, K of (22), n entries each.
+Eigen::VectorXd mass(const Beam& beam);
+Eigen::VectorXd damping(const Beam& beam);
+Eigen::VectorXd stiffness(const Beam& beam);
+
+/// Direction of f(t) per unit of frame acceleration e''(t): -integral of v rho A dx, n entries.
+Eigen::VectorXd inertia_direction(const Beam& beam);
+
+}  // namespace sprag

@@ -1,0 +1,36 @@
+// A scene file (TOML): one machine, where its master starts and where the replica starts.
+// Either a beam, eqs. (19)-(22) of Baumann & Leine 2014, or a general linear [system].
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "mechanics/beam.h"
+#include "mechanics/model.h"
+
+namespace sprag {
+
+struct Scene {
+  std::string name;
+  Model model;
+  std::optional<Beam> beam;          ///< set when the scene has a [beam]
+  State master;                      ///< start of the master, padded with zeros to f entries
+  State replica;                     ///< start of the replica, padded with zeros to f entries
+  bool release_penetration = false;  ///< master.penetration = "release"
+};
+
+/// what() reads "file:line:column: key is value; must be ..." (line and column where known).
+struct SceneError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Reads and checks a scene file. Throws SceneError.
+Scene read_scene(const std::filesystem::path& file);
+
+/// The same from text; `file` is the name that errors carry. Throws SceneError.
+Scene parse_scene(std::string_view text, const std::string& file);
+
+}  // namespace sprag
