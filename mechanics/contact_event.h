@@ -13,8 +13,8 @@ inline constexpr int max_contacts = 60;
 enum class ContactEventKind : std::int8_t { closes = 1, opens = 2, pulse = 3 };
 
 struct ContactEvent {
-  double t;                ///< simulated time [s], unrounded
-  int contact;             ///< index from 0 (files and messages count from 1)
+  double t;     ///< simulated time [s], unrounded
+  int contact;  ///< index from 0 (files and messages count from 1)
   ContactEventKind kind;
 
   friend bool operator==(const ContactEvent&, const ContactEvent&) = default;

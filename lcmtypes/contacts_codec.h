@@ -1,0 +1,29 @@
+// ContactReport <-> sprag_contacts_t. Contacts count from 0 in memory and from 1 in messages.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "lcmtypes/refusal.h"
+#include "mechanics/contact_report.h"
+
+namespace sprag {
+
+/// Bytes of a message: type hash, head, records, number of records. With the channel name and LCM's
+/// header it stays below 1400, so that it is one packet and never a fragment.
+inline constexpr std::size_t contacts_message_size =
+    8 + 6 * 8 + 4 + 8 + std::size_t{max_records} * (8 + 1 + 1) + 4;
+
+using ContactsMessage = std::array<std::uint8_t, contacts_message_size>;
+
+/// Unused records become zeros. Expects 0 <= report.records <= max_records.
+void encode(const ContactReport& report, ContactsMessage& message) noexcept;
+
+/// Fills `report` from a message and returns Refusal::none, or why the message is refused; `report`
+/// then holds nothing of use. Accepted: 1 <= contacts <= 60, 0 <= records <= min(120,
+/// records_total), finite ascending times >= 0, speed > 0 (also infinite).
+Refusal decode(std::span<const std::uint8_t> message, ContactReport& report) noexcept;
+
+}  // namespace sprag

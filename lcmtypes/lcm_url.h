@@ -1,0 +1,35 @@
+// LCM's addresses: PROVIDER://TARGET?name=value&name=value, e.g. udpm://239.255.76.67:7667?ttl=0.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+namespace sprag {
+
+/// UDP multicast on this host only (ttl=0).
+inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
+
+/// An address that LCM would misread or refuse. what() says what is allowed.
+struct UrlError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct MulticastAddress {
+  std::string group;  ///< IPv4, 224.0.0.0 to 239.255.255.255
+  std::uint16_t port = 0;
+  int ttl = 0;  ///< 0: this host only
+};
+
+struct LcmUrl {
+  std::string text;
+  std::optional<MulticastAddress> multicast;  ///< set for udpm
+  bool sets_receive_buffer = false;           ///< recv_buf_size is among the arguments
+};
+
+/// Reads an address of provider udpm, memq, file or tcpq; "udpm://" stands for LCM's usual group
+/// and port. Throws UrlError.
+LcmUrl parse_url(const std::string& text);
+
+}  // namespace sprag

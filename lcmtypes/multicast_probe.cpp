@@ -1,0 +1,109 @@
+#include "lcmtypes/multicast_probe.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <random>
+#include <system_error>
+
+namespace sprag {
+
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+class Socket {
+ public:
+  Socket() : descriptor_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
+  ~Socket() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+
+  int descriptor() const { return descriptor_; }
+
+  template <class Value>
+  bool set(int level, int option, const Value& value) const {
+    return ::setsockopt(descriptor_, level, option, &value, sizeof value) == 0;
+  }
+
+ private:
+  int descriptor_;
+};
+
+std::string last_error() { return std::generic_category().message(errno); }
+
+/// A packet as LCM's self test sends it, with bytes of our own to know it by.
+std::string probe_packet() {
+  std::random_device random;
+  std::string packet("LC02\0\0\0\0LCM_SELF_TEST\0sprag ", 28);
+  for (int i = 0; i < 16; ++i) packet += static_cast<char>('a' + random() % 26);
+  return packet;
+}
+
+/// Whether `packet` arrives before `deadline`; other traffic on the port is passed over.
+bool arrives(const Socket& receiver, const std::string& packet, Clock::time_point deadline) {
+  std::array<char, 2048> data;
+  for (;;) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
+    if (left <= 0ms) return false;
+    pollfd ready{receiver.descriptor(), POLLIN, 0};
+    if (::poll(&ready, 1, static_cast<int>(left.count())) <= 0) continue;
+    const ssize_t size = ::recv(receiver.descriptor(), data.data(), data.size(), MSG_DONTWAIT);
+    if (size == static_cast<ssize_t>(packet.size()) &&
+        std::equal(packet.begin(), packet.end(), data.begin()))
+      return true;
+  }
+}
+
+}  // namespace
+
+MulticastProbe probe_multicast(const MulticastAddress& address, int receive_buffer) {
+  MulticastProbe probe;
+  const Socket receiver;
+  const Socket sender;
+  sockaddr_in group{};
+  group.sin_family = AF_INET;
+  group.sin_port = htons(address.port);
+  inet_pton(AF_INET, address.group.c_str(), &group.sin_addr);
+  const auto* name = reinterpret_cast<const sockaddr*>(&group);
+
+  receiver.set(SOL_SOCKET, SO_RCVBUF, receive_buffer);
+  int doubled = 0;  // Linux reports twice the size, for its own bookkeeping
+  socklen_t length = sizeof doubled;
+  if (::getsockopt(receiver.descriptor(), SOL_SOCKET, SO_RCVBUF, &doubled, &length) == 0)
+    probe.receive_buffer = std::min(receive_buffer, doubled / 2);
+
+  const ip_mreq membership{group.sin_addr, {htonl(INADDR_ANY)}};
+  if (!receiver.set(SOL_SOCKET, SO_REUSEADDR, 1) ||
+      ::bind(receiver.descriptor(), name, sizeof group) != 0 ||
+      !receiver.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
+      !sender.set(IPPROTO_IP, IP_MULTICAST_TTL, address.ttl) ||
+      !sender.set(IPPROTO_IP, IP_MULTICAST_LOOP, 1)) {
+    probe.failure = last_error();
+    return probe;
+  }
+
+  const std::string packet = probe_packet();
+  const auto deadline = Clock::now() + 1s;
+  do {  // repeated, since a busy port may drop one
+    if (::sendto(sender.descriptor(), packet.data(), packet.size(), 0, name, sizeof group) < 0) {
+      probe.failure = last_error();
+      return probe;
+    }
+    if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return probe;
+  } while (Clock::now() < deadline);
+  probe.failure = "what is sent to the group does not come back";
+  return probe;
+}
+
+}  // namespace sprag

@@ -1,0 +1,51 @@
+// What every Sprag executable shares: common options, exit codes, a stop flag, the JSON report.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "lcmtypes/lcm_url.h"
+
+namespace sprag {
+
+inline constexpr int exit_done = 0;
+inline constexpr int exit_failed = 1;  ///< failed while running
+inline constexpr int exit_usage = 2;   ///< bad usage or input
+
+/// Bad usage that only shows after parsing; run_program() exits with 2.
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct CommonOptions {
+  std::string url = default_url;
+  std::filesystem::path report;  ///< empty: none
+};
+
+/// Adds --url, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
+void add_common_options(CLI::App& app, CommonOptions& options);
+
+/// Adds an option that takes a finite number > 0, in `unit`; anything else is bad usage.
+CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
+                          const std::string& unit, const std::string& help);
+
+/// The same; "max" is allowed too and means infinity.
+CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
+                                 const std::string& unit, const std::string& help);
+
+/// Whether SIGINT or SIGTERM has arrived since run_program() began. They interrupt poll() and
+/// sleeps.
+bool stop_requested() noexcept;
+
+/// Parses the command line, then calls `run`, which fills the report and returns an exit code.
+/// Returns the process's exit code: 2 for a bad command line, UsageError, UrlError, InputError,
+/// SceneError or ModelError, 1 for any other exception (its what() goes to stderr) or a report that
+/// cannot be written. The report also says program, version, exit and error.
+int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
+                const std::function<int(nlohmann::ordered_json& report)>& run);
+
+}  // namespace sprag

@@ -1,0 +1,41 @@
+// StateSample <-> sprag_state_t (SPRAG_TRUTH) and EstimateSample <-> sprag_estimate_t
+// (SPRAG_ESTIMATE, SPRAG_SETTLED).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lcmtypes/refusal.h"
+#include "mechanics/contact_event.h"
+
+namespace sprag {
+
+/// A machine's state at one tick; q and u have f >= 1 entries each.
+struct StateSample {
+  std::int64_t session = 0;  ///< the master's
+  std::int64_t utime = 0;    ///< wall clock at send [us]
+  std::int64_t tick = 0;     ///< k
+  double t = 0.0;            ///< simulated time of the tick [s]
+  Eigen::VectorXd q, u;      ///< the scene's units; u after an event at t
+  ContactSet closed = 0;     ///< chi
+};
+
+struct EstimateSample : StateSample {
+  std::int64_t settled_tick = -1;  ///< last tick that is final; -1: none yet
+};
+
+/// The sample as a message. It lies in `buffer`, which grows only when f does, and is valid until
+/// the buffer is used again. Expects q and u of one length.
+std::span<const std::uint8_t> encode(const StateSample& sample, std::vector<std::uint8_t>& buffer);
+std::span<const std::uint8_t> encode(const EstimateSample& sample,
+                                     std::vector<std::uint8_t>& buffer);
+
+/// Fills `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
+/// then holds nothing of use. Allocates only when f grows, and never more than the message's
+/// length. Accepted: f >= 1, tick >= 0, settled_tick >= -1, all numbers finite, t >= 0.
+Refusal decode(std::span<const std::uint8_t> message, StateSample& sample);
+Refusal decode(std::span<const std::uint8_t> message, EstimateSample& sample);
+
+}  // namespace sprag

@@ -1,0 +1,173 @@
+#include "mechanics/contact_solver.h"
+
+#include <bit>
+#include <cmath>
+
+namespace sprag {
+namespace {
+
+// Velocities and accelerations below this share of what they are the difference of are zero.
+constexpr double zero_share = 1e-12;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+template <typename Visit>
+void for_each(ContactSet set, Visit visit) {
+  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
+}
+
+}  // namespace
+
+ContactSolver::ContactSolver(const Flows& flows) : flows_(&flows) {
+  const Dynamics& dynamics = flows.dynamics();
+  const int m = dynamics.contacts();
+  for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics.free_acceleration(i));
+  state_.q.resize(dynamics.coordinates());
+  state_.u.resize(dynamics.coordinates());
+  gamma_plus_.resize(index(m));
+  held_.resize(index(m));
+  held_locked_.resize(m);
+}
+
+double ContactSolver::gap(int contact, const Motion& motion) const {
+  const ContactSet locked = motion.flow->locked();
+  if (!contains(locked, contact)) return value(motion.flow->gap(contact), motion);
+  return motion.held[std::popcount(locked & (bit(contact) - 1))];
+}
+
+double ContactSolver::gap_velocity(int contact, const Motion& motion) const {
+  if (contains(motion.flow->locked(), contact)) return 0.0;
+  return value(motion.flow->gap_velocity(contact), motion);
+}
+
+double ContactSolver::acceleration(int contact, const Motion& motion, double& magnitude) const {
+  const Functional& a = acceleration_[index(contact)];
+  double sum = a.constant;
+  magnitude = std::abs(a.constant);
+  const auto add = [&](double term) {
+    sum += term;
+    magnitude += std::abs(term);
+  };
+  for (Eigen::Index k = 0; k < a.a.size(); ++k) {
+    add(a.a[k] * state_.q[k]);
+    add(a.b[k] * state_.u[k]);
+  }
+  const Eigen::VectorXd& Omega = flows_->dynamics().frequencies();
+  for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+    add(a.h[j].real() * motion.x.z[j]);
+    add(a.h[j].imag() / Omega[j] * motion.x.v[j]);
+  }
+  return sum;
+}
+
+void ContactSolver::read_state(const Motion& motion) {
+  motion.flow->state(motion, state_.q, state_.u);
+}
+
+double ContactSolver::free_acceleration(int contact, const Motion& motion) {
+  read_state(motion);
+  double magnitude = 0.0;
+  return acceleration(contact, motion, magnitude);
+}
+
+void ContactSolver::enter(ContactSet locked, ContactSet geometric, Motion& motion) {
+  Eigen::Index count = 0;
+  for_each(locked,
+           [&](int i) { held_locked_[count++] = contains(geometric, i) ? 0.0 : gap(i, motion); });
+  (*flows_)[locked].enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
+}
+
+// Uses state_ as q, u at motion.t; motion still carries the phases and the gaps.
+Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion) {
+  ContactSet locked = 0;
+  if (candidates != 0) {
+    const Eigen::MatrixXd& G = flows_->dynamics().G();
+    const auto n = static_cast<Eigen::Index>(std::popcount(candidates));
+    ContactMatrix G_S(n, n);
+    ContactVector a(n);
+    ContactVector magnitude(n);
+    Eigen::Index row = 0;
+    for_each(candidates, [&](int i) {
+      a[row] = acceleration(i, motion, magnitude[row]);
+      Eigen::Index column = 0;
+      for_each(candidates, [&](int j) { G_S(row, column++) = G(i, j); });
+      ++row;
+    });
+    ContactVector lambda;
+    ContactVector rate;
+    if (solve_lcp(G_S, a, lambda, rate) != Solved::yes) return Solved::dependent;
+    row = 0;
+    // Neither pressed nor pulled apart: what touches goes on touching.
+    for_each(candidates, [&](int i) {
+      if (rate[row] <= zero_share * magnitude[row]) locked |= bit(i);
+      ++row;
+    });
+  }
+  enter(locked, geometric, motion);
+  return Solved::yes;
+}
+
+Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
+                              ContactSet staying, ContactSet geometric, Motion& motion) {
+  const Dynamics& dynamics = flows_->dynamics();
+  const Eigen::MatrixXd& G = dynamics.G();
+  const auto n = static_cast<Eigen::Index>(std::popcount(closed));
+  ContactMatrix G_A(n, n);
+  ContactVector gamma_minus(n);
+  ContactVector epsilon_A(n);
+  Eigen::Index row = 0;
+  for_each(closed, [&](int i) {
+    gamma_minus[row] = gap_velocity(i, motion);
+    epsilon_A[row] = epsilon[index(i)];
+    Eigen::Index column = 0;
+    for_each(closed, [&](int j) { G_A(row, column++) = G(i, j); });
+    ++row;
+  });
+  ContactVector Lambda;
+  ContactVector gamma_plus;
+  if (impact(dynamics.model().law, G_A, epsilon_A, gamma_minus, Lambda, gamma_plus) !=
+      Solved::yes) {
+    return Solved::dependent;
+  }
+  const double scale = gamma_minus.cwiseAbs().maxCoeff();
+  resting_ = 0;
+  row = 0;
+  for_each(closed, [&](int i) {
+    if (std::abs(gamma_plus[row]) <= zero_share * scale) {
+      gamma_plus[row] = 0.0;
+      resting_ |= bit(i);
+    }
+    gamma_plus_[index(i)] = gamma_plus[row++];
+  });
+
+  row = 0;
+  const Flow& flow = *motion.flow;
+  if (flow.locked() == 0 && (resting_ & staying) == 0 && flow.accepts_kicks()) {
+    for_each(closed, [&](int i) { flow.kick(i, Lambda[row++], motion); });
+    return Solved::yes;
+  }
+  read_state(motion);
+  for_each(closed, [&](int i) { state_.u += Lambda[row++] * dynamics.MinvW().col(i); });
+  return enter_locked(resting_ & staying, geometric, motion);
+}
+
+Solved ContactSolver::lock(ContactSet candidates, ContactSet geometric, Motion& motion) {
+  read_state(motion);
+  return enter_locked(candidates, geometric, motion);
+}
+
+void ContactSolver::release(ContactSet leaving, Motion& motion) {
+  const ContactSet locked = motion.flow->locked();
+  if ((locked & leaving) == 0) return;
+  read_state(motion);
+  ContactSet remaining = locked & ~leaving;
+  Eigen::Index count = 0;
+  for_each(remaining, [&](int i) { held_locked_[count++] = gap(i, motion); });
+  (*flows_)[remaining].enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
+}
+
+void ContactSolver::start(const State& state, Instant t, Motion& motion) {
+  (*flows_)[0].enter(state.q, state.u, t, held_locked_.head(0), motion);
+}
+
+}  // namespace sprag

@@ -1,0 +1,65 @@
+// What happens at one instant to a motion with closed contacts: impacts (impact_law.h) and the
+// choice of the locked set L from the complementarity of contact forces and accelerations,
+//
+//   0 <= lambda_S  _|_  gamma_S' = a_S + G_SS lambda_S >= 0,   S = closed contacts with gamma = 0,
+//
+// the rate of (4) in Baumann & Leine 2014. Master and replica share all of it; they differ in what
+// closes a contact. Nothing here allocates once every locked set that occurs has been met.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "mechanics/flow.h"
+#include "mechanics/impact_law.h"
+
+namespace sprag {
+
+class ContactSolver {
+ public:
+  explicit ContactSolver(const Flows& flows);
+
+  /// g_i and gamma_i of a motion.
+  double gap(int contact, const Motion& motion) const;
+  double gap_velocity(int contact, const Motion& motion) const;
+
+  /// Impact on the contacts `closed` with restitution epsilon (indexed by contact, m entries), then
+  /// a new locked set among those of `staying` whose gamma+ is zero. Contacts in `geometric` are
+  /// held at g = 0 exactly, others at the gap they have. On `dependent` the motion is unchanged.
+  /// gamma_plus() and resting() describe the outcome.
+  Solved collide(ContactSet closed, std::span<const double> epsilon, ContactSet staying,
+                 ContactSet geometric, Motion& motion);
+
+  /// New locked set among `candidates`, whose gamma is zero.
+  Solved lock(ContactSet candidates, ContactSet geometric, Motion& motion);
+
+  /// Takes `leaving` out of the locked set.
+  void release(ContactSet leaving, Motion& motion);
+
+  /// Puts a free motion at (q, u, t).
+  void start(const State& state, Instant t, Motion& motion);
+
+  /// After collide(): gamma_i+ of the contacts that took part.
+  double gamma_plus(int contact) const { return gamma_plus_[static_cast<std::size_t>(contact)]; }
+  /// After collide(): contacts of the impact that end with gamma+ = 0.
+  ContactSet resting() const { return resting_; }
+  /// gamma_i' without contact forces, at (q, u, t) of a motion.
+  double free_acceleration(int contact, const Motion& motion);
+
+ private:
+  Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
+  void enter(ContactSet locked, ContactSet geometric, Motion& motion);
+  void read_state(const Motion& motion);
+  double acceleration(int contact, const Motion& motion, double& magnitude) const;
+
+  const Flows* flows_;
+  std::vector<Functional> acceleration_;
+  State state_;  // scratch: q, u at the instant
+  std::vector<double> gamma_plus_;
+  std::vector<double> held_;     // scratch: gap of each contact at the instant
+  Eigen::VectorXd held_locked_;  // scratch
+  ContactSet resting_ = 0;
+};
+
+}  // namespace sprag

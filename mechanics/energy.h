@@ -1,0 +1,30 @@
+// Synchronization error energy, eqs. (23) and (24) of Baumann & Leine 2014:
+// V = 1/2 |u_m - u_s|_M^2 + 1/2 |q_m - q_s|_K^2 and its parts V_i >= 0, which sum to V.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "mechanics/model.h"
+
+namespace sprag {
+
+/// The parts V_i belong to the coordinates where M and K are diagonal, else to the modes
+/// K v_i = w_i^2 M v_i, v_i^T M v_j = delta_ij, w_i ascending.
+class ErrorEnergy {
+ public:
+  /// Throws ModelError if M is not positive definite.
+  explicit ErrorEnergy(const Model& model);
+
+  /// Returns f + 1 entries: V, V_1, ..., V_f, in the scene's unit of energy. q_m and u_m have f
+  /// entries; q_s and u_s may be shorter: the entries they lack count as zero.
+  Eigen::VectorXd operator()(const Eigen::Ref<const Eigen::VectorXd>& q_m,
+                             const Eigen::Ref<const Eigen::VectorXd>& u_m,
+                             const Eigen::Ref<const Eigen::VectorXd>& q_s,
+                             const Eigen::Ref<const Eigen::VectorXd>& u_s) const;
+
+ private:
+  Eigen::MatrixXd to_modes_;          // v^T M, empty where M and K are diagonal
+  Eigen::VectorXd mass_, stiffness_;  // of each coordinate or mode
+};
+
+}  // namespace sprag

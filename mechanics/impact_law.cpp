@@ -1,0 +1,104 @@
+#include "mechanics/impact_law.h"
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+// Pivots below this share of their own diagonal mean dependent directions.
+constexpr double dependent_pivot = 1e-12;
+
+// Solves A_BB x_B = -b_B for the basic set by a Cholesky factorization without square roots.
+Solved solve_basic(const ContactMatrix& A, const ContactVector& b,
+                   const std::array<bool, max_contacts>& basic, ContactVector& x) {
+  std::array<int, max_contacts> index{};
+  int n = 0;
+  for (int i = 0; i < b.size(); ++i) {
+    if (basic[static_cast<std::size_t>(i)]) index[static_cast<std::size_t>(n++)] = i;
+  }
+  const auto at = [&](int k) { return index[static_cast<std::size_t>(k)]; };
+  ContactMatrix L(n, n);
+  ContactVector d(n);
+  ContactVector r(n);
+  for (int j = 0; j < n; ++j) {
+    double pivot = A(at(j), at(j));
+    for (int k = 0; k < j; ++k) pivot -= L(j, k) * L(j, k) * d[k];
+    if (!(pivot > dependent_pivot * A(at(j), at(j)))) return Solved::dependent;
+    d[j] = pivot;
+    for (int i = j + 1; i < n; ++i) {
+      double sum = A(at(i), at(j));
+      for (int k = 0; k < j; ++k) sum -= L(i, k) * L(j, k) * d[k];
+      L(i, j) = sum / pivot;
+    }
+    r[j] = -b[at(j)];
+    for (int k = 0; k < j; ++k) r[j] -= L(j, k) * r[k];
+  }
+  x.setZero();
+  for (int j = n - 1; j >= 0; --j) {
+    double sum = r[j] / d[j];
+    for (int i = j + 1; i < n; ++i) sum -= L(i, j) * x[at(i)];
+    x[at(j)] = sum;
+  }
+  return Solved::yes;
+}
+
+}  // namespace
+
+Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
+                 ContactVector& y) {
+  const auto n = static_cast<int>(b.size());
+  x.resize(n);
+  y.resize(n);
+  if (n == 1) {
+    if (!(A(0, 0) > 0.0)) return Solved::dependent;
+    x[0] = b[0] < 0.0 ? -b[0] / A(0, 0) : 0.0;
+    y[0] = b[0] < 0.0 ? 0.0 : b[0];
+    return Solved::yes;
+  }
+  std::array<bool, max_contacts> basic{};
+  x.setZero();
+  const double scale = b.size() > 0 ? b.cwiseAbs().maxCoeff() : 0.0;
+  const double tolerance = 8.0 * std::numeric_limits<double>::epsilon() * scale;
+  // Finite for positive definite A; the limit only guards against rounding in nearly dependent
+  // sets.
+  for (int pivot = 0; pivot < 64 * n + 64; ++pivot) {
+    for (int i = 0; i < n; ++i) {
+      y[i] = basic[static_cast<std::size_t>(i)] ? 0.0 : b[i] + A.row(i).dot(x);
+    }
+    int violated = -1;
+    for (int i = 0; i < n && violated < 0; ++i) {
+      if (basic[static_cast<std::size_t>(i)] ? x[i] < 0.0 : y[i] < -tolerance) violated = i;
+    }
+    if (violated < 0) {
+      y = y.cwiseMax(0.0);
+      return Solved::yes;
+    }
+    bool& member = basic[static_cast<std::size_t>(violated)];
+    member = !member;
+    if (solve_basic(A, b, basic, x) != Solved::yes) return Solved::dependent;
+  }
+  return Solved::dependent;
+}
+
+Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+              const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus) {
+  ContactVector y;
+  if (law == ImpactLaw::newton) {
+    const ContactVector b = gamma_minus + epsilon.cwiseProduct(gamma_minus);
+    const Solved solved = solve_lcp(G, b, Lambda, y);
+    if (solved == Solved::yes) gamma_plus = y - epsilon.cwiseProduct(gamma_minus);
+    return solved;
+  }
+  ContactVector gamma_C;
+  if (solve_lcp(G, gamma_minus, Lambda, gamma_C) != Solved::yes) return Solved::dependent;
+  const ContactVector restitution = epsilon.cwiseProduct(Lambda);
+  const ContactVector b = gamma_C + G * restitution;
+  ContactVector nu;
+  const Solved solved = solve_lcp(G, b, nu, gamma_plus);
+  Lambda += restitution + nu;
+  return solved;
+}
+
+}  // namespace sprag

@@ -1,0 +1,39 @@
+// Impact laws of the closed contacts, eq. (6) of Baumann & Leine 2014 in its two common forms.
+// gamma+ = gamma- + G Lambda with G = W^T M^-1 W, E = diag(epsilon):
+//
+//   generalized Poisson   compression  0 <= Lambda_C  _|_  gamma_C = gamma- + G Lambda_C >= 0
+//                         expansion    gamma+ = gamma_C + G (E Lambda_C + nu),  0 <= nu _|_ gamma+
+//                         >= 0
+//   generalized Newton    0 <= Lambda  _|_  gamma+ + E gamma- >= 0
+//
+// The complementarity problems are solved by principal pivoting (Murty's least-index rule), which
+// is finite for positive definite G and exact to rounding. Nothing here allocates.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "mechanics/contact_event.h"
+#include "mechanics/model.h"
+
+namespace sprag {
+
+using ContactVector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, max_contacts, 1>;
+using ContactMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
+                                    max_contacts, max_contacts>;
+
+enum class Solved {
+  yes,
+  dependent  ///< G is singular within rounding: the contacts' directions are linearly dependent
+};
+
+/// 0 <= x _|_ y = A x + b >= 0, A symmetric positive definite (n x n, n <= max_contacts). On
+/// `dependent` x is meaningless. y is exactly zero where x is basic.
+Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
+                 ContactVector& y);
+
+/// Impulses Lambda [N s] and post-impact gap velocities gamma_plus of n contacts that are closed at
+/// one instant; epsilon in [0, 1]^n.
+Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+              const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus);
+
+}  // namespace sprag

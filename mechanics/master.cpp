@@ -1,0 +1,248 @@
+#include "mechanics/master.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+// More events than this at one instant is a standstill of time.
+constexpr int max_events_at_once = 10000;
+// A start closer to contact than this share of the gap's terms is at contact.
+constexpr double touching = 1e-12;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Master::Master(Model model, const State& start)
+    : flows_(std::move(model)), solver_(flows_), start_(start) {
+  const int m = flows_.dynamics().contacts();
+  order_.assign(index(m), 0);
+  completion_.assign(index(m), infinity);
+  epsilon_.assign(index(m), 0.0);
+  solver_.start(start, at(0.0), motion_);
+}
+
+void Master::fail(const std::string& what) const {
+  throw SimulationError("t = " + std::to_string(now()) + ": " + what);
+}
+
+void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events) {
+  const ContactEvent event{now(), contact, kind};
+  closed_ = after(closed_, event);
+  events.push_back(event);
+}
+
+void Master::start_contacts(std::vector<ContactEvent>& events) {
+  const Model& model = flows_.dynamics().model();
+  const int m = flows_.dynamics().contacts();
+  ContactSet closing = 0;
+  ContactSet touched = 0;
+  for (int i = 0; i < m; ++i) {
+    const Contact& contact = model.contacts[index(i)];
+    const double scale = contact.w.cwiseAbs().dot(start_.q.cwiseAbs()) +
+                         std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
+    const double g = gap(contact, start_.q, 0.0);
+    const double gamma = gap_velocity(contact, start_.u, 0.0);
+    if (g > touching * scale) continue;
+    if (g < -touching * scale) {
+      penetrating_ |= bit(i);
+      closing |= bit(i);
+    } else if (gamma < 0.0) {
+      closing |= bit(i);
+    } else if (gamma == 0.0) {
+      touched |= bit(i);
+    } else {
+      order_[index(i)] = 1;
+    }
+  }
+  if (touched != 0) {
+    if (solver_.lock(touched, ~penetrating_, motion_) != Solved::yes) {
+      fail("the contacts closed at the start have linearly dependent directions");
+    }
+    for (int i = 0; i < m; ++i) {
+      if (!contains(touched, i)) continue;
+      if (contains(motion_.flow->locked(), i)) {
+        record(i, ContactEventKind::closes, events);
+      } else {
+        order_[index(i)] = 2;
+      }
+    }
+  }
+  if (closing != 0) close(closing, penetrating_, events);
+}
+
+// Lists what can end the present phase, and starts the search for the first of it.
+void Master::watch() {
+  watches_.clear();
+  const Flow& flow = *motion_.flow;
+  const int m = flows_.dynamics().contacts();
+  for (int i = 0; i < m; ++i) {
+    const int order = order_[index(i)];
+    if (contains(flow.locked(), i)) {
+      watches_.push_back({&flow.force(i), 1.0, 0, 4 * i + force_falls});
+    } else if (contains(penetrating_, i)) {
+      watches_.push_back({&flow.gap(i), -1.0, 0, 4 * i + gap_rises});
+      watches_.push_back({&flow.gap_velocity(i), 1.0, order, 4 * i + velocity_falls});
+    } else if (completion_[index(i)] == infinity) {
+      watches_.push_back({&flow.gap(i), 1.0, order, 4 * i + gap_falls});
+    }
+  }
+  search_.begin(motion_, watches_);
+}
+
+void Master::advance(Instant t, std::vector<ContactEvent>& events) {
+  if (!started_) {
+    started_ = true;
+    start_contacts(events);
+    watch();
+  }
+  while (true) {
+    const double completion =
+        completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
+    search_.advance(std::min(t - motion_.t, completion - now()));
+    const double event = std::min(search_.found() ? now() + search_.tau() : infinity, completion);
+    if (at(event) - t > 0.0) return;
+    if (search_.certified() == infinity && event == infinity) return;
+    events_at_once_ = event > now() ? 0 : events_at_once_ + 1;
+    if (events_at_once_ > max_events_at_once) {
+      fail("time stands still: " + std::to_string(max_events_at_once) +
+           " events at one instant; a larger impact.chatter_time may help");
+    }
+    const bool from_search = search_.found() && now() + search_.tau() <= event;
+    motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
+    next_event(from_search, events);
+    watch();
+  }
+}
+
+void Master::next_event(bool from_search, std::vector<ContactEvent>& events) {
+  const int m = flows_.dynamics().contacts();
+  ContactSet closing = 0;
+  ContactSet completed = 0;
+  ContactSet releasing = 0;
+  ContactSet surfacing = 0;
+  ContactSet locking = 0;
+  if (from_search) {
+    for (std::size_t w = 0; w < watches_.size(); ++w) {
+      if (!search_.fires(w)) continue;
+      const ContactSet contact = bit(watches_[w].id / 4);
+      switch (watches_[w].id % 4) {
+        case gap_falls:
+          closing |= contact;
+          break;
+        case gap_rises:
+          surfacing |= contact;
+          break;
+        case velocity_falls:
+          locking |= contact;
+          break;
+        default:
+          releasing |= contact;
+          break;
+      }
+    }
+  }
+  if (events_at_once_ == 0) std::fill(order_.begin(), order_.end(), 0);
+  for (int i = 0; i < m; ++i) {
+    if (completion_[index(i)] <= now()) {
+      completed |= bit(i);
+      completion_[index(i)] = infinity;
+    }
+  }
+
+  for (int i = 0; i < m; ++i) {
+    if (contains(surfacing, i)) {
+      penetrating_ &= ~bit(i);
+      order_[index(i)] = 1;
+      record(i, ContactEventKind::opens, events);
+    }
+  }
+  if (releasing != 0) {
+    solver_.release(releasing, motion_);
+    for (int i = 0; i < m; ++i) {
+      if (!contains(releasing, i)) continue;
+      if (contains(penetrating_, i)) {
+        order_[index(i)] = 2;
+      } else {
+        order_[index(i)] = 3;
+        record(i, ContactEventKind::opens, events);
+      }
+    }
+  }
+  if ((locking & penetrating_) != 0) {
+    const ContactSet candidates = motion_.flow->locked() | (locking & penetrating_);
+    if (solver_.lock(candidates, ~penetrating_, motion_) != Solved::yes) {
+      fail("locked contacts have linearly dependent directions");
+    }
+  }
+  if ((closing | completed) != 0) close(closing | completed, completed, events);
+}
+
+// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
+void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
+  const Model& model = flows_.dynamics().model();
+  const int m = flows_.dynamics().contacts();
+  const ContactSet closed_before = closed_;
+  const ContactSet participants = closed_before | closing;
+  before_ = motion_;
+
+  // A closing contact that ends up staying takes restitution 0, which may change who stays.
+  ContactSet staying = to_stay;
+  while (true) {
+    for (int i = 0; i < m; ++i) {
+      epsilon_[index(i)] = contains(staying, i) ? 0.0 : model.contacts[index(i)].restitution;
+    }
+    if (solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_) !=
+        Solved::yes) {
+      fail("contacts that close at once have linearly dependent directions");
+    }
+    const ContactSet sticking = closing & motion_.flow->locked() & ~staying;
+    const bool restitution_matters = [&] {
+      for (int i = 0; i < m; ++i) {
+        if (contains(sticking, i) && epsilon_[index(i)] != 0.0) return true;
+      }
+      return false;
+    }();
+    staying |= sticking;
+    if (!restitution_matters) break;
+    motion_ = before_;
+  }
+  ++impacts_;
+
+  const ContactSet locked = motion_.flow->locked();
+  for (int i = 0; i < m; ++i) {
+    if (!contains(participants, i)) continue;
+    const double gamma = solver_.gamma_plus(i);
+    if (contains(penetrating_, i)) {
+      if (!contains(closed_before, i)) record(i, ContactEventKind::closes, events);
+      order_[index(i)] = contains(solver_.resting(), i) ? 1 : 0;
+      continue;
+    }
+    if (contains(locked, i)) {
+      if (contains(closing, i)) record(i, ContactEventKind::closes, events);
+      continue;
+    }
+    order_[index(i)] = contains(solver_.resting(), i) ? 2 : 1;
+    record(i, contains(closing, i) ? ContactEventKind::pulse : ContactEventKind::opens, events);
+    if (contains(closing, i) && !contains(to_stay, i) && gamma > 0.0) {
+      const double epsilon = model.contacts[index(i)].restitution;
+      const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
+      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time
+      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * model.chatter_time) {
+        completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
+      }
+    }
+  }
+}
+
+void Master::state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u) {
+  motion_.flow->propagate(motion_, t, here_);
+  motion_.flow->state(here_, q, u);
+}
+
+}  // namespace sprag

@@ -1,0 +1,117 @@
+#include "mechanics/oscillators.h"
+
+#include <cmath>
+
+namespace sprag {
+namespace {
+
+struct Kernel {
+  double zz, zv, vz, vv;
+};
+
+Kernel underdamped(double delta, double kappa, double omega, double decay, double tau) {
+  const double c = decay * std::cos(omega * tau);
+  const double s = omega > 0.0 ? decay * std::sin(omega * tau) / omega : decay * tau;
+  return {c + delta * s, s, -kappa * s, c - delta * s};
+}
+
+// sigma = sqrt(delta^2 - kappa) > 0. Written with exponents <= 0 only; delta - sigma without
+// cancellation.
+Kernel overdamped(double delta, double kappa, double sigma, double tau) {
+  const double slow = std::exp(-kappa / (delta + sigma) * tau);
+  const double one_minus_fast = -std::expm1(-2.0 * sigma * tau);
+  const double s = slow * one_minus_fast / (2.0 * sigma);
+  const double c = slow * (1.0 - 0.5 * one_minus_fast);
+  return {c + delta * s, s, -kappa * s, c - delta * s};
+}
+
+// Response of z to alpha = 1 where kappa = 0; its rate is zv.
+double drift(double delta, double zv, double tau) {
+  const double x = 2.0 * delta * tau;
+  // (tau - zv) / (2 delta) loses its digits when the damping hardly acts within tau.
+  if (x < 1e-2) {
+    return tau * tau *
+           (0.5 - x * (1.0 / 6.0 -
+                       x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0 - x / 5040.0)))));
+  }
+  return (tau - zv) / (2.0 * delta);
+}
+
+}  // namespace
+
+Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kappa)
+    : delta_(delta),
+      kappa_(kappa),
+      root_kappa_(kappa.sqrt()),
+      omega_((kappa - delta.square()).abs().sqrt()) {}
+
+void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
+                            Eigen::Index first, Eigen::Index count, OscillatorState& to) const {
+  // Neighbours often share their damping (a beam's modes all do): one exponential serves them.
+  double decay_delta = 0.0;
+  double decay = 1.0;
+  for (Eigen::Index i = first; i < first + count; ++i) {
+    const double delta = delta_[i];
+    const double kappa = kappa_[i];
+    const double z = from.z[i];
+    const double v = from.v[i];
+    Kernel k;
+    if (delta * delta > kappa) {
+      k = overdamped(delta, kappa, omega_[i], tau);
+    } else {
+      if (delta != decay_delta) {
+        decay_delta = delta;
+        decay = std::exp(-delta * tau);
+      }
+      k = underdamped(delta, kappa, omega_[i], decay, tau);
+    }
+    to.z[i] = k.zz * z + k.zv * v;
+    to.v[i] = k.vz * z + k.vv * v;
+    if (alpha[i] != 0.0) {
+      to.z[i] += alpha[i] * drift(delta, k.zv, tau);
+      to.v[i] += alpha[i] * k.zv;
+    }
+  }
+}
+
+TickTable::TickTable(const Oscillators& oscillators, double h) {
+  const Eigen::Index n = oscillators.size();
+  const Eigen::ArrayXd one = Eigen::ArrayXd::Ones(n);
+  const Eigen::ArrayXd zero = Eigen::ArrayXd::Zero(n);
+  OscillatorState response{zero, zero};
+  oscillators.propagate({one, zero}, zero, h, 0, n, response);
+  zz = response.z;
+  vz = response.v;
+  oscillators.propagate({zero, one}, zero, h, 0, n, response);
+  zv = response.z;
+  vv = response.v;
+  const Eigen::ArrayXd alpha = (oscillators.kappa() == 0.0).cast<double>();
+  oscillators.propagate({zero, zero}, alpha, h, 0, n, response);
+  z_alpha = response.z;
+  v_alpha = response.v;
+}
+
+void TickTable::apply(OscillatorState& state, const Eigen::ArrayXd& alpha, bool drifts) const {
+  for (Eigen::Index i = 0; i < zz.size(); ++i) {
+    const double z = state.z[i];
+    const double v = state.v[i];
+    state.z[i] = zz[i] * z + zv[i] * v;
+    state.v[i] = vz[i] * z + vv[i] * v;
+  }
+  if (drifts) {
+    state.z += z_alpha * alpha;
+    state.v += v_alpha * alpha;
+  }
+}
+
+void TickTable::apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, bool drifts,
+                      OscillatorState& to) const {
+  to.z = zz * from.z + zv * from.v;
+  to.v = vz * from.z + vv * from.v;
+  if (drifts) {
+    to.z += z_alpha * alpha;
+    to.v += v_alpha * alpha;
+  }
+}
+
+}  // namespace sprag

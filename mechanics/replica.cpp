@@ -1,0 +1,184 @@
+#include "mechanics/replica.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace sprag {
+namespace {
+
+// Ticks of free flight are products of one rounded step; every so many, the state is taken from the
+// last anchor in one exact step instead, so that roundings do not add up.
+constexpr int block = 64;
+// Clutch switchings within one interval before the rest of it is taken as it is.
+constexpr int max_switchings = 1000;
+// Beyond this many contacts, locked sets of three and more are built when they first occur.
+constexpr int foreseeable_contacts = 4;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+void build_foreseeable_flows(const Flows& flows) {
+  const int m = flows.dynamics().contacts();
+  const auto build = [&](ContactSet locked) {
+    try {
+      (void)flows[locked];
+    } catch (const ModelError&) {
+      // Dependent directions never lock together; a resonance shows when it is met.
+      if (std::popcount(locked) < 2) throw;
+    }
+  };
+  if (m <= foreseeable_contacts) {
+    for (ContactSet locked = 0; locked < bit(m); ++locked) build(locked);
+    return;
+  }
+  build(0);
+  for (int i = 0; i < m; ++i) {
+    build(bit(i));
+    for (int j = 0; j < i; ++j) build(bit(i) | bit(j));
+  }
+}
+
+}  // namespace
+
+Replica::Replica(Model model, double h) : flows_(std::move(model)), h_(h), solver_(flows_) {
+  build_foreseeable_flows(flows_);
+  free_ = &flows_[0];
+  tick_table_ = TickTable(free_->oscillators(), h);
+  block_table_ = TickTable(free_->oscillators(), block * h);
+  const auto& kappa = free_->oscillators().kappa();
+  drifts_ =
+      free_->modes() > 0 && (kappa.segment(free_->frequencies(), free_->modes()) == 0.0).any();
+  const auto m = index(flows_.dynamics().contacts());
+  order_.assign(m, 0);
+  epsilon_.assign(m, 0.0);
+  watches_.reserve(m);
+  search_.reserve(m, free_->size());
+}
+
+void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                    ReplicaState& state) {
+  state.tick = k;
+  state.chi = chi;
+  state.refused_impacts = 0;
+  solver_.start(start, tick_instant(k, h_), state.motion);
+  if (chi != 0) {
+    std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
+    if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
+      ++state.refused_impacts;
+    }
+  }
+  set_anchor(state);
+}
+
+void Replica::set_anchor(ReplicaState& state) const {
+  state.anchor = state.motion.x;
+  state.since_anchor = 0;
+}
+
+void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
+  ++state.tick;
+  const Instant t = tick_instant(state.tick, h_);
+  Motion& motion = state.motion;
+  if (events.empty() && state.chi == 0) {
+    motion.t = t;
+    if (++state.since_anchor < block) {
+      tick_table_.apply(motion.x, motion.alpha, drifts_);
+      return;
+    }
+    block_table_.apply(state.anchor, motion.alpha, drifts_, motion.x);
+    free_->set_phases(t, motion.x);
+    set_anchor(state);
+    return;
+  }
+  while (!events.empty()) {
+    const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+      return event.t != events.front().t;
+    });
+    const auto count = static_cast<std::size_t>(end - events.begin());
+    advance(at(events.front().t), state);
+    apply_group(events.first(count), state);
+    events = events.subspan(count);
+  }
+  advance(t, state);
+  set_anchor(state);
+}
+
+void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
+  apply_group(events, state);
+  set_anchor(state);
+}
+
+// Events of one instant: one impact of the contacts that close, pulse or are closed already.
+void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& state) {
+  const Model& model = flows_.dynamics().model();
+  const ContactSet before = state.chi;
+  ContactSet closing = 0;
+  for (std::size_t i = 0; i < epsilon_.size(); ++i) epsilon_[i] = model.contacts[i].restitution;
+  for (const ContactEvent& event : events) {
+    state.chi = after(state.chi, event);
+    if (event.kind == ContactEventKind::opens) continue;
+    closing |= bit(event.contact);
+    if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
+  }
+  std::fill(order_.begin(), order_.end(), 0);
+  if (closing == 0) {
+    solver_.release(before & ~state.chi, state.motion);
+    return;
+  }
+  if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
+    ++state.refused_impacts;
+    solver_.release(before & ~state.chi, state.motion);
+    return;
+  }
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    order_[i] = contains(solver_.resting(), static_cast<int>(i)) ? 1 : 0;
+  }
+}
+
+// Exact flow to t, through the clutches' own switchings.
+void Replica::advance(Instant t, ReplicaState& state) {
+  Motion& motion = state.motion;
+  for (int switchings = 0; state.chi != 0 && switchings < max_switchings; ++switchings) {
+    const ContactSet locked = motion.flow->locked();
+    watches_.clear();
+    for (int i = 0; i < static_cast<int>(order_.size()); ++i) {
+      if (!contains(state.chi, i)) continue;
+      if (contains(locked, i)) {
+        watches_.push_back({&motion.flow->force(i), 1.0, 0, i});
+      } else {
+        watches_.push_back({&motion.flow->gap_velocity(i), 1.0, order_[index(i)], i});
+      }
+    }
+    const double interval = t - motion.t;
+    search_.begin(motion, watches_);
+    search_.advance(interval);
+    if (!search_.found() || search_.tau() > interval) break;
+
+    ContactSet unlocking = 0;
+    ContactSet locking = 0;
+    for (std::size_t w = 0; w < watches_.size(); ++w) {
+      if (!search_.fires(w)) continue;
+      (contains(locked, watches_[w].id) ? unlocking : locking) |= bit(watches_[w].id);
+    }
+    motion.flow->propagate(motion, motion.t + search_.tau(), motion);
+    std::fill(order_.begin(), order_.end(), 0);
+    solver_.release(unlocking, motion);
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      if (contains(unlocking, static_cast<int>(i))) order_[i] = 2;
+    }
+    if (locking != 0 && solver_.lock(motion.flow->locked() | locking, 0, motion) != Solved::yes) {
+      ++state.refused_impacts;
+      break;
+    }
+  }
+  if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
+  // Across a tick a signal that started from zero is known by its value alone.
+  if (state.chi != 0) std::fill(order_.begin(), order_.end(), 0);
+}
+
+void Replica::output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
+                     Eigen::Ref<Eigen::VectorXd> u) const {
+  state.motion.flow->state(state.motion, q, u);
+}
+
+}  // namespace sprag

@@ -1,0 +1,74 @@
+// The replica: the machine with switched kinematic constraints (one-way clutches), eq. (4) of
+// Baumann & Leine 2014, driven by the master's contact events alone. While chi_i = 1 gamma_i >= 0
+// is enforced: the clutch locks when gamma_i falls to zero and unlocks when its force would turn
+// negative. An event takes effect at its own time, inside a tick; between events the flow is exact,
+// so the tick h is a sampling interval and no source of error.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mechanics/contact_event.h"
+#include "mechanics/contact_solver.h"
+#include "mechanics/event_search.h"
+#include "mechanics/flow.h"
+
+namespace sprag {
+
+/// Everything that changes, at tick `tick`. Copies between states of one replica do not allocate.
+struct ReplicaState {
+  std::int64_t tick = 0;
+  ContactSet chi = 0;
+  Motion motion;
+  OscillatorState anchor;  ///< free flight: motion `since_anchor` ticks ago
+  int since_anchor = 0;
+  std::int64_t refused_impacts = 0;  ///< impacts whose contacts' directions are linearly dependent
+};
+
+class Replica {
+ public:
+  using State = ReplicaState;
+
+  /// Tick h > 0. Builds the flows of the locked sets it can foresee. Throws ModelError.
+  Replica(Model model, double h);
+  Replica(const Replica&) = delete;
+  Replica& operator=(const Replica&) = delete;
+
+  /// Puts the replica at (q, u) with chi at tick k. May allocate.
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, ReplicaState& state);
+
+  /// Moves to the next tick, through `events`: those after the present tick, up to and including
+  /// the next, in order. Records of one instant are one impact. Does not allocate once the locked
+  /// sets that occur have been met.
+  void tick(std::span<const ContactEvent> events, ReplicaState& state);
+
+  /// Applies events of the present instant without moving: those that a start begins with.
+  void apply(std::span<const ContactEvent> events, ReplicaState& state);
+
+  /// q and u at the present tick, f entries each.
+  void output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
+              Eigen::Ref<Eigen::VectorXd> u) const;
+
+  double h() const { return h_; }
+  const Flows& flows() const { return flows_; }
+
+ private:
+  void advance(Instant t, ReplicaState& state);
+  void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
+  void set_anchor(ReplicaState& state) const;
+
+  Flows flows_;
+  double h_;
+  ContactSolver solver_;
+  EventSearch search_;
+  const Flow* free_ = nullptr;
+  TickTable tick_table_;    // free flight over h
+  TickTable block_table_;   // free flight over a block of ticks
+  bool drifts_ = false;     // some mode has no stiffness
+  std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
+  std::vector<double> epsilon_;
+  std::vector<Watch> watches_;
+};
+
+}  // namespace sprag

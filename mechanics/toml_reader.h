@@ -1,0 +1,90 @@
+// Checked access to a TOML text, private to mechanics. Every failure is a SceneError that reads
+// "file:line:column: key is value; must be ...", with the key's dotted path; entries count from 1.
+#pragma once
+
+#include <toml++/toml.h>
+
+#include <Eigen/Core>
+#include <initializer_list>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace sprag {
+
+/// The numbers that a key accepts; all of them finite.
+struct Limits {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+  bool without_low = false;  ///< low itself is refused
+};
+inline constexpr Limits any_number{};
+inline constexpr Limits positive{.low = 0.0, .without_low = true};
+inline constexpr Limits not_negative{.low = 0.0};
+
+/// Shortest text that reads back as the same double, as messages print numbers.
+std::string to_text(double value);
+
+using TomlKeys = std::initializer_list<std::string_view>;
+
+/// One table of a document, which must outlive it. Getters throw SceneError.
+class TomlTable {
+ public:
+  /// Refuses keys other than `keys`, with the nearest of them as a suggestion.
+  TomlTable(const toml::table& table, std::string path, const std::string& file, TomlKeys keys);
+
+  bool has(std::string_view key) const { return table_->contains(key); }
+
+  double number(std::string_view key, const Limits& limits) const;
+  double number_or(std::string_view key, double fallback, const Limits& limits) const;
+  int integer(std::string_view key, int low, int high) const;
+  std::string string_or(std::string_view key, const std::string& fallback) const;
+  /// One of `options`; the first if the key is absent.
+  std::string_view choice(std::string_view key, TomlKeys options) const;
+  /// An array of numbers.
+  Eigen::VectorXd vector(std::string_view key) const;
+  /// An array of rows; square and symmetric up to rounding, returned exactly symmetric.
+  Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
+
+  std::optional<TomlTable> table(std::string_view key, TomlKeys keys) const;
+  /// An array of tables, named key[1], key[2], ...; empty if the key is absent.
+  std::vector<TomlTable> tables(std::string_view key, TomlKeys keys) const;
+
+  /// Throws "file:line:column: path.key `message`", at the key's value (at the table if absent).
+  [[noreturn]] void fail(std::string_view key, const std::string& message) const;
+  /// Throws "file:line:column: `message`", at the table.
+  [[noreturn]] void fail_here(const std::string& message) const;
+  /// The key's dotted path.
+  std::string path_of(std::string_view key) const;
+
+ private:
+  /// Throws "file:line:column: missing key path.key", at the table, if the key is absent.
+  const toml::node& required(std::string_view key) const;
+  double checked_number(const toml::node& node, const std::string& path,
+                        const Limits& limits) const;
+  const toml::array& checked_array(const toml::node& node, const std::string& path,
+                                   std::string_view wanted) const;
+  Eigen::VectorXd checked_vector(const toml::node& node, const std::string& path) const;
+  void refuse_unknown_keys(TomlKeys keys) const;
+  [[noreturn]] void fail_at(const toml::source_position& position,
+                            const std::string& message) const;
+
+  const toml::table* table_;
+  std::string path_;
+  const std::string* file_;
+};
+
+/// A parsed text; `file` is the name that errors carry. Throws SceneError.
+class TomlDocument {
+ public:
+  TomlDocument(std::string_view text, std::string file);
+  TomlTable root(TomlKeys keys) const { return {table_, "", file_, keys}; }
+
+ private:
+  std::string file_;
+  toml::table table_;
+};
+
+}  // namespace sprag

@@ -1,0 +1,299 @@
+#include "lcmtypes/bus.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/time.h>
+#include <sys/wait.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/multicast_probe.h"
+#include "tests/support/temporary_directory.h"
+#include "tests/support/udp_url.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct Message {
+  std::string channel;
+  std::vector<std::uint8_t> data;
+
+  friend bool operator==(const Message&, const Message&) = default;
+};
+
+Bus::Handler collect(std::vector<Message>& messages) {
+  return [&messages](std::string_view channel, std::span<const std::uint8_t> data, std::int64_t) {
+    messages.push_back({std::string(channel), {data.begin(), data.end()}});
+  };
+}
+
+/// Handles until `count` messages are there; a message that never comes shows as a test's time-out.
+void handle_until(Bus& bus, const std::vector<Message>& messages, std::size_t count) {
+  while (messages.size() < count) bus.handle(1s);
+}
+
+std::vector<std::uint8_t> numbered(int i, std::size_t size) {
+  std::vector<std::uint8_t> data(size);
+  for (std::size_t b = 0; b < size; ++b)
+    data[b] = static_cast<std::uint8_t>(static_cast<std::size_t>(i) * 31 + b);
+  return data;
+}
+
+/// Sends a raw datagram to the port, as anybody may.
+void send_raw(std::uint16_t port, const std::string& packet) {
+  const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in group{};
+  group.sin_family = AF_INET;
+  group.sin_port = htons(port);
+  inet_pton(AF_INET, "239.255.76.67", &group.sin_addr);
+  const int ttl = 0;
+  ::setsockopt(descriptor, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
+  EXPECT_EQ(::sendto(descriptor, packet.data(), packet.size(), 0,
+                     reinterpret_cast<sockaddr*>(&group), sizeof group),
+            static_cast<ssize_t>(packet.size()));
+  ::close(descriptor);
+}
+
+TEST(BusTest, BurstFarAboveLcmsDefaultQueueArrivesWholeAndInOrder) {
+  const std::string url = test::udp_url();
+  Bus sender(url), receiver(url);
+  std::vector<Message> received;
+  receiver.subscribe(contacts_channel, collect(received));
+  std::vector<Message> sent;
+  for (int i = 0; i < 500; ++i) {
+    sent.push_back({contacts_channel, numbered(i, 1272)});
+    ASSERT_TRUE(sender.publish(contacts_channel, sent.back().data));
+  }
+  handle_until(receiver, received, sent.size());
+  EXPECT_EQ(received, sent);
+  EXPECT_EQ(receiver.handle(0ms), 0);
+}
+
+TEST(BusTest, LargeMessagesArriveInFragments) {
+  const std::string url = test::udp_url();
+  Bus sender(url), receiver(url);
+  std::vector<Message> received;
+  receiver.subscribe(truth_channel, collect(received));
+  const auto data = numbered(1, 100000);
+  ASSERT_TRUE(sender.publish(truth_channel, data));
+  handle_until(receiver, received, 1);
+  EXPECT_EQ(received[0].data, data);
+}
+
+TEST(BusTest, ChannelsMatchExactlyAndPrefixesByPrefix) {
+  const std::string url = test::udp_url();
+  Bus sender(url), receiver(url);
+  std::vector<Message> exact, prefixed;
+  receiver.subscribe("A.B", collect(exact));
+  receiver.subscribe_prefix("A.", collect(prefixed));
+  for (const char* channel : {"AxB", "A.BC", "XA.B", "A.", "A.B"}) sender.publish(channel, {});
+  handle_until(receiver, exact, 1);
+  EXPECT_EQ(exact, (std::vector<Message>{{"A.B", {}}}));
+  EXPECT_EQ(prefixed, (std::vector<Message>{{"A.BC", {}}, {"A.", {}}, {"A.B", {}}}));
+}
+
+TEST(BusTest, PortsKeepRunsApart) {
+  const std::string url = test::udp_url();
+  Bus sender(url), stranger(test::udp_url()), receiver(url);
+  std::vector<Message> received;
+  receiver.subscribe("A", collect(received));
+  stranger.publish("A", numbered(1, 3));
+  sender.publish("A", numbered(2, 3));
+  handle_until(receiver, received, 1);
+  EXPECT_EQ(received[0].data, numbered(2, 3));
+}
+
+TEST(BusTest, HandlersExceptionComesOutOfHandleAndTheBusGoesOn) {
+  const std::string url = test::udp_url();
+  Bus bus(url);
+  int calls = 0;
+  bus.subscribe("A", [&calls](auto, auto, auto) {
+    if (++calls == 1) throw std::logic_error("from a handler");
+  });
+  bus.publish("A", {});
+  bus.publish("A", {});
+  EXPECT_THROW(while (true) bus.handle(1s), std::logic_error);
+  EXPECT_EQ(calls, 1);
+  while (calls < 2) bus.handle(1s);
+}
+
+TEST(BusTest, MalformedPacketsAreDropped) {
+  using namespace std::string_literals;
+  const std::uint16_t port = test::free_port();
+  Bus bus(test::udp_url(port));
+  std::vector<Message> received;
+  bus.subscribe(contacts_channel, collect(received));
+  send_raw(port, "LC");
+  send_raw(port, "LC02\0\0\0\0"s);                          // no channel at all
+  send_raw(port, "LC02\0\0\0\1SPRAG_CONTACTS"s);            // its name has no end
+  send_raw(port, "LC02\0\0\0\1"s + std::string(200, 'x'));  // a name longer than LCM's limit
+  send_raw(port, "ABCD\0\0\0\1SPRAG_CONTACTS\0data"s);      // another protocol
+  send_raw(port, std::string(60000, '\xff'));
+  bus.publish(contacts_channel, numbered(1, 10));
+  handle_until(bus, received, 1);
+  EXPECT_EQ(received, (std::vector<Message>{{contacts_channel, numbered(1, 10)}}));
+}
+
+TEST(BusTest, ProbeDoesNotDisturbListeners) {
+  const std::uint16_t port = test::free_port();
+  Bus bus(test::udp_url(port));
+  std::vector<Message> received;
+  bus.subscribe_prefix("SPRAG_", collect(received));
+  for (int i = 0; i < 20; ++i)
+    EXPECT_EQ(probe_multicast({"239.255.76.67", port, 0}, 4'000'000).failure, "");
+  bus.publish(truth_channel, numbered(1, 10));
+  handle_until(bus, received, 1);
+  EXPECT_EQ(received, (std::vector<Message>{{truth_channel, numbered(1, 10)}}));
+}
+
+TEST(BusTest, SignalInterruptsHandle) {
+  struct sigaction action {
+  }, old{};
+  action.sa_handler = [](int) {};
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGALRM, &action, &old);
+  Bus bus(test::udp_url());
+  bus.subscribe("A", [](auto, auto, auto) {});
+  const itimerval often{{0, 10000}, {0, 10000}}, never{};
+  setitimer(ITIMER_REAL, &often, nullptr);
+  EXPECT_EQ(bus.handle(std::chrono::hours(1)), 0);
+  setitimer(ITIMER_REAL, &never, nullptr);
+  sigaction(SIGALRM, &old, nullptr);
+}
+
+TEST(BusTest, OtherThreadsMayPublish) {
+  const std::string url = test::udp_url();
+  Bus bus(url);
+  std::vector<Message> received;
+  bus.subscribe("A", collect(received));
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&bus] {
+      for (int k = 0; k < 50; ++k) EXPECT_TRUE(bus.publish("A", numbered(k, 100)));
+    });
+  }
+  handle_until(bus, received, 200);
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(BusTest, MemoryQueueAndLogFileNeedNoNetwork) {
+  Bus memory("memq://");
+  std::vector<Message> received;
+  memory.subscribe("A", collect(received));
+  EXPECT_TRUE(memory.publish("A", numbered(3, 20)));
+  handle_until(memory, received, 1);
+  EXPECT_EQ(received[0].data, numbered(3, 20));
+
+  const test::TemporaryDirectory directory;
+  const auto file = directory / "x.lcmlog";
+  ChannelLogWriter writer(file);
+  for (int i = 0; i < 10; ++i) writer.write(1000 * i, "A", numbered(i, 5));
+  ASSERT_TRUE(writer.close());
+  Bus log("file://" + file.string() + "?speed=0");
+  received.clear();
+  log.subscribe("A", collect(received));
+  handle_until(log, received, 10);
+  EXPECT_EQ(received[9].data, numbered(9, 5));
+  EXPECT_EQ(log.handle(1ms), 0);
+}
+
+TEST(BusTest, AddressesThatCannotBeOpenedAreErrors) {
+  EXPECT_THROW(Bus("nonsense"), UrlError);
+  EXPECT_THROW(Bus("file:///nowhere/x.lcmlog"), BusError);
+}
+
+TEST(BusTest, LcmLoggerRecordsWhatIsPublished) {
+  if (std::system("command -v lcm-logger >/dev/null") != 0) GTEST_SKIP() << "no lcm-logger here";
+  const test::TemporaryDirectory directory;
+  const std::string url = test::udp_url();
+  const std::string file = (directory / "logger.lcmlog").string();
+  const pid_t logger = ::fork();
+  if (logger == 0) {
+    ::execlp("lcm-logger", "lcm-logger", "-q", "--flush-interval=1", ("--lcm-url=" + url).c_str(),
+             file.c_str(), nullptr);
+    ::_exit(127);
+  }
+  Bus bus(url);
+  const auto recorded = [&file] {
+    std::vector<Message> messages;
+    std::error_code absent;
+    if (!std::filesystem::exists(file, absent)) return messages;
+    ChannelLogReader reader(file);
+    for (ChannelRecord record; reader.next(record);)
+      if (record.channel == "A") messages.push_back({record.channel, record.data});
+    return messages;
+  };
+  while (recorded().size() < 5) {  // until the logger listens and has written some
+    EXPECT_TRUE(bus.publish("A", numbered(1, 100)));
+    std::this_thread::sleep_for(5ms);
+  }
+  ::kill(logger, SIGTERM);
+  ::waitpid(logger, nullptr, 0);
+  for (const Message& message : recorded()) EXPECT_EQ(message.data, numbered(1, 100));
+}
+
+/// Runs `check` in a network namespace of its own, without lo and without routes, and returns what
+/// it returns; nothing where namespaces are not permitted.
+std::optional<int> in_new_network(int (*check)()) {
+  constexpr int not_permitted = 99;
+  const auto user = std::to_string(::getuid());
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) ::_exit(not_permitted);
+    std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
+    ::_exit(check());
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  if (!WIFEXITED(status)) return -1;
+  if (WEXITSTATUS(status) == not_permitted) return std::nullopt;
+  return WEXITSTATUS(status);
+}
+
+TEST(BusTest, HostWithoutMulticastIsToldHowToMendIt) {
+  const auto result = in_new_network([] {
+    try {
+      Bus bus;
+    } catch (const BusError& error) {
+      const std::string_view what = error.what();
+      return what.find("\n    ip link set lo up\n    ip route add 224.0.0.0/4 dev lo") !=
+                     std::string_view::npos
+                 ? 0
+                 : 1;
+    }
+    return 2;
+  });
+  if (!result) GTEST_SKIP() << "network namespaces are not permitted here";
+  EXPECT_EQ(*result, 0);
+}
+
+TEST(BusTest, TheTwoLinesMendItAndALostRouteFailsThePublishing) {
+  if (std::system("command -v ip >/dev/null") != 0) GTEST_SKIP() << "no ip here (iproute2)";
+  const auto result = in_new_network([] {
+    if (std::system("ip link set lo up && ip route add 224.0.0.0/4 dev lo") != 0) return 3;
+    try {
+      Bus bus;
+      std::vector<Message> received;
+      bus.subscribe("A", collect(received));
+      if (!bus.publish("A", {})) return 4;
+      handle_until(bus, received, 1);
+      if (std::system("ip route del 224.0.0.0/4 dev lo") != 0) return 5;
+      return bus.publish("A", {}) ? 6 : 0;
+    } catch (const BusError&) {
+      return 7;
+    }
+  });
+  if (!result) GTEST_SKIP() << "network namespaces are not permitted here";
+  EXPECT_EQ(*result, 0);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,224 @@
+#include "mechanics/beam.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+
+namespace sprag {
+namespace {
+
+// Values by mpmath with 700 digits: roots of cos(x) + 1/cosh(x), and (19) exactly as printed.
+struct ModeValue {
+  int i;
+  long double wavenumber, mean;
+};
+constexpr ModeValue mode_values[] = {
+    {1, 1.875104068711961166445L, -0.782991756039625736501L},
+    {2, 4.694091132974174576436L, -0.4339358951107192720871L},
+    {3, 7.854757438237612564861L, -0.2544252968661057114465L},
+    {10, 29.84513020910281726379L, -0.06701260761765527435023L},
+    {50, 155.5088363526947653039L, -0.01286100550237538066819L},
+    {100, 312.588469032184427227L, -0.006398188667010867769603L},
+    {200, 626.7477343911637510733L, -0.003191076553220959113161L},
+};
+
+struct ShapeValue {
+  int i;
+  double xi;  // as a double, exactly
+  long double v;
+};
+constexpr ShapeValue shape_values[] = {
+    {1, 0.0009765625, -0.000003351630981555680086265L},
+    {1, 0.01, -0.0003499882555367563683056L},
+    {1, 0.1, -0.03354699961660878504469L},
+    {1, 0.3, -0.2729658737865727734085L},
+    {1, 0.5, -0.6790462257306478342218L},
+    {1, 0.7, -1.181752596156588280504L},
+    {1, 0.868, -1.636903950429081191208L},
+    {1, 0.99, -1.972469900580157319384L},
+    {1, 1.0, -2.0L},
+    {2, 0.0009765625, -0.00002098102621274284433698L},
+    {2, 0.01, -0.002168335178796714195862L},
+    {2, 0.1, -0.1852585962636827771856L},
+    {2, 0.3, -1.052265822444335351733L},
+    {2, 0.5, -1.427331664113352957536L},
+    {2, 0.7, -0.6341035976309255052892L},
+    {2, 0.868, 0.7486086308866788995658L},
+    {2, 0.99, 1.904384832526187350038L},
+    {2, 1.0, 2.0L},
+    {3, 0.0009765625, -0.00005868872064113397813775L},
+    {3, 0.01, -0.006008308475767037627295L},
+    {3, 0.1, -0.4561378032941754519363L},
+    {3, 0.3, -1.512478727335443279151L},
+    {3, 0.5, -0.03937518964388545916393L},
+    {3, 0.7, 1.314851848545667914782L},
+    {3, 0.868, -0.004360363305567232415006L},
+    {3, 0.99, -1.843029801398318977L},
+    {3, 1.0, -2.0L},
+    {10, 0.0009765625, -0.0008412152777073144807009L},
+    {10, 0.01, -0.08021372361715646227751L},
+    {10, 0.1, -1.194686926857493538876L},
+    {10, 0.3, -1.34512630190658068361L},
+    {10, 0.5, -1.414213562373249552769L},
+    {10, 0.7, -1.344867745949503878561L},
+    {10, 0.868, 0.0372278925858752882775L},
+    {10, 0.99, 1.403719102749085234116L},
+    {10, 1.0, 2.0L},
+    {50, 0.0009765625, -0.02189527200334196003151L},
+    {50, 0.01, -1.195340037196578038556L},
+    {50, 0.1, -1.144122981969769527354L},
+    {50, 0.3, -1.344997023927915408432L},
+    {50, 0.5, -1.414213562373095048802L},
+    {50, 0.7, -1.344997023927911635891L},
+    {50, 0.868, -1.100911943455611786206L},
+    {50, 0.99, -0.7729985931431035276439L},
+    {50, 1.0, 2.0L},
+    {100, 0.0009765625, -0.08370519461482601584123L},
+    {100, 0.01, -1.059482030026084027718L},
+    {100, 0.1, 1.144122805635340578897L},
+    {100, 0.3, 1.344997023927916170553L},
+    {100, 0.5, 1.414213562373095048802L},
+    {100, 0.7, 1.344997023927908587388L},
+    {100, 0.868, -0.5040425126671511949033L},
+    {100, 0.99, -0.9716858695608758436537L},
+    {100, 1.0, 2.0L},
+    {200, 0.0009765625, -0.2983198470040621353009L},
+    {200, 0.01, 1.013686941742372931654L},
+    {200, 0.1, 1.144122805635365703144L},
+    {200, 0.3, 1.344997023927917694808L},
+    {200, 0.5, 1.414213562373095048802L},
+    {200, 0.7, 1.34499702392790249037L},
+    {200, 0.868, -0.3688855958250045391836L},
+    {200, 0.99, 1.017480957844583999901L},
+    {200, 1.0, 2.0L},
+};
+
+constexpr double few_roundings = 1e-15;
+
+double relative_error(double computed, long double truth) {
+  return static_cast<double>(std::abs((computed - truth) / truth));
+}
+
+TEST(Beam, WavenumbersAreTheRootsToTheLastPlaces) {
+  for (const ModeValue& expected : mode_values) {
+    EXPECT_LT(relative_error(wavenumber(expected.i), expected.wavenumber), few_roundings)
+        << "i = " << expected.i;
+  }
+  EXPECT_DOUBLE_EQ(wavenumber(1), 1.8751040687119611664453082410782141625701);
+}
+
+TEST(Beam, WavenumbersSatisfyTheFrequencyEquationOncePerHalfTurn) {
+  for (int i = 1; i <= 200; ++i) {
+    const long double x = wavenumber(i);
+    EXPECT_EQ(static_cast<int>(std::floor(x / std::numbers::pi_v<long double>)), i - 1);
+    const long double residual = std::cos(x) + 1 / std::cosh(x);
+    EXPECT_LT(static_cast<double>(std::abs(residual)), few_roundings * static_cast<double>(x))
+        << "i = " << i;
+  }
+}
+
+TEST(Beam, ModeShapesAreRightRelativeToThemselves) {
+  for (const ShapeValue& expected : shape_values) {
+    EXPECT_LT(relative_error(mode_shape(expected.i, expected.xi), expected.v), 1e-14)
+        << "i = " << expected.i << ", xi = " << expected.xi;
+  }
+}
+
+TEST(Beam, MeansAreRight) {
+  for (const ModeValue& expected : mode_values) {
+    EXPECT_LT(relative_error(mode_mean(expected.i), expected.mean), few_roundings)
+        << "i = " << expected.i;
+  }
+}
+
+TEST(Beam, TipHasThePrintedSign) {
+  for (int i = 1; i <= 200; ++i) {
+    EXPECT_DOUBLE_EQ(mode_shape(i, 1.0), i % 2 == 1 ? -2.0 : 2.0) << "i = " << i;
+  }
+}
+
+TEST(Beam, ClampHoldsDisplacementAndSlope) {
+  for (int i = 1; i <= 200; ++i) {
+    EXPECT_EQ(mode_shape(i, 0.0), 0.0);
+    // v = -(beta x)^2 to leading order.
+    const double y = 1e-9;
+    EXPECT_NEAR(mode_shape(i, y / wavenumber(i)) / (y * y), -1.0, 1e-8) << "i = " << i;
+  }
+}
+
+TEST(Beam, ShapesAreSmoothWhereSeriesAndClosedFormMeet) {
+  for (const int i : {1, 2, 3, 20, 200}) {
+    const double xi = 1 / wavenumber(i);
+    const double below = mode_shape(i, xi * (1 - 1e-15));
+    const double above = mode_shape(i, xi * (1 + 1e-15));
+    EXPECT_NEAR(below, above, 1e-14 * std::abs(above)) << "i = " << i;
+  }
+}
+
+TEST(Beam, ThousandsOfModesDoNotOverflow) {
+  for (const int i : {1000, 4000, 20000}) {
+    EXPECT_DOUBLE_EQ(wavenumber(i), (i - 0.5) * std::numbers::pi);
+    for (const double xi : {0.0, 1e-6, 0.25, 0.5, 0.868, 0.999, 1.0}) {
+      EXPECT_LE(std::abs(mode_shape(i, xi)), 2.0) << "i = " << i << ", xi = " << xi;
+    }
+    EXPECT_DOUBLE_EQ(mode_shape(i, 1.0), 2.0);
+    EXPECT_DOUBLE_EQ(mode_mean(i), -2 / wavenumber(i));
+  }
+}
+
+// Simpson's rule on a grid far finer than the modes.
+template <typename Integrand>
+double integral(const Integrand& integrand) {
+  constexpr int panels = 2000;
+  double sum = integrand(0.0) + integrand(1.0);
+  for (int k = 1; k < panels; ++k) {
+    sum += (k % 2 == 1 ? 4 : 2) * integrand(static_cast<double>(k) / panels);
+  }
+  return sum / (3 * panels);
+}
+
+TEST(Beam, LowModesAreOrthonormal) {
+  for (int i = 1; i <= 5; ++i) {
+    for (int j = 1; j <= i; ++j) {
+      const double product =
+          integral([&](double xi) { return mode_shape(i, xi) * mode_shape(j, xi); });
+      EXPECT_NEAR(product, i == j ? 1.0 : 0.0, 1e-9) << "i = " << i << ", j = " << j;
+    }
+  }
+}
+
+TEST(Beam, MeansAreTheIntegralsOfTheShapes) {
+  for (int i = 1; i <= 5; ++i) {
+    EXPECT_NEAR(integral([&](double xi) { return mode_shape(i, xi); }), mode_mean(i), 1e-9)
+        << "i = " << i;
+  }
+}
+
+TEST(Beam, MatricesCarryTheUnitsOfEq22) {
+  const Beam beam{
+      .modes = 4, .length = 2.0, .bending_stiffness = 3.0, .mass_per_length = 5.0, .damping = 0.7};
+  ASSERT_EQ(mass(beam).size(), 4);
+  ASSERT_EQ(damping(beam).size(), 4);
+  ASSERT_EQ(stiffness(beam).size(), 4);
+  ASSERT_EQ(inertia_direction(beam).size(), 4);
+  for (int i = 1; i <= 4; ++i) {
+    EXPECT_DOUBLE_EQ(mass(beam)(i - 1), 10.0);
+    EXPECT_DOUBLE_EQ(damping(beam)(i - 1), 1.4);
+    EXPECT_DOUBLE_EQ(stiffness(beam)(i - 1), 3.0 / 8.0 * std::pow(wavenumber(i), 4));
+    const double x = wavenumber(i);
+    const double sigma = (std::cos(x) + std::cosh(x)) / (std::sin(x) + std::sinh(x));
+    EXPECT_NEAR(inertia_direction(beam)(i - 1), 2 * 10.0 / x * sigma, 1e-14);
+  }
+}
+
+TEST(Beam, ShapesAtAPointDependOnItsShareOfTheLength) {
+  const Beam beam{.modes = 200, .length = 3.0};
+  const Eigen::VectorXd v = mode_shapes(beam, 0.75);
+  ASSERT_EQ(v.size(), 200);
+  for (int i = 1; i <= 200; ++i) EXPECT_DOUBLE_EQ(v(i - 1), mode_shape(i, 0.25)) << "i = " << i;
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,166 @@
+#include "mechanics/events_file.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/support/temporary_directory.h"
+
+namespace sprag {
+namespace {
+
+using enum ContactEventKind;
+using test::TemporaryDirectory;
+using test::write_text;
+
+class EventsFileTest : public testing::Test {
+ protected:
+  EventsFile read(std::string_view rows, int contacts = 3) {
+    return read_events(
+        write_text(directory_ / "events.csv", "t,contact,closed\n" + std::string(rows)), contacts);
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(EventsFileTest, WritesWhatTheDesignSays) {
+  const auto file = directory_ / "events.csv";
+  EventsWriter writer(file);
+  writer.write({0.1, 0, pulse});
+  writer.write({1.0, 11, closes});
+  writer.write({1e-9, 11, opens});
+  EXPECT_TRUE(writer.close());
+  EXPECT_EQ(test::read_text(file),
+            "t,contact,closed\n0.10000000000000001,1,1\n0.10000000000000001,1,0\n1,12,1\n"
+            "1.0000000000000001e-09,12,0\n");
+}
+
+TEST_F(EventsFileTest, RandomSequencesComeBackBitForBit) {
+  const unsigned seed = 20140918;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  for (int run = 0; run < 50; ++run) {
+    std::vector<ContactEvent> events;
+    ContactSet chi = 0;
+    double t = 0.0;
+    for (int i = 0; i < 200; ++i) {
+      if (random() % 3 != 0) t += std::generate_canonical<double, 53>(random);
+      const int contact = static_cast<int>(random() % max_contacts);
+      const auto kind = contains(chi, contact) ? opens : (random() % 2 != 0 ? pulse : closes);
+      // A contact that closes to stay and opens at the same instant is a pulse by definition.
+      if (kind == opens && !events.empty() && events.back().t == t) continue;
+      events.push_back({t, contact, kind});
+      chi = after(chi, events.back());
+    }
+    const auto file = directory_ / "events.csv";
+    EventsWriter writer(file);
+    for (const ContactEvent& event : events) writer.write(event);
+    ASSERT_TRUE(writer.close());
+    const EventsFile result = read_events(file, max_contacts);
+    EXPECT_EQ(result.events, events);
+    EXPECT_TRUE(result.skipped.empty());
+    EXPECT_FALSE(result.damage);
+  }
+}
+
+TEST_F(EventsFileTest, PulseSurvivesRowsOfOtherContactsInBetween) {
+  const auto result = read("1,1,1\n1,2,1\n1,3,1\n1,1,0\n1,3,0\n2,2,0\n");
+  EXPECT_EQ(result.events,
+            (std::vector<ContactEvent>{
+                {1.0, 0, pulse}, {1.0, 1, closes}, {1.0, 2, pulse}, {2.0, 1, opens}}));
+  EXPECT_TRUE(result.skipped.empty());
+}
+
+TEST_F(EventsFileTest, OpeningAndClosingAtOneInstantIsNoPulse) {
+  const auto result = read("1,1,1\n2,1,0\n2,1,1\n3,1,0\n");
+  EXPECT_EQ(result.events,
+            (std::vector<ContactEvent>{
+                {1.0, 0, closes}, {2.0, 0, opens}, {2.0, 0, closes}, {3.0, 0, opens}}));
+  const auto twice = read("1,1,1\n1,1,0\n1,1,1\n1,1,0\n");
+  EXPECT_EQ(twice.events, (std::vector<ContactEvent>{{1.0, 0, pulse}, {1.0, 0, pulse}}));
+}
+
+TEST_F(EventsFileTest, ContradictingRowsAreSkippedAndTheRestIsUsed) {
+  const auto result = read(
+      "1,1,1\n"
+      "0.5,2,1\n"  // line 3: backwards
+      "2,1,1\n"    // line 4: closed already
+      "2,2,0\n"    // line 5: open already
+      "2,4,1\n"    // line 6: unknown contact
+      "2,0,1\n"    // line 7: unknown contact
+      "2,1,2\n"    // line 8: bad flag
+      "3,1,0\n");
+  EXPECT_EQ(result.events, (std::vector<ContactEvent>{{1.0, 0, closes}, {3.0, 0, opens}}));
+  EXPECT_FALSE(result.damage);
+  ASSERT_EQ(result.skipped.size(), 6U);
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(result.skipped[i].line, i + 3);
+  EXPECT_EQ(result.skipped[0].what, "time goes backwards");
+  EXPECT_EQ(result.skipped[1].what, "contact closes, but is closed already");
+  EXPECT_EQ(result.skipped[2].what, "contact opens, but is open already");
+  EXPECT_EQ(result.skipped[3].what, "unknown contact");
+  EXPECT_EQ(result.skipped[5].what, "closed must be 1 or 0");
+}
+
+TEST_F(EventsFileTest, DamageEndsTheReadingAndKeepsWhatCameBefore) {
+  for (const char* bad : {"x,1,1\n", "2,1\n", "2,1,0,7\n", "2,one,0\n", "2,1.5,0\n", "nan,1,0\n",
+                          "inf,1,0\n", "-1,1,0\n", "1e999,1,0\n", "0x2,1,0\n", "2,1,0 0\n",
+                          "2,,0\n", " \n", "2,1,99999999999999999999\n"}) {
+    const auto result = read("1,1,1\n" + std::string(bad) + "3,1,0\n");
+    SCOPED_TRACE(bad);
+    EXPECT_EQ(result.events, (std::vector<ContactEvent>{{1.0, 0, closes}}));
+    ASSERT_TRUE(result.damage);
+    EXPECT_EQ(result.damage->line, 3U);
+    EXPECT_NE(result.damage->what.find("garbled"), std::string::npos);
+  }
+}
+
+TEST_F(EventsFileTest, LastLineWithoutAnEndIsTruncated) {
+  const auto result = read("1,1,1\n2,1,0");
+  EXPECT_EQ(result.events.size(), 1U);
+  ASSERT_TRUE(result.damage);
+  EXPECT_EQ(result.damage->line, 3U);
+  EXPECT_NE(result.damage->what.find("truncated"), std::string::npos);
+}
+
+TEST_F(EventsFileTest, EveryCutOfAFileIsEitherWholeOrReported) {
+  const std::string whole = "t,contact,closed\n1.5,1,1\n1.5,1,0\n2.25,2,1\n";
+  for (std::size_t length = 0; length < whole.size(); ++length) {
+    const auto result = read_events(write_text(directory_ / "cut.csv", whole.substr(0, length)), 3);
+    EXPECT_EQ(!result.damage, length > 0 && whole[length - 1] == '\n') << length;
+  }
+}
+
+TEST_F(EventsFileTest, WrongHeaderEmptyFileAndZerosAreDamageAtLineOne) {
+  for (const std::string& text :
+       {std::string{}, std::string("1,1,1\n"), std::string("t,contact\n"), std::string(64, '\0')}) {
+    const auto result = read_events(write_text(directory_ / "events.csv", text), 1);
+    ASSERT_TRUE(result.damage);
+    EXPECT_EQ(result.damage->line, 1U);
+    EXPECT_TRUE(result.events.empty());
+  }
+}
+
+TEST_F(EventsFileTest, WindowsLineEndsBlanksAndEmptyLinesAreAccepted) {
+  const auto file =
+      write_text(directory_ / "events.csv", "t,contact,closed\r\n1, 2 ,1\r\n\r\n2,2,0\r\n\r\n");
+  const auto result = read_events(file, 2);
+  EXPECT_EQ(result.events.size(), 2U);
+  EXPECT_FALSE(result.damage);
+}
+
+TEST_F(EventsFileTest, FilesThatCannotBeReadAreInputErrors) {
+  EXPECT_THROW(read_events(directory_ / "absent.csv", 1), InputError);
+  EXPECT_THROW(read_events(directory_ / "", 1), InputError);
+}
+
+TEST(EventsWriterTest, RemembersThatTheDiskIsFull) {
+  EventsWriter writer("/dev/full");
+  writer.write({0.0, 0, pulse});
+  EXPECT_TRUE(writer.good());
+  EXPECT_FALSE(writer.flush());
+  EXPECT_EQ(writer.error(), "/dev/full: No space left on device");
+  EXPECT_FALSE(writer.close());
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,301 @@
+#include "mechanics/scene.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <sstream>
+#include <string>
+#include <string_view>
+
+#include "tests/mechanics/scene_texts.h"
+
+namespace sprag {
+namespace {
+
+std::filesystem::path shipped(const std::string& name) {
+  return std::filesystem::path(SPRAG_SOURCE_DIR) / "scenes" / (name + ".toml");
+}
+
+double synchronization_energy(const Scene& scene) {
+  const Eigen::VectorXd q = scene.master.q - scene.replica.q;
+  const Eigen::VectorXd u = scene.master.u - scene.replica.u;
+  return 0.5 * u.dot(scene.model.M * u) + 0.5 * q.dot(scene.model.K * q);
+}
+
+Eigen::VectorXd force_at(const Model& model, double t) {
+  Eigen::VectorXd f = Eigen::VectorXd::Zero(model.coordinates());
+  for (const Force& force : model.forces) {
+    f += force.direction * (force.constant + value(force.harmonic, t));
+  }
+  return f;
+}
+
+TEST(Scene, BeamSceneIsReadAsWritten) {
+  const Scene scene = parse(beam_text);
+  EXPECT_EQ(scene.name, "x");
+  ASSERT_TRUE(scene.beam.has_value());
+  EXPECT_EQ(scene.beam->modes, 3);
+  EXPECT_EQ(scene.beam->damping, 0.17);
+  const Model& model = scene.model;
+  EXPECT_EQ(model.M, Eigen::MatrixXd(mass(*scene.beam).asDiagonal()));
+  EXPECT_EQ(model.C, Eigen::MatrixXd(damping(*scene.beam).asDiagonal()));
+  EXPECT_EQ(model.K, Eigen::MatrixXd(stiffness(*scene.beam).asDiagonal()));
+  EXPECT_EQ(model.law, ImpactLaw::poisson);
+  EXPECT_EQ(model.chatter_time, 1e-7);
+  ASSERT_EQ(model.contacts.size(), 1U);
+  EXPECT_EQ(model.contacts[0].w, mode_shapes(*scene.beam, 0.868));
+  EXPECT_EQ(model.contacts[0].clearance, 0.01);
+  EXPECT_EQ(model.contacts[0].restitution, 0.7);
+  EXPECT_EQ(scene.master.q, Eigen::Vector3d(-0.05, 0, 0));
+  EXPECT_EQ(scene.replica.q, Eigen::Vector3d(0.1, 2, 0));
+  EXPECT_EQ(scene.replica.u, Eigen::Vector3d::Zero());
+  EXPECT_FALSE(scene.release_penetration);
+}
+
+TEST(Scene, SystemSceneIsReadAsWritten) {
+  const Scene scene = parse(system_text);
+  EXPECT_FALSE(scene.beam.has_value());
+  const Model& model = scene.model;
+  EXPECT_EQ(model.M, (Eigen::Matrix2d() << 2, 0.5, 0.5, 1).finished());
+  EXPECT_EQ(model.C, (Eigen::Matrix2d() << 0.1, 0, 0, 0.2).finished());
+  EXPECT_EQ(model.K, (Eigen::Matrix2d() << 3, -1, -1, 3).finished());
+  ASSERT_EQ(model.forces.size(), 1U);
+  EXPECT_EQ(model.forces[0].direction, Eigen::Vector2d(1, 2));
+  EXPECT_EQ(model.forces[0].constant, -9.81);
+  EXPECT_EQ(model.forces[0].harmonic.amplitude, 0.3);
+  EXPECT_EQ(model.forces[0].harmonic.frequency, 2.0);
+  EXPECT_EQ(model.forces[0].harmonic.phase, 0.0);
+  EXPECT_EQ(model.contacts[0].w, Eigen::Vector2d(0, 1));
+  EXPECT_EQ(model.contacts[0].motion.amplitude, 0.01);
+  EXPECT_EQ(model.contacts[0].motion.frequency, 4.0);
+  EXPECT_EQ(model.contacts[0].motion.phase, 0.5);
+  EXPECT_EQ(model.contacts[0].restitution, 0.5);
+  EXPECT_EQ(scene.master.q, Eigen::Vector2d(0.1, 0.2));
+  EXPECT_EQ(scene.master.u, Eigen::Vector2d::Zero());
+}
+
+TEST(Scene, BeamForceIsEq22) {
+  const Scene scene = read_scene(shipped("paper_beam"));
+  for (const double t : {0.0, 0.1, 0.37, 2.0}) {
+    for (int i = 1; i <= 3; ++i) {
+      const double x = wavenumber(i);
+      const double sigma = (std::cos(x) + std::cosh(x)) / (std::sin(x) + std::sinh(x));
+      const double expected = -2 / x * sigma * 0.03 * 9.5 * 9.5 * std::cos(9.5 * t);
+      EXPECT_NEAR(force_at(scene.model, t)(i - 1), expected, 1e-14) << "i = " << i << ", t = " << t;
+    }
+  }
+}
+
+TEST(Scene, SideAndMountSetTheGap) {
+  const Eigen::Vector3d q(0.03, -0.02, 0.01);
+  const Eigen::Vector3d u(0.5, 0.7, -0.3);
+  const double t = 0.4;
+  const Harmonic e{0.03, 9.5, 0.25};
+  const auto contact_of = [](std::string_view side, std::string_view mount) {
+    const std::string lines =
+        "side = \"" + std::string(side) + "\"\nmount = \"" + std::string(mount) + "\"";
+    const std::string text = replaced(beam_text, "side = \"below\"\nmount = \"ground\"", lines);
+    return parse(replaced(text, "q = [-0.05, 0.0, 0.0]", "penetration = \"release\""))
+        .model.contacts[0];
+  };
+  const Eigen::VectorXd v = mode_shapes({.modes = 3}, 0.868);
+  const double w = v.dot(q);
+  const double rate_of_w = v.dot(u);
+  const Contact below = contact_of("below", "ground");
+  EXPECT_DOUBLE_EQ(gap(below, q, t), w + value(e, t) + 0.01);
+  EXPECT_DOUBLE_EQ(gap_velocity(below, u, t), rate_of_w + rate(e, t));
+  const Contact above = contact_of("above", "ground");
+  EXPECT_DOUBLE_EQ(gap(above, q, t), -w - value(e, t) + 0.01);
+  EXPECT_DOUBLE_EQ(gap_velocity(above, u, t), -rate_of_w - rate(e, t));
+  EXPECT_DOUBLE_EQ(gap(contact_of("below", "frame"), q, t), w + 0.01);
+  EXPECT_DOUBLE_EQ(gap(contact_of("above", "frame"), q, t), -w + 0.01);
+}
+
+TEST(Scene, WhatIsLeftOutTakesItsDefault) {
+  const Scene beam = parse(
+      "[beam]\nmodes = 2\nlength = 1\nbending_stiffness = 1\nmass_per_length = 1\ndamping = 0\n"
+      "[[contact]]\nposition = 1\nrestitution = 0.3\n");
+  EXPECT_EQ(beam.model.law, ImpactLaw::poisson);
+  EXPECT_EQ(beam.model.chatter_time, 1e-8);
+  EXPECT_TRUE(beam.model.forces.empty());
+  EXPECT_EQ(beam.model.contacts[0].w, mode_shapes(*beam.beam, 1.0));
+  EXPECT_EQ(beam.model.contacts[0].clearance, 0.0);
+  EXPECT_EQ(beam.model.contacts[0].restitution, 0.3);
+  EXPECT_EQ(value(beam.model.contacts[0].motion, 0.3), 0.0);
+  EXPECT_EQ(beam.master.q, Eigen::Vector2d::Zero());
+  EXPECT_EQ(beam.replica.u, Eigen::Vector2d::Zero());
+}
+
+TEST(Scene, ContactsMayHaveTheirOwnRestitution) {
+  const std::string text =
+      std::string(beam_text) + "[[contact]]\nposition = 0.5\nrestitution = 1\n";
+  const Scene scene = parse(text);
+  ASSERT_EQ(scene.model.contacts.size(), 2U);
+  EXPECT_EQ(scene.model.contacts[0].restitution, 0.7);
+  EXPECT_EQ(scene.model.contacts[1].restitution, 1.0);
+  EXPECT_EQ(parse(replaced(text, "\"poisson\"", "\"newton\"")).model.law, ImpactLaw::newton);
+}
+
+TEST(Scene, SeveralForcesAddUp) {
+  const Scene scene = parse(replaced(system_text, "[impact]",
+                                     "[[force]]\ndirection = [0, 1]\namplitude = 2\nfrequency = 7\n"
+                                     "phase = 0.1\n[impact]"));
+  const double t = 0.3;
+  const double first = -9.81 + 0.3 * std::cos(2 * t);
+  const double second = 2 * std::cos(7 * t + 0.1);
+  EXPECT_TRUE(force_at(scene.model, t).isApprox(Eigen::Vector2d(first, 2 * first + second), 1e-15));
+}
+
+std::string matrix_text(const Eigen::MatrixXd& matrix) {
+  std::ostringstream text;
+  text << std::setprecision(17) << "[";
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    text << (i > 0 ? ", [" : "[");
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) text << (j > 0 ? ", " : "") << matrix(i, j);
+    text << "]";
+  }
+  text << "]";
+  return text.str();
+}
+
+std::string vector_text(const Eigen::VectorXd& vector) {
+  const std::string rows = matrix_text(vector.transpose());
+  return rows.substr(1, rows.size() - 2);
+}
+
+TEST(Scene, BeamWrittenOutAsASystemIsTheSameMachine) {
+  const Scene beam = parse(beam_text);
+  const Contact& contact = beam.model.contacts[0];
+  const Force& force = beam.model.forces[0];
+  std::ostringstream text;
+  text << std::setprecision(17);
+  text << "[system]\nM = " << matrix_text(beam.model.M) << "\nC = " << matrix_text(beam.model.C)
+       << "\nK = " << matrix_text(beam.model.K)
+       << "\n[[force]]\ndirection = " << vector_text(force.direction)
+       << "\namplitude = " << force.harmonic.amplitude
+       << "\nfrequency = " << force.harmonic.frequency << "\nphase = " << force.harmonic.phase
+       << "\n[impact]\nrestitution = 0.7\nchatter_time = 1e-7"
+       << "\n[[contact]]\ndirection = " << vector_text(contact.w) << "\nclearance = 0.01"
+       << "\nmotion = { amplitude = 0.03, frequency = 9.5, phase = 0.25 }"
+       << "\n[master]\nq = [-0.05]\n[replica]\nq = [0.1, 2.0]\n";
+  const Scene system = parse(text.str());
+  EXPECT_EQ(system.model.M, beam.model.M);
+  EXPECT_EQ(system.model.C, beam.model.C);
+  EXPECT_EQ(system.model.K, beam.model.K);
+  EXPECT_EQ(system.model.contacts[0].w, contact.w);
+  EXPECT_EQ(system.model.chatter_time, beam.model.chatter_time);
+  EXPECT_EQ(system.master.q, beam.master.q);
+  EXPECT_EQ(system.replica.q, beam.replica.q);
+  for (const double t : {0.0, 0.2, 1.7}) {
+    EXPECT_EQ(force_at(system.model, t), force_at(beam.model, t));
+    EXPECT_EQ(gap(system.model.contacts[0], beam.replica.q, t), gap(contact, beam.replica.q, t));
+    EXPECT_EQ(gap_velocity(system.model.contacts[0], beam.replica.q, t),
+              gap_velocity(contact, beam.replica.q, t));
+  }
+}
+
+TEST(ShippedScenes, AllParse) {
+  int scenes = 0;
+  for (const auto& file :
+       std::filesystem::directory_iterator(shipped("paper_beam").parent_path())) {
+    if (file.path().extension() != ".toml") continue;
+    ++scenes;
+    EXPECT_EQ(read_scene(file.path()).name, file.path().stem().string());
+  }
+  EXPECT_GE(scenes, 6);
+}
+
+TEST(ShippedScenes, PaperBeamStartsOutsideWithThePrintedEnergy) {
+  const Scene scene = read_scene(shipped("paper_beam"));
+  EXPECT_NEAR(synchronization_energy(scene), 0.4783533, 5e-8);
+  EXPECT_NEAR(gap(scene.model.contacts[0], scene.master.q, 0.0), 0.1118, 5e-5);
+  for (int i = 1; i <= 3; ++i) {
+    EXPECT_DOUBLE_EQ(scene.replica.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
+  }
+}
+
+TEST(ShippedScenes, PaperBeamAsPrintedStartsInsideWithTheSameEnergy) {
+  const Scene scene = read_scene(shipped("paper_beam_as_printed"));
+  EXPECT_TRUE(scene.release_penetration);
+  EXPECT_NEAR(synchronization_energy(scene), 0.4783533, 5e-8);
+  EXPECT_NEAR(gap(scene.model.contacts[0], scene.master.q, 0.0), -0.0518, 5e-5);
+  EXPECT_EQ(scene.master.q, -read_scene(shipped("paper_beam")).master.q);
+  EXPECT_EQ(scene.replica.q, -read_scene(shipped("paper_beam")).replica.q);
+}
+
+TEST(ShippedScenes, VariantsDifferFromPaperBeamAsNamed) {
+  const Model paper = read_scene(shipped("paper_beam")).model;
+  const Model frame = read_scene(shipped("paper_beam_frame")).model;
+  const Model chatter = read_scene(shipped("paper_beam_chatter")).model;
+  EXPECT_EQ(paper.contacts[0].motion.amplitude, 0.03);
+  EXPECT_EQ(frame.contacts[0].motion.amplitude, 0.0);
+  EXPECT_EQ(frame.contacts[0].clearance, 0.005);
+  EXPECT_EQ(chatter.contacts[0].motion.amplitude, 0.03);
+  EXPECT_EQ(chatter.contacts[0].clearance, 0.0125);
+  for (const Model& model : {frame, chatter}) {
+    EXPECT_EQ(model.K, paper.K);
+    EXPECT_EQ(model.contacts[0].w, paper.contacts[0].w);
+    EXPECT_EQ(force_at(model, 0.3), force_at(paper, 0.3));
+  }
+}
+
+TEST(ShippedScenes, StiffBeamStartsEveryModeAsThePaperDoes) {
+  const Scene scene = read_scene(shipped("stiff_beam"));
+  ASSERT_EQ(scene.model.coordinates(), 20);
+  for (int i = 1; i <= 20; ++i) {
+    EXPECT_DOUBLE_EQ(scene.replica.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
+    EXPECT_EQ(scene.master.q(i - 1), i == 1 ? -0.05 : 0.0);
+  }
+}
+
+TEST(Scene, DefinitenessDoesNotDependOnUnits) {
+  const std::string text =
+      replaced(system_text, "[[2.0, 0.5], [0.5, 1.0]]", "[[1e-14, 1e-5], [1e-5, 1e6]]");
+  EXPECT_EQ(parse(text).model.M(1, 1), 1e6);
+  EXPECT_EQ(
+      parse(replaced(system_text, "[[3, -1], [-1, 3.0]]", "[[1, -1], [-1, 1]]")).model.K(0, 1),
+      -1.0);
+  EXPECT_EQ(parse(replaced(system_text, "[[3, -1], [-1, 3.0]]", "[[0, 0], [0, 0]]")).model.K,
+            Eigen::Matrix2d::Zero());
+}
+
+TEST(Scene, StartOnTheSupportIsNotRefusedForRounding) {
+  // 0.1 * 3 exceeds 0.3 by one rounding.
+  EXPECT_EQ(parse("[system]\nM = [[1]]\nC = [[0]]\nK = [[0]]\n[impact]\nrestitution = 0.5\n"
+                  "[[contact]]\ndirection = [-3]\nclearance = 0.3\n[master]\nq = [0.1]\n")
+                .master.q(0),
+            0.1);
+}
+
+TEST(SceneFile, UnreadableFilesAreNamed) {
+  const auto error_of_file = [](const std::filesystem::path& file) -> std::string {
+    try {
+      read_scene(file);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  EXPECT_EQ(error_of_file("scenes/absent.toml"),
+            "scenes/absent.toml: cannot be read: No such file or directory");
+  EXPECT_EQ(error_of_file("/"), "/: cannot be read: Is a directory");
+}
+
+TEST(SceneFile, ErrorsCarryTheNameAsGiven) {
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) / "sprag_bad.toml";
+  std::ofstream(file) << replaced(beam_text, "0.7", "1.2");
+  try {
+    read_scene(file);
+    FAIL() << "no error";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.what(), file.string() + ":13:15: impact.restitution is 1.2; must be in [0, 1]");
+  }
+  std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,234 @@
+#include "tools/sync_logger/live.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/program.h"
+#include "lcmtypes/state_codec.h"
+#include "tools/sync_logger/logger.h"
+#include "tools/sync_logger/report.h"
+#include "tools/sync_logger/sync_file.h"
+
+namespace sprag {
+
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto patience = 3s;  // for a last row whose other half was lost
+
+/// Unpaired samples to keep, of f coordinates: at most 64 MiB.
+std::size_t window_for(Eigen::Index coordinates) {
+  const auto bytes = static_cast<std::size_t>(16 * coordinates + 160);
+  return std::clamp<std::size_t>((64U << 20U) / bytes, 1000, 200000);
+}
+
+/// When the run is over: at the last row before `duration`, whatever the step is.
+class Finish {
+ public:
+  explicit Finish(double duration) : duration_(duration) {}
+
+  void restart() { *this = Finish(duration_); }
+
+  void row(double t) {
+    if (last_t_) step_ = std::min(step_, t - *last_t_);
+    last_t_ = t;
+    paired_ = paired_ || is_last(t);
+  }
+  void sample(double t, Clock::time_point now) {
+    heard_ = now;
+    seen_ = seen_ || is_last(t);
+  }
+
+  bool paired() const { return paired_; }
+
+  /// The last instant came from one side, and nothing more comes from the other.
+  bool lost(Clock::time_point now) const { return seen_ && now - heard_ > patience; }
+
+ private:
+  bool is_last(double t) const {
+    const double slack = 1e-9 * duration_;
+    return t >= duration_ - slack || (std::isfinite(step_) && t + step_ > duration_ + slack);
+  }
+
+  double duration_;
+  double step_ = std::numeric_limits<double>::infinity();
+  std::optional<double> last_t_;
+  bool paired_ = false, seen_ = false;
+  Clock::time_point heard_;
+};
+
+class Live {
+ public:
+  Live(const Model& model, const LiveOptions& options)
+      : bus_(options.url),
+        pairing_(model, window_for(model.coordinates())),
+        csv_(options.csv, model.coordinates()),
+        coordinates_(model.coordinates()),
+        to_stdout_(options.csv.empty()),
+        finish_(options.duration) {
+    if (options.now) {
+      now_pairing_.emplace(model, window_for(model.coordinates()));
+      now_csv_.emplace(now_file(options.csv), model.coordinates());
+    }
+    if (!options.record.empty()) record_.emplace(options.record);
+    check_files();
+    const auto handler = [this](std::string_view channel, std::span<const std::uint8_t> data,
+                                std::int64_t utime) { receive(channel, data, utime); };
+    if (record_) {
+      bus_.subscribe_prefix("SPRAG_", handler);
+    } else {
+      bus_.subscribe(truth_channel, handler);
+      bus_.subscribe(settled_channel, handler);
+      if (now_pairing_) bus_.subscribe(estimate_channel, handler);
+    }
+    std::cerr << "listening on " << options.url << '\n';
+  }
+
+  void run() {
+    auto next_progress = Clock::now() + 1s;
+    while (!stop_requested() && !finish_.paired() && files_good()) {
+      bus_.handle(100ms);
+      if (to_stdout_) csv_.flush();
+      const auto now = Clock::now();
+      if (finish_.lost(now)) {
+        std::cerr << "the last row did not come: its truth or its estimate was lost\n";
+        break;
+      }
+      if (now >= next_progress) {
+        progress();
+        next_progress = now + 1s;
+      }
+    }
+  }
+
+  /// Closes the files and fills the report.
+  void close(nlohmann::ordered_json& report) {
+    csv_.close();
+    if (now_csv_) now_csv_->close();
+    if (record_) record_->close();
+    report.update(to_json(pairing_));
+    if (now_pairing_) report["now"] = to_json(*now_pairing_);
+    report["refused"] = nlohmann::ordered_json::object();
+    for (int i = 1; i < refusal_kinds; ++i) {
+      const std::int64_t count = refused_[static_cast<std::size_t>(i)];
+      if (count > 0) report["refused"][std::string(name(static_cast<Refusal>(i)))] = count;
+    }
+    check_files();
+  }
+
+ private:
+  void receive(std::string_view channel, std::span<const std::uint8_t> data, std::int64_t utime) {
+    if (record_) record_->write(utime, channel, data);
+    if (channel == truth_channel) {
+      if (accepted(decode(data, state_))) truth();
+    } else if (channel == settled_channel) {
+      if (accepted(decode(data, estimate_))) settled();
+    } else if (channel == estimate_channel && now_pairing_) {
+      if (accepted(decode(data, estimate_))) write_now(now_pairing_->add_estimate(estimate_));
+    }
+  }
+
+  bool accepted(Refusal refusal) {
+    ++refused_[static_cast<std::size_t>(refusal)];
+    return refusal == Refusal::none;
+  }
+
+  void truth() {
+    if (state_.q.size() != coordinates_ && !warned_) {
+      std::cerr << "the master has " << state_.q.size() << " coordinates, the scene has "
+                << coordinates_ << ": its states are refused\n";
+      warned_ = true;
+    }
+    const std::int64_t sessions = pairing_.figures().sessions;
+    const SyncRow* row = pairing_.add_truth(state_);
+    if (pairing_.figures().sessions > sessions) {
+      if (sessions > 0) std::cerr << "new session: the master was restarted\n";
+      finish_.restart();
+    }
+    settled_row(row, state_);
+    if (now_pairing_) write_now(now_pairing_->add_truth(state_));
+  }
+
+  void settled() {
+    if (estimate_.q.size() > coordinates_ && !warned_) {
+      std::cerr << "the replica has " << estimate_.q.size() << " coordinates, the scene has "
+                << coordinates_ << ": its estimates are refused\n";
+      warned_ = true;
+    }
+    settled_row(pairing_.add_estimate(estimate_), estimate_);
+  }
+
+  void settled_row(const SyncRow* row, const StateSample& sample) {
+    if (row != nullptr) {
+      csv_.write(*row);
+      finish_.row(row->t);
+    }
+    if (pairing_.session() == sample.session) finish_.sample(sample.t, Clock::now());
+  }
+
+  void write_now(const SyncRow* row) {
+    if (row != nullptr) now_csv_->write(*row);
+  }
+
+  void progress() {
+    csv_.flush();
+    if (now_csv_) now_csv_->flush();
+    if (record_) record_->flush();
+    const SyncFigures& figures = pairing_.figures();
+    if (figures.rows == 0) {
+      std::cerr << "waiting for states and estimates\n";
+    } else {
+      std::cerr << "t " << figures.last_t << "  V " << figures.last_v << "  rows " << figures.rows
+                << '\n';
+    }
+  }
+
+  bool files_good() const {
+    return csv_.good() && (!now_csv_ || now_csv_->good()) && (!record_ || record_->good());
+  }
+
+  void check_files() const {
+    if (!csv_.good()) throw std::runtime_error(csv_.error());
+    if (now_csv_ && !now_csv_->good()) throw std::runtime_error(now_csv_->error());
+    if (record_ && !record_->good()) throw std::runtime_error(record_->error());
+  }
+
+  Bus bus_;
+  Pairing pairing_;
+  std::optional<Pairing> now_pairing_;
+  SyncWriter csv_;
+  std::optional<SyncWriter> now_csv_;
+  std::optional<ChannelLogWriter> record_;
+  Eigen::Index coordinates_;
+  bool to_stdout_;
+  bool warned_ = false;
+  Finish finish_;
+  StateSample state_;
+  EstimateSample estimate_;
+  std::array<std::int64_t, refusal_kinds> refused_{};
+};
+
+}  // namespace
+
+std::filesystem::path now_file(const std::filesystem::path& csv) {
+  return csv.parent_path() / (csv.stem().string() + "_now.csv");
+}
+
+int run_live(const Model& model, const LiveOptions& options, nlohmann::ordered_json& report) {
+  Live live(model, options);
+  live.run();
+  live.close(report);
+  return exit_done;
+}
+
+}  // namespace sprag

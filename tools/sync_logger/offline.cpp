@@ -1,0 +1,87 @@
+#include "tools/sync_logger/offline.h"
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "lcmtypes/program.h"
+#include "mechanics/states_file.h"
+#include "tools/sync_logger/logger.h"
+#include "tools/sync_logger/report.h"
+#include "tools/sync_logger/sync_file.h"
+
+namespace sprag {
+
+namespace {
+
+/// One of the two files with its next row.
+class Source {
+ public:
+  explicit Source(const std::filesystem::path& file) : file_(file), reader_(file) { advance(); }
+
+  const StateSample* head() const { return has_head_ ? &head_ : nullptr; }
+  Eigen::Index coordinates() const { return reader_.coordinates(); }
+
+  void advance() {
+    has_head_ = reader_.next(row_);
+    if (!has_head_) return;
+    head_.tick = row_.k;
+    head_.t = row_.t;
+    head_.q = row_.q;
+    head_.u = row_.u;
+  }
+
+  /// Says on stderr and in the report where the file is damaged; returns whether it is.
+  bool report_damage(nlohmann::ordered_json& report) const {
+    if (!reader_.damage()) return false;
+    const auto& [line, what] = *reader_.damage();
+    const std::string text = file_.string() + ":" + std::to_string(line) + ": " + what;
+    std::cerr << text << "; everything before it is used\n";
+    report["damage"].push_back(text);
+    return true;
+  }
+
+ private:
+  std::filesystem::path file_;
+  StatesReader reader_;
+  StateRow row_;
+  StateSample head_;
+  bool has_head_ = false;
+};
+
+}  // namespace
+
+int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ordered_json& report) {
+  Source truth(options.truth);
+  Source estimate(options.estimate);
+  const std::string f = std::to_string(model.coordinates());
+  if (truth.coordinates() != model.coordinates())
+    throw InputError(options.truth.string() + ": has " + std::to_string(truth.coordinates()) +
+                     " coordinates; the scene has " + f);
+  if (estimate.coordinates() > model.coordinates())
+    throw InputError(options.estimate.string() + ": has " + std::to_string(estimate.coordinates()) +
+                     " coordinates; the scene has " + f);
+
+  Pairing pairing(model);
+  SyncWriter csv(options.csv, model.coordinates());
+  while (truth.head() != nullptr || estimate.head() != nullptr) {
+    const bool truth_next = estimate.head() == nullptr ||
+                            (truth.head() != nullptr && truth.head()->t <= estimate.head()->t);
+    Source& next = truth_next ? truth : estimate;
+    const SyncRow* row =
+        truth_next ? pairing.add_truth(*next.head()) : pairing.add_estimate(*next.head());
+    if (row != nullptr) csv.write(*row);
+    next.advance();
+  }
+
+  report.update(to_json(pairing));
+  const bool truth_damaged = truth.report_damage(report);
+  const bool estimate_damaged = estimate.report_damage(report);
+  if (!csv.close()) throw std::runtime_error(csv.error());
+  if (truth_damaged || estimate_damaged) return exit_failed;
+  if (pairing.figures().rows == 0)
+    throw InputError(options.truth.string() + " and " + options.estimate.string() +
+                     ": no time is in both");
+  return exit_done;
+}
+
+}  // namespace sprag

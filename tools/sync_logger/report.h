@@ -1,0 +1,13 @@
+// The figures of a sync_logger run, for machines.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "tools/sync_logger/logger.h"
+
+namespace sprag {
+
+/// Rows, sessions, t, V and what was left over. Samples that still wait count as unpaired.
+nlohmann::ordered_json to_json(const Pairing& pairing);
+
+}  // namespace sprag

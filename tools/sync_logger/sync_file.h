@@ -1,0 +1,33 @@
+// Sync CSV `k,t,V,V1,...,Vf`: the error energy (23) and its parts (24) at the estimate's ticks,
+// 17 significant digits.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+
+#include "mechanics/output_file.h"
+#include "tools/sync_logger/logger.h"
+
+namespace sprag {
+
+class SyncWriter {
+ public:
+  /// Creates or empties `file`, standard output if it is empty, and writes the header for
+  /// f = `coordinates`; a failure shows in good().
+  SyncWriter(const std::filesystem::path& file, Eigen::Index coordinates);
+
+  /// Appends a row. Failures are remembered.
+  void write(const SyncRow& row) noexcept;
+
+  bool flush() noexcept { return file_.flush(); }
+  bool close() noexcept { return file_.close(); }
+  bool good() const noexcept { return file_.good(); }
+  std::string error() const { return file_.error(); }
+
+ private:
+  OutputFile file_;
+  std::string text_;
+};
+
+}  // namespace sprag
