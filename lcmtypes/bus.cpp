@@ -120,7 +120,10 @@ int Bus::handle(std::chrono::milliseconds timeout) {
     const int count = ::poll(&ready, 1, wait);
     if (count == 0 || (count < 0 && errno == EINTR)) return handled;
     if (count < 0) throw BusError(impl_->url + ": " + std::generic_category().message(errno));
-    if (lcm_handle(impl_->lcm.get()) != 0) throw BusError(impl_->url + ": LCM cannot read it");
+    if (lcm_handle(impl_->lcm.get()) != 0) {
+      if (handled > 0) return handled;  // the error comes again
+      throw BusError(impl_->url + ": LCM has nothing more to read");
+    }
     if (impl_->failure) std::rethrow_exception(std::exchange(impl_->failure, nullptr));
     wait = 0;
   }

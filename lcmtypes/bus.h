@@ -54,7 +54,8 @@ class Bus {
   bool publish(const char* channel, std::span<const std::uint8_t> data) noexcept;
 
   /// Waits for a message up to `timeout`, then handles what has arrived (at most 1000 messages).
-  /// Returns how many; 0 after a timeout or a signal. Throws what a handler threw, or BusError.
+  /// Returns how many; 0 after a timeout or a signal. Throws what a handler threw, or BusError; the
+  /// end of a file:// log is a BusError too.
   int handle(std::chrono::milliseconds timeout);
 
   /// A descriptor that is readable when handle() has work, for poll(). Throws BusError.

@@ -72,8 +72,8 @@ Refusal decode(std::span<const std::uint8_t> message, ContactReport& report) noe
   for (ContactEvent& event :
        std::span(report.record).first(static_cast<std::size_t>(report.records))) {
     event.t = take<double>(times);
-    const int contact = take<std::int8_t>(contacts);
-    const int kind = take<std::int8_t>(kinds);
+    const auto contact = take<std::int8_t>(contacts);
+    const auto kind = take<std::int8_t>(kinds);
     if (!is_time(event.t) || event.t < last) return Refusal::bad_time;
     if (contact < 1 || contact > report.contacts) return Refusal::bad_contact;
     if (kind < static_cast<int>(ContactEventKind::closes) ||

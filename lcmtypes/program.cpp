@@ -4,6 +4,7 @@
 #include <csignal>
 #include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "mechanics/csv.h"

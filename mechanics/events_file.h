@@ -42,8 +42,8 @@ struct EventsFile {
 /// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that
 /// is garbled (also a time that is negative or not finite), a last line without an end, a wrong
 /// header. Skipped: a time that goes backwards, an unknown contact, a flag other than 0 and 1, a
-/// contact that closes while closed or opens while open. Empty lines are passed over. Throws InputError if the file cannot be
-/// opened.
+/// contact that closes while closed or opens while open. Empty lines are passed over. Throws
+/// InputError if the file cannot be opened.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
 
 }  // namespace sprag

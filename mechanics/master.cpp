@@ -115,12 +115,12 @@ void Master::advance(Instant t, std::vector<ContactEvent>& events) {
     }
     const bool from_search = search_.found() && now() + search_.tau() <= event;
     motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
-    next_event(from_search, events);
+    take_event(from_search, events);
     watch();
   }
 }
 
-void Master::next_event(bool from_search, std::vector<ContactEvent>& events) {
+void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
   const int m = flows_.dynamics().contacts();
   ContactSet closing = 0;
   ContactSet completed = 0;
@@ -238,6 +238,12 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
       }
     }
   }
+}
+
+double Master::next_event() const {
+  double event = search_.found() ? now() + search_.tau() : infinity;
+  for (const double completion : completion_) event = std::min(event, completion);
+  return event;
 }
 
 void Master::state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u) {

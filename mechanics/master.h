@@ -39,6 +39,10 @@ class Master {
   /// q and u have f entries each.
   void state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
 
+  /// Time of the next event if it is known already, else infinity. It is known at the latest when
+  /// advance() comes close to it.
+  double next_event() const;
+
   /// chi at the time of the last advance().
   ContactSet closed() const { return closed_; }
   const Flows& flows() const { return flows_; }
@@ -52,7 +56,7 @@ class Master {
 
   void start_contacts(std::vector<ContactEvent>& events);
   void watch();
-  void next_event(bool from_search, std::vector<ContactEvent>& events);
+  void take_event(bool from_search, std::vector<ContactEvent>& events);
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;

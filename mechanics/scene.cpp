@@ -7,6 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <system_error>
 #include <vector>
 
@@ -72,8 +73,6 @@ bool sees_nothing(const Eigen::VectorXd& w) {
   return w.squaredNorm() < std::numeric_limits<double>::min();
 }
 
-// -- [beam], [excitation], [[contact]] with a position
-
 Beam read_beam_table(const TomlTable& table) {
   const Beam beam{.modes = table.integer("modes", 1, 200),
                   .length = table.number("length", positive),
@@ -123,8 +122,6 @@ std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, 
   }
   return contacts;
 }
-
-// -- [system], [[force]], [[contact]] with a direction
 
 struct Definiteness {
   double smallest;    // eigenvalue
@@ -217,8 +214,6 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   return contacts;
 }
 
-// -- what both kinds of scene have
-
 void read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
   const Limits restitution{0.0, 1.0};
   const auto impact = root.table("impact", {"law", "restitution", "chatter_time"});
@@ -275,10 +270,10 @@ void read_master(const TomlTable& root, Scene& scene) {
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     if (!starts_inside(model.contacts[i], scene.master.q)) continue;
     const std::string number = std::to_string(i + 1);
-    const std::string message = "starts inside the support of contact " + number + ": its gap is " +
-                                rounded(gap(model.contacts[i], scene.master.q, 0.0)) +
-                                "; must be >= 0 (move master.q or contact[" + number +
-                                "].clearance), or set master.penetration = \"release\"";
+    std::string message = "starts inside the support of contact " + number + ": its gap is ";
+    message += rounded(gap(model.contacts[i], scene.master.q, 0.0));
+    message += "; must be >= 0 (move master.q or contact[" + number;
+    message += "].clearance), or set master.penetration = \"release\"";
     if (table) table->fail("q", message);
     root.fail_here("master.q " + message);
   }

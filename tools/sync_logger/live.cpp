@@ -129,6 +129,7 @@ class Live {
  private:
   void receive(std::string_view channel, std::span<const std::uint8_t> data, std::int64_t utime) {
     if (record_) record_->write(utime, channel, data);
+    if (finish_.paired()) return;
     if (channel == truth_channel) {
       if (accepted(decode(data, state_))) truth();
     } else if (channel == settled_channel) {

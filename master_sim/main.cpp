@@ -1,0 +1,28 @@
+// master_sim: simulates an impacting machine and publishes when its contacts close and open. The
+// main loop is MasterProcess::run() in master_process.cpp.
+#include "lcmtypes/program.h"
+#include "master_sim/master_process.h"
+#include "mechanics/scene.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Simulates a scene's machine and publishes its contact events.", "master_sim");
+  sprag::CommonOptions common;
+  sprag::MasterOptions options;
+  std::string scene;
+  sprag::add_common_options(app, common);
+  app.add_option("SCENE", scene, "Scene file (TOML)")->required();
+  sprag::add_positive(app, "--duration", options.duration, "T", "Stop at this simulated time");
+  sprag::add_positive_or_max(app, "--speed", options.speed, "R",
+                             "Simulated s per wall s, or max: as fast as it goes [1]");
+  sprag::add_positive(app, "--tick", options.tick, "h",
+                      "Tick of the states, simulated time [1e-3]");
+  app.add_option("--events", options.events, "Write the contact events here")->type_name("F.csv");
+  app.add_option("--states", options.states, "Write the state at every tick here")
+      ->type_name("F.csv");
+  app.add_flag("!--no-lcm", options.lcm, "Publish nothing");
+  app.add_flag("!--no-truth", options.truth, "Do not publish the true state");
+
+  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+    return sprag::run_master(sprag::read_scene(scene), options, common.url, report);
+  });
+}

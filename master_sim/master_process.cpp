@@ -1,0 +1,231 @@
+#include "master_sim/master_process.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <random>
+#include <thread>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/program.h"
+#include "lcmtypes/state_codec.h"
+#include "master_sim/report_builder.h"
+#include "mechanics/events_file.h"
+#include "mechanics/master.h"
+#include "mechanics/states_file.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto heartbeat = 10ms;
+constexpr auto longest_sleep = 1ms;
+constexpr auto progress_period = 1s;
+// The last report is repeated: no heartbeat follows that would repair its loss.
+constexpr int last_report_repeats = 10;
+// Simulated time that an unpaced master covers between two looks at the clock.
+constexpr double unpaced_stride = 1.0;
+
+std::int64_t random_session() {
+  std::random_device device;
+  const std::uint64_t high = device();
+  const std::uint64_t low = device();
+  return static_cast<std::int64_t>(((high << 32U) | low) >> 1U);
+}
+
+std::int64_t wall_clock_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+class MasterProcess {
+ public:
+  MasterProcess(const Scene& scene, const MasterOptions& options, const std::string& url)
+      : options_(options),
+        master_(scene.model, scene.master),
+        builder_(random_session(), options.speed, static_cast<int>(scene.model.contacts.size())),
+        last_tick_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
+                                                : last_tick(options.duration, options.tick)),
+        wants_states_(!options.states.empty() || (options.lcm && options.truth)) {
+    if (options.lcm) bus_.emplace(url);
+    if (!options.events.empty()) events_file_.emplace(options.events);
+    if (!options.states.empty()) states_file_.emplace(options.states, scene.model.coordinates());
+    sample_.session = builder_.session();
+    sample_.q.setZero(scene.model.coordinates());
+    sample_.u.setZero(scene.model.coordinates());
+  }
+
+  /// The main loop.
+  void run() {
+    start_ = next_heartbeat_ = Clock::now();
+    auto next_progress = start_ + progress_period;
+    while (!stop_requested()) {
+      const double t = std::min(due(), options_.duration);
+      advance(t);
+      publish(t);
+      if (t >= options_.duration) break;
+      if (Clock::now() >= next_progress) {
+        progress(t);
+        next_progress += progress_period;
+      }
+      if (!std::isinf(options_.speed)) std::this_thread::sleep_until(next_wake());
+    }
+    say_goodbye();
+  }
+
+  void finish(nlohmann::ordered_json& report) {
+    report["t"] = reached_;
+    report["events"] = events_;
+    report["impacts"] = master_.impacts();
+    report["expansions"] = master_.expansions();
+    report["ticks"] = next_tick_;
+    report["session"] = builder_.session();
+    report["messages"] = builder_.sent();
+    report["unsent"] = unsent_;
+    report["wall_s"] = std::chrono::duration<double>(Clock::now() - start_).count();
+    const bool events_good = !events_file_ || events_file_->close();
+    const bool states_good = !states_file_ || states_file_->close();
+    if (!events_good) throw std::runtime_error(events_file_->error());
+    if (!states_good) throw std::runtime_error(states_file_->error());
+  }
+
+ private:
+  double due() const {
+    if (std::isinf(options_.speed)) return reached_ + unpaced_stride;
+    return options_.speed * std::chrono::duration<double>(Clock::now() - start_).count();
+  }
+
+  Clock::time_point wall(double t) const {
+    return start_ + std::chrono::duration_cast<Clock::duration>(
+                        std::chrono::duration<double>(t / options_.speed));
+  }
+
+  Clock::time_point next_wake() const {
+    auto soonest = std::min(Clock::now() + longest_sleep, next_heartbeat_);
+    const double event = master_.next_event();
+    if (!std::isinf(event)) soonest = std::min(soonest, wall(event));
+    if (!wants_states_ || next_tick_ > last_tick_) return soonest;
+    return std::min(soonest, wall(tick_instant(next_tick_, options_.tick).hi));
+  }
+
+  void advance(double t) {
+    try {
+      const std::int64_t ticks =
+          wants_states_ ? std::min(last_tick(t, options_.tick), last_tick_) : -1;
+      while (next_tick_ <= ticks) {
+        const Instant instant = tick_instant(next_tick_, options_.tick);
+        find_events(instant);
+        write_state(instant);
+        ++next_tick_;
+      }
+      find_events(at(t));
+    } catch (const SimulationError&) {
+      say_goodbye();
+      throw;
+    }
+    reached_ = t;
+  }
+
+  void find_events(Instant t) {
+    found_.clear();
+    try {
+      master_.advance(t, found_);
+    } catch (const SimulationError&) {
+      take_events();
+      throw;
+    }
+    take_events();
+  }
+
+  void take_events() {
+    events_ += static_cast<std::int64_t>(found_.size());
+    if (bus_) builder_.add(found_);
+    if (events_file_) {
+      for (const ContactEvent& event : found_) events_file_->write(event);
+    }
+    if (!found_.empty()) reached_ = found_.back().t;
+  }
+
+  void write_state(Instant t) {
+    master_.state(t, sample_.q, sample_.u);
+    if (states_file_) states_file_->write(next_tick_, t.hi, sample_.q, sample_.u);
+    if (!bus_ || !options_.truth) return;
+    sample_.utime = wall_clock_us();
+    sample_.tick = next_tick_;
+    sample_.t = t.hi;
+    sample_.closed = master_.closed();
+    if (!bus_->publish(truth_channel, encode(sample_, buffer_))) ++unsent_;
+  }
+
+  void publish(double t) {
+    if (!bus_) return;
+    const auto now = Clock::now();
+    if (!builder_.pending() && now < next_heartbeat_) return;
+    do {
+      encode(builder_.next(t, wall_clock_us()), message_);
+      if (!bus_->publish(contacts_channel, message_)) ++unsent_;
+    } while (builder_.pending());
+    next_heartbeat_ = now + heartbeat;
+  }
+
+  void say_goodbye() {
+    if (!bus_) return;
+    for (int i = 0; i < last_report_repeats; ++i) {
+      if (i > 0) std::this_thread::sleep_for(heartbeat);
+      next_heartbeat_ = Clock::time_point::min();
+      publish(reached_);
+    }
+  }
+
+  void progress(double t) {
+    if (events_file_) events_file_->flush();
+    if (states_file_) states_file_->flush();
+    std::cerr << "t " << t << "  events " << events_ << '\n';
+  }
+
+  MasterOptions options_;
+  Master master_;
+  ReportBuilder builder_;
+  std::int64_t last_tick_;
+  bool wants_states_;
+  std::optional<Bus> bus_;
+  std::optional<EventsWriter> events_file_;
+  std::optional<StatesWriter> states_file_;
+
+  Clock::time_point start_, next_heartbeat_;
+  double reached_ = 0.0;
+  std::int64_t next_tick_ = 0;
+  std::int64_t events_ = 0;
+  std::int64_t unsent_ = 0;
+  std::vector<ContactEvent> found_;
+  StateSample sample_;
+  std::vector<std::uint8_t> buffer_;
+  ContactsMessage message_{};
+};
+
+}  // namespace
+
+int run_master(const Scene& scene, const MasterOptions& options, const std::string& url,
+               nlohmann::ordered_json& report) {
+  if (std::isinf(options.speed) && std::isinf(options.duration)) {
+    throw UsageError("--speed max needs --duration: an unpaced run has no natural end");
+  }
+  MasterProcess process(scene, options, url);
+  try {
+    process.run();
+  } catch (const SimulationError&) {
+    process.finish(report);
+    throw;
+  }
+  process.finish(report);
+  return exit_done;
+}
+
+}  // namespace sprag

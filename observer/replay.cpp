@@ -1,0 +1,177 @@
+#include "observer/replay.h"
+
+#include <array>
+#include <fstream>
+#include <iostream>
+#include <optional>
+#include <string_view>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/program.h"
+#include "mechanics/events_file.h"
+#include "mechanics/moreau.h"
+#include "mechanics/replica.h"
+#include "mechanics/states_file.h"
+#include "observer/report.h"
+#include "observer/session_tracker.h"
+#include "observer/time_line.h"
+
+namespace sprag {
+namespace {
+
+// A replay knows the future: it never goes back further than the tick it is at.
+constexpr std::int64_t replay_history = 1;
+
+bool is_lcm_log(const std::filesystem::path& file) {
+  constexpr std::array<char, 4> sync{'\xED', '\xA1', '\xDA', '\x01'};
+  std::array<char, 4> first{};
+  std::ifstream(file, std::ios::binary).read(first.data(), first.size());
+  return first == sync || file.extension() == ".lcmlog";
+}
+
+template <typename Stepper>
+class Replay {
+ public:
+  Replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay)
+      : contacts_(static_cast<int>(scene.model.contacts.size())),
+        stepper_(scene.model, options.tick),
+        time_line_(stepper_, contacts_, scene.replica, replay_history),
+        last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
+                                           : last_tick(options.duration, options.tick)),
+        duration_(options.duration),
+        q_(scene.model.coordinates()),
+        u_(scene.model.coordinates()) {
+    if (!options.states.empty()) states_.emplace(options.states, scene.model.coordinates());
+    if (!replay.events.empty()) events_.emplace(replay.events);
+  }
+
+  bool events_csv(const std::filesystem::path& file, nlohmann::ordered_json& report) {
+    const EventsFile recorded = read_events(file, contacts_);
+    for (const FileProblem& problem : recorded.skipped) {
+      std::cerr << file.string() << ':' << problem.line << ": skipped: " << problem.what << '\n';
+    }
+    if (recorded.damage) {
+      std::cerr << file.string() << ':' << recorded.damage->line << ": " << recorded.damage->what
+                << "; everything before is used\n";
+      report["damage"] = {{"line", recorded.damage->line}, {"what", recorded.damage->what}};
+    }
+    report["skipped_rows"] = recorded.skipped.size();
+    time_line_.restart(0, 0, 0, no_horizon);
+    double end = 0.0;
+    for (const ContactEvent& event : recorded.events) {
+      if (event.t > duration_) break;
+      time_line_.receive(event);
+      end = event.t;
+    }
+    time_line_.set_horizon(std::isinf(duration_) ? end : duration_);
+    if (!recorded.events.empty() || !std::isinf(duration_)) settle();
+    return !recorded.damage;
+  }
+
+  bool lcm_log(const std::filesystem::path& file, nlohmann::ordered_json& report) {
+    ChannelLogReader log(file);
+    SessionTracker sessions;
+    ChannelRecord record;
+    std::int64_t refused = 0;
+    ContactReport contacts;
+    while (!done() && log.next(record)) {
+      if (record.channel != contacts_channel) continue;
+      if (decode(record.data, contacts) != Refusal::none || contacts.contacts != contacts_) {
+        ++refused;
+        continue;
+      }
+      const auto verdict = sessions.hear(contacts);
+      if (verdict == SessionTracker::Verdict::ignored) continue;
+      if (verdict == SessionTracker::Verdict::starts) {
+        time_line_.restart(0, 0, 0, no_horizon);
+      }
+      time_line_.receive(contacts);
+      settle();
+    }
+    const MessageCounts& counts = sessions.counts();
+    report["messages"] = {{"received", counts.received},   {"refused", refused},
+                          {"lost", counts.lost},           {"doubled", counts.doubled},
+                          {"reordered", counts.reordered}, {"sessions", counts.sessions}};
+    if (counts.received == 0) {
+      std::cerr << file.string() << ": no message on " << contacts_channel << '\n';
+    }
+    for (const DegradedInterval& gap : time_line_.events().degraded()) {
+      std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
+    }
+    if (log.damage()) {
+      std::cerr << file.string() << ": byte " << log.damage()->offset << ": " << log.damage()->what
+                << "; everything before is used\n";
+      report["damage"] = {{"byte", log.damage()->offset}, {"what", log.damage()->what}};
+    }
+    return !log.damage();
+  }
+
+  void finish(nlohmann::ordered_json& report) {
+    report["ticks"] = ticks_;
+    report["settled_tick"] = time_line_.handed_out();
+    report["refused_impacts"] = refused_impacts_;
+    report.update(to_json(time_line_.events()));
+    if (states_ && !states_->close()) throw std::runtime_error(states_->error());
+    if (events_ && !events_->close()) throw std::runtime_error(events_->error());
+  }
+
+ private:
+  bool done() const { return time_line_.started() && time_line_.handed_out() >= last_; }
+
+  void settle() {
+    if (events_) {
+      for (; written_ < time_line_.events().counts().events; ++written_) {
+        const auto& all = time_line_.events().events();
+        const auto left = static_cast<std::size_t>(time_line_.events().counts().events - written_);
+        events_->write(all[all.size() - left]);
+      }
+    }
+    time_line_.run(
+        0, [](const auto&) {},
+        [&](const typename Stepper::State& state) {
+          if (state.tick > last_) return true;
+          ++ticks_;
+          refused_impacts_ = state.refused_impacts;
+          if (states_) {
+            stepper_.output(state, q_, u_);
+            states_->write(state.tick, tick_instant(state.tick, stepper_.h()).hi, q_, u_);
+          }
+          return true;
+        });
+  }
+
+  int contacts_;
+  Stepper stepper_;
+  TimeLine<Stepper> time_line_;
+  std::int64_t last_;
+  double duration_;
+  Eigen::VectorXd q_, u_;
+  std::optional<StatesWriter> states_;
+  std::optional<EventsWriter> events_;
+  std::int64_t written_ = 0;
+  std::int64_t ticks_ = 0;
+  std::int64_t refused_impacts_ = 0;
+};
+
+template <typename Stepper>
+int replay_with(const Scene& scene, const ObserverOptions& options, const ReplayOptions& options_of,
+                nlohmann::ordered_json& report) {
+  Replay<Stepper> replay(scene, options, options_of);
+  const bool whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, report)
+                                                 : replay.events_csv(options_of.file, report);
+  replay.finish(report);
+  return whole ? exit_done : exit_failed;
+}
+
+}  // namespace
+
+int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
+               nlohmann::ordered_json& report) {
+  return options.stepper == StepperKind::exact
+             ? replay_with<Replica>(scene, options, replay, report)
+             : replay_with<MoreauReplica>(scene, options, replay, report);
+}
+
+}  // namespace sprag

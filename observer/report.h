@@ -1,0 +1,33 @@
+// The observer's figures as JSON, for --report.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "observer/time_line.h"
+
+namespace sprag {
+
+inline nlohmann::ordered_json to_json(const EventHistory& history) {
+  const EventCounts& counts = history.counts();
+  nlohmann::ordered_json degraded = nlohmann::ordered_json::array();
+  for (const DegradedInterval& interval : history.degraded()) {
+    degraded.push_back({{"from", interval.from}, {"to", interval.to}});
+  }
+  return {{"events", counts.events},
+          {"made_up_events", counts.made_up},
+          {"lost_records", counts.lost_records},
+          {"degraded", degraded},
+          {"skipped",
+           {{"backwards", counts.backwards},
+            {"beyond_horizon", counts.beyond_horizon},
+            {"unknown_contact", counts.unknown_contact},
+            {"contradicting", counts.contradicting}}}};
+}
+
+inline nlohmann::ordered_json to_json(const RollbackCounts& counts) {
+  return {{"count", counts.rollbacks},
+          {"deepest_ticks", counts.deepest},
+          {"ticks_redone", counts.ticks_redone}};
+}
+
+}  // namespace sprag

@@ -1,0 +1,203 @@
+// The observer's time line. Ticks are at t_k = k h of simulated time. The replica runs ahead to
+// "now"; when an event turns up that is older than now, the time line goes back to the last tick
+// before it and runs forward again, so that every tick is what it would have been without delay.
+// Ticks up to the horizon (all events known) are settled: they are handed out once, in order, and
+// depend on the events alone. A pure core: it knows neither clock nor transport.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mechanics/instant.h"
+#include "mechanics/model.h"
+#include "observer/event_history.h"
+
+namespace sprag {
+
+struct RollbackCounts {
+  std::int64_t rollbacks = 0;
+  std::int64_t deepest = 0;  ///< ticks of the longest one
+  std::int64_t ticks_redone = 0;
+};
+
+/// Stepper is Replica or MoreauReplica.
+template <typename Stepper>
+class TimeLine {
+ public:
+  using ReplicaState = typename Stepper::State;
+
+  /// Keeps at least `history` ticks (>= 1) to go back to, and the replica never runs further ahead
+  /// of the horizon than that: beyond it the estimate is held until the master is heard again.
+  TimeLine(Stepper& stepper, int contacts, const State& start, std::int64_t history)
+      : stepper_(&stepper), start_(start), history_(history), events_(contacts, event_capacity) {
+    saved_.resize(static_cast<std::size_t>(history) + 2);
+    for (ReplicaState& state : saved_) stepper.start(start, 0, 0, state);
+  }
+
+  /// Puts the scene's replica state at tick k; every event before has been dealt with.
+  void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
+    events_.restart(next_record, chi, horizon);
+    first_ = now_ = k;
+    chi_ = chi;
+    consumed_ = 0;
+    handed_out_ = reached_ = k - 1;
+    started_ = true;
+    start_again();
+  }
+
+  /// Starts from the first report of a session: at t = 0 if it still carries every event since
+  /// then, else at the first tick after its horizon.
+  void restart(const ContactReport& report) {
+    if (report.records_total == report.records) {
+      restart(0, 0, 0, no_horizon);
+    } else {
+      restart(last_tick(report.horizon, h()) + 1, report.records_total, report.closed,
+              report.horizon);
+    }
+    receive(report);
+  }
+
+  /// Takes what is new in a report, and goes back if it is older than now.
+  void receive(const ContactReport& report) {
+    const std::size_t known = events_.events().size();
+    if (events_.add(report) > 0) go_back(known);
+  }
+
+  /// Takes one event from a file.
+  void receive(const ContactEvent& event) {
+    const std::size_t known = events_.events().size();
+    if (events_.add(event)) go_back(known);
+  }
+
+  /// Every event up to t is known.
+  void set_horizon(double t) { events_.set_horizon(t); }
+
+  /// Runs to tick `target`, or as far as the horizon when that is later, but no further ahead of it
+  /// than the history allows. `on_tick(state)` sees every tick reached for the first time,
+  /// `on_settled(state)` every settled one, once and in order; it may return false to be asked
+  /// again at the next call.
+  template <typename OnTick, typename OnSettled>
+  void run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled) {
+    if (!started_) return;
+    const std::int64_t settled = settled_tick();
+    target = std::max(target, settled);
+    while (true) {
+      if (now_ > reached_) {
+        reached_ = now_;
+        on_tick(saved(now_));
+      }
+      while (handed_out_ < std::min(settled, now_)) {
+        if (!on_settled(saved(handed_out_ + 1))) break;
+        ++handed_out_;
+      }
+      if (now_ >= std::min(target, handed_out_ + history_)) break;
+      step();
+    }
+    forget();
+  }
+
+  bool started() const { return started_; }
+  double h() const { return stepper_->h(); }
+  std::int64_t now() const { return now_; }
+  /// Last tick at or before the horizon; before the first tick where there is none.
+  std::int64_t settled_tick() const {
+    if (events_.horizon() < 0.0) return first_ - 1;
+    return std::max(last_tick(events_.horizon(), h()), first_ - 1);
+  }
+  /// Last tick handed out as settled.
+  std::int64_t handed_out() const { return handed_out_; }
+  const EventHistory& events() const { return events_; }
+  const RollbackCounts& rollbacks() const { return rollbacks_; }
+
+ private:
+  static constexpr std::size_t event_capacity = 1U << 16U;
+
+  ReplicaState& saved(std::int64_t k) {
+    return saved_[static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()))];
+  }
+
+  std::int64_t tick_of(const ContactEvent& event) const {
+    const std::int64_t k = last_tick(event.t, h());
+    const bool on_tick = tick_instant(k, h()) - at(event.t) == 0.0;
+    return std::max(on_tick ? k : k + 1, first_);
+  }
+
+  // The events of one tick, from `consumed_` on.
+  std::span<const ContactEvent> events_of(std::int64_t k) {
+    const auto& all = events_.events();
+    std::size_t end = consumed_;
+    while (end < all.size() && tick_of(all[end]) == k) ++end;
+    const std::span<const ContactEvent> events(all.data() + consumed_, end - consumed_);
+    consumed_ = end;
+    return events;
+  }
+
+  void start_again() {
+    now_ = first_;
+    ReplicaState& state = saved(first_);
+    stepper_->start(start_, first_, chi_, state);
+    consumed_ = 0;
+    std::span<const ContactEvent> events = events_of(first_);
+    while (!events.empty()) {
+      const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+        return event.t != events.front().t;
+      });
+      const auto count = static_cast<std::size_t>(end - events.begin());
+      stepper_->apply(events.first(count), state);
+      events = events.subspan(count);
+    }
+  }
+
+  void step() {
+    const ReplicaState& from = saved(now_);
+    ReplicaState& to = saved(now_ + 1);
+    to = from;
+    ++now_;
+    stepper_->tick(events_of(now_), to);
+  }
+
+  // Back to the last tick before the event number `first_new`.
+  void go_back(std::size_t first_new) {
+    const std::int64_t tick = tick_of(events_.events()[first_new]);
+    if (tick > now_) return;
+    ++rollbacks_.rollbacks;
+    rollbacks_.deepest = std::max(rollbacks_.deepest, now_ - tick + 1);
+    rollbacks_.ticks_redone += now_ - tick + 1;
+    const std::int64_t present = now_;
+    if (tick == first_) {
+      start_again();
+    } else {
+      now_ = tick - 1;
+      consumed_ = std::min(consumed_, first_new);
+    }
+    while (now_ < present) step();
+  }
+
+  // Events of ticks that are handed out are not needed again, except those of the first tick.
+  void forget() {
+    if (consumed_ < event_capacity / 2 || handed_out_ <= first_) return;
+    const auto& all = events_.events();
+    std::size_t n = 0;
+    while (n < consumed_ && tick_of(all[n]) <= handed_out_) ++n;
+    events_.drop(n);
+    consumed_ -= n;
+  }
+
+  Stepper* stepper_;
+  State start_;
+  std::int64_t history_;
+  EventHistory events_;
+  std::vector<ReplicaState> saved_;  // ring: tick k in slot k mod size
+  bool started_ = false;
+  ContactSet chi_ = 0;  // at the first tick
+  std::int64_t first_ = 0;
+  std::int64_t now_ = 0;
+  std::int64_t reached_ = -1;
+  std::int64_t handed_out_ = -1;
+  std::size_t consumed_ = 0;  // events up to and including tick now_
+  RollbackCounts rollbacks_;
+};
+
+}  // namespace sprag

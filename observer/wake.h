@@ -1,0 +1,42 @@
+// Wakes one waiting thread from another, without a lock.
+#pragma once
+
+#include <semaphore.h>
+
+#include <cstdint>
+#include <ctime>
+
+namespace sprag {
+
+class Wake {
+ public:
+  Wake() { sem_init(&semaphore_, 0, 0); }
+  ~Wake() { sem_destroy(&semaphore_); }
+  Wake(const Wake&) = delete;
+  Wake& operator=(const Wake&) = delete;
+
+  void signal() { sem_post(&semaphore_); }
+
+  /// Waits for signal() until a time of the monotonic clock [ns]; may return early.
+  void wait_until(std::int64_t deadline) {
+    const timespec time{deadline / 1'000'000'000, deadline % 1'000'000'000};
+    sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &time);
+  }
+
+ private:
+  sem_t semaphore_;
+};
+
+inline std::int64_t monotonic_now() {
+  timespec time;
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+inline std::int64_t wall_clock_us() {
+  timespec time;
+  clock_gettime(CLOCK_REALTIME, &time);
+  return std::int64_t{time.tv_sec} * 1'000'000 + time.tv_nsec / 1000;
+}
+
+}  // namespace sprag

@@ -1,0 +1,373 @@
+#include "mechanics/flow.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/support/random.h"
+#include "tests/support/random_model.h"
+#include "tests/support/reference_motion.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+std::vector<int> members(ContactSet set) {
+  std::vector<int> list;
+  for (; set != 0; set &= set - 1) list.push_back(std::countr_zero(set));
+  return list;
+}
+
+// Gives the locked contacts gamma = 0 by the smallest impulse.
+void stop_contacts(const Model& model, const std::vector<int>& locked, double t, State& state) {
+  const auto l = static_cast<Eigen::Index>(locked.size());
+  if (l == 0) return;
+  Eigen::MatrixXd W(model.coordinates(), l);
+  for (int repeat = 0; repeat < 3; ++repeat) {  // to rounding
+    Eigen::VectorXd gamma(l);
+    for (Eigen::Index i = 0; i < l; ++i) {
+      const Contact& contact =
+          model.contacts[static_cast<std::size_t>(locked[static_cast<std::size_t>(i)])];
+      W.col(i) = contact.w;
+      gamma[i] = gap_velocity(contact, state.u, t);
+    }
+    const Eigen::MatrixXd MinvW = model.M.llt().solve(W);
+    const Eigen::MatrixXd G = W.transpose() * MinvW;
+    state.u -= MinvW * G.ldlt().solve(gamma);
+  }
+}
+
+Eigen::VectorXd gaps(const Model& model, const std::vector<int>& contacts, const State& state,
+                     double t) {
+  Eigen::VectorXd g(static_cast<Eigen::Index>(contacts.size()));
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    g[static_cast<Eigen::Index>(i)] =
+        gap(model.contacts[static_cast<std::size_t>(contacts[i])], state.q, t);
+  }
+  return g;
+}
+
+Eigen::VectorXd as_double(const ReferenceMotion::Vector& x) { return x.cast<double>(); }
+
+class FlowOfAStructure : public testing::TestWithParam<std::size_t> {};
+
+std::string structure_name(const testing::TestParamInfo<std::size_t>& structure) {
+  return structure_names[structure.param];
+}
+
+// A double eigenvalue without a second eigenvector is known to half the digits of the extended
+// precision that a flow's modes are computed in.
+constexpr double defective = 1e-10;
+
+// Everything a flow promises, against an independent integration.
+void check_flow(const Model& model, ContactSet set, double t0, State start,
+                double tolerance = 1e-12) {
+  const Dynamics dynamics(model);
+  const Flow flow(dynamics, set);
+  const std::vector<int> locked = members(set);
+  stop_contacts(model, locked, t0, start);
+  const Eigen::VectorXd held = gaps(model, locked, start, t0);
+
+  Motion entered;
+  flow.enter(start.q, start.u, at(t0), held, entered);
+  State here{Eigen::VectorXd(model.coordinates()), Eigen::VectorXd(model.coordinates())};
+  flow.state(entered, here.q, here.u);
+  EXPECT_LT((here.q - start.q).norm(), 0.1 * tolerance * (1 + start.q.norm()))
+      << "enter, then state: q";
+  EXPECT_LT((here.u - start.u).norm(), 0.1 * tolerance * (1 + start.u.norm()))
+      << "enter, then state: u";
+
+  ReferenceMotion reference(model, locked, start, t0);
+  double before = 0.0;
+  for (const double tau : {0.01, 0.3, 1.0, 4.0}) {
+    reference.advance(static_cast<long double>(tau) - before);
+    before = tau;
+    Motion moved;
+    flow.propagate(entered, at(t0) + tau, moved);
+    flow.state(moved, here.q, here.u);
+    const double t = t0 + tau;
+    const double size = 1 + as_double(reference.q()).norm() + as_double(reference.u()).norm();
+    EXPECT_LT((here.q - as_double(reference.q())).norm(), tolerance * size) << "q after " << tau;
+    EXPECT_LT((here.u - as_double(reference.u())).norm(), tolerance * size) << "u after " << tau;
+
+    const double force_size = (model.K.norm() + model.C.norm() + 10.0) * size;
+    const ReferenceMotion::Vector lambda = reference.lambda();
+    for (std::size_t i = 0; i < locked.size(); ++i) {
+      const int contact = locked[i];
+      const Contact& c = model.contacts[static_cast<std::size_t>(contact)];
+      EXPECT_NEAR(gap_velocity(c, here.u, t), 0.0, 0.1 * tolerance * size)
+          << "gamma of " << contact;
+      EXPECT_NEAR(gap(c, here.q, t), held[static_cast<Eigen::Index>(i)], 0.1 * tolerance * size)
+          << "g of " << contact;
+      EXPECT_NEAR(value(flow.force(contact), moved),
+                  static_cast<double>(lambda[static_cast<Eigen::Index>(i)]), tolerance * force_size)
+          << "force of " << contact << " after " << tau;
+    }
+    for (int i = 0; i < dynamics.contacts(); ++i) {
+      if (contains(set, i)) continue;
+      const Contact& c = model.contacts[static_cast<std::size_t>(i)];
+      EXPECT_NEAR(value(flow.gap(i), moved), gap(c, here.q, t), 0.1 * tolerance * size)
+          << "gap of " << i;
+      const double gamma = gap_velocity(c, here.u, t);
+      EXPECT_NEAR(value(flow.gap_velocity(i), moved), gamma, tolerance * size)
+          << "velocity of " << i;
+      EXPECT_NEAR(rate(flow.gap(i), moved), gamma, tolerance * size) << "rate of the gap of " << i;
+    }
+  }
+}
+
+// L = {}, {i} and {i, j}, as far as coordinates allow.
+TEST_P(FlowOfAStructure, IsTheMotionOfTheEquationOfMotion) {
+  const Structure structure = structures[GetParam()];
+  for (int i = 0; i < repetitions(40); ++i) {
+    const std::uint64_t seed = 1000 * (GetParam() + 1) + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Eigen::Index f = random.integer(1, 5);
+    Model model = random_machine(random, structure, f);
+    add_forces(random, model, random.integer(0, 2));
+    add_contacts(random, model, 3);
+    const State start = random_state(random, model);
+    const double t0 = random.chance(0.5) ? 0.0 : random.uniform(0, 50);
+    for (const ContactSet set : {ContactSet{0}, bit(1), bit(0) | bit(2)}) {
+      if (std::popcount(set) > f) continue;
+      SCOPED_TRACE(testing::Message() << "f = " << f << ", locked set " << set);
+      try {
+        check_flow(model, set, t0, start);
+      } catch (const ModelError& error) {
+        ADD_FAILURE() << "refused: " << error.what();
+      }
+    }
+    if (HasFailure()) return;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, FlowOfAStructure, testing::Range<std::size_t>(0, structures.size()),
+                         structure_name);
+
+TEST(Flow, TakesTheCheapestPathThatIsExact) {
+  const std::uint64_t seed = 41;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  const auto path = [&](Structure structure, ContactSet locked) {
+    Model model = random_machine(random, structure, 4);
+    add_contacts(random, model, 2);
+    const Dynamics dynamics(model);
+    return Flow(dynamics, locked).path();
+  };
+  EXPECT_EQ(path(Structure::diagonal, 0), FlowPath::diagonal);
+  EXPECT_EQ(path(Structure::simultaneous, 0), FlowPath::modal);
+  EXPECT_EQ(path(Structure::repeated, 0), FlowPath::modal);
+  EXPECT_EQ(path(Structure::all_equal, 0), FlowPath::modal);
+  EXPECT_EQ(path(Structure::no_stiffness, 0), FlowPath::modal);
+  EXPECT_EQ(path(Structure::coupled, 0), FlowPath::dense);
+  EXPECT_EQ(path(Structure::repeated_pair, 0), FlowPath::dense);
+  EXPECT_EQ(path(Structure::rayleigh, 1), FlowPath::modal);
+  EXPECT_EQ(path(Structure::all_equal, 3), FlowPath::modal);
+  EXPECT_EQ(path(Structure::coupled, 1), FlowPath::dense);
+}
+
+TEST(Flow, PiecesAddUpToTheWhole) {
+  for (std::size_t s = 0; s < structures.size(); ++s) {
+    SCOPED_TRACE(testing::Message() << structure_names[s]);
+    const std::uint64_t seed = 52 + s;
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Model model = random_machine(random, structures[s], 4);
+    add_forces(random, model, 1);
+    add_contacts(random, model, 2);
+    const Dynamics dynamics(model);
+    for (const ContactSet set : {ContactSet{0}, bit(1)}) {
+      const Flow flow(dynamics, set);
+      State start = random_state(random, model);
+      stop_contacts(model, members(set), 0.0, start);
+      Motion motion;
+      flow.enter(start.q, start.u, at(0.0), gaps(model, members(set), start, 0.0), motion);
+      Motion pieces = motion;
+      for (int k = 1; k <= 300; ++k) flow.propagate(pieces, tick_instant(k, 0.01), pieces);
+      flow.propagate(motion, tick_instant(300, 0.01), motion);
+      State whole{Eigen::VectorXd(4), Eigen::VectorXd(4)};
+      State summed = whole;
+      flow.state(motion, whole.q, whole.u);
+      flow.state(pieces, summed.q, summed.u);
+      const double size = 1 + whole.q.norm() + whole.u.norm();
+      EXPECT_LT((whole.q - summed.q).norm(), 1e-12 * size);
+      EXPECT_LT((whole.u - summed.u).norm(), 1e-12 * size);
+    }
+  }
+}
+
+// In the middle of a long run, where the rounded product Omega t is off by 1e-13.
+TEST(Flow, PhasesOfTheExcitationKeepTheirDigitsLate) {
+  Model model;
+  model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
+  model.C = Eigen::MatrixXd::Constant(1, 1, 0.5);
+  model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {1.0, 9.7, 0.0}});
+  const Dynamics dynamics(model);
+  const Flow flow(dynamics, 0);
+  OscillatorState x{Eigen::ArrayXd::Zero(2), Eigen::ArrayXd::Zero(2)};
+  for (const std::int64_t k : {1L, 4000L, 123457L, 40000001L}) {
+    const Instant t = tick_instant(k, 0.01);
+    flow.set_phases(t, x);
+    // 80 bits hold the product of 9.7 and the instant to 1e-14 there.
+    const long double phase = 9.7 * (static_cast<long double>(t.hi) + t.lo);
+    EXPECT_NEAR(x.z[0], static_cast<double>(std::cos(phase)), 2e-15 + 1e-19 * std::abs(t.hi) * 10);
+    EXPECT_NEAR(x.v[0], static_cast<double>(-9.7L * std::sin(phase)),
+                2e-14 + 1e-18 * std::abs(t.hi) * 10);
+  }
+}
+
+TEST(Flow, KicksAreImpulses) {
+  for (const Structure structure :
+       {Structure::diagonal, Structure::simultaneous, Structure::no_stiffness}) {
+    const std::uint64_t seed = 61 + static_cast<std::uint64_t>(structure);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Model model = random_machine(random, structure, 4);
+    add_forces(random, model, 1);
+    add_contacts(random, model, 2);
+    const Dynamics dynamics(model);
+    const Flow flow(dynamics, 0);
+    ASSERT_TRUE(flow.accepts_kicks());
+    const State start = random_state(random, model);
+    Motion motion;
+    flow.enter(start.q, start.u, at(0.7), Eigen::VectorXd(0), motion);
+    flow.kick(1, 0.31, motion);
+    State after = start;
+    flow.state(motion, after.q, after.u);
+    const Eigen::VectorXd expected = start.u + 0.31 * model.M.llt().solve(model.contacts[1].w);
+    EXPECT_LT((after.q - start.q).norm(), 1e-13);
+    EXPECT_LT((after.u - expected).norm(), 1e-13);
+  }
+}
+
+Model two_masses(double k_ground) {
+  Model model;
+  model.M = Eigen::Vector2d(1.0, 2.0).asDiagonal();
+  model.K = (Eigen::Matrix2d() << 4.0 + k_ground, -4.0, -4.0, 4.0).finished();
+  model.C = Eigen::Matrix2d::Zero();
+  return model;
+}
+
+TEST(Flow, UndampedResonanceIsRefusedOnAllPaths) {
+  Model diagonal;
+  diagonal.M = Eigen::Matrix2d::Identity();
+  diagonal.C = Eigen::Vector2d(0.0, 0.1).asDiagonal();
+  diagonal.K = Eigen::Vector2d(4.0, 9.0).asDiagonal();
+  diagonal.forces.push_back({Eigen::Vector2d(1, 1), 0.0, {1.0, 2.0, 0.3}});
+  EXPECT_THROW(Flow(Dynamics(diagonal), 0), ModelError);
+
+  // w^2 = 1 (in phase) and 5 of K = [[3, -2], [-2, 3]]
+  Model modal;
+  modal.M = Eigen::Matrix2d::Identity();
+  modal.C = Eigen::Matrix2d::Zero();
+  modal.K = (Eigen::Matrix2d() << 3, -2, -2, 3).finished();
+  modal.forces.push_back({Eigen::Vector2d(1, 0), 0.0, {1.0, 1.0, 0.3}});
+  EXPECT_THROW(Flow(Dynamics(modal), 0), ModelError);
+
+  // Only where it is locked: the mount drives a mode at its own frequency.
+  Model locked;
+  locked.M = Eigen::Matrix2d::Identity();
+  locked.C = Eigen::Matrix2d::Zero();
+  locked.K = (Eigen::Matrix2d() << 4, -1, -1, 7).finished();
+  locked.contacts.push_back({Eigen::Vector2d(0, 1), 0.0, {0.1, 2.0, 0.0}, 0.5});
+  const Dynamics dynamics(locked);
+  EXPECT_NO_THROW(Flow(dynamics, 0));
+  EXPECT_THROW(Flow(dynamics, 1), ModelError);
+}
+
+TEST(Flow, ResonanceOfAModeThatIsNotDrivenOrIsDampedIsFine) {
+  Model model;
+  model.M = Eigen::Matrix2d::Identity();
+  model.C = Eigen::Vector2d(0.0, 0.1).asDiagonal();
+  model.K = Eigen::Vector2d(4.0, 9.0).asDiagonal();
+  model.forces.push_back({Eigen::Vector2d(1, 0), 0.0, {1.0, 3.0, 0.3}});
+  model.forces.push_back({Eigen::Vector2d(0, 1), 0.0, {1.0, 3.0, 0.3}});
+  check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0, 0)});
+  model.forces = {{Eigen::Vector2d(0, 1), 0.0, {1.0, 2.0, 0.0}}};
+  check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0, 0)});
+}
+
+TEST(Flow, DependentLockedDirectionsAreRefused) {
+  const std::uint64_t seed = 71;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  Model model = random_machine(random, Structure::diagonal, 3);
+  add_contacts(random, model, 2);
+  Contact sum = model.contacts[0];
+  sum.w = 0.3 * model.contacts[0].w - 2.0 * model.contacts[1].w;
+  Contact twin = model.contacts[0];
+  twin.w *= -5.0;
+  model.contacts.push_back(sum);
+  model.contacts.push_back(twin);
+  const Dynamics dynamics(model);
+  EXPECT_NO_THROW(Flow(dynamics, bit(0) | bit(1)));
+  EXPECT_NO_THROW(Flow(dynamics, bit(1) | bit(2)));
+  EXPECT_THROW(Flow(dynamics, bit(0) | bit(3)), ModelError);
+  EXPECT_THROW(Flow(dynamics, bit(0) | bit(1) | bit(2)), ModelError);
+}
+
+TEST(Flow, MoreContactsThanCoordinatesAreRefused) {
+  Model model;
+  model.M = model.C = model.K = Eigen::MatrixXd::Identity(1, 1);
+  model.contacts.push_back({Eigen::VectorXd::Ones(1), 0.0, {}, 0.5});
+  model.contacts.push_back({-Eigen::VectorXd::Ones(1), 0.0, {}, 0.5});
+  const Dynamics dynamics(model);
+  EXPECT_THROW(Flow(dynamics, bit(0) | bit(1)), ModelError);
+}
+
+TEST(Flow, MassThatIsNotPositiveDefiniteIsRefused) {
+  Model model = two_masses(1.0);
+  model.M(1, 1) = 0.0;
+  EXPECT_THROW(Dynamics{model}, ModelError);
+  model.M = (Eigen::Matrix2d() << 1, 2, 2, 1).finished();
+  EXPECT_THROW(Dynamics{model}, ModelError);
+}
+
+// Machines that float: k = 0 is an ordinary case (design.md, section 2) on the dense path as well.
+TEST(Flow, AFloatingPairWithADamperOnOneOfThemFalls) {
+  Model model = two_masses(0.0);
+  model.C(0, 0) = 0.7;
+  model.forces.push_back({Eigen::Vector2d(1.0, 2.0), -9.81, {}});
+  check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)});
+}
+
+TEST(Flow, AFloatingChainWithOneInnerDamperDrifts) {
+  Model model;
+  model.M = Eigen::Matrix3d::Identity();
+  model.K = (Eigen::Matrix3d() << 3, -3, 0, -3, 5, -2, 0, -2, 2).finished();
+  model.C = (Eigen::Matrix3d() << 0.4, -0.4, 0, -0.4, 0.4, 0, 0, 0, 0).finished();
+  check_flow(model, 0, 0.0, {Eigen::Vector3d(0.1, 0.2, 0.0), Eigen::Vector3d(0.5, -0.3, 0.2)},
+             defective);
+}
+
+TEST(Flow, AFloatingPairWithADamperOnOneOfThemDriftsUnforced) {
+  Model model = two_masses(0.0);
+  model.C(0, 0) = 0.7;
+  check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)});
+}
+
+// C couples the modes of K, and s = -1 is a double root of
+// (s^2 + s + 1/2) (s^2 + 2 s + 3/2) - s^2 / 4: critical damping without a mode of its own.
+TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
+  for (const double off : {0.0, 1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-3}) {
+    SCOPED_TRACE(testing::Message() << "off the double root by " << off);
+    Model model;
+    model.M = Eigen::Matrix2d::Identity();
+    model.K = Eigen::Vector2d(0.5, 1.5).asDiagonal();
+    model.C = (Eigen::Matrix2d() << 1.0 + off, 0.5, 0.5, 2.0).finished();
+    try {
+      check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)}, defective);
+    } catch (const ModelError& error) {
+      ADD_FAILURE() << "refused: " << error.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sprag

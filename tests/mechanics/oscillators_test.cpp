@@ -1,0 +1,364 @@
+#include "mechanics/oscillators.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <string>
+
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+using Real = long double;
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+struct Point {
+  Real z, v;
+};
+
+// exp(A tau) (z, v, alpha) by scaling, Taylor and squaring: no case distinction, so that it is
+// right in the neighbourhood of critical damping as well.
+Point by_matrix_exponential(Real delta, Real kappa, Real tau, Point x, Real alpha) {
+  using Matrix = Eigen::Matrix<Real, 3, 3>;
+  const Real w = std::max({std::sqrt(kappa), delta, std::numeric_limits<Real>::min()});
+  Matrix A;  // of (w z, v, alpha / w)
+  A << 0, w, 0, -kappa / w, -2 * delta, w, 0, 0, 0;
+  A *= tau;
+  int halvings = 0;
+  for (Real norm = A.lpNorm<Eigen::Infinity>(); norm > 0.125L; norm /= 2) ++halvings;
+  A /= std::ldexp(Real(1), halvings);
+  Matrix term = Matrix::Identity();
+  Matrix sum = Matrix::Identity();
+  for (int j = 1; j <= 16; ++j) {
+    term = term * A / static_cast<Real>(j);
+    sum += term;
+  }
+  for (; halvings > 0; --halvings) sum = (sum * sum).eval();
+  const Eigen::Matrix<Real, 3, 1> y = sum * Eigen::Matrix<Real, 3, 1>(w * x.z, x.v, alpha / w);
+  return {y[0] / w, y[1]};
+}
+
+// The textbook's solution with two different eigenvalues; loses digits where they are close.
+Point by_eigenvalues(Real delta, Real kappa, Real tau, Point x) {
+  using Complex = std::complex<Real>;
+  const Complex root = std::sqrt(Complex(delta * delta - kappa, 0));
+  const Complex s1 = -delta - root;
+  const Complex s2 = std::abs(s1) > 0 ? kappa / s1 : Complex(0);
+  const Complex c1 = (x.v - s2 * x.z) / (s1 - s2);
+  const Complex c2 = (s1 * x.z - x.v) / (s1 - s2);
+  const Complex e1 = c1 * std::exp(s1 * tau);
+  const Complex e2 = c2 * std::exp(s2 * tau);
+  return {(e1 + e2).real(), (s1 * e1 + s2 * e2).real()};
+}
+
+Point exact(Real delta, Real kappa, Real tau, Point x) {
+  const Real gap = std::abs(delta * delta - kappa);
+  if (gap > 0.01L * std::max(kappa, delta * delta)) return by_eigenvalues(delta, kappa, tau, x);
+  return by_matrix_exponential(delta, kappa, tau, x, 0);
+}
+
+Eigen::ArrayXd one(double value) { return Eigen::ArrayXd::Constant(1, value); }
+
+Point propagate(double delta, double kappa, double alpha, double tau, Point x) {
+  const Oscillators oscillators(one(delta), one(kappa));
+  OscillatorState state{one(static_cast<double>(x.z)), one(static_cast<double>(x.v))};
+  oscillators.propagate(state, one(alpha), tau, 0, 1, state);
+  return {state.z[0], state.v[0]};
+}
+
+// Largest error of z and v in units of the roundings to expect: those of the state as it was, times
+// the phase that a rounding of kappa shifts.
+double error_in_roundings(double delta, double kappa, double tau, Point start, Point computed,
+                          Point truth) {
+  const double w = std::sqrt(kappa);
+  const double z0 = std::abs(static_cast<double>(start.z));
+  const double v0 = std::abs(static_cast<double>(start.v));
+  const double reach = std::min({tau, w > 0 ? 1 / w : tau, delta > 0 ? 1 / delta : tau});
+  const double z_scale = (z0 + v0 * reach) * (1 + w * tau);
+  const double v_scale = (v0 + w * z0) * (1 + w * tau);
+  const auto roundings = [](Real difference, double scale) {
+    return scale > 0 ? static_cast<double>(std::abs(difference)) / (epsilon * scale)
+                     : (difference == 0 ? 0.0 : 1e300);
+  };
+  return std::max(roundings(computed.z - truth.z, z_scale),
+                  roundings(computed.v - truth.v, v_scale));
+}
+
+enum class Regime { undamped, under, critical, over, near_critical };
+
+struct Case {
+  double delta, kappa, tau;
+  Point start;
+};
+
+Case random_case(Random& random, Regime regime) {
+  // Powers of two make delta^2 = kappa exactly.
+  const double w = regime == Regime::critical ? std::exp2(random.integer(-10, 12))
+                                              : random.log_uniform(1e-3, 4e3);
+  double ratio = 0.0;
+  switch (regime) {
+    case Regime::undamped:
+      ratio = 0.0;
+      break;
+    case Regime::under:
+      ratio = random.log_uniform(1e-8, 0.99);
+      break;
+    case Regime::critical:
+      ratio = 1.0;
+      break;
+    case Regime::over:
+      ratio = random.log_uniform(1.01, 1e6);
+      break;
+    case Regime::near_critical:
+      ratio = 1.0 + (random.chance(0.5) ? 1 : -1) * random.log_uniform(1e-16, 1e-2);
+      break;
+  }
+  return {ratio * w,
+          w * w,
+          random.log_uniform(1e-6, 1e3) / w,
+          {random.uniform(-1, 1), random.uniform(-1, 1) * w}};
+}
+
+class OscillatorRegimes : public testing::TestWithParam<Regime> {};
+
+TEST_P(OscillatorRegimes, AgreeWithExtendedPrecisionToAFewRoundings) {
+  const std::uint64_t seed = 7001;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  double worst = 0.0;
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const Case c = random_case(random, GetParam());
+    const Point computed = propagate(c.delta, c.kappa, 0.0, c.tau, c.start);
+    const Point truth = exact(c.delta, c.kappa, c.tau, c.start);
+    const double error = error_in_roundings(c.delta, c.kappa, c.tau, c.start, computed, truth);
+    worst = std::max(worst, error);
+    ASSERT_LT(error, 6.0) << "delta " << c.delta << ", kappa " << c.kappa << ", tau " << c.tau;
+  }
+  RecordProperty("worst_in_roundings", std::to_string(worst));
+}
+
+// Both pieces and their sum are doubles, exactly.
+TEST_P(OscillatorRegimes, TwoMovesAreOneMoveOverTheirSum) {
+  const std::uint64_t seed = 7002;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const Case c = random_case(random, GetParam());
+    const double unit = std::exp2(std::floor(std::log2(c.tau)) - 20);
+    const double a = unit * std::floor(random.uniform(0, 1) * c.tau / unit);
+    const double b = unit * std::floor(c.tau / unit) - a;
+    const Point whole = propagate(c.delta, c.kappa, 0.0, a + b, c.start);
+    const Point pieces =
+        propagate(c.delta, c.kappa, 0.0, b, propagate(c.delta, c.kappa, 0.0, a, c.start));
+    ASSERT_LT(error_in_roundings(c.delta, c.kappa, a + b, c.start, pieces, whole), 12.0)
+        << "delta " << c.delta << ", kappa " << c.kappa << ", tau " << a << " + " << b;
+  }
+}
+
+TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
+  const std::uint64_t seed = 7003;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (int i = 0; i < repetitions(5000); ++i) {
+    const Case c = random_case(random, GetParam());
+    const Oscillators oscillators(one(c.delta), one(c.kappa));
+    const TickTable table(oscillators, c.tau);
+    const OscillatorState start{one(static_cast<double>(c.start.z)),
+                                one(static_cast<double>(c.start.v))};
+    OscillatorState copied = start;
+    OscillatorState in_place = start;
+    table.apply(start, one(0.0), false, copied);
+    table.apply(in_place, one(0.0), false);
+    EXPECT_EQ(copied.z[0], in_place.z[0]);
+    EXPECT_EQ(copied.v[0], in_place.v[0]);
+    const Point moved = propagate(c.delta, c.kappa, 0.0, c.tau, c.start);
+    ASSERT_LT(
+        error_in_roundings(c.delta, c.kappa, c.tau, c.start, {copied.z[0], copied.v[0]}, moved),
+        8.0)
+        << "delta " << c.delta << ", kappa " << c.kappa << ", tau " << c.tau;
+  }
+}
+
+std::string regime_name(const testing::TestParamInfo<Regime>& regime) {
+  constexpr std::array names{"Undamped", "Under", "Critical", "Over", "NearCritical"};
+  return names[static_cast<std::size_t>(regime.param)];
+}
+
+INSTANTIATE_TEST_SUITE_P(All, OscillatorRegimes,
+                         testing::Values(Regime::undamped, Regime::under, Regime::critical,
+                                         Regime::over, Regime::near_critical),
+                         regime_name);
+
+TEST(Oscillators, CriticalDampingIsItsOwnClosedForm) {
+  for (const double delta : {0.25, 1.0, 64.0}) {
+    for (const double x : {1e-3, 0.3, 1.0, 7.0, 50.0}) {
+      const Real tau = static_cast<double>(x / delta);
+      const Real decay = std::exp(-delta * tau);
+      const Point moved = propagate(delta, delta * delta, 0.0, x / delta, {1.0, -0.5 * delta});
+      const Real z = decay * (1 + 0.5L * delta * tau);
+      const Real v = -decay * delta * (0.5L + 0.5L * delta * tau);
+      EXPECT_NEAR(static_cast<double>(moved.z / z), 1.0, 1e-14) << "delta " << delta << " x " << x;
+      EXPECT_NEAR(static_cast<double>(moved.v / v), 1.0, 1e-14) << "delta " << delta << " x " << x;
+    }
+  }
+}
+
+// The slow root of strong damping, kappa / (2 delta), is a difference of nearly equal numbers.
+TEST(Oscillators, StrongDampingKeepsTheSlowDecaysDigits) {
+  for (const double delta : {1e2, 1e4, 1e6}) {
+    for (const double slow_decays : {1e-3, 1.0, 20.0}) {
+      const double tau = slow_decays * 2.0 * delta;
+      const Point moved = propagate(delta, 1.0, 0.0, tau, {1.0, 0.0});
+      const Point truth = by_eigenvalues(delta, 1.0L, tau, {1.0, 0.0});
+      EXPECT_NEAR(static_cast<double>(moved.z / truth.z), 1.0, 1e-14) << "delta " << delta;
+      EXPECT_NEAR(static_cast<double>(moved.v / truth.v), 1.0, 1e-14) << "delta " << delta;
+    }
+  }
+}
+
+TEST(Oscillators, UndampedEnergyStays) {
+  const double kappa = 3.7;
+  for (const double tau : {0.01, 1.0, 100.0, 1e4}) {
+    const Point x = propagate(0.0, kappa, 0.0, tau, {0.3, -0.4});
+    const double energy = static_cast<double>(x.v * x.v + kappa * x.z * x.z);
+    EXPECT_NEAR(energy, 0.16 + kappa * 0.09, 4 * epsilon) << "tau " << tau;
+  }
+}
+
+TEST(Oscillators, FreeFallIsAParabola) {
+  for (const double tau : {0.0, 1e-9, 0.25, 1.0, 1e4}) {
+    const Point x = propagate(0.0, 0.0, -9.81, tau, {0.9, 0.5});
+    const Real t = tau;
+    const Real z = 0.9 + 0.5L * t + 0.5L * Real(-9.81) * t * t;
+    const Real v = 0.5L + Real(-9.81) * t;
+    EXPECT_NEAR(static_cast<double>(x.z - z), 0.0,
+                2 * epsilon * static_cast<double>(1 + std::abs(z)));
+    EXPECT_NEAR(static_cast<double>(x.v - v), 0.0,
+                2 * epsilon * static_cast<double>(1 + std::abs(v)));
+  }
+}
+
+// Without stiffness: z'' + 2 delta z' = alpha, from hardly damped (x = 2 delta tau tiny) to the
+// final speed alpha / (2 delta).
+TEST(Oscillators, DampedDriftAgreesWithItsSeries) {
+  const std::uint64_t seed = 7004;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const double delta = random.log_uniform(1e-6, 1e3);
+    const double tau = random.log_uniform(1e-12, 1e3) / (2 * delta);
+    const Real x = 2 * Real(delta) * tau;
+    // phi_1 = (1 - e^-x) / x, phi_2 = (x - 1 + e^-x) / x^2 by series or directly.
+    Real phi_1 = -std::expm1(-x) / x;
+    Real phi_2 = (1 - phi_1) / x;
+    if (x < 1) {
+      Real term = 0.5L;
+      phi_2 = 0;
+      for (int j = 3; j < 30; ++j) {
+        phi_2 += term;
+        term *= -x / static_cast<Real>(j);
+      }
+      phi_1 = 1 - x * phi_2;
+    }
+    const double z0 = random.uniform(-1, 1);
+    const double v0 = random.uniform(-1, 1);
+    const double alpha = random.uniform(-10, 10);
+    const Point moved = propagate(delta, 0.0, alpha, tau, {z0, v0});
+    const Real t = tau;
+    const Real z = z0 + v0 * t * phi_1 + alpha * t * t * phi_2;
+    const Real v = v0 * std::exp(-x) + alpha * t * phi_1;
+    const double z_scale = std::abs(z0) + std::abs(v0) * static_cast<double>(t * phi_1) +
+                           std::abs(alpha) * static_cast<double>(t * t * phi_2);
+    const double v_scale = std::abs(v0) + std::abs(alpha) * static_cast<double>(t * phi_1);
+    ASSERT_LT(static_cast<double>(std::abs(moved.z - z)), 16 * epsilon * z_scale)
+        << "delta " << delta << ", tau " << tau;
+    ASSERT_LT(static_cast<double>(std::abs(moved.v - v)), 4 * epsilon * v_scale)
+        << "delta " << delta << ", tau " << tau;
+
+    const TickTable table(Oscillators(one(delta), one(0.0)), tau);
+    OscillatorState state{one(z0), one(v0)};
+    table.apply(state, one(alpha), true);
+    EXPECT_NEAR(state.z[0], static_cast<double>(moved.z), 16 * epsilon * z_scale);
+    EXPECT_NEAR(state.v[0], static_cast<double>(moved.v), 8 * epsilon * v_scale);
+    OscillatorState copied{one(0.0), one(0.0)};
+    table.apply({one(z0), one(v0)}, one(alpha), true, copied);
+    EXPECT_EQ(copied.z[0], state.z[0]);
+    EXPECT_EQ(copied.v[0], state.v[0]);
+  }
+}
+
+TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
+  const std::uint64_t seed = 7005;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (int i = 0; i < repetitions(5000); ++i) {
+    const double delta = random.chance(0.3) ? 0.0 : random.log_uniform(1e-9, 1e2);
+    const double alpha = random.uniform(-1, 1);
+    const double a = random.integer(1, 1000) / 256.0;
+    const double b = random.integer(1, 1000) / 256.0;
+    const Point whole = propagate(delta, 0.0, alpha, a + b, {0.2, 0.3});
+    const Point pieces =
+        propagate(delta, 0.0, alpha, b, propagate(delta, 0.0, alpha, a, {0.2, 0.3}));
+    const double scale = 1 + (a + b) + (a + b) * (a + b);
+    ASSERT_NEAR(static_cast<double>(whole.z), static_cast<double>(pieces.z), 16 * epsilon * scale)
+        << "delta " << delta << ", tau " << a << " + " << b;
+    ASSERT_NEAR(static_cast<double>(whole.v), static_cast<double>(pieces.v),
+                16 * epsilon * (1 + a + b))
+        << "delta " << delta << ", tau " << a << " + " << b;
+  }
+}
+
+TEST(Oscillators, ABankMovesEachOscillatorAloneAndOnlyThoseAskedFor) {
+  const std::uint64_t seed = 7006;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  const Eigen::Index n = 12;
+  // Neighbours with equal damping, regimes mixed.
+  Eigen::ArrayXd delta(n);
+  Eigen::ArrayXd kappa(n);
+  Eigen::ArrayXd alpha = Eigen::ArrayXd::Zero(n);
+  delta << 0.0, 0.0, 0.085, 0.085, 0.085, 2.0, 2.0, 0.0, 0.085, 3.0, 3.0, 0.0;
+  kappa << 9.0, 0.0, 12.0, 1e4, 0.0, 4.0, 4.0, 0.0, 0.001, 0.0, 1.0, 50.0;
+  alpha[1] = 0.3;
+  alpha[4] = -0.2;
+  alpha[9] = 1.5;
+  const Oscillators bank(delta, kappa);
+  const OscillatorState start{random.vector(n).array(), random.vector(n).array()};
+  OscillatorState to = start;
+  bank.propagate(start, alpha, 0.73, 2, 8, to);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (i < 2 || i >= 10) {
+      EXPECT_EQ(to.z[i], start.z[i]);
+      EXPECT_EQ(to.v[i], start.v[i]);
+      continue;
+    }
+    const Point alone = propagate(delta[i], kappa[i], alpha[i], 0.73, {start.z[i], start.v[i]});
+    EXPECT_EQ(to.z[i], static_cast<double>(alone.z)) << "i " << i;
+    EXPECT_EQ(to.v[i], static_cast<double>(alone.v)) << "i " << i;
+  }
+  OscillatorState in_place = start;
+  bank.propagate(in_place, alpha, 0.73, 0, n, in_place);
+  OscillatorState copied = start;
+  bank.propagate(start, alpha, 0.73, 0, n, copied);
+  EXPECT_TRUE((in_place.z == copied.z).all() && (in_place.v == copied.v).all());
+}
+
+TEST(Oscillators, NoTimeNoMotion) {
+  for (const double delta : {0.0, 0.5, 1.0, 3.0}) {
+    for (const double kappa : {0.0, 1.0, 25.0}) {
+      const Point x = propagate(delta, kappa, kappa == 0.0 ? 2.0 : 0.0, 0.0, {0.3, -0.7});
+      EXPECT_EQ(static_cast<double>(x.z), 0.3);
+      EXPECT_EQ(static_cast<double>(x.v), -0.7);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,62 @@
+// Seeded random numbers and matrices, the same on every platform (the standard fixes the engine but
+// not its distributions).
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/QR>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <random>
+
+namespace sprag {
+
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+
+  /// In [low, high).
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+
+  double log_uniform(double low, double high) {
+    return std::exp(uniform(std::log(low), std::log(high)));
+  }
+
+  double phase() { return uniform(-std::numbers::pi, std::numbers::pi); }
+
+  /// In [low, high], both possible.
+  int integer(int low, int high) {
+    return low + static_cast<int>(engine_() % static_cast<std::uint64_t>(high - low + 1));
+  }
+
+  bool chance(double probability) { return uniform(0.0, 1.0) < probability; }
+
+  /// Entries in [-1, 1).
+  Eigen::MatrixXd matrix(Eigen::Index rows, Eigen::Index columns) {
+    Eigen::MatrixXd A(rows, columns);
+    for (double& entry : A.reshaped()) entry = uniform(-1.0, 1.0);
+    return A;
+  }
+
+  Eigen::VectorXd vector(Eigen::Index n) { return matrix(n, 1); }
+
+  Eigen::MatrixXd orthogonal(Eigen::Index n) {
+    return Eigen::HouseholderQR<Eigen::MatrixXd>(matrix(n, n)).householderQ();
+  }
+
+  /// Symmetric positive definite, eigenvalues in [low, high].
+  Eigen::MatrixXd positive_definite(Eigen::Index n, double low, double high) {
+    const Eigen::MatrixXd Q = orthogonal(n);
+    Eigen::VectorXd values(n);
+    for (double& value : values) value = uniform(low, high);
+    const Eigen::MatrixXd A = Q * values.asDiagonal() * Q.transpose();
+    return 0.5 * (A + A.transpose());
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+}  // namespace sprag

@@ -1,0 +1,23 @@
+// How often a randomized test repeats: a sanitized build is slower and repeats less.
+#pragma once
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SPRAG_SANITIZED 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
+    __has_feature(undefined_behavior_sanitizer)
+#define SPRAG_SANITIZED 1
+#endif
+#endif
+
+namespace sprag {
+
+#if defined(SPRAG_SANITIZED)
+inline constexpr bool sanitized = true;
+#else
+inline constexpr bool sanitized = false;
+#endif
+
+constexpr int repetitions(int count) { return sanitized ? (count + 19) / 20 : count; }
+
+}  // namespace sprag

@@ -1,0 +1,539 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "mechanics/csv.h"
+#include "mechanics/states_file.h"
+#include "tests/support/temporary_directory.h"
+#include "tests/support/udp_url.h"
+#include "tools/sync_logger/live.h"
+#include "tools/sync_logger/logger.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+using test::read_text;
+using test::TemporaryDirectory;
+using test::write_text;
+
+/// Two coordinates, M = diag(1, 2), K = diag(3, 4): V = (u1^2 + 2 u2^2 + 3 q1^2 + 4 q2^2) / 2.
+Model two_masses() {
+  Model model;
+  model.M = Eigen::Vector2d(1, 2).asDiagonal();
+  model.C = Eigen::Matrix2d::Zero();
+  model.K = Eigen::Vector2d(3, 4).asDiagonal();
+  return model;
+}
+
+constexpr const char* two_masses_scene = R"(
+name = "two_masses"
+[system]
+M = [[1.0, 0.0], [0.0, 2.0]]
+C = [[0.0, 0.0], [0.0, 0.0]]
+K = [[3.0, 0.0], [0.0, 4.0]]
+[impact]
+law = "poisson"
+restitution = 0.5
+[[contact]]
+direction = [1.0, 0.0]
+clearance = 100.0
+[master]
+q = [0.0, 0.0]
+u = [0.0, 0.0]
+[replica]
+q = [0.0, 0.0]
+u = [0.0, 0.0]
+)";
+
+EstimateSample sample(std::int64_t tick, double t, double q1 = 0.0, std::int64_t session = 1) {
+  EstimateSample result;
+  result.session = session;
+  result.tick = tick;
+  result.t = t;
+  result.q = Eigen::Vector2d(q1, 0.0);
+  result.u = Eigen::Vector2d::Zero();
+  return result;
+}
+
+TEST(PairingTest, RowComesWithTheSecondOfAPairWhicheverThatIs) {
+  Pairing pairing(two_masses());
+  EXPECT_EQ(pairing.add_truth(sample(0, 0.0, 2.0)), nullptr);
+  const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 1.0));
+  ASSERT_NE(row, nullptr);
+  EXPECT_EQ(row->energy, Eigen::Vector3d(1.5, 1.5, 0.0));
+  EXPECT_EQ(pairing.add_estimate(sample(1, 0.1)), nullptr);
+  row = pairing.add_truth(sample(1, 0.1, 2.0));
+  ASSERT_NE(row, nullptr);
+  EXPECT_EQ(row->k, 1);
+  EXPECT_EQ(row->energy[0], 6.0);
+  EXPECT_EQ(pairing.waiting_truth() + pairing.waiting_estimate(), 0U);
+}
+
+TEST(PairingTest, TicksMayDifferAndTheRowHasTheEstimates) {
+  Pairing pairing(two_masses());
+  std::vector<std::int64_t> ticks;
+  for (int k = 0; k <= 100; ++k) {
+    pairing.add_truth(sample(k, 0.001 * k));
+    if (k % 10 != 0) continue;
+    const SyncRow* row = pairing.add_estimate(sample(k / 10, 0.01 * (k / 10)));
+    ASSERT_NE(row, nullptr) << k;
+    ticks.push_back(row->k);
+    EXPECT_EQ(row->t, 0.01 * (k / 10));
+  }
+  EXPECT_EQ(ticks, (std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
+  EXPECT_EQ(pairing.figures().unpaired_truth, 90);
+}
+
+TEST(PairingTest, TheSameInstantIsARelativeBillionth) {
+  Pairing pairing(two_masses());
+  pairing.add_truth(sample(1, 1.0));
+  EXPECT_EQ(pairing.add_estimate(sample(1, 1.0 + 3e-9)), nullptr);
+  EXPECT_NE(pairing.add_estimate(sample(1, 1.0 - 0.9e-9)), nullptr);
+}
+
+TEST(PairingTest, ReplicaMayHaveFewerModes) {
+  Pairing pairing(two_masses());
+  StateSample truth = sample(0, 0.0);
+  truth.u = Eigen::Vector2d(0.0, 3.0);
+  pairing.add_truth(truth);
+  EstimateSample estimate = sample(0, 0.0);
+  estimate.q = estimate.u = Eigen::VectorXd::Zero(1);
+  const SyncRow* row = pairing.add_estimate(estimate);
+  ASSERT_NE(row, nullptr);
+  EXPECT_EQ(row->energy, Eigen::Vector3d(9.0, 0.0, 9.0));
+}
+
+TEST(PairingTest, WrongSizesAreRefusedAndCounted) {
+  Pairing pairing(two_masses());
+  StateSample truth = sample(0, 0.0);
+  truth.q = truth.u = Eigen::VectorXd::Zero(1);
+  EXPECT_EQ(pairing.add_truth(truth), nullptr);
+  EstimateSample estimate = sample(0, 0.0);
+  estimate.q = estimate.u = Eigen::VectorXd::Zero(3);
+  EXPECT_EQ(pairing.add_estimate(estimate), nullptr);
+  EXPECT_EQ(pairing.figures().wrong_truth_size, 1);
+  EXPECT_EQ(pairing.figures().wrong_estimate_size, 1);
+  EXPECT_EQ(pairing.waiting_truth() + pairing.waiting_estimate(), 0U);
+}
+
+TEST(PairingTest, DoubledAndLateSamplesGiveNoRow) {
+  Pairing pairing(two_masses());
+  pairing.add_truth(sample(0, 0.0));
+  pairing.add_truth(sample(0, 0.0));
+  EXPECT_EQ(pairing.figures().doubled, 1);
+  EXPECT_NE(pairing.add_estimate(sample(0, 0.0)), nullptr);
+  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0)), nullptr);
+  EXPECT_EQ(pairing.add_truth(sample(0, 0.0)), nullptr);
+  EXPECT_EQ(pairing.figures().late, 2);
+  EXPECT_EQ(pairing.figures().rows, 1);
+}
+
+TEST(PairingTest, LostSamplesCostTheirRowsOnly) {
+  Pairing pairing(two_masses());
+  std::vector<std::int64_t> ticks;
+  for (int k = 0; k < 100; ++k) {
+    if (k % 7 != 3) pairing.add_truth(sample(k, 0.1 * k));
+    if (k % 5 == 2) continue;
+    if (const SyncRow* row = pairing.add_estimate(sample(k, 0.1 * k))) ticks.push_back(row->k);
+  }
+  std::vector<std::int64_t> expected;
+  for (int k = 0; k < 100; ++k)
+    if (k % 7 != 3 && k % 5 != 2) expected.push_back(k);
+  EXPECT_EQ(ticks, expected);
+  const SyncFigures& figures = pairing.figures();
+  EXPECT_EQ(
+      figures.rows + figures.unpaired_truth + static_cast<std::int64_t>(pairing.waiting_truth()),
+      86);
+  EXPECT_EQ(figures.rows + figures.unpaired_estimate +
+                static_cast<std::int64_t>(pairing.waiting_estimate()),
+            80);
+}
+
+TEST(PairingTest, NewSessionStartsAnewAndTheOldOneIsOver) {
+  Pairing pairing(two_masses());
+  pairing.add_truth(sample(50, 5.0, 0.0, 1));
+  EXPECT_NE(pairing.add_estimate(sample(50, 5.0, 1.0, 1)), nullptr);
+  pairing.add_truth(sample(0, 0.0, 0.0, 2));
+  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0, 0.0, 1)), nullptr);  // still of the old master
+  EXPECT_EQ(pairing.add_truth(sample(51, 5.1, 0.0, 1)), nullptr);
+  const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 4.0, 2));
+  ASSERT_NE(row, nullptr);
+  EXPECT_EQ(row->energy[0], 24.0);
+  EXPECT_EQ(pairing.figures().sessions, 2);
+  EXPECT_EQ(pairing.figures().old_session, 2);
+  EXPECT_EQ(pairing.figures().max_growth, 0.0);  // V of two sessions is not compared
+}
+
+TEST(PairingTest, EstimatesMayComeBeforeTheirSessionsFirstState) {
+  Pairing pairing(two_masses());
+  pairing.add_truth(sample(0, 0.0, 0.0, 1));
+  for (int k = 0; k < 3; ++k) EXPECT_EQ(pairing.add_estimate(sample(k, 0.1 * k, 0.0, 2)), nullptr);
+  EXPECT_EQ(pairing.session(), 1);
+  for (int k = 0; k < 3; ++k) EXPECT_NE(pairing.add_truth(sample(k, 0.1 * k, 0.0, 2)), nullptr);
+}
+
+TEST(PairingTest, MemoryIsBounded) {
+  Pairing pairing(two_masses(), 10);
+  for (int k = 0; k < 1000; ++k) {
+    pairing.add_truth(sample(k, k, 0.0, 1));
+    pairing.add_estimate(sample(k, k + 0.5, 0.0, 2));  // another session, then other instants
+    pairing.add_estimate(sample(k, k + 0.5, 0.0, 1));
+  }
+  EXPECT_EQ(pairing.waiting_truth(), 10U);
+  EXPECT_EQ(pairing.waiting_estimate(), 20U);
+  EXPECT_EQ(pairing.figures().unpaired_truth, 990);
+  EXPECT_EQ(pairing.figures().unpaired_estimate, 1980);
+}
+
+TEST(PairingTest, FiguresTellWhereVGrewMost) {
+  Pairing pairing(two_masses());
+  const double q[] = {4.0, 2.0, 3.0, 1.0, 1.5};
+  for (int k = 0; k < 5; ++k) {
+    pairing.add_truth(sample(k, k, q[k]));
+    pairing.add_estimate(sample(k, k));
+  }
+  EXPECT_EQ(pairing.figures().first_v, 24.0);
+  EXPECT_EQ(pairing.figures().last_v, 3.375);
+  EXPECT_EQ(pairing.figures().max_growth, 7.5);
+  EXPECT_EQ(pairing.figures().max_growth_t, 2.0);
+}
+
+/// A sync_logger process with its stderr in a pipe.
+class Process {
+ public:
+  explicit Process(std::vector<std::string> arguments, bool without_network = false) {
+    arguments.insert(arguments.begin(), SYNC_LOGGER);
+    if (without_network) arguments.insert(arguments.begin(), {"unshare", "-rn"});
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    int ends[2];
+    if (::pipe(ends) != 0) throw std::runtime_error("pipe");
+    id_ = ::fork();
+    if (id_ == 0) {
+      ::dup2(ends[1], 2);
+      ::close(ends[0]);
+      ::close(ends[1]);
+      ::execvp(argv[0], argv.data());
+      ::_exit(127);
+    }
+    ::close(ends[1]);
+    errors_ = ends[0];
+  }
+  ~Process() {
+    if (!ended_) ::kill(id_, SIGKILL);
+    if (!ended_) ::waitpid(id_, nullptr, 0);
+    ::close(errors_);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  /// Reads stderr until it holds `text`; false if it ends before.
+  bool says(const std::string& text) {
+    while (said_.find(text) == std::string::npos)
+      if (!read_some()) return false;
+    return true;
+  }
+
+  void signal(int number) const { ::kill(id_, number); }
+
+  int exit_code() {
+    while (read_some()) continue;
+    int status = 0;
+    ::waitpid(id_, &status, 0);
+    ended_ = true;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  const std::string& said() const { return said_; }
+
+ private:
+  bool read_some() {
+    char data[4096];
+    const ssize_t count = ::read(errors_, data, sizeof data);
+    if (count > 0) said_.append(data, static_cast<std::size_t>(count));
+    return count > 0;
+  }
+
+  pid_t id_ = -1;
+  int errors_ = -1;
+  bool ended_ = false;
+  std::string said_;
+};
+
+std::vector<std::vector<double>> read_rows(const std::filesystem::path& file) {
+  std::istringstream lines(read_text(file));
+  std::vector<std::vector<double>> rows;
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_EQ(line, "k,t,V,V1,V2");
+  std::vector<std::string_view> fields;
+  while (std::getline(lines, line)) {
+    split_fields(line, fields);
+    rows.emplace_back();
+    for (const std::string_view field : fields)
+      rows.back().push_back(parse_double(field).value_or(NAN));
+  }
+  return rows;
+}
+
+class SyncLoggerTest : public testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (directory_ / name).string(); }
+
+  nlohmann::json report() const { return nlohmann::json::parse(read_text(path("report.json"))); }
+
+  TemporaryDirectory directory_;
+  std::string scene_ = write_text(directory_ / "scene.toml", two_masses_scene).string();
+};
+
+class OfflineTest : public SyncLoggerTest {
+ protected:
+  void write_states(const std::string& name, int ticks, double step, double q1) const {
+    StatesWriter writer(path(name), 2);
+    for (int k = 0; k <= ticks; ++k)
+      writer.write(k, k * step, Eigen::Vector2d(q1, 0.0), Eigen::Vector2d::Zero());
+    ASSERT_TRUE(writer.close());
+  }
+
+  std::string run(int expected_code) const {
+    Process process({scene_, "--truth", path("truth.csv"), "--estimate", path("estimate.csv"),
+                     "--csv", path("sync.csv"), "--report", path("report.json")});
+    EXPECT_EQ(process.exit_code(), expected_code) << process.said();
+    return process.said();
+  }
+};
+
+TEST_F(OfflineTest, PairsTwoFilesOfDifferentSteps) {
+  write_states("truth.csv", 1000, 0.001, 2.0);
+  write_states("estimate.csv", 100, 0.01, 0.0);
+  run(0);
+  const auto rows = read_rows(path("sync.csv"));
+  ASSERT_EQ(rows.size(), 101U);
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    EXPECT_EQ(rows[k], (std::vector<double>{double(k), double(k) * 0.01, 6.0, 6.0, 0.0}));
+  EXPECT_EQ(report()["rows"], 101);
+  EXPECT_EQ(report()["V"]["last"], 6.0);
+  EXPECT_EQ(report()["unpaired"]["truth"], 900);
+}
+
+TEST_F(OfflineTest, DamagedFileIsUsedUpToTheDamage) {
+  write_states("truth.csv", 10, 0.1, 2.0);
+  write_states("estimate.csv", 10, 0.1, 0.0);
+  const std::string whole = read_text(path("estimate.csv"));
+  write_text(path("estimate.csv"), whole.substr(0, whole.size() - 3));
+  const std::string said = run(1);
+  EXPECT_NE(said.find("estimate.csv:12: truncated line"), std::string::npos) << said;
+  EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
+  EXPECT_EQ(report()["damage"].size(), 1U);
+}
+
+TEST_F(OfflineTest, FilesThatDoNotFitAreBadInput) {
+  write_states("truth.csv", 10, 0.1, 2.0);
+  EXPECT_NE(run(2).find("estimate.csv: No such file"), std::string::npos);
+  write_text(path("estimate.csv"), "k,t,q1,q2,u1,u2\n");
+  EXPECT_NE(run(2).find("no time is in both"), std::string::npos);
+  write_text(path("estimate.csv"), "k,t,x\n");
+  EXPECT_NE(run(2).find("header must be"), std::string::npos);
+  write_text(path("estimate.csv"), "k,t,q1,q2,q3,u1,u2,u3\n");
+  EXPECT_NE(run(2).find("has 3 coordinates; the scene has 2"), std::string::npos);
+  write_text(path("truth.csv"), "k,t,q1,u1\n");
+  EXPECT_NE(run(2).find("has 1 coordinates; the scene has 2"), std::string::npos);
+}
+
+class LiveTest : public SyncLoggerTest {
+ protected:
+  std::vector<std::string> arguments(std::vector<std::string> more) const {
+    more.insert(more.begin(), {scene_, "--url", url_, "--report", path("report.json")});
+    return more;
+  }
+
+  void publish(const char* channel, std::span<const std::uint8_t> bytes) {
+    ASSERT_TRUE(bus_.publish(channel, bytes));
+  }
+  void publish_truth(const StateSample& truth) { publish(truth_channel, encode(truth, buffer_)); }
+  void publish_estimate(const char* channel, const EstimateSample& estimate) {
+    publish(channel, encode(estimate, buffer_));
+  }
+  /// Truth and settled estimate of tick k at k/10, with V = 1.5 q1^2.
+  void publish_pair(int k, double q1, std::int64_t session = 1) {
+    publish_truth(sample(k, 0.1 * k, q1, session));
+    publish_estimate(settled_channel, sample(k, 0.1 * k, 0.0, session));
+  }
+
+  std::string url_ = test::udp_url();
+  Bus bus_{url_};
+  std::vector<std::uint8_t> buffer_;
+};
+
+TEST_F(LiveTest, WritesRowsUntilTheDurationIsPaired) {
+  Process process(arguments({"--csv", path("sync.csv"), "--duration", "2"}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k <= 25; ++k) publish_pair(k, 2.0);
+  EXPECT_EQ(process.exit_code(), 0);
+  const auto rows = read_rows(path("sync.csv"));
+  ASSERT_EQ(rows.size(), 21U);
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    EXPECT_EQ(rows[k], (std::vector<double>{double(k), 0.1 * double(k), 6.0, 6.0, 0.0}));
+  EXPECT_EQ(report()["rows"], rows.size());
+  EXPECT_EQ(report()["sessions"], 1);
+}
+
+TEST_F(LiveTest, DurationMayLieBetweenTwoTicks) {
+  Process process(arguments({"--csv", path("sync.csv"), "--duration", "0.95"}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
+  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
+}
+
+TEST_F(LiveTest, LostLastMessageDoesNotKeepItRunning) {
+  Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
+  publish_truth(sample(10, 1.0));
+  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_NE(process.said().find("the last row did not come"), std::string::npos);
+  EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
+}
+
+TEST_F(LiveTest, SignalsEndItWithCompleteFiles) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Process process(arguments({"--csv", path("sync.csv")}));
+    ASSERT_TRUE(process.says("listening"));
+    for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
+    ASSERT_TRUE(process.says("rows 5"));
+    process.signal(signal);
+    EXPECT_EQ(process.exit_code(), 0);
+    EXPECT_EQ(read_rows(path("sync.csv")).size(), 5U);
+    EXPECT_EQ(report()["rows"], 5);
+  }
+}
+
+TEST_F(LiveTest, RestartedMasterIsReportedAndItsRowsFollow) {
+  Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k < 5; ++k) publish_pair(k, 2.0, 1);
+  for (int k = 0; k <= 10; ++k) publish_pair(k, 4.0, 2);
+  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_NE(process.said().find("new session"), std::string::npos);
+  const auto rows = read_rows(path("sync.csv"));
+  ASSERT_EQ(rows.size(), 16U);
+  EXPECT_EQ(rows[4][2], 6.0);
+  EXPECT_EQ(rows[5], (std::vector<double>{0.0, 0.0, 24.0, 24.0, 0.0}));
+  EXPECT_EQ(report()["sessions"], 2);
+}
+
+TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
+  EXPECT_EQ(now_file("runs/a.csv"), "runs/a_now.csv");
+  Process process(arguments({"--csv", path("sync.csv"), "--now", "--duration", "1"}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k <= 10; ++k) {
+    publish_estimate(estimate_channel, sample(k, 0.1 * k, 1.0));
+    publish_pair(k, 2.0);
+  }
+  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(read_rows(path("sync.csv")).size(), 11U);
+  const auto now = read_rows(path("sync_now.csv"));
+  ASSERT_EQ(now.size(), 11U);
+  EXPECT_EQ(now[3][2], 1.5);
+  EXPECT_EQ(report()["now"]["rows"], 11);
+}
+
+TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
+  Process process(
+      arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv"), "--duration", "0.1"}));
+  ASSERT_TRUE(process.says("listening"));
+  ContactReport contacts;
+  contacts.contacts = 1;
+  ContactsMessage message;
+  encode(contacts, message);
+  publish(contacts_channel, message);
+  publish_estimate(estimate_channel, sample(0, 0.0));
+  publish("SPRAG_OTHER", std::vector<std::uint8_t>{1, 2});
+  publish("ELSEWHERE", std::vector<std::uint8_t>{1, 2});
+  publish_pair(0, 1.0);
+  publish_pair(1, 1.0);
+  EXPECT_EQ(process.exit_code(), 0);
+  ChannelLogReader reader(path("all.lcmlog"));
+  std::vector<std::string> channels;
+  ChannelRecord record;
+  while (reader.next(record)) {
+    channels.push_back(record.channel);
+    if (record.channel != contacts_channel) continue;
+    EXPECT_TRUE(std::equal(message.begin(), message.end(), record.data.begin()));
+  }
+  EXPECT_FALSE(reader.damage());
+  EXPECT_EQ(channels, (std::vector<std::string>{contacts_channel, estimate_channel, "SPRAG_OTHER",
+                                                truth_channel, settled_channel, truth_channel,
+                                                settled_channel}));
+}
+
+TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
+  Process process(arguments({"--csv", path("sync.csv"), "--duration", "0.1"}));
+  ASSERT_TRUE(process.says("listening"));
+  publish(truth_channel, std::vector<std::uint8_t>{1, 2, 3});
+  publish(settled_channel, std::vector<std::uint8_t>(500));
+  publish_truth(sample(0, -1.0));
+  StateSample larger = sample(0, 0.0);
+  larger.q = larger.u = Eigen::VectorXd::Zero(3);
+  publish_truth(larger);
+  publish_truth(larger);
+  publish_pair(0, 1.0);
+  publish_pair(1, 1.0);
+  EXPECT_EQ(process.exit_code(), 0);
+  const auto figures = report();
+  EXPECT_EQ(figures["refused"],
+            nlohmann::json::parse(R"({"truncated": 1, "wrong_type": 1, "bad_time": 1})"));
+  EXPECT_EQ(figures["ignored"]["wrong_truth_size"], 2);
+  EXPECT_EQ(figures["rows"], 2);
+  EXPECT_NE(process.said().find("the master has 3 coordinates, the scene has 2"),
+            std::string::npos);
+}
+
+TEST_F(LiveTest, FilesThatCannotBeWrittenFailTheRun) {
+  Process absent(arguments({"--csv", "/nowhere/sync.csv"}));
+  EXPECT_EQ(absent.exit_code(), 1);
+  Process full(arguments({"--csv", "/dev/full"}));
+  ASSERT_TRUE(full.says("listening"));
+  publish_pair(0, 1.0);
+  EXPECT_EQ(full.exit_code(), 1);
+  EXPECT_NE(full.said().find("/dev/full: No space left"), std::string::npos);
+  EXPECT_EQ(report()["rows"], 1);
+}
+
+TEST_F(LiveTest, HostWithoutMulticastIsToldHowToMendIt) {
+  if (std::system("unshare -rn true") != 0) GTEST_SKIP() << "unshare -rn is not permitted here";
+  Process process({scene_}, true);
+  EXPECT_EQ(process.exit_code(), 1);
+  EXPECT_NE(process.said().find("    ip link set lo up\n    ip route add 224.0.0.0/4 dev lo\n"),
+            std::string::npos);
+}
+
+TEST_F(SyncLoggerTest, BadUsageAndInputExitWithTwo) {
+  for (const std::vector<std::string>& bad : std::vector<std::vector<std::string>>{
+           {},
+           {path("absent.toml")},
+           {scene_, "--duration", "0"},
+           {scene_, "--now"},
+           {scene_, "--truth", "a.csv", "--csv", "b.csv"},
+           {scene_, "--estimate", "a.csv"},
+           {scene_, "--truth", "a", "--estimate", "b"},
+           {scene_, "--truth", "a", "--estimate", "b", "--csv", "c", "--record", "d"}}) {
+    Process process(bad);
+    EXPECT_EQ(process.exit_code(), 2) << process.said();
+    EXPECT_FALSE(process.said().empty());
+  }
+}
+
+}  // namespace
+}  // namespace sprag
