@@ -27,8 +27,8 @@ using Clock = std::chrono::steady_clock;
 constexpr auto heartbeat = 10ms;
 constexpr auto longest_sleep = 1ms;
 constexpr auto progress_period = 1s;
-// The last report is repeated: no heartbeat follows that would repair its loss.
-constexpr int last_report_repeats = 10;
+// The last messages are repeated: nothing follows that would repair their loss.
+constexpr int last_message_repeats = 10;
 // Simulated time that an unpaced master covers between two looks at the clock.
 constexpr double unpaced_stride = 1.0;
 
@@ -177,10 +177,12 @@ class MasterProcess {
 
   void say_goodbye() {
     if (!bus_) return;
-    for (int i = 0; i < last_report_repeats; ++i) {
+    for (int i = 0; i < last_message_repeats; ++i) {
       if (i > 0) std::this_thread::sleep_for(heartbeat);
       next_heartbeat_ = Clock::time_point::min();
       publish(reached_);
+      if (options_.truth && next_tick_ > 0)
+        (void)bus_->publish(truth_channel, encode(sample_, buffer_));
     }
   }
 

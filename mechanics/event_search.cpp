@@ -8,47 +8,46 @@ namespace sprag {
 namespace {
 
 constexpr int degree = 8;
+// Lower bounds have one term more, the remainder.
+constexpr int top = degree + 1;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// A remainder of this share of the signal still lets the polynomial decide.
-constexpr double remainder_share = 0.125;
 // Two events closer than this (times 1 + t) are one.
 constexpr double simultaneous = 1e-13;
 
-using Coefficients = std::array<double, degree + 1>;
+using Coefficients = std::array<double, top + 1>;
 
-constexpr std::array<double, degree + 3> inverse_factorials = [] {
-  std::array<double, degree + 3> values{};
+constexpr std::array<double, degree + 2> inverse_factorials = [] {
+  std::array<double, degree + 2> values{};
   double factorial = 1.0;
-  for (int j = 0; j < degree + 3; ++j) {
+  for (int j = 0; j < degree + 2; ++j) {
     values[static_cast<std::size_t>(j)] = 1.0 / factorial;
     factorial *= j + 1;
   }
   return values;
 }();
 
-// C(i, j) / C(n, j): from power coefficients on [0, 1] to Bernstein coefficients of degree n.
+// C(i, j) / C(top, j): from power coefficients on [0, 1] to Bernstein coefficients; transposed, so
+// that one power coefficient's share in all of them is a row.
 constexpr auto bernstein = [] {
-  std::array<std::array<std::array<double, degree + 1>, degree + 1>, degree + 1> table{};
+  std::array<Coefficients, top + 1> table{};
   const auto binomial = [](int n, int k) {
     double value = 1.0;
     for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
     return value;
   };
-  for (int n = 0; n <= degree; ++n) {
-    for (int i = 0; i <= n; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        table[static_cast<std::size_t>(n)][static_cast<std::size_t>(i)]
-             [static_cast<std::size_t>(j)] = binomial(i, j) / binomial(n, j);
-      }
+  for (int j = 0; j <= top; ++j) {
+    for (int i = j; i <= top; ++i) {
+      table[static_cast<std::size_t>(j)][static_cast<std::size_t>(i)] =
+          binomial(i, j) / binomial(top, j);
     }
   }
   return table;
 }();
 
 struct Expansion {
-  Coefficients a{};    // phi^(j) / j!
+  Coefficients a{};    // phi^(j) / j!, j = 0..degree
   double bound = 0.0;  // of |phi^(p+1)| / (p+1)! from now on
   double noise = 0.0;  // rounding of a[0]
 };
@@ -85,7 +84,7 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
   }
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
-  e.bound = bound * inverse_factorials[degree + 1];
+  e.bound = bound * inverse_factorials[top];
   e.noise = 4.0 * epsilon * magnitude;
   return e;
 }
@@ -110,47 +109,61 @@ double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
   return 8.0 * epsilon * magnitude * inverse_factorials[static_cast<std::size_t>(order)];
 }
 
-// Polynomial in Bernstein form on a piece [low, low + length] of [0, 1].
+// Polynomial of degree `top` in Bernstein form on a piece [low, low + length] of [0, 1].
 struct Piece {
   Coefficients b;
   double low;
   double length;
 };
 
-// Splits at s in (0, 1): `piece` keeps the left part, the right part is returned (de Casteljau).
-Piece split(Piece& piece, int n, double s) {
-  Piece right;
-  Coefficients b = piece.b;
-  right.b[static_cast<std::size_t>(n)] = b[static_cast<std::size_t>(n)];
-  for (int level = 1; level <= n; ++level) {
-    for (int i = 0; i <= n - level; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      b[k] += s * (b[k + 1] - b[k]);
+// Splits at s in (0, 1): `piece` becomes the left part, `right` the right one (de Casteljau).
+void split(Piece& piece, double s, Piece& right) {
+  right.b = piece.b;
+  for (std::size_t level = 1; level <= top; ++level) {
+    for (std::size_t i = top; i >= level; --i) {
+      piece.b[i] = piece.b[i - 1] + s * (piece.b[i] - piece.b[i - 1]);
     }
-    piece.b[static_cast<std::size_t>(level)] = b[0];
-    right.b[static_cast<std::size_t>(n - level)] = b[static_cast<std::size_t>(n - level)];
+    right.b[top - level] = piece.b[top];
   }
   right.low = piece.low + s * piece.length;
   right.length = (1.0 - s) * piece.length;
   piece.length *= s;
-  return right;
 }
 
-// Lower bound, tight to a per mille of b[0], of the first root in (0, 1] of a polynomial of degree
-// n with b[0] > 0; infinity where there is none. From the convex hull of the Bernstein
-// coefficients.
-double first_root(const Coefficients& b, int n) {
+// The right part alone, in place.
+void cut(Piece& piece, double s) {
+  for (std::size_t level = top; level >= 1; --level) {
+    for (std::size_t i = 0; i < level; ++i) piece.b[i] += s * (piece.b[i + 1] - piece.b[i]);
+  }
+  piece.low += s * piece.length;
+  piece.length *= 1.0 - s;
+}
+
+// Where the convex hull of the control points (i / top, b[i]), b[0] > 0, first meets zero; infinity
+// if it does not.
+double hull_crossing(const Coefficients& b) {
+  double s = infinity;
+  for (int j = 1; j <= top; ++j) {
+    const double bj = b[static_cast<std::size_t>(j)];
+    if (bj >= 0.0) continue;
+    for (int i = 0; i < j; ++i) {
+      const double bi = b[static_cast<std::size_t>(i)];
+      if (bi >= 0.0) s = std::min(s, (i + (j - i) * bi / (bi - bj)) / top);
+    }
+  }
+  return s;
+}
+
+// Lower bound, tight to a per mille of b[0], of the first root in (0, 1] of a polynomial with
+// b[0] > 0; infinity where there is none. From the convex hull of the Bernstein coefficients.
+double first_root(const Coefficients& b) {
   constexpr int max_depth = 40;
   std::array<Piece, max_depth> later;
   int depth = 0;
   const double tolerance = 1e-3 * b[0];
   Piece piece{b, 0.0, 1.0};
   for (int iteration = 0; iteration < 400; ++iteration) {
-    double s = infinity;
-    for (int i = 1; i <= n; ++i) {
-      const double bi = piece.b[static_cast<std::size_t>(i)];
-      if (bi < 0.0) s = std::min(s, i * piece.b[0] / (n * (piece.b[0] - bi)));
-    }
+    const double s = hull_crossing(piece.b);
     if (s > 1.0) {  // no root in this piece
       if (depth == 0) return infinity;
       piece = later[static_cast<std::size_t>(--depth)];
@@ -159,35 +172,14 @@ double first_root(const Coefficients& b, int n) {
     }
     if (s > 0.25 || depth == max_depth) {
       if (s >= 1.0) return piece.low + piece.length;
-      piece = split(piece, n, s);
-      if (piece.b[0] <= tolerance || piece.length < 1e-15) return piece.low;
+      cut(piece, s);
+      if (piece.b[0] <= tolerance) return piece.low;
     } else {
-      later[static_cast<std::size_t>(depth++)] = split(piece, n, std::min(4.0 * s, 0.5));
-      if (piece.length < 1e-15) return piece.low;
+      split(piece, std::min(4.0 * s, 0.5), later[static_cast<std::size_t>(depth++)]);
     }
+    if (piece.length < 1e-15) return piece.low;
   }
   return piece.low;
-}
-
-// Root of a power-form polynomial by Newton's method from s, from where it falls; NaN if it does
-// not settle within [s, limit].
-double polish(const Coefficients& c, int n, double s, double limit, double resolution,
-              double& slope) {
-  const double start = s;
-  for (int iteration = 0; iteration < 30; ++iteration) {
-    double value = c[static_cast<std::size_t>(n)];
-    slope = 0.0;
-    for (int j = n - 1; j >= 0; --j) {
-      slope = slope * s + value;
-      value = value * s + c[static_cast<std::size_t>(j)];
-    }
-    if (slope >= 0.0) return std::nan("");
-    const double step = value / slope;
-    s -= step;
-    if (s < start * (1.0 - 1e-9) || s > limit) return std::nan("");
-    if (std::abs(step) <= resolution) return s;
-  }
-  return std::nan("");
 }
 
 struct Verdict {
@@ -196,66 +188,88 @@ struct Verdict {
   double next = 0.0;       // phi at `certified`, roughly
 };
 
-// `omitted` bounds what expand_signal was not given.
+// How far a polynomial without remainder (free fall) can matter: beyond, its highest falling term
+// outweighs all others.
+double reach_of(const Expansion& e, int order) {
+  double reach = 0.0;
+  for (int i = order + 1; i <= degree; ++i) {
+    const double falling = e.a[static_cast<std::size_t>(i)];
+    if (falling >= 0.0) continue;
+    for (int j = order; j < i; ++j) {
+      const double rising = e.a[static_cast<std::size_t>(j)];
+      if (rising > 0.0) {
+        reach = std::max(reach, 2.0 * std::pow(-degree * rising / falling, 1.0 / (i - j)));
+      }
+    }
+  }
+  return reach;
+}
+
+// `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
+// is divided out.
 Verdict judge(const Expansion& e, int order, double omitted, double resolution) {
-  const auto a = [&](int j) { return e.a[static_cast<std::size_t>(j)]; };
   const int n = degree - order;
-  const double lead = a(order) - omitted;
-  double H = infinity;
+  const double lead = e.a[static_cast<std::size_t>(order)] - omitted;
+  double H = 0.0;
   if (e.bound > 0.0) {
-    H = std::exp2(std::log2(remainder_share * lead / e.bound) / (n + 1));
+    H = std::exp2(std::log2(lead / e.bound) / (n + 1));
   } else {
-    // A polynomial (free fall): its first root is no farther than where a negative term wins.
-    double reach = 0.0;
-    for (int j = 1; j <= n; ++j) {
-      if (a(order + j) < 0.0) {
-        reach = std::max(reach, 2.0 * std::pow(-n * lead / a(order + j), 1.0 / j));
-      }
-    }
-    if (reach == 0.0) return {infinity, infinity, lead};
-    for (int j = 1; j <= n; ++j) {
-      if (a(order + j) < 0.0) continue;
-      for (int i = 1; i <= n; ++i) {
-        if (a(order + i) < 0.0 && i > j) {
-          reach = std::max(reach, std::pow(-n * a(order + j) / a(order + i), 1.0 / (i - j)));
-        }
-      }
-    }
-    H = 2.0 * reach;
+    H = reach_of(e, order);
+    if (H == 0.0) return {infinity, infinity, lead};
   }
 
+  // On s = x / H in [0, 1].
   Coefficients c{};
   double power = 1.0;
   for (int j = 0; j <= n; ++j) {
-    c[static_cast<std::size_t>(j)] = a(order + j) * power;
+    c[static_cast<std::size_t>(j)] = e.a[static_cast<std::size_t>(j + order)] * power;
     power *= H;
   }
-  const double remainder = e.bound * power + omitted;  // power = H^(n+1)
+  const double remainder = e.bound * power;  // power = H^(n+1)
+  Coefficients lower = c;
+  lower[0] -= omitted;
+  lower[static_cast<std::size_t>(n + 1)] -= remainder;
   Coefficients b{};
-  const auto& convert = bernstein[static_cast<std::size_t>(n)];
-  for (std::size_t i = 0; i <= static_cast<std::size_t>(n); ++i) {
-    for (std::size_t j = 0; j <= i; ++j) b[i] += convert[i][j] * c[j];
-    b[i] -= remainder;
+  for (std::size_t j = 0; j <= static_cast<std::size_t>(n + 1); ++j) {
+    for (std::size_t i = 0; i <= top; ++i) b[i] += bernstein[j][i] * lower[j];
   }
-  const double low = first_root(b, n);
-  const auto evaluate = [&](double s) {
-    double value = c[static_cast<std::size_t>(n)];
-    for (int j = n - 1; j >= 0; --j) value = value * s + c[static_cast<std::size_t>(j)];
-    return value * std::pow(s * H, order);
-  };
-  if (low == infinity) return {H, infinity, evaluate(1.0)};
+  const double low = first_root(b);
+  const double end = low == infinity ? 1.0 : low;
 
-  Verdict verdict{low * H, infinity, evaluate(low)};
-  const double local = e.bound * std::pow(low * H, n + 1) + omitted;
-  if (local * H > remainder_share * resolution * std::abs(c[0] / low)) return verdict;
-  for (std::size_t i = 0; i <= static_cast<std::size_t>(n); ++i) b[i] += remainder;
-  const double near = first_root(b, n);
-  if (near == infinity) return verdict;
+  double value = 0.0;
   double slope = 0.0;
-  const double s = polish(c, n, near, 1.0, 0.125 * resolution / H, slope);
-  if (std::isnan(s)) return verdict;
-  const double error = (e.bound * std::pow(s * H, n + 1) + omitted) * H / std::abs(slope);
-  if (error <= 0.25 * resolution) verdict.root = s * H;
+  const auto evaluate = [&](double s) {
+    value = c[static_cast<std::size_t>(n)];
+    slope = 0.0;
+    for (int j = n - 1; j >= 0; --j) {
+      slope = slope * s + value;
+      value = value * s + c[static_cast<std::size_t>(j)];
+    }
+  };
+  evaluate(end);
+  double scale = 1.0;
+  for (int j = 0; j < order; ++j) scale *= end * H;
+  Verdict verdict{end * H, infinity, value * scale};
+  if (low == infinity || omitted > 0.0) return verdict;
+
+  // Close to a root of the polynomial itself the remainder hardly counts: is it this one?
+  const auto error = [&](double s) {
+    double size = remainder * H;
+    for (int j = 0; j <= n; ++j) size *= s;
+    return size / std::abs(slope);
+  };
+  if (slope >= 0.0 || error(low) > resolution) return verdict;
+  double s = low;
+  const double limit = low + 4.0 * std::abs(value / slope);
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    const double step = value / slope;
+    s -= step;
+    if (std::abs(step) * H <= 0.125 * resolution) break;
+    if (s > limit || s < low * (1.0 - 1e-9)) return verdict;
+    evaluate(s);
+    if (slope >= 0.0) return verdict;
+  }
+  if (error(s) <= 0.25 * resolution) verdict.root = s * H;
   return verdict;
 }
 

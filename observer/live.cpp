@@ -30,6 +30,7 @@ using namespace std::chrono_literals;
 constexpr std::size_t report_slots = 1024;
 constexpr std::size_t sample_slots = 16384;
 constexpr std::int64_t max_history_bytes = 256 << 20;
+constexpr int last_sample_repeats = 5;
 constexpr double history_time = 2.0;                     // simulated s that can be redone
 constexpr std::int64_t longest_wait = 2'000'000;         // ns
 constexpr std::int64_t progress_period = 1'000'000'000;  // ns
@@ -84,10 +85,8 @@ class LiveObserver {
     reports_arrived_.signal();
     integrating.join();
     receiving.join();
-    while (Sample* sample = samples_.front()) {
-      emit(*sample);
-      samples_.pop();
-    }
+    emit_all();
+    repeat_last();
     if (error_) std::rethrow_exception(error_);
     return exit_done;
   }
@@ -254,14 +253,26 @@ class LiveObserver {
     std::int64_t next_progress = monotonic_now() + progress_period;
     while (!done_ && !stop_requested()) {
       samples_ready_.wait_until(monotonic_now() + 100'000'000);
-      while (Sample* sample = samples_.front()) {
-        emit(*sample);
-        samples_.pop();
-      }
+      emit_all();
       if (monotonic_now() >= next_progress) {
         next_progress += progress_period;
         progress();
       }
+    }
+  }
+
+  void emit_all() {
+    while (Sample* sample = samples_.front()) {
+      emit(*sample);
+      samples_.pop();
+    }
+  }
+
+  // Nothing follows that would tell a listener that it missed the end.
+  void repeat_last() {
+    for (int i = 0; i < last_sample_repeats && !last_settled_.empty(); ++i) {
+      std::this_thread::sleep_for(10ms);
+      (void)bus_.publish(settled_channel, last_settled_);
     }
   }
 
@@ -282,8 +293,9 @@ class LiveObserver {
                        sample.estimate.u);
       }
     }
+    std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
     if (!bus_.publish(settled ? settled_channel : estimate_channel,
-                      encode(sample.estimate, buffer_))) {
+                      encode(sample.estimate, buffer))) {
       ++unsent_;
     }
   }
@@ -324,6 +336,7 @@ class LiveObserver {
 
   std::optional<StatesWriter> states_;
   std::vector<std::uint8_t> buffer_;
+  std::vector<std::uint8_t> last_settled_;
   std::int64_t settled_ = 0;
   std::int64_t unsent_ = 0;
   int announced_ = 0;

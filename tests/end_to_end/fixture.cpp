@@ -1,0 +1,171 @@
+#include "tests/end_to_end/fixture.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iostream>
+#include <map>
+
+#include "mechanics/csv.h"
+#include "mechanics/states_file.h"
+
+namespace sprag::test {
+
+namespace {
+
+constexpr auto patience = sanitized ? 100s : 14s;
+constexpr unsigned alarm_seconds = sanitized ? 150 : 30;
+
+const std::map<std::string, std::string> programs{
+    {"master_sim", MASTER_SIM}, {"observer", OBSERVER}, {"sync_logger", SYNC_LOGGER}};
+
+}  // namespace
+
+Arguments operator+(Arguments left, const Arguments& right) {
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
+std::string scene(const std::string& name) {
+  return std::string(SPRAG_SOURCE_DIR) + "/scenes/" + name + ".toml";
+}
+
+std::vector<SyncLine> read_sync(const std::filesystem::path& file) {
+  std::vector<SyncLine> rows;
+  LineReader reader(file);
+  std::string_view line;
+  std::vector<std::string_view> fields;
+  LineReader::Result result = reader.next(line);
+  EXPECT_TRUE(result == LineReader::Result::line && line.starts_with("k,t,V,V1")) << file;
+  while ((result = reader.next(line)) == LineReader::Result::line) {
+    split_fields(line, fields);
+    if (fields.size() < 4) break;
+    const auto k = parse_integer(fields[0]);
+    const auto t = parse_double(fields[1]);
+    const auto v = parse_double(fields[2]);
+    if (!k || !t || !v) break;
+    rows.push_back({*k, *t, *v});
+  }
+  EXPECT_EQ(result, LineReader::Result::end) << file << ':' << reader.number() << ": " << line;
+  return rows;
+}
+
+std::vector<StateLine> read_states_file(const std::filesystem::path& file) {
+  std::vector<StateLine> rows;
+  StatesReader reader(file);
+  StateRow row;
+  while (reader.next(row)) {
+    StateLine& line = rows.emplace_back();
+    line.k = row.k;
+    line.t = row.t;
+    line.values.assign(row.q.begin(), row.q.end());
+    line.values.insert(line.values.end(), row.u.begin(), row.u.end());
+  }
+  EXPECT_FALSE(reader.damage()) << file << ':' << reader.damage()->line << ": "
+                                << reader.damage()->what;
+  return rows;
+}
+
+std::size_t count_rows(const std::filesystem::path& file) {
+  const std::string text = read_text(file);
+  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(std::ranges::count(text, '\n') - 1, 0));
+}
+
+void EndToEnd::SetUp() {
+  deadline_ = std::chrono::steady_clock::now() + patience;
+  ::alarm(alarm_seconds);  // the last resort; the programs die with this process
+}
+
+void EndToEnd::TearDown() {
+  for (const auto& process : processes_) process->kill();
+  ::alarm(0);
+  if (!HasFailure()) return;
+  for (const auto& process : processes_) {
+    std::cerr << "---- stderr of " << process->label() << ":\n" << process->err();
+  }
+}
+
+std::chrono::milliseconds EndToEnd::left() const {
+  const auto rest =
+      std::chrono::ceil<std::chrono::milliseconds>(deadline_ - std::chrono::steady_clock::now());
+  return std::max(rest, std::chrono::milliseconds(0));
+}
+
+Process& EndToEnd::start_command(const Arguments& command) {
+  const std::string label = std::to_string(processes_.size()) + "_" +
+                            std::filesystem::path(command.front()).filename().string();
+  return *processes_.emplace_back(std::make_unique<Process>(command, directory_ / "", label));
+}
+
+Process& EndToEnd::start(const std::string& program, const Arguments& arguments) {
+  return start_command(Arguments{programs.at(program), "--url", url_} + arguments);
+}
+
+Ended EndToEnd::run(const std::string& program, const Arguments& arguments) {
+  return end_of(start(program, arguments));
+}
+
+Ended EndToEnd::end_of(Process& process) { return end_of(process, left()); }
+
+Ended EndToEnd::end_of(Process& process, std::chrono::milliseconds timeout) {
+  const auto code = process.wait(timeout);
+  if (!code) {
+    ADD_FAILURE() << process.label() << " has not ended";
+    process.kill();
+  }
+  return {code.value_or(-1), process.out(), process.err()};
+}
+
+Process& EndToEnd::start_listening(const std::string& program, const Arguments& arguments) {
+  Process& process = start(program, arguments);
+  EXPECT_TRUE(in_time([&] {
+    return process.err().find("listening") != std::string::npos || !process.running();
+  })) << program
+      << " does not listen";
+  return process;
+}
+
+Process& EndToEnd::start_master(const Arguments& arguments) {
+  const std::string events = file("events_" + std::to_string(processes_.size()) + ".csv");
+  const bool own = std::ranges::find(arguments, "--events") != arguments.end();
+  Process& process =
+      start("master_sim", own ? arguments : arguments + Arguments{"--events", events});
+  const std::string path = own ? *(std::ranges::find(arguments, "--events") + 1) : events;
+  EXPECT_TRUE(in_time([&] { return std::filesystem::exists(path) || !process.running(); }));
+  return process;
+}
+
+void EndToEnd::wait_for_time(Process& master, double t) {
+  EXPECT_TRUE(in_time([&] {
+    const std::string progress = master.err();
+    const std::size_t last = progress.rfind("t ");
+    const bool there = last != std::string::npos && std::atof(progress.c_str() + last + 2) >= t;
+    return there || !master.running();
+  }));
+  EXPECT_TRUE(master.running()) << "the master ended before t = " << t;
+}
+
+nlohmann::json EndToEnd::json(const std::string& name) const {
+  return nlohmann::json::parse(text(name), nullptr, false);
+}
+
+std::string EndToEnd::simulate(const std::string& scene_file, const std::string& duration,
+                               const std::string& tick) {
+  const Ended ended =
+      run("master_sim", {scene_file, "--no-lcm", "--speed", "max", "--duration", duration, "--tick",
+                         tick, "--events", file("events.csv"), "--states", file("truth.csv")});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  return file("events.csv");
+}
+
+std::string EndToEnd::replay(const std::string& scene_file, const std::string& recording,
+                             const Arguments& more) {
+  const std::string states = file("replay_" + std::to_string(replays_++) + ".csv");
+  const Ended ended =
+      run("observer", Arguments{scene_file, "--replay", recording, "--states", states} + more);
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  return states;
+}
+
+}  // namespace sprag::test

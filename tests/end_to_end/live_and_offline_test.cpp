@@ -1,0 +1,102 @@
+// A live run gives what the same events give offline.
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+class LiveAndOfflineTest : public EndToEnd {
+ protected:
+  /// Runs the three programs to `duration`; files live.csv, events.csv, sync.csv, run.lcmlog.
+  void run_live(const std::string& scene_file, const std::string& duration, const std::string& tick,
+                const Arguments& of_observer, const Arguments& of_master = {}) {
+    const Arguments common{scene_file, "--duration", duration};
+    Process& logger = start_listening(
+        "sync_logger",
+        common + Arguments{"--csv", file("sync.csv"), "--record", file("run.lcmlog")});
+    Process& observer = start_listening(
+        "observer", common + Arguments{"--tick", tick, "--states", file("live.csv")} + of_observer);
+    Process& master = start_master(
+        common + Arguments{"--tick", tick, "--speed", "20", "--events", file("events.csv")} +
+        of_master);
+    EXPECT_EQ(end_of(master).code, 0);
+    EXPECT_EQ(end_of(observer).code, 0);
+    // Without truth the logger cannot know that the run is over.
+    if (std::ranges::find(of_master, "--no-truth") != of_master.end()) logger.signal(SIGTERM);
+    EXPECT_EQ(end_of(logger).code, 0);
+  }
+
+  void expect_settled_ticks_as_in_replays(const std::string& name, const std::string& stepper) {
+    run_live(scene(name), "40", "0.02", {"--stepper", stepper});
+    const std::string live = text("live.csv");
+    EXPECT_EQ(read_states_file(file("live.csv")).size(), 2001U);
+    const Arguments more{"--tick", "0.02", "--duration", "40", "--stepper", stepper};
+    EXPECT_TRUE(live == read_text(replay(scene(name), file("events.csv"), more)))
+        << "live differs from the replay of the events";
+    EXPECT_TRUE(live == read_text(replay(scene(name), file("run.lcmlog"), more)))
+        << "live differs from the replay of the recording";
+  }
+};
+
+TEST_F(LiveAndOfflineTest, ErrorEnergyFallsLiveAsItDoesOffline) {
+  const std::string beam = scene("paper_beam");
+  run_live(beam, "60", "0.02", {});
+  simulate(beam, "60", "0.02");
+  const std::string estimate =
+      replay(beam, file("events.csv"), {"--tick", "0.02", "--duration", "60"});
+  EXPECT_EQ(run("sync_logger", {beam, "--truth", file("truth.csv"), "--estimate", estimate, "--csv",
+                                file("offline.csv")})
+                .code,
+            0);
+
+  std::map<std::int64_t, SyncLine> offline;
+  for (const SyncLine& row : read_sync(file("offline.csv"))) offline[row.k] = row;
+  ASSERT_EQ(offline.size(), 3001U);
+  EXPECT_NEAR(offline[0].v, 0.4783533, 1e-7);
+  EXPECT_LT(offline[3000].v, 1e-4 * offline[0].v);
+
+  const std::vector<SyncLine> live = read_sync(file("sync.csv"));
+  EXPECT_GE(live.size(), 2851U);  // UDP may lose some
+  for (const SyncLine& row : live) {
+    ASSERT_TRUE(offline.contains(row.k)) << row.k;
+    const SyncLine& same = offline[row.k];
+    EXPECT_EQ(row.t, same.t);
+    EXPECT_NEAR(row.v, same.v, std::max(1e-12 * same.v, 1e-20)) << "k " << row.k;
+  }
+}
+
+TEST_F(LiveAndOfflineTest, SettledTicksEqualTheReplayBitForBit) {
+  expect_settled_ticks_as_in_replays("paper_beam", "exact");
+}
+
+TEST_F(LiveAndOfflineTest, SettledTicksEqualTheReplayBitForBitThroughChatter) {
+  expect_settled_ticks_as_in_replays("paper_beam_chatter", "exact");
+}
+
+TEST_F(LiveAndOfflineTest, SettledTicksOfTheMoreauStepperEqualTheReplayBitForBit) {
+  expect_settled_ticks_as_in_replays("paper_beam", "moreau");
+}
+
+TEST_F(LiveAndOfflineTest, SettledTicksOfTheMoreauStepperEqualTheReplayBitForBitThroughChatter) {
+  expect_settled_ticks_as_in_replays("paper_beam_chatter", "moreau");
+}
+
+TEST_F(LiveAndOfflineTest, ObserverDoesNotNeedTheTruth) {
+  const std::string beam = scene("paper_beam");
+  run_live(beam, "30", "0.02", {});
+  const std::string with_truth = text("live.csv");
+  const Arguments more{"--tick", "0.02", "--duration", "30"};
+  EXPECT_TRUE(with_truth == read_text(replay(beam, file("events.csv"), more)));
+
+  set_url(udp_url());
+  run_live(beam, "30", "0.02", {}, {"--no-truth"});
+  EXPECT_TRUE(text("live.csv") == read_text(replay(beam, file("events.csv"), more)));
+  EXPECT_TRUE(text("live.csv") == with_truth) << "the observer's output depends on the truth";
+  EXPECT_EQ(count_rows(file("sync.csv")), 0U) << "truth was sent in spite of --no-truth";
+}
+
+}  // namespace
+}  // namespace sprag::test

@@ -1,0 +1,85 @@
+// Runs are recorded, replayed and played again, always with the same bits.
+#include <cmath>
+#include <csignal>
+
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+class RecordingTest : public EndToEnd {
+ protected:
+  const std::string beam_ = scene("paper_beam");
+  const Arguments common_{beam_, "--duration", "40", "--tick", "0.02"};
+};
+
+TEST_F(RecordingTest, LcmLoggersRecordingReplaysAndPlaysAsTheRunItself) {
+  const std::string recording = file("recording");
+  Process& recorder =
+      start_command({LCM_LOGGER, "--lcm-url=" + url(), "-q", "-c", "SPRAG_CONTACTS", recording});
+  EXPECT_TRUE(in_time([&] { return std::filesystem::exists(recording); }));
+  Process& observer =
+      start_listening("observer", common_ + Arguments{"--states", file("live.csv")});
+  Process& master = start_master(common_ + Arguments{"--speed", "20"});
+  EXPECT_EQ(end_of(master).code, 0);
+  EXPECT_EQ(end_of(observer).code, 0);
+  recorder.signal(SIGINT);
+  end_of(recorder);
+  const std::string live = text("live.csv");
+  EXPECT_EQ(count_rows(file("live.csv")), 2001U);
+  const Arguments more{"--tick", "0.02", "--duration", "40"};
+  EXPECT_TRUE(live == read_text(replay(beam_, recording, more))) << "the replay differs";
+
+  set_url(udp_url());
+  Process& second =
+      start_listening("observer", common_ + Arguments{"--states", file("played.csv")});
+  Process& player =
+      start_command({LCM_LOGPLAYER, "--lcm-url=" + url(), "--speed", "1.5", recording});
+  EXPECT_EQ(end_of(player).code, 0);
+  EXPECT_EQ(end_of(second).code, 0);
+  EXPECT_TRUE(live == text("played.csv")) << "the played recording differs";
+}
+
+TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
+  const std::string chatter = scene("paper_beam_chatter");
+  simulate(chatter, "30", "0.01");
+  const std::string events = text("events.csv");
+  const std::string truth = text("truth.csv");
+  simulate(chatter, "30", "0.01");
+  EXPECT_TRUE(events == text("events.csv"));
+  EXPECT_TRUE(truth == text("truth.csv"));
+  for (const char* stepper : {"exact", "moreau"}) {
+    const Arguments more{"--tick", "0.01", "--duration", "30", "--stepper", stepper};
+    const std::string first = read_text(replay(chatter, file("events.csv"), more));
+    EXPECT_GT(first.size(), 100000U);
+    EXPECT_TRUE(first == read_text(replay(chatter, file("events.csv"), more))) << stepper;
+  }
+}
+
+TEST_F(RecordingTest, EventsWrittenByAReplayAreThoseOfTheMaster) {
+  const std::string events = simulate(beam_, "30", "0.1");
+  replay(beam_, events, {"--duration", "30", "--events", file("used.csv")});
+  EXPECT_EQ(text("used.csv"), read_text(events));
+}
+
+TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter"}) {
+    simulate(scene(name), "20", "0.1");
+    const std::vector<StateLine> coarse = read_states_file(
+        replay(scene(name), file("events.csv"), {"--tick", "0.1", "--duration", "20"}));
+    const std::vector<StateLine> fine = read_states_file(
+        replay(scene(name), file("events.csv"), {"--tick", "0.001", "--duration", "20"}));
+    ASSERT_EQ(coarse.size(), 201U);
+    ASSERT_EQ(fine.size(), 20001U);
+    for (std::size_t k = 0; k < coarse.size(); ++k) {
+      ASSERT_EQ(coarse[k].values.size(), fine[100 * k].values.size());
+      for (std::size_t i = 0; i < coarse[k].values.size(); ++i) {
+        EXPECT_NEAR(coarse[k].values[i], fine[100 * k].values[i], 1e-12)
+            << name << " k " << k << " column " << i;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sprag::test

@@ -1,0 +1,179 @@
+// Bad usage, bad input and hosts that do not play along: exit codes and messages.
+#include <algorithm>
+#include <array>
+#include <chrono>
+
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+class UsageTest : public EndToEnd {
+ protected:
+  void expect_refused(const std::string& program, const Arguments& arguments,
+                      const std::string& message) {
+    const Ended ended = run(program, arguments);
+    EXPECT_EQ(ended.code, 2) << program << ' ' << testing::PrintToString(arguments) << '\n'
+                             << ended.err;
+    EXPECT_NE(ended.err.find(message), std::string::npos)
+        << program << ' ' << testing::PrintToString(arguments) << '\n'
+        << ended.err;
+    EXPECT_TRUE(ended.out.empty()) << ended.out;
+  }
+
+  const std::string beam_ = scene("paper_beam");
+  static constexpr std::array programs_{"master_sim", "observer", "sync_logger"};
+};
+
+TEST_F(UsageTest, HelpAndVersionGoToStdout) {
+  for (const std::string program : programs_) {
+    const Ended help = run(program, {"--help"});
+    EXPECT_EQ(help.code, 0);
+    for (const char* option : {"--help", "--version", "--url", "--report", "SCENE"}) {
+      EXPECT_NE(help.out.find(option), std::string::npos) << program << ' ' << option;
+    }
+    const Ended version = run(program, {"--version"});
+    EXPECT_EQ(version.code, 0);
+    EXPECT_TRUE(version.out.starts_with(program + " ")) << version.out;
+  }
+}
+
+TEST_F(UsageTest, UnknownOptionsAndAbsentScenesAreRefused) {
+  for (const std::string program : programs_) {
+    expect_refused(program, {beam_, "--no-such-option"}, "--no-such-option");
+    expect_refused(program, {}, "SCENE");
+    expect_refused(program, {file("absent.toml")}, "absent.toml");
+    expect_refused(program, {file("")}, file(""));
+    expect_refused(program, {beam_, beam_}, beam_);
+  }
+}
+
+TEST_F(UsageTest, NumbersThatCannotBeAreRefused) {
+  for (const char* value : {"0", "-1", "nan", "inf", "1e", "", "1,5", "0x1p-3"}) {
+    expect_refused("master_sim", {beam_, "--tick", value, "--no-lcm"}, "--tick");
+    expect_refused("master_sim", {beam_, "--speed", value, "--no-lcm"}, "--speed");
+    expect_refused("observer", {beam_, "--tick", value}, "--tick");
+    expect_refused("sync_logger", {beam_, "--duration", value}, "--duration");
+  }
+}
+
+TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
+  expect_refused("master_sim", {beam_, "--speed", "max", "--no-lcm"}, "--duration");
+  expect_refused("observer", {beam_, "--events", file("events.csv")}, "--replay");
+  expect_refused("observer", {beam_, "--stepper", "euler"}, "--stepper");
+  expect_refused("sync_logger", {beam_, "--truth", file("truth.csv")}, "--estimate");
+  expect_refused("sync_logger", {beam_, "--now"}, "--csv");
+}
+
+TEST_F(UsageTest, BadAddressesAreRefused) {
+  for (const char* url : {"udpm://10.0.0.1:7667", "239.255.76.67:7667", "udpm://239.255.76.67:0"}) {
+    for (const std::string program : programs_) {
+      set_url(url);
+      expect_refused(program, {beam_}, "--url");
+    }
+  }
+}
+
+TEST_F(UsageTest, SceneErrorsNameFileLineAndColumn) {
+  std::string text = read_text(beam_);
+  const std::string good = "restitution = 0.7";
+  const std::size_t place = text.find(good);
+  ASSERT_NE(place, std::string::npos);
+  const auto line =
+      1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(place), '\n');
+  text.replace(place, good.size(), "restitution = 1.2");
+  const std::string bad = write_text(file("bad.toml"), text);
+  const std::string message =
+      bad + ":" + std::to_string(line) + ":15: impact.restitution is 1.2; must be in [0, 1]";
+  for (const std::string program : programs_) expect_refused(program, {bad}, message);
+  text.replace(place, good.size(), "restitutoin = 0.7");
+  write_text(file("bad.toml"), text);
+  for (const std::string program : programs_) {
+    expect_refused(program, {bad}, bad + ":" + std::to_string(line) + ":");
+  }
+  write_text(file("bad.toml"), "[beam\n");
+  for (const std::string program : programs_) expect_refused(program, {bad}, bad + ":1:");
+}
+
+TEST_F(UsageTest, AbsentInputFilesAreRefused) {
+  expect_refused("observer", {beam_, "--replay", file("absent.csv")}, "absent.csv");
+  expect_refused("observer", {beam_, "--replay", file("absent.lcmlog")}, "absent.lcmlog");
+  expect_refused("sync_logger",
+                 {beam_, "--truth", file("absent.csv"), "--estimate", file("absent.csv"), "--csv",
+                  file("sync.csv")},
+                 "absent.csv");
+}
+
+TEST_F(UsageTest, OutputThatCannotBeWrittenIsAFailure) {
+  const std::string bad = file("no_such_folder/out");
+  simulate(beam_, "1", "0.1");
+  const Arguments master{beam_, "--no-lcm", "--speed", "max", "--duration", "1"};
+  const Arguments observer{beam_, "--replay", file("events.csv")};
+  const Arguments logger{beam_, "--truth", file("truth.csv"), "--estimate", file("truth.csv")};
+  const std::vector<std::pair<std::string, Arguments>> cases{
+      {"master_sim", master + Arguments{"--events", bad}},
+      {"master_sim", master + Arguments{"--states", bad}},
+      {"master_sim", master + Arguments{"--report", bad}},
+      {"observer", observer + Arguments{"--states", bad}},
+      {"observer", observer + Arguments{"--events", bad}},
+      {"observer", observer + Arguments{"--report", bad}},
+      {"observer", {beam_, "--duration", "1", "--states", bad}},
+      {"sync_logger", logger + Arguments{"--csv", bad}},
+      {"sync_logger", {beam_, "--csv", bad}},
+      {"sync_logger", {beam_, "--csv", file("sync.csv"), "--record", bad}},
+  };
+  for (const auto& [program, arguments] : cases) {
+    Process& process = start(program, arguments);
+    const Ended ended = end_of(process, sanitized ? 20s : 3s);
+    EXPECT_EQ(ended.code, 1) << program << ' ' << testing::PrintToString(arguments);
+    EXPECT_NE(ended.err.find(bad), std::string::npos)
+        << program << ' ' << testing::PrintToString(arguments) << '\n'
+        << ended.err;
+  }
+}
+
+TEST_F(UsageTest, FullDiskIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  simulate(beam_, "5", "0.1");
+  for (const auto& [program, arguments] : std::vector<std::pair<std::string, Arguments>>{
+           {"master_sim",
+            {beam_, "--no-lcm", "--speed", "max", "--duration", "5", "--events", "/dev/full"}},
+           {"master_sim",
+            {beam_, "--no-lcm", "--speed", "max", "--duration", "5", "--states", "/dev/full"}},
+           {"observer", {beam_, "--replay", file("events.csv"), "--states", "/dev/full"}},
+           {"observer", {beam_, "--replay", file("events.csv"), "--events", "/dev/full"}},
+           {"observer", {beam_, "--replay", file("events.csv"), "--report", "/dev/full"}},
+           {"sync_logger",
+            {beam_, "--truth", file("truth.csv"), "--estimate", file("truth.csv"), "--csv",
+             "/dev/full"}}}) {
+    const Ended ended = run(program, arguments);
+    EXPECT_EQ(ended.code, 1) << program << ' ' << testing::PrintToString(arguments);
+    EXPECT_NE(ended.err.find("/dev/full"), std::string::npos) << ended.err;
+  }
+}
+
+TEST_F(UsageTest, TimesBeyondAllTicksDoNotHang) {
+  const std::string far =
+      write_text(file("far.csv"), "t,contact,closed\n1.0,1,1\n1.0,1,0\n1e300,1,1\n");
+  run("observer", {beam_, "--replay", far, "--duration", "2", "--states", file("states.csv")});
+  EXPECT_EQ(read_states_file(file("states.csv")).size(), 2001U);
+}
+
+TEST_F(UsageTest, HostWithoutMulticastRouteIsToldWhatMendsIt) {
+  Process& probe = start_command({"unshare", "-rn", "true"});
+  if (end_of(probe).code != 0) GTEST_SKIP() << "unshare -rn is not permitted here: " << probe.err();
+  for (const std::string program : {MASTER_SIM, OBSERVER, SYNC_LOGGER}) {
+    const auto start = std::chrono::steady_clock::now();
+    Process& process =
+        start_command({"unshare", "-rn", program, beam_, "--url", url(), "--duration", "1"});
+    const Ended ended = end_of(process, sanitized ? 20s : 5s);
+    const auto wall = std::chrono::steady_clock::now() - start;
+    EXPECT_EQ(ended.code, 1) << program;
+    EXPECT_LT(wall, sanitized ? 10s : 2s) << program;
+    EXPECT_NE(ended.err.find("ip link set lo up\n"), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find("ip route add 224.0.0.0/4 dev lo"), std::string::npos) << ended.err;
+  }
+}
+
+}  // namespace
+}  // namespace sprag::test

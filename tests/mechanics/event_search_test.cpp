@@ -1,0 +1,724 @@
+#include "mechanics/event_search.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mechanics/scene.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// A machine in free flight and one signal of it.
+struct Problem {
+  explicit Problem(Model model)
+      : dynamics(std::make_unique<Dynamics>(std::move(model))),
+        flow(std::make_unique<Flow>(*dynamics, 0)),
+        start(std::make_unique<Motion>()) {}
+
+  void enter(const State& state, double t) {
+    flow->enter(state.q, state.u, at(t), Eigen::VectorXd(0), *start);
+  }
+
+  std::unique_ptr<Dynamics> dynamics;
+  std::unique_ptr<Flow> flow;
+  std::unique_ptr<Motion> start;
+  Signal signal;
+  double sign = 1.0;
+
+  Motion moved(double tau) const {
+    Motion motion;
+    flow->propagate(*start, start->t + tau, motion);
+    return motion;
+  }
+  double phi(double tau) const { return sign * value(signal, moved(tau)); }
+  double slope(double tau) const { return sign * rate(signal, moved(tau)); }
+
+  // Of the terms phi is the sum of.
+  double magnitude(const Motion& motion) const {
+    return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
+           (signal.r * motion.x.v).abs().sum();
+  }
+  // What roundings make of phi(tau): of its terms, their phases, and of tau itself.
+  double rounding(double tau) const {
+    const Motion motion = moved(tau);
+    const Eigen::ArrayXd phase = 1.0 + flow->oscillators().root_kappa() * tau;
+    const double terms = std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
+                         (signal.r * motion.x.v).abs().sum() +
+                         (phase * (signal.p * start->x.z).abs()).sum() +
+                         (phase * (signal.r * start->x.v).abs()).sum();
+    const double t = std::max(std::abs(start->t.hi) + tau, 1e-3);
+    return 8.0 * epsilon * terms + 2.0 * epsilon * t * std::abs(rate(signal, motion));
+  }
+};
+
+// First time in (0, T] where phi is below -margin, by samples h apart; minima between two samples
+// are sought out. Also the least value met.
+struct Scan {
+  double first = infinity;  // phi < -margin here
+  double before = 0.0;      // and not yet here
+  double least = infinity;
+  double at_least = 0.0;
+};
+
+Scan scan(const Problem& problem, double T, double h, double margin, bool stop = true) {
+  const TickTable table(problem.flow->oscillators(), h);
+  Motion here = *problem.start;
+  Scan result;
+  double phi = problem.sign * value(problem.signal, here);
+  double slope = problem.sign * rate(problem.signal, here);
+  const auto look = [&](double tau, double value, double before) {
+    if (value < result.least) {
+      result.least = value;
+      result.at_least = tau;
+    }
+    if (value < -margin && tau < result.first) {
+      result.first = tau;
+      result.before = before;
+    }
+  };
+  const auto samples = static_cast<int>(std::round(T / h));
+  for (int k = 1; k <= samples && !(stop && result.first < infinity); ++k) {
+    table.apply(here.x, here.alpha, true);
+    const double last_phi = phi;
+    const double last_slope = slope;
+    phi = problem.sign * value(problem.signal, here);
+    slope = problem.sign * rate(problem.signal, here);
+    const double left = (k - 1) * h;
+    if (last_slope < 0.0 && slope > 0.0 &&
+        last_phi + last_slope * h < std::min(result.least, 1.0) + margin) {
+      double low = left;
+      double high = k * h;
+      while (high - low > 1e-15 * (1.0 + high)) {
+        const double middle = 0.5 * (low + high);
+        if (middle <= low || middle >= high) break;
+        (problem.slope(middle) < 0.0 ? low : high) = middle;
+      }
+      look(low, problem.phi(low), left);
+    }
+    look(k * h, phi, left);
+  }
+  return result;
+}
+
+// The root between scan.before and scan.first.
+double bisect(const Problem& problem, const Scan& scan) {
+  double low = scan.before;
+  double high = scan.first;
+  for (int i = 0; i < 200 && high - low > epsilon * high; ++i) {
+    const double middle = 0.5 * (low + high);
+    (problem.phi(middle) > 0.0 ? low : high) = middle;
+  }
+  return high;
+}
+
+Model diagonal_machine(Random& random, Eigen::Index f, double slowest, double fastest) {
+  Eigen::VectorXd mass(f);
+  Eigen::VectorXd damping(f);
+  Eigen::VectorXd stiffness(f);
+  for (Eigen::Index i = 0; i < f; ++i) {
+    mass[i] = random.uniform(0.5, 2.0);
+    const double w = random.log_uniform(slowest, fastest);
+    double ratio = 0.0;  // of the damping to the critical one
+    switch (random.integer(0, 4)) {
+      case 0:
+        break;
+      case 1:
+        ratio = random.log_uniform(1e-4, 1e-1);
+        break;
+      case 2:
+        ratio = random.uniform(0.1, 1.0);
+        break;
+      case 3:
+        ratio = random.uniform(1.0, 3.0);
+        break;
+      default:
+        ratio = random.log_uniform(1e-3, 1e-2);
+        break;
+    }
+    stiffness[i] = random.chance(0.05) ? 0.0 : mass[i] * w * w;
+    damping[i] = 2.0 * mass[i] * ratio * w;
+  }
+  Model model;
+  model.M = mass.asDiagonal();
+  model.C = damping.asDiagonal();
+  model.K = stiffness.asDiagonal();
+  return model;
+}
+
+Harmonic harmonic(Random& random, double fastest) {
+  return {random.uniform(-1, 1), random.log_uniform(0.5, fastest), random.phase()};
+}
+
+// A gap, a gap velocity or a mixture of a machine with 1 to 6 modes.
+Problem random_problem(Random& random, double fastest = 60.0) {
+  const Eigen::Index f = random.integer(1, 6);
+  Model model = diagonal_machine(random, f, 0.5, fastest);
+  for (int i = random.integer(0, 2); i > 0; --i) {
+    model.forces.push_back({random.vector(f), random.uniform(-2, 2), harmonic(random, fastest)});
+  }
+  Contact contact;
+  contact.w = random.vector(f);
+  contact.clearance = random.uniform(-1, 1);
+  if (random.chance(0.7)) contact.motion = harmonic(random, fastest);
+  model.contacts.push_back(contact);
+
+  const double t = random.chance(0.5) ? 0.0 : random.uniform(0.0, 400.0);
+  State state{random.vector(f), random.vector(f)};
+  state.u *= random.log_uniform(0.1, 10.0);
+  Problem problem(std::move(model));
+  problem.enter(state, t);
+  switch (random.integer(0, 2)) {
+    case 0:
+      problem.signal = problem.flow->gap(0);
+      break;
+    case 1:
+      problem.signal = problem.flow->gap_velocity(0);
+      break;
+    default:
+      Functional both = problem.dynamics->gap(0);
+      both.b = random.vector(f) / 10.0;
+      problem.signal = problem.flow->signal(both);
+      break;
+  }
+  problem.sign = random.chance(0.8) ? 1.0 : -1.0;
+  return problem;
+}
+
+void shift_to(Problem& problem, double phi_0) {
+  problem.signal.constant += problem.sign * (phi_0 - problem.phi(0.0));
+}
+
+struct Found {
+  std::optional<double> tau;
+  double certified;
+};
+
+Found search(const Problem& problem, double T, int order = 0) {
+  EventSearch search;
+  const Watch watch{&problem.signal, problem.sign, order, 0};
+  search.begin(*problem.start, {&watch, 1});
+  search.advance(T);
+  if (search.found() && search.tau() <= T) return {search.tau(), search.certified()};
+  return {std::nullopt, search.certified()};
+}
+
+struct Tally {
+  int found = 0, none = 0;
+  double worst_residual = 0.0;  // in units of Problem::rounding
+};
+
+// What is found is a root to rounding and falls, and the scan sees none before it.
+void check_first_root(const Problem& problem, const Found& found, double T, double h,
+                      Tally& tally) {
+  double margin = 0.0;
+  for (int k = 0; k <= 4; ++k) margin = std::max(margin, problem.rounding(0.25 * k * T));
+  const Scan seen = scan(problem, T, h, margin);
+  if (!found.tau) {
+    ++tally.none;
+    EXPECT_EQ(seen.first, infinity) << "missed: phi = " << problem.phi(seen.first) << " at "
+                                    << seen.first << ", certified to " << found.certified;
+    EXPECT_GT(found.certified, T);
+    return;
+  }
+  ++tally.found;
+  const double tau = *found.tau;
+  const double residual = std::abs(problem.phi(tau)) / problem.rounding(tau);
+  tally.worst_residual = std::max(tally.worst_residual, residual);
+  EXPECT_LE(residual, 1.0) << "not a root: phi = " << problem.phi(tau) << " at " << tau;
+  if (seen.first < infinity) {
+    const double root = bisect(problem, seen);
+    EXPECT_LE(tau, root + 2.0 * margin / std::max(std::abs(problem.slope(root)), 1e-6) +
+                       4.0 * epsilon * (1.0 + root))
+        << "missed one at " << root;
+  }
+  // A fall: what comes next is below zero, but for a touch within rounding.
+  const double ahead = 1e-3 * h;
+  EXPECT_LE(problem.phi(tau + ahead), 2.0 * margin + ahead * ahead * 1e6) << "rises at " << tau;
+}
+
+TEST(EventSearch, FindsTheFirstRootOfRandomSignalsAndNoOther) {
+  Tally tally;
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const std::uint64_t seed = 100000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Problem problem = random_problem(random);
+    const double size = problem.magnitude(*problem.start);
+    shift_to(problem, size * random.log_uniform(1e-4, 2.0));
+    check_first_root(problem, search(problem, 2.0), 2.0, 1e-3, tally);
+    if (HasFailure()) return;
+  }
+  std::cout << "roots found " << tally.found << ", none to find " << tally.none
+            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+  EXPECT_GT(tally.found, tally.none);
+  EXPECT_GT(tally.none, repetitions(20000) / 10);
+}
+
+TEST(EventSearch, FindsTheFirstRootOfAStiffBeamsSignalsAndNoOther) {
+  const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/stiff_beam.toml");
+  Tally tally;
+  for (int i = 0; i < repetitions(400); ++i) {
+    const std::uint64_t seed = 200000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Problem problem(scene.model);
+    const Eigen::Index f = scene.model.coordinates();
+    const Eigen::ArrayXd w = scene.model.K.diagonal().array().sqrt();
+    State state{random.vector(f), random.vector(f)};
+    // The share of the fast modes, which the search does not always evaluate, varies.
+    const double fall = random.uniform(0.3, 1.5);
+    state.u.array() *= w.pow(-fall);
+    state.q.array() *= w.pow(-fall - 1.0);
+    problem.enter(state, random.uniform(0.0, 20.0));
+    problem.signal = random.chance(0.5) ? problem.flow->gap(0) : problem.flow->gap_velocity(0);
+    shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(1e-3, 2.0));
+    check_first_root(problem, search(problem, 0.2), 0.2, 2e-5, tally);
+    if (HasFailure()) return;
+  }
+  std::cout << "roots found " << tally.found << ", none to find " << tally.none
+            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+}
+
+// Signals whose least value within T is in the open, moved so that it is just below or above zero.
+struct Graze {
+  Problem problem;
+  double least, where, size;
+};
+
+std::optional<Graze> random_graze(Random& random, double T, double h) {
+  Problem problem = random_problem(random, 20.0);
+  const Scan seen = scan(problem, T, h, infinity, false);
+  if (seen.at_least < 0.2 * T || seen.at_least > T - h) return std::nullopt;
+  // The parabola of the touch is wider than roundings but narrower than a sample.
+  const double curvature =
+      (problem.slope(seen.at_least + 1e-4 * h) - problem.slope(seen.at_least - 1e-4 * h)) /
+      (2e-4 * h);
+  const double size = problem.magnitude(problem.moved(seen.at_least));
+  if (curvature < 1.0 * size) return std::nullopt;
+  if (problem.phi(0.0) - seen.least < 1e-2 * size) return std::nullopt;
+  return Graze{std::move(problem), seen.least, seen.at_least, size};
+}
+
+TEST(EventSearch, FindsTouchesOfAnyDepthBetweenSamples) {
+  int touches = 0;
+  for (int i = 0; i < repetitions(1500); ++i) {
+    const std::uint64_t seed = 300000 + static_cast<std::uint64_t>(i);
+    Random random(seed);
+    std::optional<Graze> graze = random_graze(random, 1.5, 2e-3);
+    if (!graze) continue;
+    const double constant = graze->problem.signal.constant;
+    for (int exponent = -12; exponent <= -3; ++exponent) {
+      SCOPED_TRACE(testing::Message() << "seed " << seed << ", depth 1e" << exponent);
+      const double depth = std::pow(10.0, exponent) * graze->size;
+      Problem& problem = graze->problem;
+      problem.signal.constant = constant - problem.sign * (graze->least + depth);
+      if (problem.phi(0.0) <= 0.0) continue;
+      ++touches;
+      const Found found = search(problem, 1.5);
+      ASSERT_TRUE(found.tau) << "missed a touch at " << graze->where;
+      // Another minimum, nearly as deep, may come first.
+      EXPECT_LE(*found.tau, graze->where);
+      EXPECT_LE(std::abs(problem.phi(*found.tau)), problem.rounding(*found.tau));
+    }
+  }
+  std::cout << "touches " << touches << '\n';
+  EXPECT_GT(touches, repetitions(1500));
+}
+
+TEST(EventSearch, ReportsNoTouchWhereThereIsNone) {
+  int misses = 0;
+  for (int i = 0; i < repetitions(1500); ++i) {
+    const std::uint64_t seed = 400000 + static_cast<std::uint64_t>(i);
+    Random random(seed);
+    std::optional<Graze> graze = random_graze(random, 1.5, 2e-3);
+    if (!graze) continue;
+    const double constant = graze->problem.signal.constant;
+    for (int exponent = -12; exponent <= -3; ++exponent) {
+      SCOPED_TRACE(testing::Message() << "seed " << seed << ", height 1e" << exponent);
+      const double height = std::pow(10.0, exponent) * graze->size;
+      Problem& problem = graze->problem;
+      problem.signal.constant = constant - problem.sign * (graze->least - height);
+      ++misses;
+      const Found found = search(problem, 1.49);
+      EXPECT_FALSE(found.tau) << "invented a touch at " << found.tau.value_or(0.0)
+                              << " where phi = " << problem.phi(found.tau.value_or(0.0));
+      if (HasFailure()) return;
+    }
+  }
+  std::cout << "near misses " << misses << '\n';
+  EXPECT_GT(misses, repetitions(1500));
+}
+
+// 1 - depth + cos(w t) - 1: the first touch of the undamped cosine, in closed form.
+TEST(EventSearch, TouchesOfACosineAreWhereTheyShouldBe) {
+  for (const double w : {0.1, 1.0, 37.0, 4000.0}) {
+    Model model;
+    model.M = Eigen::MatrixXd::Identity(1, 1);
+    model.C = Eigen::MatrixXd::Zero(1, 1);
+    model.K = Eigen::MatrixXd::Constant(1, 1, w * w);
+    model.contacts.push_back({Eigen::VectorXd::Ones(1), 1.0, {}, 0.5});
+    Problem problem(model);
+    problem.enter({Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1)}, 0.0);
+    problem.signal = problem.flow->gap(0);
+    for (int exponent = -12; exponent <= -3; ++exponent) {
+      SCOPED_TRACE(testing::Message() << "w " << w << ", 1e" << exponent);
+      const double depth = std::pow(10.0, exponent);
+      problem.signal.constant = 1.0 - depth;
+      const double exact_depth = 1.0 - problem.signal.constant;
+      const Found touch = search(problem, 10.0 / w);
+      ASSERT_TRUE(touch.tau);
+      const long double half_width = 2 * std::asin(std::sqrt(0.5L * exact_depth));
+      const auto expected = static_cast<double>((3.14159265358979323846L - half_width) / w);
+      // phi is known to 1e-15, its slope is w sqrt(2 depth).
+      EXPECT_NEAR(*touch.tau, expected, (2e-15 / std::sqrt(2 * exact_depth) + 2e-15) / w);
+
+      problem.signal.constant = 1.0 + depth;
+      const Found none = search(problem, 300.0 / w);
+      EXPECT_FALSE(none.tau);
+      EXPECT_GT(none.certified, 300.0 / w);
+    }
+  }
+}
+
+// phi, phi', ... vanish at the start by construction, up to the given order: an impact that has
+// just happened (1), a contact at rest that opens (2), one released by its force (3).
+class SearchFromZero : public testing::TestWithParam<int> {};
+
+TEST_P(SearchFromZero, FindsTheFirstRootAfterTheStart) {
+  const int order = GetParam();
+  Tally tally;
+  int tried = 0;
+  for (int i = 0; tried < repetitions(4000); ++i) {
+    const std::uint64_t seed =
+        500000 + 100000 * static_cast<std::uint64_t>(order) + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Eigen::Index f = random.integer(1, 5);
+    Model model = diagonal_machine(random, f, 0.5, 40.0);
+    model.forces.push_back({random.vector(f), random.uniform(-2, 2), harmonic(random, 40.0)});
+    Contact contact;
+    contact.w = random.vector(f);
+    if (random.chance(0.7)) contact.motion = harmonic(random, 40.0);
+    model.contacts.push_back(contact);
+    State state{random.vector(f), 3.0 * random.vector(f)};
+    const double t = random.chance(0.5) ? 0.0 : random.uniform(0.0, 100.0);
+    if (order >= 2) {
+      state.u -= contact.w * (gap_velocity(contact, state.u, t) / contact.w.squaredNorm());
+    }
+    if (order >= 3) {
+      // A constant force along w takes the acceleration away.
+      Eigen::VectorXd force = -model.C * state.u - model.K * state.q;
+      force += model.forces[0].direction *
+               (model.forces[0].constant + value(model.forces[0].harmonic, t));
+      const double w2 = contact.motion.frequency * contact.motion.frequency;
+      const Eigen::VectorXd weight = model.M.diagonal().cwiseInverse();
+      const double acceleration =
+          contact.w.dot(weight.cwiseProduct(force)) - w2 * value(contact.motion, t);
+      const double per_force = contact.w.dot(weight.cwiseProduct(contact.w));
+      model.forces.push_back({contact.w, -acceleration / per_force, {}});
+    }
+    Problem problem(std::move(model));
+    problem.enter(state, t);
+    problem.signal = problem.flow->gap(0);
+    shift_to(problem, 0.0);
+    // The sign of the leading derivative, by the value a little later; it must stand out.
+    const double h = 1e-3;
+    const double soon = problem.phi(h);
+    if (std::abs(soon) < 1e-3 * std::pow(h, order) * problem.magnitude(*problem.start)) continue;
+    const double sooner = problem.phi(0.5 * h);
+    if (std::abs(sooner / soon * std::exp2(order) - 1.0) > 0.3) continue;
+    problem.sign = soon > 0.0 ? 1.0 : -1.0;
+    ++tried;
+    const Found found = search(problem, 1.5, order);
+    if (found.tau) {
+      EXPECT_GT(*found.tau, h) << "the start itself is no root";
+    }
+    check_first_root(problem, found, 1.5, h, tally);
+    // A signal that goes below zero from the start falls at once.
+    problem.sign = -problem.sign;
+    const Found at_once = search(problem, 1.5, order);
+    ASSERT_TRUE(at_once.tau);
+    EXPECT_EQ(*at_once.tau, 0.0);
+    if (HasFailure()) return;
+  }
+  std::cout << "roots found " << tally.found << ", none to find " << tally.none
+            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+}
+
+INSTANTIATE_TEST_SUITE_P(Order, SearchFromZero, testing::Values(1, 2, 3));
+
+Model ball(double mass, double damping, double weight) {
+  Model model;
+  model.M = Eigen::MatrixXd::Constant(1, 1, mass);
+  model.C = Eigen::MatrixXd::Constant(1, 1, damping);
+  model.K = Eigen::MatrixXd::Zero(1, 1);
+  model.forces.push_back({Eigen::VectorXd::Ones(1), -weight, {}});
+  model.contacts.push_back({Eigen::VectorXd::Ones(1), 0.0, {}, 0.5});
+  return model;
+}
+
+TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
+  const std::uint64_t seed = 900001;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (int i = 0; i < repetitions(5000); ++i) {
+    const double g = random.log_uniform(1e-3, 1e3);
+    const double height = random.log_uniform(1e-9, 1e3);
+    const double v = random.uniform(-1, 1) * random.log_uniform(1e-3, 1e2);
+    Problem problem(ball(1.0, 0.0, g));
+    problem.enter({Eigen::VectorXd::Constant(1, height), Eigen::VectorXd::Constant(1, v)}, 0.0);
+    problem.signal = problem.flow->gap(0);
+    const Found found = search(problem, 1e9);
+    ASSERT_TRUE(found.tau) << "g " << g << " height " << height << " v " << v;
+    const long double root = std::sqrt(static_cast<long double>(v) * v + 2.0L * g * height);
+    const long double expected = v > 0 ? (v + root) / g : 2.0L * height / (root - v);
+    ASSERT_NEAR(static_cast<double>(*found.tau / expected), 1.0,
+                4 * epsilon * static_cast<double>(1 + 1e-3L / expected))
+        << "g " << g << " height " << height << " v " << v;
+    // From the ground: order 1.
+    problem.enter({Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, std::abs(v))}, 0.0);
+    const Found flight = search(problem, 1e9, 1);
+    ASSERT_TRUE(flight.tau);
+    const double full = 2.0 * std::abs(v) / g;
+    ASSERT_NEAR(*flight.tau / full, 1.0, 4 * epsilon * (1 + 1e-3 / full))
+        << "g " << g << " v " << v;
+  }
+}
+
+// A ball over a shaking table, and one that sinks through a viscous fluid onto it.
+TEST(EventSearch, FallsOntoAMovingTableAreFound) {
+  Tally tally;
+  for (int i = 0; i < repetitions(1000); ++i) {
+    const std::uint64_t seed = 910000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Model model = ball(1.0, random.chance(0.5) ? 0.0 : random.log_uniform(1e-4, 30.0), 9.81);
+    model.contacts[0].motion = {random.log_uniform(1e-3, 0.5), random.log_uniform(1.0, 60.0),
+                                random.phase()};
+    Problem problem(std::move(model));
+    problem.enter({Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Constant(1, 1.0)}, 0.0);
+    problem.signal = problem.flow->gap(0);
+    shift_to(problem, random.log_uniform(1e-6, 2.0));
+    check_first_root(problem, search(problem, 2.0), 2.0, 1e-3, tally);
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(tally.found, repetitions(1000) / 2);
+}
+
+TEST(EventSearch, NothingToFallIsCertifiedForEver) {
+  // Without gravity, upwards or at rest above the ground.
+  for (const double v : {0.0, 3.0}) {
+    for (const double damping : {0.0, 0.3}) {
+      Problem problem(ball(1.0, damping, 0.0));
+      problem.enter({Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Constant(1, v)}, 0.0);
+      problem.signal = problem.flow->gap(0);
+      EventSearch search;
+      const Watch watch{&problem.signal, 1.0, 0, 0};
+      search.begin(*problem.start, {&watch, 1});
+      search.advance(1e12);
+      EXPECT_FALSE(search.found()) << "v " << v << ", damping " << damping;
+      EXPECT_GT(search.certified(), 1e12) << "v " << v << ", damping " << damping;
+      EXPECT_LT(search.expansions(), 400) << "v " << v << ", damping " << damping;
+    }
+  }
+  EventSearch none;
+  Problem problem(ball(1.0, 0.0, 1.0));
+  problem.enter({Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Zero(1)}, 0.0);
+  none.begin(*problem.start, {});
+  none.advance(1e12);
+  EXPECT_FALSE(none.found());
+  EXPECT_EQ(none.certified(), infinity);
+}
+
+TEST(EventSearch, WorkIsAFewExpansionsPerTurnAndEndsWhenTheMotionDies) {
+  Model model;
+  model.M = Eigen::MatrixXd::Identity(1, 1);
+  model.C = Eigen::MatrixXd::Zero(1, 1);
+  model.K = Eigen::MatrixXd::Constant(1, 1, 1.0);
+  model.contacts.push_back({Eigen::VectorXd::Ones(1), 1.5, {}, 0.5});
+  {
+    Problem problem(model);
+    problem.enter({Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1)}, 0.0);
+    EventSearch search;
+    const Watch watch{&problem.flow->gap(0), 1.0, 0, 0};
+    search.begin(*problem.start, {&watch, 1});
+    search.advance(6283.2);
+    EXPECT_FALSE(search.found());
+    EXPECT_GT(search.certified(), 6283.2);
+    EXPECT_LT(search.expansions(), 10 * 1000);
+  }
+  for (const double damping : {0.1, 2.0, 50.0}) {
+    model.C(0, 0) = damping;
+    Problem problem(model);
+    problem.enter({Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1)}, 0.0);
+    EventSearch search;
+    const Watch watch{&problem.flow->gap(0), 1.0, 0, 0};
+    search.begin(*problem.start, {&watch, 1});
+    search.advance(1e9);
+    EXPECT_FALSE(search.found()) << "damping " << damping;
+    EXPECT_GT(search.certified(), 1e9) << "damping " << damping;
+    EXPECT_LT(search.expansions(), 2000) << "damping " << damping;
+  }
+  // A pure decay towards zero never gets there; it ends where doubles do.
+  model.C(0, 0) = 2.0;
+  model.contacts[0].clearance = 0.0;
+  Problem problem(model);
+  problem.enter({Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1)}, 0.0);
+  EventSearch search;
+  const Watch watch{&problem.flow->gap(0), 1.0, 0, 0};
+  search.begin(*problem.start, {&watch, 1});
+  search.advance(600.0);
+  EXPECT_FALSE(search.found());
+  EXPECT_GT(search.certified(), 600.0);
+  search.advance(1e6);
+  EXPECT_FALSE(search.found()) << "at " << search.tau();
+  EXPECT_LT(search.expansions(), 5000);
+}
+
+TEST(EventSearch, TheRootDoesNotDependOnHowTheSearchIsCalled) {
+  int found = 0;
+  for (int i = 0; i < repetitions(2000); ++i) {
+    const std::uint64_t seed = 920000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Problem problem = random_problem(random);
+    shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(1e-3, 2.0));
+    const Watch watch{&problem.signal, problem.sign, 0, 0};
+    EventSearch once;
+    once.begin(*problem.start, {&watch, 1});
+    once.advance(3.0);
+    EventSearch often;
+    often.begin(*problem.start, {&watch, 1});
+    double tau = 0.0;
+    while (tau < 3.0) {
+      tau = std::min(3.0, tau + random.log_uniform(1e-6, 1.0));
+      often.advance(tau);
+    }
+    ASSERT_EQ(once.found(), often.found());
+    ASSERT_EQ(once.certified(), often.certified());
+    if (once.found()) {
+      ASSERT_EQ(once.tau(), often.tau());
+      ++found;
+    }
+    // A search that is used again starts afresh.
+    often.begin(*problem.start, {&watch, 1});
+    often.advance(3.0);
+    ASSERT_EQ(once.certified(), often.certified());
+  }
+  EXPECT_GT(found, repetitions(2000) / 3);
+}
+
+TEST(EventSearch, OfSeveralWatchesTheFirstFires) {
+  for (int i = 0; i < repetitions(1000); ++i) {
+    const std::uint64_t seed = 930000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Problem problem = random_problem(random);
+    std::vector<Signal> signals;
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Index f = problem.dynamics->coordinates();
+      Functional functional = problem.dynamics->gap(0);
+      functional.a = random.vector(f);
+      functional.b = 0.1 * random.vector(f);
+      Signal signal = problem.flow->signal(functional);
+      const double shift = random.log_uniform(1e-2, 3.0) - value(signal, *problem.start);
+      signal.constant += shift;
+      signals.push_back(signal);
+    }
+    std::vector<Watch> watches;
+    for (int k = 0; k < 4; ++k)
+      watches.push_back({&signals[static_cast<std::size_t>(k)], 1.0, 0, k});
+    EventSearch all;
+    all.begin(*problem.start, watches);
+    all.advance(2.0);
+    double first = infinity;
+    std::size_t winner = 4;
+    for (std::size_t k = 0; k < 4; ++k) {
+      EventSearch alone;
+      alone.begin(*problem.start, {&watches[k], 1});
+      alone.advance(2.0);
+      if (alone.found() && alone.tau() < first) {
+        first = alone.tau();
+        winner = k;
+      }
+    }
+    if (first > 2.0) {
+      EXPECT_FALSE(all.found() && all.tau() <= 2.0);
+      continue;
+    }
+    ASSERT_TRUE(all.found());
+    EXPECT_NEAR(all.tau(), first, 1e-9);
+    EXPECT_TRUE(all.fires(winner));
+    int fired = 0;
+    for (std::size_t k = 0; k < 4; ++k) fired += all.fires(k) ? 1 : 0;
+    EXPECT_EQ(fired, 1);
+    if (HasFailure()) return;
+  }
+}
+
+TEST(EventSearch, SimultaneousWatchesAllFire) {
+  for (int i = 0; i < repetitions(1000); ++i) {
+    const std::uint64_t seed = 940000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Problem problem = random_problem(random);
+    shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(1e-2, 0.5));
+    // The same, a mirror image, a scaled one, and one that is later.
+    Signal mirror = problem.signal;
+    mirror.p = -mirror.p;
+    mirror.r = -mirror.r;
+    mirror.constant = -mirror.constant;
+    Signal scaled = problem.signal;
+    const double factor = 3.7;
+    scaled.p *= factor;
+    scaled.r *= factor;
+    scaled.constant *= factor;
+    Signal later = problem.signal;
+    later.constant += problem.sign * 0.01 * problem.magnitude(*problem.start);
+    const std::vector<Watch> watches{{&problem.signal, problem.sign, 0, 0},
+                                     {&mirror, -problem.sign, 0, 1},
+                                     {&scaled, problem.sign, 0, 2},
+                                     {&later, problem.sign, 0, 3}};
+    EventSearch search;
+    search.begin(*problem.start, watches);
+    search.advance(2.0);
+    if (!search.found()) continue;
+    // A root as flat as a touch is not known well enough to be one instant.
+    const double slope = std::abs(problem.slope(search.tau()));
+    if (slope * 1e-13 < problem.rounding(search.tau())) continue;
+    EXPECT_TRUE(search.fires(0));
+    EXPECT_TRUE(search.fires(1));
+    EXPECT_TRUE(search.fires(2));
+    EXPECT_FALSE(search.fires(3));
+    if (HasFailure()) return;
+  }
+}
+
+TEST(EventSearch, AFoundRootStaysUntilTheNextBegin) {
+  Problem problem(ball(1.0, 0.0, 9.81));
+  problem.enter({Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Zero(1)}, 0.0);
+  EventSearch search;
+  const Watch watch{&problem.flow->gap(0), 1.0, 0, 0};
+  search.begin(*problem.start, {&watch, 1});
+  search.advance(10.0);
+  ASSERT_TRUE(search.found());
+  const double tau = search.tau();
+  search.advance(100.0);
+  EXPECT_EQ(search.tau(), tau);
+  EXPECT_EQ(search.certified(), tau);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,70 @@
+// A program run by a test: its stdout and stderr go to files, every wait has an end, and nothing
+// outlives the test.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace sprag::test {
+
+using namespace std::chrono_literals;
+
+/// Asks `condition` every few milliseconds until it holds or `timeout` has passed; returns it.
+template <class Condition>
+bool eventually(const Condition& condition, std::chrono::milliseconds timeout);
+
+class Process {
+ public:
+  /// Starts `command` (program, looked up in PATH if it has no slash, and its arguments) with
+  /// stdout in `directory`/`label`.out and stderr in `label`.err. The program dies with the thread
+  /// that started it. Throws std::runtime_error if no process can be made; a program that cannot be
+  /// executed exits with 127.
+  Process(std::vector<std::string> command, const std::filesystem::path& directory,
+          const std::string& label);
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+  ~Process() { kill(); }
+
+  /// Waits for the end and returns the exit code, 128 + n after signal n; nothing if the program
+  /// still runs after `timeout`.
+  std::optional<int> wait(std::chrono::milliseconds timeout);
+
+  bool running() { return !wait(0ms); }
+
+  /// Sends a signal if the program still runs.
+  void signal(int number);
+
+  /// SIGKILL, and waits for the end.
+  void kill() noexcept;
+
+  /// What the program has written until now.
+  std::string out() const;
+  std::string err() const;
+
+  const std::string& label() const { return label_; }
+
+ private:
+  std::string label_;
+  std::filesystem::path out_, err_;
+  pid_t pid_ = -1;
+  std::optional<int> code_;
+};
+
+void pause_briefly();
+
+template <class Condition>
+bool eventually(const Condition& condition, std::chrono::milliseconds timeout) {
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() >= deadline) return condition();
+    pause_briefly();
+  }
+  return true;
+}
+
+}  // namespace sprag::test
