@@ -28,6 +28,12 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
   return values;
 }();
 
+constexpr Coefficients inverses = [] {
+  Coefficients values{};
+  for (int j = 1; j <= top; ++j) values[static_cast<std::size_t>(j)] = 1.0 / j;
+  return values;
+}();
+
 // C(i, j) / C(top, j): from power coefficients on [0, 1] to Bernstein coefficients; transposed, so
 // that one power coefficient's share in all of them is a row.
 constexpr auto bernstein = [] {
@@ -140,27 +146,33 @@ void cut(Piece& piece, double s) {
 }
 
 // Where the convex hull of the control points (i / top, b[i]), b[0] > 0, first meets zero; infinity
-// if it does not.
+// if it does not. Walks along the hull's lower edge.
 double hull_crossing(const Coefficients& b) {
-  double s = infinity;
-  for (int j = 1; j <= top; ++j) {
-    const double bj = b[static_cast<std::size_t>(j)];
-    if (bj >= 0.0) continue;
-    for (int i = 0; i < j; ++i) {
-      const double bi = b[static_cast<std::size_t>(i)];
-      if (bi >= 0.0) s = std::min(s, (i + (j - i) * bi / (bi - bj)) / top);
+  std::size_t i = 0;
+  while (i < top) {
+    std::size_t next = top;
+    double steepest = infinity;
+    for (std::size_t j = i + 1; j <= top; ++j) {
+      const double slope = (b[j] - b[i]) * inverses[j - i];
+      if (slope <= steepest) {
+        steepest = slope;
+        next = j;
+      }
     }
+    if (steepest >= 0.0) return infinity;
+    if (b[next] < 0.0) return (static_cast<double>(i) - b[i] / steepest) / top;
+    i = next;
   }
-  return s;
+  return infinity;
 }
 
-// Lower bound, tight to a per mille of b[0], of the first root in (0, 1] of a polynomial with
+// Lower bound, tight to a percent of b[0], of the first root in (0, 1] of a polynomial with
 // b[0] > 0; infinity where there is none. From the convex hull of the Bernstein coefficients.
 double first_root(const Coefficients& b) {
   constexpr int max_depth = 40;
   std::array<Piece, max_depth> later;
   int depth = 0;
-  const double tolerance = 1e-3 * b[0];
+  const double tolerance = 1e-2 * b[0];
   Piece piece{b, 0.0, 1.0};
   for (int iteration = 0; iteration < 400; ++iteration) {
     const double s = hull_crossing(piece.b);
@@ -298,7 +310,7 @@ void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
   tail_.resize(watches.size() * static_cast<std::size_t>(n + 1));
   for (std::size_t i = 0; i < watches.size(); ++i) {
     const Watch& watch = watches[i];
-    states_[i] = {watch, signal_constant(watch, start), 0.0, infinity, false};
+    states_[i] = {watch, signal_constant(watch, start), 0.0, infinity, infinity, false};
     double* tail = tail_.data() + i * static_cast<std::size_t>(n + 1);
     tail[n] = 0.0;
     for (Eigen::Index k = n - 1; k >= 0; --k) {
@@ -344,7 +356,7 @@ void EventSearch::expand() {
   need_all_ = false;
   for (std::size_t i = 0; i < states_.size(); ++i) {
     WatchState& state = states_[i];
-    state.root = infinity;
+    state.root = state.certified = infinity;
     const Signal& signal = *state.watch.signal;
     const double omitted =
         tail_[i * static_cast<std::size_t>(n + 1) + static_cast<std::size_t>(count)];
@@ -382,12 +394,20 @@ void EventSearch::expand() {
     certified = std::min(certified, verdict.root < infinity ? verdict.root : verdict.certified);
     root = std::min(root, verdict.root);
     state.root = verdict.root;
+    state.certified = verdict.certified;
   }
   const double together = simultaneous * (1.0 + t);
   if (root < infinity && root <= certified + together) {
     for (WatchState& state : states_) state.fires = state.root <= root + together;
     found_ = true;
     tau_ = certified_ + root;
+    return;
+  }
+  if (!need_all_ && certified <= 0.25 * resolution) {
+    // Time cannot tell this from the zero that lies ahead.
+    for (WatchState& state : states_) state.fires = state.certified <= resolution;
+    found_ = true;
+    tau_ = certified_;
     return;
   }
   certified_ += certified;

@@ -53,6 +53,7 @@ class EventSearch {
     Watch watch;
     double constant = 0.0;   // of sign * phi on this motion
     double predicted = 0.0;  // phi at the next expansion point, roughly
+    double certified = 0.0;  // how far the last expansion reached
     double root = 0.0;       // accepted at the last expansion, infinity if none
     bool fires = false;
   };

@@ -1,0 +1,102 @@
+// Records that are lost for good: the run says so, goes on, and converges.
+#include <gtest/gtest.h>
+
+#include <iostream>
+
+#include "mechanics/energy.h"
+#include "mechanics/moreau.h"
+#include "mechanics/replica.h"
+#include "observer/time_line.h"
+#include "tests/observer/recorded_run.h"
+
+namespace sprag {
+namespace {
+
+struct Lossy {
+  double end;
+  double lost_from, lost_to;
+  int repeats;
+};
+
+/// V at every settled tick of an observer that hears nothing for a while.
+template <typename Stepper>
+std::vector<double> error_energy(const Scene& scene, double h, const Lossy& lossy,
+                                 EventCounts& counts, std::vector<DegradedInterval>& degraded) {
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  std::vector<State> truth;
+  for (std::int64_t k = 0; k <= last_tick(lossy.end, h); ++k) {
+    master.advance(tick_instant(k, h), events);
+    State state{Eigen::VectorXd(scene.model.coordinates()),
+                Eigen::VectorXd(scene.model.coordinates())};
+    master.state(tick_instant(k, h), state.q, state.u);
+    truth.push_back(state);
+  }
+  master.advance(at(lossy.end), events);
+
+  Stepper stepper(scene.model, h);
+  TimeLine<Stepper> line(stepper, 1, scene.replica, 50);
+  const ErrorEnergy energy(scene.model);
+  std::vector<double> V;
+  State state = truth.front();
+  for (const ContactReport& report :
+       reports_at(event_and_heartbeat_times(events, 0.05, lossy.end), events, 1)) {
+    if (report.horizon > lossy.lost_from && report.horizon < lossy.lost_to) continue;
+    if (!line.started()) {
+      line.restart(report);
+    } else {
+      line.receive(with_repeats(report, lossy.repeats));
+    }
+    line.run(
+        line.settled_tick() + 20, [](const auto&) {},
+        [&](const auto& settled) {
+          const auto k = static_cast<std::size_t>(settled.tick);
+          EXPECT_EQ(k, V.size());
+          stepper.output(settled, state.q, state.u);
+          V.push_back(energy(truth[k].q, truth[k].u, state.q, state.u)[0]);
+          return true;
+        });
+  }
+  counts = line.events().counts();
+  degraded = line.events().degraded();
+  EXPECT_EQ(V.size(), truth.size());
+  return V;
+}
+
+template <typename Stepper>
+class DegradedRunTest : public ::testing::Test {};
+using Steppers = ::testing::Types<Replica, MoreauReplica>;
+TYPED_TEST_SUITE(DegradedRunTest, Steppers);
+
+template <typename Stepper>
+void expect_convergence(const char* name, double lost_from, double lost_to) {
+  const Scene& scene = shipped_scene(name);
+  // Moreau's own error is first order in h: its V levels off.
+  constexpr bool exact = std::is_same_v<Stepper, Replica>;
+  const double h = exact ? 1e-2 : 1e-3;
+  EventCounts counts;
+  std::vector<DegradedInterval> degraded;
+  const Lossy lossy{80.0, lost_from, lost_to, 2};
+  const auto V = error_energy<Stepper>(scene, h, lossy, counts, degraded);
+  EXPECT_GT(counts.lost_records, 0);
+  EXPECT_EQ(counts.contradicting, 0);
+  ASSERT_EQ(degraded.size(), 1U);
+  EXPECT_GE(degraded[0].from, lost_from - 0.05);
+  EXPECT_GT(degraded[0].to, degraded[0].from);
+  EXPECT_LE(degraded[0].to, lost_to + 0.1);
+  const double after_gap = V.at(static_cast<std::size_t>(last_tick(lost_to + 0.1, h)));
+  std::cout << name << ": V after the gap " << after_gap << ", at the end " << V.back() << '\n';
+  EXPECT_GT(after_gap, 1e-2);
+  EXPECT_LT(V.back(), (exact ? 1e-3 : 3e-2) * after_gap);
+}
+
+TYPED_TEST(DegradedRunTest, TheBeamConvergesAfterAGap) {
+  expect_convergence<TypeParam>("paper_beam.toml", 2.0, 8.0);
+}
+
+TYPED_TEST(DegradedRunTest, TheChatteringBeamConvergesAfterAGap) {
+  expect_convergence<TypeParam>("paper_beam_chatter.toml", 2.0, 8.0);
+}
+
+}  // namespace
+}  // namespace sprag

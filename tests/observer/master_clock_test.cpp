@@ -1,0 +1,175 @@
+#include "observer/master_clock.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tests/support/random.h"
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr std::int64_t millisecond = 1'000'000;
+constexpr std::int64_t second = 1000 * millisecond;
+constexpr std::int64_t boot = 987'654'321 * second / 1000;  // local times do not start at zero
+constexpr double rounding = 1e-8;
+
+ContactReport report_at(double horizon, double speed) {
+  ContactReport report;
+  report.horizon = horizon;
+  report.speed = speed;
+  return report;
+}
+
+/// A paced master 10 ms of local time apart, and delays of its messages.
+struct Network {
+  double speed;
+  double offset = 0.0;  // simulated time at `boot`
+
+  double truth(std::int64_t local) const {
+    return offset + speed * 1e-9 * static_cast<double>(local - boot);
+  }
+};
+
+struct Arrival {
+  std::int64_t sent, at;
+};
+
+std::vector<Arrival> arrivals(Random& random, std::int64_t from, std::int64_t to,
+                              std::int64_t smallest, std::int64_t largest) {
+  std::vector<Arrival> list;
+  for (std::int64_t sent = from; sent < to; sent += 10 * millisecond) {
+    const double u = random.uniform(0.0, 1.0);
+    const auto extra = static_cast<std::int64_t>(u * u * static_cast<double>(largest - smallest));
+    list.push_back({sent, sent + smallest + extra});
+  }
+  std::stable_sort(list.begin(), list.end(),
+                   [](const Arrival& a, const Arrival& b) { return a.at < b.at; });
+  return list;
+}
+
+TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const Network network{random.log_uniform(0.01, 100.0), random.uniform(0.0, 1000.0)};
+    MasterClock clock;
+    EXPECT_FALSE(clock.running());
+    std::vector<Arrival> heard;
+    for (const Arrival& arrival :
+         arrivals(random, boot, boot + 12 * second, millisecond / 5, 400 * millisecond)) {
+      clock.observe(report_at(network.truth(arrival.sent), network.speed), arrival.at);
+      heard.push_back(arrival);
+      const std::int64_t now = arrival.at + random.integer(0, 5'000'000);
+      const double behind = network.truth(now) - clock.simulated(now);
+      const double limit = rounding * std::max(1.0, network.speed);
+      EXPECT_GE(behind, -limit);
+      // The least delay of the last 2 s bounds it.
+      std::int64_t least = std::numeric_limits<std::int64_t>::max();
+      for (const Arrival& past : heard) {
+        if (past.at >= arrival.at - 2 * second) least = std::min(least, past.at - past.sent);
+      }
+      EXPECT_LE(behind, network.speed * 1e-9 * static_cast<double>(least) + limit);
+    }
+    EXPECT_TRUE(clock.running());
+    EXPECT_EQ(clock.speed(), network.speed);
+  }
+}
+
+TEST(MasterClock, ASilentNetworkChangesNothing) {
+  Random random(2);
+  const Network network{1.0};
+  MasterClock clock;
+  for (const std::int64_t from : {boot, boot + 30 * second}) {
+    for (const Arrival& arrival :
+         arrivals(random, from, from + 3 * second, millisecond, 50 * millisecond)) {
+      clock.observe(report_at(network.truth(arrival.sent), 1.0), arrival.at);
+      EXPECT_LE(clock.simulated(arrival.at), network.truth(arrival.at) + rounding);
+    }
+  }
+  const std::int64_t now = boot + 34 * second;
+  EXPECT_NEAR(clock.simulated(now), network.truth(now), 2e-3);
+}
+
+TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
+  Random random(3);
+  Network network{2.0};
+  MasterClock clock;
+  for (const Arrival& arrival :
+       arrivals(random, boot, boot + 5 * second, millisecond, 20 * millisecond)) {
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), arrival.at);
+  }
+  // 7 s of local time in which the master does nothing and does not make up for it.
+  network.offset -= 2.0 * 7.0;
+  const std::int64_t resumed = boot + 12 * second;
+  for (const Arrival& arrival :
+       arrivals(random, resumed, resumed + 8 * second, millisecond, 20 * millisecond)) {
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), arrival.at);
+    if (arrival.at < resumed + 5 * second) continue;
+    const double behind = network.truth(arrival.at) - clock.simulated(arrival.at);
+    EXPECT_GE(behind, -rounding);
+    EXPECT_LE(behind, 2.0 * 3e-3);
+  }
+}
+
+TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
+  MasterClock clock;
+  // Says 1 simulated s a s and does 0.9.
+  double worst = 0.0;
+  for (std::int64_t local = 0; local < 20 * second; local += 10 * millisecond) {
+    const double truth = 0.9e-9 * static_cast<double>(local);
+    clock.observe(report_at(truth, 1.0), boot + local);
+    worst = std::max(worst, clock.simulated(boot + local) - truth);
+  }
+  EXPECT_LE(worst, 0.1 * 4.1);  // what is remembered is 4 s old at most
+}
+
+TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
+  MasterClock clock;
+  clock.observe(report_at(3.0, infinity), boot);
+  EXPECT_EQ(clock.simulated(boot + second), 3.0);
+  clock.observe(report_at(8.0, infinity), boot + millisecond);
+  clock.observe(report_at(5.0, infinity), boot + 2 * millisecond);
+  EXPECT_EQ(clock.simulated(boot), 8.0);
+  EXPECT_TRUE(std::isinf(clock.speed()));
+}
+
+TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double speed = random.log_uniform(0.01, 100.0);
+    MasterClock clock;
+    for (int i = 0; i < 5; ++i) {
+      clock.observe(report_at(random.uniform(0.0, 10.0), speed), boot + i * millisecond);
+    }
+    for (int i = 0; i < 20; ++i) {
+      const double t = random.uniform(0.0, 20.0);
+      const std::int64_t local = clock.local(t);
+      const double nanosecond = speed * 1e-9;
+      EXPECT_GE(clock.simulated(local), t - 1e-3 * nanosecond - 1e-13);
+      EXPECT_LT(clock.simulated(local - 1), t + 1e-3 * nanosecond + 1e-13);
+    }
+    for (int i = 0; i < 20; ++i) {
+      const std::int64_t local = boot + random.integer(0, 1'000'000'000);
+      EXPECT_NEAR(static_cast<double>(clock.local(clock.simulated(local)) - local), 0.0, 2.0);
+    }
+  }
+}
+
+TEST(MasterClock, ARestartForgetsTheOldMaster) {
+  MasterClock clock;
+  clock.observe(report_at(1000.0, 1.0), boot);
+  clock.restart();
+  EXPECT_FALSE(clock.running());
+  clock.observe(report_at(0.5, 1.0), boot + second);
+  EXPECT_EQ(clock.simulated(boot + second), 0.5);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,147 @@
+// What a time line's output is compared with: a stepper driven by all events at once, without any
+// of the observer's code.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "master_sim/report_builder.h"
+#include "mechanics/instant.h"
+#include "mechanics/master.h"
+#include "mechanics/scene.h"
+
+namespace sprag {
+
+/// q, u and chi of ticks, in the order in which they came.
+struct Recording {
+  std::vector<std::int64_t> ticks;
+  std::vector<ContactSet> chi;
+  std::vector<Eigen::VectorXd> q, u;
+
+  template <typename Stepper>
+  void add(const Stepper& stepper, const typename Stepper::State& state, Eigen::Index f) {
+    ticks.push_back(state.tick);
+    chi.push_back(state.chi);
+    q.emplace_back(f);
+    u.emplace_back(f);
+    stepper.output(state, q.back(), u.back());
+  }
+};
+
+inline bool same_bits(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  return a.size() == b.size() &&
+         std::memcmp(a.data(), b.data(), static_cast<std::size_t>(a.size()) * sizeof(double)) == 0;
+}
+
+/// Empty where they are equal, bit for bit; else says where they are not.
+inline std::string difference(const Recording& expected, const Recording& actual) {
+  const std::size_t n = std::min(expected.ticks.size(), actual.ticks.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::string where = "entry " + std::to_string(i) + ": ";
+    if (expected.ticks[i] != actual.ticks[i]) {
+      return where + "tick " + std::to_string(actual.ticks[i]) + " instead of " +
+             std::to_string(expected.ticks[i]);
+    }
+    if (expected.chi[i] != actual.chi[i]) return where + "chi";
+    if (!same_bits(expected.q[i], actual.q[i])) return where + "q";
+    if (!same_bits(expected.u[i], actual.u[i])) return where + "u";
+  }
+  if (expected.ticks.size() == actual.ticks.size()) return "";
+  return std::to_string(actual.ticks.size()) + " ticks instead of " +
+         std::to_string(expected.ticks.size());
+}
+
+/// Ticks `first` to the last one at or before `end`; `events` are those after chi was `chi`.
+template <typename Stepper>
+Recording offline(const Model& model, const State& start, double h,
+                  std::span<const ContactEvent> events, double end, std::int64_t first = 0,
+                  ContactSet chi = 0) {
+  Stepper stepper(model, h);
+  typename Stepper::State state;
+  stepper.start(start, first, chi, state);
+  const auto take_until = [&](std::int64_t k) {
+    const auto later = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+      return tick_instant(k, h) - at(event.t) < 0.0;
+    });
+    const auto count = static_cast<std::size_t>(later - events.begin());
+    const auto due = events.first(count);
+    events = events.subspan(count);
+    return due;
+  };
+  auto at_start = take_until(first);
+  while (!at_start.empty()) {
+    std::size_t count = 1;
+    while (count < at_start.size() && at_start[count].t == at_start[0].t) ++count;
+    stepper.apply(at_start.first(count), state);
+    at_start = at_start.subspan(count);
+  }
+  Recording recording;
+  recording.add(stepper, state, model.coordinates());
+  for (std::int64_t k = first + 1; tick_instant(k, h) - at(end) <= 0.0; ++k) {
+    stepper.tick(take_until(k), state);
+    recording.add(stepper, state, model.coordinates());
+  }
+  return recording;
+}
+
+inline const Scene& shipped_scene(const std::string& name) {
+  static std::map<std::string, Scene> scenes;
+  const auto found = scenes.find(name);
+  if (found != scenes.end()) return found->second;
+  return scenes.emplace(name, read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "scenes" / name))
+      .first->second;
+}
+
+inline std::vector<ContactEvent> master_events(const Scene& scene, double end) {
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  master.advance(at(end), events);
+  return events;
+}
+
+/// What a master sends that looks at its clock at `times` (ascending).
+inline std::vector<ContactReport> reports_at(const std::vector<double>& times,
+                                             std::span<const ContactEvent> events, int contacts,
+                                             std::int64_t session = 1) {
+  ReportBuilder builder(session, 1.0, contacts);
+  std::vector<ContactReport> reports;
+  for (const double t : times) {
+    std::size_t count = 0;
+    while (count < events.size() && events[count].t <= t) ++count;
+    builder.add(events.first(count));
+    events = events.subspan(count);
+    do reports.push_back(builder.next(t, 0));
+    while (builder.pending());
+  }
+  return reports;
+}
+
+/// At every event and every `heartbeat` up to `end`.
+inline std::vector<double> event_and_heartbeat_times(std::span<const ContactEvent> events,
+                                                     double heartbeat, double end) {
+  std::vector<double> times{end};
+  for (double t = 0.0; t < end; t += heartbeat) times.push_back(t);
+  for (const ContactEvent& event : events) {
+    if (event.t <= end) times.push_back(event.t);
+  }
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  return times;
+}
+
+/// The report as of a sender that repeats the last `count` records only.
+inline ContactReport with_repeats(ContactReport report, int count) {
+  const int cut = std::max(report.records - count, 0);
+  std::copy(report.record.begin() + cut, report.record.begin() + report.records,
+            report.record.begin());
+  report.records -= cut;
+  return report;
+}
+
+}  // namespace sprag
