@@ -14,7 +14,8 @@ struct Beam {
   double damping = 0.0;            ///< d [N s/m^2], viscous against the frame
 };
 
-/// beta_i l, i >= 1: i-th positive root of cos(x) cosh(x) + 1 = 0, right to a few units in the last place.
+/// beta_i l, i >= 1: i-th positive root of cos(x) cosh(x) + 1 = 0, right to a few units in the last
+/// place.
 double wavenumber(int i);
 
 /// v_i(x) of (19) at x = xi l, xi in [0, 1]; no overflow or cancellation for any i >= 1.
