@@ -53,7 +53,7 @@ class ChannelLogReader {
   std::optional<LogDamage> damage_;
 };
 
-/// Writes a log that lcm-logplayer, lcm-spy and ChannelLogReader read. Never throws while it
+/// Writes a log that liblcm (lcm-logplayer) and ChannelLogReader read. Never throws while it
 /// writes.
 class ChannelLogWriter {
  public:

@@ -105,6 +105,7 @@ void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
 
 void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
   apply_group(events, state);
+  std::fill(order_.begin(), order_.end(), 0);
   set_anchor(state);
 }
 
@@ -172,8 +173,9 @@ void Replica::advance(Instant t, ReplicaState& state) {
     }
   }
   if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
-  // Across a tick a signal that started from zero is known by its value alone.
-  if (state.chi != 0) std::fill(order_.begin(), order_.end(), 0);
+  // Across a tick a signal that started from zero is known by its value alone: all that a tick
+  // depends on is in the state.
+  std::fill(order_.begin(), order_.end(), 0);
 }
 
 void Replica::output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,

@@ -1,11 +1,28 @@
 #include "observer/event_history.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 namespace sprag {
 namespace {
 
 constexpr std::size_t max_degraded = 4096;
+
+// chi before the first record a report carries: its `closed`, the records undone.
+ContactSet closed_before_records(const ContactReport& report) {
+  ContactSet closed = report.closed;
+  for (int i = report.records; i-- > 0;) {
+    const ContactEvent& event = report.record[static_cast<std::size_t>(i)];
+    if (event.contact < 0 || event.contact >= report.contacts) continue;
+    if (event.kind == ContactEventKind::opens) {
+      closed |= bit(event.contact);
+    } else {
+      closed &= ~bit(event.contact);
+    }
+  }
+  return closed;
+}
 
 }  // namespace
 
@@ -52,6 +69,7 @@ std::size_t EventHistory::add(const ContactReport& report) {
     const double to = report.records > 0 ? report.record[0].t : report.horizon;
     if (degraded_.size() < max_degraded) degraded_.push_back({std::max(last_t_, horizon_), to});
     next_record_ = first;
+    make_up(closed_before_records(report), to);
   }
   for (std::int64_t number = next_record_; number < report.records_total; ++number) {
     const ContactEvent& event = report.record[static_cast<std::size_t>(number - first)];
@@ -62,18 +80,21 @@ std::size_t EventHistory::add(const ContactReport& report) {
     }
   }
   next_record_ = std::max(next_record_, report.records_total);
-  if (gap) resynchronize(report);
+  if (gap) make_up(report.closed, report.horizon);
   set_horizon(report.horizon);
   return events_.size() - before;
 }
 
-// What the lost records left undone is made up at the report's horizon.
-void EventHistory::resynchronize(const ContactReport& report) {
+// Switches the contacts that lost records have left otherwise than `closed`, at t or as soon after
+// as nothing settled changes.
+void EventHistory::make_up(ContactSet closed, double t) {
+  const double after_horizon =
+      horizon_ < 0.0 ? 0.0 : std::nextafter(horizon_, std::numeric_limits<double>::infinity());
   for (int i = 0; i < contacts_; ++i) {
-    const bool closed = contains(report.closed, i);
-    if (closed == contains(chi_, i)) continue;
-    const ContactEvent event{std::max(report.horizon, last_t_), i,
-                             closed ? ContactEventKind::closes : ContactEventKind::opens};
+    if (contains(closed, i) == contains(chi_, i)) continue;
+    const ContactEvent event{std::max({t, last_t_, after_horizon}), i,
+                             contains(closed, i) ? ContactEventKind::closes
+                                                 : ContactEventKind::opens};
     chi_ = after(chi_, event);
     last_t_ = event.t;
     events_.push_back(event);

@@ -26,8 +26,8 @@ struct EventCounts {
   std::int64_t backwards = 0;        ///< skipped: earlier than the record before, or than a horizon
   std::int64_t beyond_horizon = 0;   ///< skipped: later than its own report's horizon
   std::int64_t unknown_contact = 0;  ///< skipped
-  std::int64_t contradicting =
-      0;  ///< skipped: closes while closed, opens while open, pulses while closed
+  /// Skipped: closes or pulses while closed, opens while open.
+  std::int64_t contradicting = 0;
 };
 
 class EventHistory {
@@ -41,7 +41,8 @@ class EventHistory {
   void restart(std::int64_t next_record, ContactSet chi, double horizon);
 
   /// Takes what is new in a report of the present session; returns how many events were appended.
-  /// After a gap chi follows the report's `closed`.
+  /// After a gap chi follows the report's `closed`: what the lost records did is made up where the
+  /// gap ends.
   std::size_t add(const ContactReport& report);
 
   /// Takes one event from a file; false if it was skipped.
@@ -59,7 +60,7 @@ class EventHistory {
   const std::vector<DegradedInterval>& degraded() const { return degraded_; }
 
  private:
-  void resynchronize(const ContactReport& report);
+  void make_up(ContactSet closed, double t);
 
   int contacts_;
   std::vector<ContactEvent> events_;

@@ -41,7 +41,7 @@ class SessionTracker {
     }
     ++counts_.sessions;
     session_ = report.session;
-    last_ = report.sequence;
+    first_ = last_ = report.sequence;
     seen_ = 1;
     return Verdict::starts;
   }
@@ -68,12 +68,13 @@ class SessionTracker {
       return Verdict::ignored;
     }
     seen_ |= bit;
-    --counts_.lost;
+    if (sequence > first_) --counts_.lost;
     ++counts_.reordered;
     return Verdict::continues;
   }
 
   std::int64_t session_ = 0;
+  std::int64_t first_ = 0;
   std::int64_t last_ = 0;
   std::uint64_t seen_ = 0;
   std::vector<std::int64_t> past_;

@@ -170,7 +170,8 @@ class TimeLine {
       start_again();
     } else {
       now_ = tick - 1;
-      consumed_ = std::min(consumed_, first_new);
+      const auto& all = events_.events();
+      while (consumed_ > 0 && tick_of(all[consumed_ - 1]) >= tick) --consumed_;
     }
     while (now_ < present) step();
   }

@@ -14,10 +14,10 @@ TEST_P(AnyOrderTest, RunEndsWellWithRows) {
   std::vector<Process*> all;
   for (const char which : std::string(GetParam())) {
     if (which == 'm') {
-      all.push_back(&start_master(common + Arguments{"--tick", "0.02", "--speed", "20"}));
+      all.push_back(&start_master(common + Arguments{"--tick", "0.015625", "--speed", "20"}));
     } else if (which == 'o') {
       all.push_back(&start_listening(
-          "observer", common + Arguments{"--tick", "0.02", "--states", file("states.csv")}));
+          "observer", common + Arguments{"--tick", "0.015625", "--states", file("states.csv")}));
     } else {
       all.push_back(&start_listening("sync_logger", common + Arguments{"--csv", file("sync.csv")}));
     }
@@ -25,7 +25,7 @@ TEST_P(AnyOrderTest, RunEndsWellWithRows) {
   for (Process* process : all) EXPECT_EQ(end_of(*process).code, 0) << process->label();
 
   const std::vector<StateLine> states = read_states_file(file("states.csv"));
-  ASSERT_EQ(states.size(), 2001U);  // fewer than 120 records: from t = 0 in any case
+  ASSERT_EQ(states.size(), 2561U);  // fewer than 120 records: from t = 0 in any case
   EXPECT_EQ(states.front().k, 0);
   const std::vector<SyncLine> rows = read_sync(file("sync.csv"));
   ASSERT_GT(rows.size(), 200U);

@@ -30,10 +30,10 @@ class LiveAndOfflineTest : public EndToEnd {
   }
 
   void expect_settled_ticks_as_in_replays(const std::string& name, const std::string& stepper) {
-    run_live(scene(name), "40", "0.02", {"--stepper", stepper});
+    run_live(scene(name), "40", "0.015625", {"--stepper", stepper});
     const std::string live = text("live.csv");
-    EXPECT_EQ(read_states_file(file("live.csv")).size(), 2001U);
-    const Arguments more{"--tick", "0.02", "--duration", "40", "--stepper", stepper};
+    EXPECT_EQ(read_states_file(file("live.csv")).size(), 2561U);
+    const Arguments more{"--tick", "0.015625", "--duration", "40", "--stepper", stepper};
     EXPECT_TRUE(live == read_text(replay(scene(name), file("events.csv"), more)))
         << "live differs from the replay of the events";
     EXPECT_TRUE(live == read_text(replay(scene(name), file("run.lcmlog"), more)))
@@ -43,10 +43,10 @@ class LiveAndOfflineTest : public EndToEnd {
 
 TEST_F(LiveAndOfflineTest, ErrorEnergyFallsLiveAsItDoesOffline) {
   const std::string beam = scene("paper_beam");
-  run_live(beam, "60", "0.02", {});
-  simulate(beam, "60", "0.02");
+  run_live(beam, "60", "0.015625", {});
+  simulate(beam, "60", "0.015625");
   const std::string estimate =
-      replay(beam, file("events.csv"), {"--tick", "0.02", "--duration", "60"});
+      replay(beam, file("events.csv"), {"--tick", "0.015625", "--duration", "60"});
   EXPECT_EQ(run("sync_logger", {beam, "--truth", file("truth.csv"), "--estimate", estimate, "--csv",
                                 file("offline.csv")})
                 .code,
@@ -54,12 +54,12 @@ TEST_F(LiveAndOfflineTest, ErrorEnergyFallsLiveAsItDoesOffline) {
 
   std::map<std::int64_t, SyncLine> offline;
   for (const SyncLine& row : read_sync(file("offline.csv"))) offline[row.k] = row;
-  ASSERT_EQ(offline.size(), 3001U);
+  ASSERT_EQ(offline.size(), 3841U);
   EXPECT_NEAR(offline[0].v, 0.4783533, 1e-7);
-  EXPECT_LT(offline[3000].v, 1e-4 * offline[0].v);
+  EXPECT_LT(offline[3840].v, 1e-4 * offline[0].v);
 
   const std::vector<SyncLine> live = read_sync(file("sync.csv"));
-  EXPECT_GE(live.size(), 2851U);  // UDP may lose some
+  EXPECT_GE(live.size(), 3649U);  // UDP may lose some
   for (const SyncLine& row : live) {
     ASSERT_TRUE(offline.contains(row.k)) << row.k;
     const SyncLine& same = offline[row.k];
@@ -84,15 +84,34 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheMoreauStepperEqualTheReplayBitForBit
   expect_settled_ticks_as_in_replays("paper_beam_chatter", "moreau");
 }
 
+TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
+  // 0.1 and the others are a little more than they read, as doubles.
+  for (const auto& [tick, rows] :
+       std::map<std::string, std::size_t>{{"0.1", 401}, {"0.02", 2001}, {"0.001", 40001}}) {
+    simulate(scene("paper_beam"), "40", tick);
+    EXPECT_EQ(read_states_file(file("truth.csv")).size(), rows) << tick;
+    const std::string estimate =
+        replay(scene("paper_beam"), file("events.csv"), {"--tick", tick, "--duration", "40"});
+    EXPECT_EQ(read_states_file(estimate).size(), rows) << tick;
+  }
+}
+
+TEST_F(LiveAndOfflineTest, LoggerEndsWithTheRunWhateverTheTick) {
+  for (const char* tick : {"0.1", "0.02"}) {
+    set_url(udp_url());
+    run_live(scene("paper_beam"), "20", tick, {});
+  }
+}
+
 TEST_F(LiveAndOfflineTest, ObserverDoesNotNeedTheTruth) {
   const std::string beam = scene("paper_beam");
-  run_live(beam, "30", "0.02", {});
+  run_live(beam, "30", "0.015625", {});
   const std::string with_truth = text("live.csv");
-  const Arguments more{"--tick", "0.02", "--duration", "30"};
+  const Arguments more{"--tick", "0.015625", "--duration", "30"};
   EXPECT_TRUE(with_truth == read_text(replay(beam, file("events.csv"), more)));
 
   set_url(udp_url());
-  run_live(beam, "30", "0.02", {}, {"--no-truth"});
+  run_live(beam, "30", "0.015625", {}, {"--no-truth"});
   EXPECT_TRUE(text("live.csv") == read_text(replay(beam, file("events.csv"), more)));
   EXPECT_TRUE(text("live.csv") == with_truth) << "the observer's output depends on the truth";
   EXPECT_EQ(count_rows(file("sync.csv")), 0U) << "truth was sent in spite of --no-truth";

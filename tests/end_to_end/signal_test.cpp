@@ -26,10 +26,10 @@ TEST_P(SignalTest, EndsARunningProgramWithCompleteFiles) {
       "sync_logger", common + Arguments{"--csv", file("sync.csv"), "--record", file("run.lcmlog"),
                                         "--report", file("logger.json")});
   Process& observer = start_listening(
-      "observer", common + Arguments{"--tick", "0.02", "--states", file("states.csv"), "--report",
-                                     file("observer.json")});
+      "observer", common + Arguments{"--tick", "0.015625", "--states", file("states.csv"),
+                                     "--report", file("observer.json")});
   Process& master = start_master(
-      common + Arguments{"--tick", "0.02", "--speed", "20", "--events", file("events.csv"),
+      common + Arguments{"--tick", "0.015625", "--speed", "20", "--events", file("events.csv"),
                          "--states", file("truth.csv"), "--report", file("master.json")});
   wait_for_time(master, 10.0);
   expect_clean_end(observer);

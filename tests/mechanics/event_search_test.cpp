@@ -1,9 +1,12 @@
 #include "mechanics/event_search.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <iostream>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -475,8 +478,9 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
   Random random(seed);
   for (int i = 0; i < repetitions(5000); ++i) {
     const double g = random.log_uniform(1e-3, 1e3);
-    const double height = random.log_uniform(1e-9, 1e3);
-    const double v = random.uniform(-1, 1) * random.log_uniform(1e-3, 1e2);
+    const double height = random.log_uniform(1e-3, 1e3);
+    const double fastest = random.log_uniform(1e-3, 1e2);
+    const double v = random.uniform(-fastest, fastest);
     Problem problem(ball(1.0, 0.0, g));
     problem.enter({Eigen::VectorXd::Constant(1, height), Eigen::VectorXd::Constant(1, v)}, 0.0);
     problem.signal = problem.flow->gap(0);
@@ -494,6 +498,31 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
     const double full = 2.0 * std::abs(v) / g;
     ASSERT_NEAR(*flight.tau / full, 1.0, 4 * epsilon * (1 + 1e-3 / full))
         << "g " << g << " v " << v;
+  }
+}
+
+// A start hardly off the ground at speed: phi(0) is nothing against where the flight goes. A search
+// that stands still would never return, so it runs in a process of its own.
+TEST(EventSearchDeathTest, AFlightThatStartsJustAboveTheGroundEndsToo) {
+  struct Flight {
+    double height, v, g;
+  };
+  for (const Flight& flight : {Flight{1e-9, 30.0, 1.5e-3}, Flight{1e-14, 1.0, 9.81},
+                               Flight{1e-16, 10.0, 9.81}, Flight{1e-30, 1.0, 9.81}}) {
+    SCOPED_TRACE(testing::Message()
+                 << "height " << flight.height << ", v " << flight.v << ", g " << flight.g);
+    const auto fly = [&] {
+      alarm(5);
+      Problem problem(ball(1.0, 0.0, flight.g));
+      problem.enter(
+          {Eigen::VectorXd::Constant(1, flight.height), Eigen::VectorXd::Constant(1, flight.v)},
+          0.0);
+      problem.signal = problem.flow->gap(0);
+      const Found found = search(problem, 1e9);
+      const double full = 2.0 * flight.v / flight.g;
+      std::exit(found.tau && std::abs(*found.tau / full - 1.0) < 1e-9 ? 0 : 1);
+    };
+    EXPECT_EXIT(fly(), testing::ExitedWithCode(0), "");
   }
 }
 

@@ -1,0 +1,163 @@
+// The master by what must hold: closed forms, energy, non-penetration, symmetry.
+#include "mechanics/master.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+Scene ball(double height, double restitution) {
+  Scene scene = shipped_scene("bouncing_ball");
+  scene.master.q[0] = height;
+  scene.model.contacts[0].restitution = restitution;
+  return scene;
+}
+
+TEST(BouncingBall, FallsBouncesAccumulatesAndRestsAsInClosedForm) {
+  for (const auto& [height, restitution] : {std::pair(0.9, 0.9), std::pair(1.0, 0.7)}) {
+    const std::vector<ContactEvent> events = events_of(ball(height, restitution), 100.0);
+    const double first = std::sqrt(2.0 * height / 9.81);
+    ASSERT_GT(events.size(), 2U);
+    EXPECT_NEAR(events.front().t, first, 1e-9);
+    EXPECT_EQ(events.back().kind, ContactEventKind::closes);
+    EXPECT_NEAR(events.back().t, first * (1.0 + restitution) / (1.0 - restitution), 1e-9);
+    double t = first;
+    double flight = 2.0 * first * restitution;
+    for (const ContactEvent& event : events) {
+      if (event.kind != ContactEventKind::pulse) break;
+      EXPECT_NEAR(event.t, t, 1e-9);
+      t += flight;
+      flight *= restitution;
+    }
+  }
+  EXPECT_NEAR(events_of(ball(0.9, 0.9), 10.0).back().t, 8.138705801, 1e-9);
+  EXPECT_NEAR(events_of(ball(1.0, 0.7), 10.0).back().t, 2.558633966, 1e-9);
+}
+
+TEST(BouncingBall, WithoutRestitutionItStaysWhereItFalls) {
+  const std::vector<ContactEvent> events = events_of(ball(0.9, 0.0), 100.0);
+  ASSERT_EQ(events.size(), 1U);
+  EXPECT_EQ(events[0].kind, ContactEventKind::closes);
+}
+
+TEST(ThreeBallChain, HasOneSimultaneousImpact) {
+  Model model;
+  model.M = Eigen::MatrixXd::Identity(3, 3);
+  model.C = model.K = Eigen::MatrixXd::Zero(3, 3);
+  model.contacts.push_back({Eigen::Vector3d(-1, 1, 0), -2.0, {}, 1.0});
+  model.contacts.push_back({Eigen::Vector3d(0, -1, 1), -2.0, {}, 1.0});
+  Master master(model, {Eigen::Vector3d(-0.9, 2, 4), Eigen::Vector3d(1, 0, 0)});
+  std::vector<ContactEvent> events;
+  master.advance(at(1.0), events);
+  ASSERT_GE(events.size(), 2U);
+  EXPECT_EQ(events[0].t, 0.0);  // the second and third ball touch from the start
+  EXPECT_EQ(events[0].contact, 1);
+  EXPECT_NEAR(events[1].t, 0.9, 1e-15);
+  EXPECT_EQ(events[1].contact, 0);
+  EXPECT_EQ(events[1].kind, ContactEventKind::pulse);
+  Eigen::VectorXd q(3);
+  Eigen::VectorXd u(3);
+  master.state(at(1.0), q, u);
+  EXPECT_LE((u - Eigen::Vector3d(-1.0 / 3, 2.0 / 3, 2.0 / 3)).norm(), 1e-14);
+}
+
+class Scenes : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Beams, Scenes,
+                         testing::Values("paper_beam", "paper_beam_frame", "paper_beam_chatter"),
+                         [](const auto& parameter) { return std::string(parameter.param); });
+
+TEST_P(Scenes, GapIsNeverNegativeAndZeroInSustainedContact) {
+  const Scene scene = shipped_scene(GetParam());
+  const Contact& contact = scene.model.contacts[0];
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  Eigen::VectorXd q(3);
+  Eigen::VectorXd u(3);
+  for (std::int64_t k = 0; k <= 30000; ++k) {
+    const Instant t = tick_instant(k, 1e-3);
+    master.advance(t, events);
+    master.state(t, q, u);
+    const double g = gap(contact, q, t.hi);
+    ASSERT_GE(g, -1e-12) << "t = " << t.hi;
+    if (master.closed() != 0) {
+      ASSERT_NEAR(g, 0.0, 1e-14) << "t = " << t.hi;
+      ASSERT_NEAR(gap_velocity(contact, u, t.hi), 0.0, 1e-13) << "t = " << t.hi;
+    }
+  }
+}
+
+TEST_P(Scenes, EventsDoNotDependOnHowOftenOneAsks) {
+  const Scene scene = shipped_scene(GetParam());
+  const std::vector<ContactEvent> at_once = events_of(scene, 40.0);
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> in_ticks;
+  for (std::int64_t k = 0; k <= 40000; ++k) master.advance(tick_instant(k, 1e-3), in_ticks);
+  EXPECT_EQ(at_once, in_ticks);
+}
+
+TEST_P(Scenes, EnergyOfTheUnforcedMachineNeverGrows) {
+  Scene scene = shipped_scene(GetParam());
+  scene.model.forces.clear();
+  scene.model.contacts[0].motion = {};
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  Eigen::VectorXd q(3);
+  Eigen::VectorXd u(3);
+  double before = std::numeric_limits<double>::infinity();
+  double first = 0.0;
+  for (std::int64_t k = 0; k <= 20000; ++k) {
+    const Instant t = tick_instant(k, 1e-3);
+    master.advance(t, events);
+    master.state(t, q, u);
+    const double energy = 0.5 * u.dot(scene.model.M * u) + 0.5 * q.dot(scene.model.K * q);
+    if (k == 0) first = energy;
+    ASSERT_LE(energy, before + 1e-14 * first) << "t = " << t.hi;
+    before = energy;
+  }
+  EXPECT_GT(events.size(), 3U);
+}
+
+TEST_P(Scenes, MirroredMachineHasTheSameEvents) {
+  const Scene scene = shipped_scene(GetParam());
+  Scene mirrored = scene;
+  mirrored.master.q = -scene.master.q;
+  mirrored.master.u = -scene.master.u;
+  mirrored.model.contacts[0].w = -scene.model.contacts[0].w;
+  for (Force& force : mirrored.model.forces) force.direction = -force.direction;
+  EXPECT_EQ(events_of(scene, 30.0), events_of(mirrored, 30.0));
+}
+
+TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
+  const Scene scene = shipped_scene("paper_beam_as_printed");
+  ASSERT_TRUE(scene.release_penetration);
+  const Contact& contact = scene.model.contacts[0];
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  Eigen::VectorXd q(3);
+  Eigen::VectorXd u(3);
+  double opened = 0.0;
+  for (std::int64_t k = 0; k <= 2000; ++k) {
+    const Instant t = tick_instant(k, 1e-3);
+    master.advance(t, events);
+    master.state(t, q, u);
+    const double g = gap(contact, q, t.hi);
+    if (opened == 0.0 && master.closed() == 0) opened = t.hi;
+    if (opened == 0.0) {
+      ASSERT_LE(g, 1e-12);
+      ASSERT_GE(gap_velocity(contact, u, t.hi), -1e-12);
+    } else {
+      ASSERT_GE(g, -1e-12);
+    }
+  }
+  ASSERT_GE(events.size(), 2U);
+  EXPECT_EQ(events[0], (ContactEvent{0.0, 0, ContactEventKind::closes}));
+  EXPECT_EQ(events[1].kind, ContactEventKind::opens);
+  EXPECT_GT(opened, 0.1);
+}
+
+}  // namespace
+}  // namespace sprag::test

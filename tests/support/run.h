@@ -1,0 +1,65 @@
+// Runs of the shipped scenes: the master's events, and an observer's replica beside the master.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mechanics/energy.h"
+#include "mechanics/master.h"
+#include "mechanics/scene.h"
+
+namespace sprag::test {
+
+inline Scene shipped_scene(const std::string& name) {
+  return read_scene(SPRAG_SOURCE_DIR "/scenes/" + name + ".toml");
+}
+
+inline std::vector<ContactEvent> events_of(const Scene& scene, double T) {
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  master.advance(at(T), events);
+  return events;
+}
+
+/// A master and a replica of Stepper, tick by tick: after step() both are at tick k, and
+/// `passed` holds the events since the tick before.
+template <typename Stepper>
+struct Pair {
+  Pair(const Scene& scene, double h)
+      : master(scene.model, scene.master), stepper(scene.model, h), energy(scene.model) {
+    const Eigen::Index f = scene.model.coordinates();
+    q_m = u_m = q_s = u_s = Eigen::VectorXd::Zero(f);
+    stepper.start(scene.replica, 0, 0, state);
+    master.advance(at(0.0), passed);
+    if (!passed.empty()) stepper.apply(passed, state);
+    read();
+  }
+
+  void step() {
+    ++k;
+    passed.clear();
+    master.advance(tick_instant(k, stepper.h()), passed);
+    stepper.tick(passed, state);
+    read();
+  }
+
+  double V() const { return V_i[0]; }
+  double t() const { return tick_instant(k, stepper.h()).hi; }
+
+  Master master;
+  Stepper stepper;
+  ErrorEnergy energy;
+  typename Stepper::State state;
+  std::vector<ContactEvent> passed;
+  std::int64_t k = 0;
+  Eigen::VectorXd q_m, u_m, q_s, u_s, V_i;
+
+ private:
+  void read() {
+    master.state(tick_instant(k, stepper.h()), q_m, u_m);
+    stepper.output(state, q_s, u_s);
+    V_i = energy(q_m, u_m, q_s, u_s);
+  }
+};
+
+}  // namespace sprag::test
