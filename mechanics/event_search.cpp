@@ -1,5 +1,6 @@
 #include "mechanics/event_search.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -12,6 +13,8 @@ constexpr int degree = 8;
 constexpr int top = degree + 1;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double infinity = std::numeric_limits<double>::infinity();
+// Below this a motion has died out; its roundings are no longer relative.
+constexpr double nothing = 1e-290;
 
 // Two events closer than this (times 1 + t) are one.
 constexpr double simultaneous = 1e-13;
@@ -91,7 +94,7 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
   e.bound = bound * inverse_factorials[top];
-  e.noise = 4.0 * epsilon * magnitude;
+  e.noise = 4.0 * epsilon * magnitude + nothing;
   return e;
 }
 
@@ -112,7 +115,7 @@ double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
     }
     magnitude += std::abs(signal.p[k] * before) + std::abs(signal.r[k] * now);
   }
-  return 8.0 * epsilon * magnitude * inverse_factorials[static_cast<std::size_t>(order)];
+  return 8.0 * epsilon * magnitude * inverse_factorials[static_cast<std::size_t>(order)] + nothing;
 }
 
 // Polynomial of degree `top` in Bernstein form on a piece [low, low + length] of [0, 1].
@@ -187,9 +190,10 @@ double first_root(const Coefficients& b) {
       cut(piece, s);
       if (piece.b[0] <= tolerance) return piece.low;
     } else {
-      split(piece, std::min(4.0 * s, 0.5), later[static_cast<std::size_t>(depth++)]);
+      // Not at 4 s alone: next to a start just above zero the hull says nothing of the root.
+      split(piece, std::clamp(4.0 * s, 0.03125, 0.5), later[static_cast<std::size_t>(depth++)]);
     }
-    if (piece.length < 1e-15) return piece.low;
+    if (piece.length < 1e-15 * piece.low) return piece.low;
   }
   return piece.low;
 }
@@ -369,22 +373,20 @@ void EventSearch::expand() {
       continue;
     }
     bool falls_now = false;
+    // A derivative that does not vanish by construction counts if it stands out of its rounding.
     double noise = order == 0 ? e.noise : 0.0;
     while (order <= degree && e.a[static_cast<std::size_t>(order)] <= noise) {
-      if (order > 0) {
+      if (noise == 0.0)
         noise = noise_of(order, signal, flow.oscillators(), x_, start_->alpha, count);
-      }
-      if (e.a[static_cast<std::size_t>(order)] < -noise) {
-        falls_now = true;
-        break;
-      }
-      if (e.a[static_cast<std::size_t>(order)] > noise) break;
-      ++order;
-      noise = 0.0;
+      falls_now = e.a[static_cast<std::size_t>(order)] < -noise;
+      if (falls_now || ++order > degree) break;
+      noise = noise_of(order, signal, flow.oscillators(), x_, start_->alpha, count);
     }
     Verdict verdict;
     if (falls_now) {
-      verdict = {0.0, 0.0, 0.0};
+      // The last step may have gone past the root by what its coefficients were rounded.
+      const double past = certified_ > 0.0 && e.a[1] < 0.0 ? std::max(e.a[0] / e.a[1], 0.0) : 0.0;
+      verdict = {0.0, -std::min(past, 1e-8 * t), 0.0};
     } else if (order > degree) {
       verdict = {infinity, infinity, 0.0};
     } else {
