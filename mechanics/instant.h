@@ -37,11 +37,18 @@ inline Instant operator+(const Instant& a, double tau) {
   return {hi, low - (hi - sum)};
 }
 
-/// Last tick at or before t; t and h finite, h > 0, the result within the range of int64.
+/// No tick lies beyond: doubles count no further.
+inline constexpr std::int64_t max_tick = std::int64_t{1} << 53;
+
+/// Last tick k <= max_tick whose time, rounded to double, is at or before t >= 0 (10 is tick 10000
+/// of h = 1e-3, though 10000 h is a little more); h > 0. No double lies between a tick and its
+/// rounded time, so that events known up to t are known up to this tick.
 inline std::int64_t last_tick(double t, double h) {
-  auto k = static_cast<std::int64_t>(std::floor(t / h));
-  while (tick_instant(k, h) - at(t) > 0.0) --k;
-  while (tick_instant(k + 1, h) - at(t) <= 0.0) ++k;
+  const double quotient = std::floor(t / h);
+  if (!(quotient < static_cast<double>(max_tick))) return max_tick;
+  auto k = static_cast<std::int64_t>(quotient);
+  while (tick_instant(k, h).hi > t) --k;
+  while (k < max_tick && tick_instant(k + 1, h).hi <= t) ++k;
   return k;
 }
 

@@ -92,9 +92,9 @@ void EventHistory::make_up(ContactSet closed, double t) {
       horizon_ < 0.0 ? 0.0 : std::nextafter(horizon_, std::numeric_limits<double>::infinity());
   for (int i = 0; i < contacts_; ++i) {
     if (contains(closed, i) == contains(chi_, i)) continue;
-    const ContactEvent event{std::max({t, last_t_, after_horizon}), i,
-                             contains(closed, i) ? ContactEventKind::closes
-                                                 : ContactEventKind::opens};
+    const ContactEvent event{
+        std::max({t, last_t_, after_horizon}), i,
+        contains(closed, i) ? ContactEventKind::closes : ContactEventKind::opens};
     chi_ = after(chi_, event);
     last_t_ = event.t;
     events_.push_back(event);

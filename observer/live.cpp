@@ -71,7 +71,10 @@ class LiveObserver {
         heard_(report_slots, Heard{}),
         samples_(sample_slots, empty_sample()),
         bus_(url) {
-    if (!options.states.empty()) states_.emplace(options.states, coordinates_);
+    if (!options.states.empty()) {
+      states_.emplace(options.states, coordinates_);
+      if (!states_->good()) throw std::runtime_error(states_->error());
+    }
     bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
                                             std::int64_t) { hear(data); });
     std::cerr << "listening on " << url << '\n';

@@ -45,6 +45,8 @@ class Replay {
         u_(scene.model.coordinates()) {
     if (!options.states.empty()) states_.emplace(options.states, scene.model.coordinates());
     if (!replay.events.empty()) events_.emplace(replay.events);
+    if (states_ && !states_->good()) throw std::runtime_error(states_->error());
+    if (events_ && !events_->good()) throw std::runtime_error(events_->error());
   }
 
   bool events_csv(const std::filesystem::path& file, nlohmann::ordered_json& report) {
@@ -76,7 +78,7 @@ class Replay {
     ChannelRecord record;
     std::int64_t refused = 0;
     ContactReport contacts;
-    while (!done() && log.next(record)) {
+    while (!done() && !stop_requested() && log.next(record)) {
       if (record.channel != contacts_channel) continue;
       if (decode(record.data, contacts) != Refusal::none || contacts.contacts != contacts_) {
         ++refused;
@@ -131,6 +133,7 @@ class Replay {
     time_line_.run(
         0, [](const auto&) {},
         [&](const typename Stepper::State& state) {
+          if (stop_requested()) return false;
           if (state.tick > last_) return true;
           ++ticks_;
           refused_impacts_ = state.refused_impacts;

@@ -118,10 +118,10 @@ class TimeLine {
     return saved_[static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()))];
   }
 
+  // First tick at or after the event.
   std::int64_t tick_of(const ContactEvent& event) const {
     const std::int64_t k = last_tick(event.t, h());
-    const bool on_tick = tick_instant(k, h()) - at(event.t) == 0.0;
-    return std::max(on_tick ? k : k + 1, first_);
+    return std::max(tick_instant(k, h()) - at(event.t) >= 0.0 ? k : k + 1, first_);
   }
 
   // The events of one tick, from `consumed_` on.

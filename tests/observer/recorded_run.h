@@ -83,7 +83,7 @@ Recording offline(const Model& model, const State& start, double h,
   }
   Recording recording;
   recording.add(stepper, state, model.coordinates());
-  for (std::int64_t k = first + 1; tick_instant(k, h) - at(end) <= 0.0; ++k) {
+  for (std::int64_t k = first + 1; tick_instant(k, h).hi <= end; ++k) {
     stepper.tick(take_until(k), state);
     recording.add(stepper, state, model.coordinates());
   }
