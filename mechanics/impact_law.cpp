@@ -10,9 +10,14 @@ namespace {
 // Pivots below this share of their own diagonal mean dependent directions.
 constexpr double dependent_pivot = 1e-12;
 
+constexpr int max_patience = 8;
+constexpr int max_pivots = 1 << 16;
+
+using Basis = std::array<bool, max_contacts>;
+
 // Solves A_BB x_B = -b_B for the basic set by a Cholesky factorization without square roots.
-Solved solve_basic(const ContactMatrix& A, const ContactVector& b,
-                   const std::array<bool, max_contacts>& basic, ContactVector& x) {
+Solved solve_basic(const ContactMatrix& A, const ContactVector& b, const Basis& basic,
+                   ContactVector& x) {
   std::array<int, max_contacts> index{};
   int n = 0;
   for (int i = 0; i < b.size(); ++i) {
@@ -44,6 +49,24 @@ Solved solve_basic(const ContactMatrix& A, const ContactVector& b,
   return Solved::yes;
 }
 
+// Whether others share in the load of the basic set as well: y = 0 without x > 0 in a direction
+// that depends on the basic ones.
+bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y,
+              double tolerance) {
+  Basis closed = basic;
+  bool loaded = false;
+  bool degenerate = false;
+  for (int i = 0; i < y.size(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    loaded = loaded || basic[k];
+    if (basic[k] || y[i] > tolerance) continue;
+    closed[k] = degenerate = true;
+  }
+  if (!loaded || !degenerate) return false;
+  ContactVector x(y.size());
+  return solve_basic(A, y, closed, x) != Solved::yes;
+}
+
 }  // namespace
 
 Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
@@ -57,27 +80,44 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
     y[0] = b[0] < 0.0 ? 0.0 : b[0];
     return Solved::yes;
   }
-  std::array<bool, max_contacts> basic{};
   x.setZero();
-  const double scale = b.size() > 0 ? b.cwiseAbs().maxCoeff() : 0.0;
-  const double tolerance = 8.0 * std::numeric_limits<double>::epsilon() * scale;
-  // Finite for positive definite A; the limit only guards against rounding in nearly dependent
-  // sets.
-  for (int pivot = 0; pivot < 64 * n + 64; ++pivot) {
+  Basis basic{};
+  const double tolerance = 8.0 * std::numeric_limits<double>::epsilon() * b.cwiseAbs().maxCoeff();
+  // All violated indices change sides at once, as long as their number keeps falling every so many
+  // pivots (Judice & Pires 1994); else the least index alone, which is finite but may take long.
+  int fewest = n + 1;
+  int patience = max_patience;
+  for (int pivot = 0; pivot < max_pivots; ++pivot) {
+    Basis violated{};
+    int violations = 0;
     for (int i = 0; i < n; ++i) {
-      y[i] = basic[static_cast<std::size_t>(i)] ? 0.0 : b[i] + A.row(i).dot(x);
+      const auto k = static_cast<std::size_t>(i);
+      y[i] = basic[k] ? 0.0 : b[i] + A.row(i).dot(x);
+      violated[k] = basic[k] ? x[i] < 0.0 : y[i] < -tolerance;
+      violations += violated[k] ? 1 : 0;
     }
-    int violated = -1;
-    for (int i = 0; i < n && violated < 0; ++i) {
-      if (basic[static_cast<std::size_t>(i)] ? x[i] < 0.0 : y[i] < -tolerance) violated = i;
-    }
-    if (violated < 0) {
+    if (violations == 0) {
+      if (is_guess(A, basic, y, tolerance)) return Solved::dependent;
       y = y.cwiseMax(0.0);
       return Solved::yes;
     }
-    bool& member = basic[static_cast<std::size_t>(violated)];
-    member = !member;
-    if (solve_basic(A, b, basic, x) != Solved::yes) return Solved::dependent;
+    if (violations < fewest) {
+      fewest = violations;
+      patience = max_patience;
+    } else if (patience > 0) {
+      --patience;
+    }
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      if (!violated[i]) continue;
+      basic[i] = !basic[i];
+      if (patience == 0) break;
+    }
+    if (solve_basic(A, b, basic, x) == Solved::yes) continue;
+    // Too many at once may be dependent where fewer are not.
+    if (patience == 0) return Solved::dependent;
+    patience = 0;
+    basic = {};
+    x.setZero();
   }
   return Solved::dependent;
 }

@@ -6,8 +6,9 @@
 //                         >= 0
 //   generalized Newton    0 <= Lambda  _|_  gamma+ + E gamma- >= 0
 //
-// The complementarity problems are solved by principal pivoting (Murty's least-index rule), which
-// is finite for positive definite G and exact to rounding. Nothing here allocates.
+// The complementarity problems are solved by principal pivoting, block-wise, with Murty's
+// least-index rule, which is finite for positive definite G, behind it: exact to rounding. Nothing
+// here allocates.
 #pragma once
 
 #include <Eigen/Core>
