@@ -1,0 +1,243 @@
+// The linear complementarity problem 0 <= x _|_ y = A x + b >= 0 by its residual, recomputed in
+// extended precision, and against every basis there is.
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "mechanics/impact_law.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Real = long double;
+using VectorR = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+using MatrixR = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+
+struct Lcp {
+  MatrixXd A;
+  VectorXd b;
+};
+
+/// Of moderate condition but for the rows' and columns' scales, up to `spread` apart.
+Lcp random_problem(Random& random, int n, double spread) {
+  VectorXd scale(n);
+  for (double& s : scale) s = random.log_uniform(1.0 / std::sqrt(spread), std::sqrt(spread));
+  const MatrixXd A =
+      scale.asDiagonal() * random.positive_definite(n, 0.05, 2.0) * scale.asDiagonal();
+  VectorXd b = random.vector(n);
+  if (random.chance(0.3)) b = -b.cwiseAbs();                  // all pressed
+  if (random.chance(0.2)) b[random.integer(0, n - 1)] = 0.0;  // one at rest
+  return {0.5 * (A + A.transpose()), scale.cwiseProduct(b)};
+}
+
+/// Largest violation of the problem, each row relative to its own terms.
+Real residual(const Lcp& problem, const VectorXd& x, const VectorXd& y) {
+  const MatrixR A = problem.A.cast<Real>();
+  const VectorR b = problem.b.cast<Real>();
+  const VectorR exact = A * x.cast<Real>() + b;
+  const VectorR terms = A.cwiseAbs() * x.cast<Real>().cwiseAbs() + b.cwiseAbs();
+  Real worst = 0;
+  for (Eigen::Index i = 0; i < b.size(); ++i) {
+    if (x[i] < 0.0 || y[i] < 0.0 || x[i] * y[i] != 0.0) return 1;
+    const Real violation = x[i] > 0.0 ? std::abs(exact[i]) : std::max(-exact[i], Real(0));
+    const Real off = std::max(violation, std::abs(exact[i] - Real(y[i])));
+    if (off > 0) worst = std::max(worst, off / terms[i]);
+  }
+  return worst;
+}
+
+/// x by trying all 2^n bases: the one whose x_B and y_N are positive, or nearest to it.
+VectorR by_all_bases(const Lcp& problem) {
+  const auto n = problem.b.size();
+  const MatrixR A = problem.A.cast<Real>();
+  const VectorR b = problem.b.cast<Real>();
+  VectorR best = VectorR::Zero(n);
+  std::optional<Real> least;
+  for (unsigned basis = 0; basis < (1U << n); ++basis) {
+    std::vector<Eigen::Index> in;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if ((basis >> i & 1U) != 0) in.push_back(i);
+    }
+    VectorR x = VectorR::Zero(n);
+    if (!in.empty()) x(in) = -MatrixR(A(in, in)).partialPivLu().solve(VectorR(b(in)));
+    const VectorR y = A * x + b;
+    const VectorR terms = A.cwiseAbs() * x.cwiseAbs() + b.cwiseAbs();
+    Real violation = 0;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if ((basis >> i & 1U) != 0) {
+        violation = std::max(violation, -x[i] * A(i, i) / std::max(terms[i], Real(1e-300)));
+      } else if (y[i] < 0) {
+        violation = std::max(violation, -y[i] / terms[i]);
+      }
+    }
+    if (!least || violation < *least) {
+      least = violation;
+      best = x;
+    }
+  }
+  return best;
+}
+
+void check(const Lcp& problem, const std::string& where) {
+  SCOPED_TRACE(where);
+  ContactVector x, y;
+  ASSERT_EQ(solve_lcp(problem.A, problem.b, x, y), Solved::yes);
+  ASSERT_LE(static_cast<double>(residual(problem, x, y)), 1e-12);
+  if (problem.b.size() > 6) return;
+  const VectorR expected = by_all_bases(problem);
+  // Impulses of different units compare by what they do: |A_ii| x_i beside the row's terms.
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const Real unit = std::sqrt(Real(problem.A(i, i)));
+    Real size = 0;
+    for (Eigen::Index j = 0; j < x.size(); ++j) {
+      const Real unit_j = std::sqrt(Real(problem.A(j, j)));
+      size = std::max({size, unit_j * expected[j], std::abs(problem.b[j]) / unit_j});
+    }
+    ASSERT_LE(static_cast<double>(std::abs(Real(x[i]) - expected[i]) * unit),
+              1e-12 * static_cast<double>(size))
+        << "x_" << i;
+  }
+}
+
+TEST(Complementarity, IsSolvedAsByAllBases) {
+  const std::uint64_t seed = 101;
+  Random random(seed);
+  for (int i = 0; i < repetitions(8000); ++i) {
+    const int n = random.integer(1, 8);
+    check(random_problem(random, n, 1.0),
+          "seed " + std::to_string(seed) + ", case " + std::to_string(i));
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST(Complementarity, IsSolvedWhateverTheRowsScales) {
+  const std::uint64_t seed = 102;
+  Random random(seed);
+  for (int i = 0; i < repetitions(8000); ++i) {
+    const int n = random.integer(2, 8);
+    check(random_problem(random, n, random.log_uniform(1e2, 1e6)),
+          "seed " + std::to_string(seed) + ", case " + std::to_string(i));
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST(Complementarity, IsSolvedWithTheMostContactsThereCanBe) {
+  const std::uint64_t seed = 103;
+  Random random(seed);
+  for (int i = 0; i < repetitions(60); ++i) {
+    check(random_problem(random, max_contacts, 1.0),
+          "seed " + std::to_string(seed) + ", case " + std::to_string(i));
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST(Complementarity, OfNothingIsSolved) {
+  ContactVector x, y;
+  EXPECT_EQ(solve_lcp(ContactMatrix(0, 0), ContactVector(0), x, y), Solved::yes);
+  EXPECT_EQ(x.size(), 0);
+}
+
+// Exactly zero y beside zero x, and rows that only rounding keeps from it.
+TEST(Complementarity, DegenerateRowsAreSolved) {
+  const std::uint64_t seed = 104;
+  Random random(seed);
+  for (int i = 0; i < repetitions(5000); ++i) {
+    const int n = random.integer(2, 6);
+    Lcp problem = random_problem(random, n, 1.0);
+    VectorXd x = random.vector(n).cwiseMax(0.0);
+    VectorXd y = (x.array() > 0.0).select(0.0, random.vector(n).cwiseMax(0.0));
+    problem.b = y - problem.A * x;
+    ContactVector x_solved, y_solved;
+    ASSERT_EQ(solve_lcp(problem.A, problem.b, x_solved, y_solved), Solved::yes) << "case " << i;
+    ASSERT_LE((x_solved - x).cwiseAbs().maxCoeff(), 1e-13) << "seed " << seed << ", case " << i;
+    ASSERT_LE((y_solved - y).cwiseAbs().maxCoeff(), 1e-13) << "seed " << seed << ", case " << i;
+  }
+}
+
+// Y. Fathi, Math. Program. 17 (1979): on A = L L^T, L unit lower triangular with twos below, b =
+// -1, the least-index rule needs 2^n - 1 pivots; turned round, fewer. The problem is as well
+// conditioned as any.
+TEST(Complementarity, IsSolvedWhereTheLeastIndexRuleIsSlowest) {
+  for (const int n : {2, 4, 8, 9, 10, 12}) {
+    MatrixXd L = MatrixXd::Identity(n, n);
+    L.triangularView<Eigen::StrictlyLower>().setConstant(2.0);
+    for (const MatrixXd& A : {MatrixXd(L * L.transpose()), MatrixXd((L * L.transpose()).reverse()),
+                              MatrixXd(L.transpose() * L)}) {
+      const Lcp problem{A, VectorXd::Constant(n, -1.0)};
+      ContactVector x, y;
+      ASSERT_EQ(solve_lcp(problem.A, problem.b, x, y), Solved::yes) << "n = " << n;
+      EXPECT_LE(static_cast<double>(residual(problem, x, y)), 1e-12) << "n = " << n;
+    }
+  }
+}
+
+// All contacts of W are pressed, but W has dependent columns: many x solve the problem, and any one
+// of them would be a guess. Where no contact is pressed there is nothing to guess.
+void expect_dependent(const MatrixXd& W, const VectorXd& impulses, const std::string& where) {
+  const MatrixXd A = W.transpose() * W;
+  const VectorXd b = -(A * impulses);
+  ContactVector x, y;
+  EXPECT_EQ(solve_lcp(A, b, x, y), Solved::dependent) << where << "\nA =\n"
+                                                      << A << "\nb = " << b.transpose();
+  EXPECT_EQ(solve_lcp(A, VectorXd::Ones(b.size()), x, y), Solved::yes) << where;
+  EXPECT_EQ(VectorXd(x), VectorXd::Zero(b.size())) << where;
+}
+
+TEST(DependentDirections, DuplicateIsNoGuess) {
+  expect_dependent(MatrixXd::Ones(1, 2), VectorXd::Constant(2, 0.5), "two equal directions");
+}
+
+TEST(DependentDirections, OppositeIsNoGuess) {
+  MatrixXd W(1, 2);
+  W << 1.0, -1.0;
+  expect_dependent(W, VectorXd::Ones(2) + VectorXd::Unit(2, 0), "two opposite directions");
+}
+
+TEST(DependentDirections, OfAnyNumberAreNoGuess) {
+  const std::uint64_t seed = 105;
+  Random random(seed);
+  for (int i = 0; i < repetitions(500); ++i) {
+    const int rank = random.integer(1, 5);
+    const int n = rank + random.integer(1, 3);
+    MatrixXd W(rank, n);
+    W.leftCols(rank) = random.orthogonal(rank) + 0.3 * random.matrix(rank, rank);
+    for (int k = rank; k < n; ++k) {
+      const int kind = random.integer(0, 2);
+      const int twin = random.integer(0, rank - 1);
+      if (kind == 0) W.col(k) = random.matrix(rank, 1);
+      if (kind == 1) W.col(k) = W.col(twin) * random.log_uniform(0.1, 10.0);
+      if (kind == 2) W.col(k) = -W.col(twin);
+    }
+    VectorXd impulses(n);
+    for (double& x : impulses) x = random.uniform(0.5, 2.0);
+    expect_dependent(W, impulses, "seed " + std::to_string(seed) + ", case " + std::to_string(i));
+    if (HasFailure()) return;
+  }
+}
+
+// What a guess would do: the same two balls in one groove, listed in two orders, with unlike
+// restitution.
+TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
+  const ContactMatrix G = MatrixXd::Ones(2, 2);
+  const ContactVector gamma_minus = VectorXd::Constant(2, -1.0);
+  ContactVector epsilon = Eigen::Vector2d(0.0, 0.9);
+  ContactVector Lambda, gamma_plus, reversed;
+  const Solved first = impact(ImpactLaw::poisson, G, epsilon, gamma_minus, Lambda, gamma_plus);
+  epsilon.reverseInPlace();
+  const Solved second = impact(ImpactLaw::poisson, G, epsilon, gamma_minus, Lambda, reversed);
+  ASSERT_EQ(first, second);
+  if (first == Solved::yes) {
+    EXPECT_NEAR(gamma_plus[0], reversed[1], 1e-15);
+    EXPECT_NEAR(gamma_plus[1], reversed[0], 1e-15);
+  }
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,345 @@
+// Two machines that take the same impact from different velocities: whether it brings them apart.
+// Their distance is the kinetic energy of their difference, |gamma_A - gamma_B|_(G^-1) as far as an
+// impact changes it. All that convergence of the observer rests on at an impact is here.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "mechanics/impact_law.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+constexpr int most = 4;  // contacts of an impact
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, most, most>;
+using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, most, 1>;
+
+// Velocities are around 1, the smallest distances near 1e-6.
+constexpr double rounding = 1e-9;
+
+/// n contacts of a machine: G = W^T M^-1 W in coordinates where M = 1.
+Matrix random_G(Random& random, int n) {
+  while (true) {
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, most + 2, most> W(
+        n + random.integer(0, 2), n);
+    for (double& w : W.reshaped()) w = random.uniform(-1, 1);
+    const Matrix G = W.transpose() * W;
+    const Eigen::LLT<Matrix> factor(G);
+    const auto pivots = factor.matrixLLT().diagonal().array().square();
+    if (pivots.minCoeff() > 1e-3 * pivots.maxCoeff()) return G;
+  }
+}
+
+Vector random_velocities(Random& random, int n) {
+  Vector gamma(n);
+  for (double& g : gamma) g = random.uniform(-1, 1);
+  return gamma;
+}
+
+struct Machines {
+  Matrix G;
+  Vector epsilon, a, b;  // a and b: gamma- of the two
+  Vector a_plus, b_plus;
+
+  int contacts() const { return static_cast<int>(a.size()); }
+
+  /// Distance after the impact over the distance before.
+  double ratio(ImpactLaw law) {
+    a_plus = after(law, a);
+    b_plus = after(law, b);
+    const Eigen::LLT<Matrix> factor(G);
+    return factor.matrixL().solve(a_plus - b_plus).norm() / factor.matrixL().solve(a - b).norm();
+  }
+
+ private:
+  Vector after(ImpactLaw law, const Vector& gamma_minus) const {
+    ContactVector Lambda, gamma_plus;
+    EXPECT_EQ(impact(law, G, epsilon, gamma_minus, Lambda, gamma_plus), Solved::yes);
+    return gamma_plus;
+  }
+};
+
+Machines random_machines(Random& random) {
+  Machines machines;
+  const int n = random.integer(1, most);
+  machines.G = random_G(random, n);
+  machines.epsilon = Vector::Constant(n, random.uniform(0, 1));
+  machines.a = random_velocities(random, n);
+  // Half of the pairs are near each other: the bound is about every direction, too.
+  const double apart = random.chance(0.5) ? 1.0 : random.log_uniform(1e-3, 1.0);
+  machines.b = (1.0 - apart) * machines.a + apart * random_velocities(random, n);
+  return machines;
+}
+
+Machines unlike_machines(Random& random) {
+  Machines machines = random_machines(random);
+  while (machines.contacts() < 2) machines = random_machines(random);
+  for (double& e : machines.epsilon) e = random.uniform(0, 1);
+  if (random.chance(0.3)) machines.epsilon[0] = 0.0;
+  return machines;
+}
+
+double smallest_eigenvalue(const Matrix& A) {
+  return Eigen::SelfAdjointEigenSolver<Matrix>(A, Eigen::EigenvaluesOnly).eigenvalues()[0];
+}
+
+/// > 0: Newton's law is non-expansive. D = diag((1 - epsilon) / (1 + epsilon)).
+double newton_margin(const Machines& m) {
+  const Vector D = (1.0 - m.epsilon.array()) / (1.0 + m.epsilon.array());
+  return smallest_eigenvalue(D.asDiagonal() * m.G + m.G * D.asDiagonal());
+}
+
+double poisson_margin(const Machines& m) {
+  return smallest_eigenvalue(m.G - m.epsilon.asDiagonal() * m.G * m.epsilon.asDiagonal());
+}
+
+void print(const char* what, int cases, double largest) {
+  std::printf("[ distance ] %-58s %7d cases, largest ratio %.12f\n", what, cases, largest);
+}
+
+class CommonRestitution : public testing::TestWithParam<ImpactLaw> {};
+INSTANTIATE_TEST_SUITE_P(Laws, CommonRestitution,
+                         testing::Values(ImpactLaw::poisson, ImpactLaw::newton),
+                         [](const auto& parameter) {
+                           return std::string(parameter.param == ImpactLaw::poisson ? "Poisson"
+                                                                                    : "Newton");
+                         });
+
+TEST_P(CommonRestitution, NeverBringsTwoMachinesApart) {
+  const std::uint64_t seed = 201;
+  Random random(seed);
+  const int cases = repetitions(270000);
+  double largest = 0.0;
+  for (int i = 0; i < cases; ++i) {
+    Machines machines = random_machines(random);
+    const double ratio = machines.ratio(GetParam());
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+  }
+  print(GetParam() == ImpactLaw::poisson ? "common restitution, Poisson"
+                                         : "common restitution, Newton",
+        cases, largest);
+}
+
+// Without restitution losses a distance is kept: the bound above is no slack one.
+TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) {
+  Random random(202);
+  int kept = 0;
+  for (int i = 0; i < repetitions(1000); ++i) {
+    Machines machines = random_machines(random);
+    const int n = machines.contacts();
+    machines.epsilon.setOnes();
+    const auto pressed = [&] { return Vector(random_velocities(random, n).cwiseAbs()); };
+    machines.a = -machines.G * pressed();
+    machines.b = -machines.G * pressed();
+    // Poisson stops a contact that separated before.
+    const bool separates = machines.a.maxCoeff() > 0.0 || machines.b.maxCoeff() > 0.0;
+    if (GetParam() == ImpactLaw::poisson && separates) continue;
+    ++kept;
+    ASSERT_NEAR(machines.ratio(GetParam()), 1.0, rounding) << "case " << i;
+  }
+  EXPECT_GT(kept, repetitions(1000) / 3);
+}
+
+/// Master and replica at one instant. Of the contacts that take part some have been closed before:
+/// the master's stay at gamma = 0, the replica's clutch holds gamma >= 0. The others close now: in
+/// the master they approach, in the replica they do anything.
+struct Clutch {
+  Machines machines;   // a is the master, b the replica
+  ContactSet closing;  // the rest has been closed before
+
+  explicit Clutch(Random& random) : machines(random_machines(random)) {
+    const int n = machines.contacts();
+    closing = bit(random.integer(0, n - 1));
+    for (int i = 0; i < n; ++i) {
+      if (random.chance(0.4)) closing |= bit(i);
+      double& master = machines.a[i];
+      double& replica = machines.b[i];
+      if (contains(closing, i)) {
+        master = -std::abs(master);
+      } else {
+        master = 0.0;
+        replica = random.chance(0.5) ? 0.0 : std::abs(replica);
+      }
+    }
+  }
+};
+
+TEST(Clutches, APulseNeverBringsReplicaAndMasterApart) {
+  const std::uint64_t seed = 203;
+  Random random(seed);
+  const int cases = repetitions(250000);
+  double largest = 0.0;
+  for (int i = 0; i < cases; ++i) {
+    Clutch clutch(random);
+    const double ratio = clutch.machines.ratio(ImpactLaw::poisson);
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+    ASSERT_GE(clutch.machines.a_plus.minCoeff(), 0.0) << "case " << i;
+    ASSERT_GE(clutch.machines.b_plus.minCoeff(), 0.0) << "case " << i;
+  }
+  print("pulse at closed clutches, Poisson", cases, largest);
+}
+
+// A contact that closes to stay after a chatter has gamma = 0 in the master, which then takes no
+// impulse; in the replica it takes restitution 0 beside the others' own. However unlike that makes
+// the restitution, an impact without gain of energy cannot lead away from a machine that takes
+// none.
+TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
+  const std::uint64_t seed = 204;
+  Random random(seed);
+  const int cases = repetitions(100000);
+  double largest = 0.0;
+  for (int i = 0; i < cases; ++i) {
+    Clutch clutch(random);
+    Machines& machines = clutch.machines;
+    machines.a.setZero();
+    for (int k = 0; k < machines.contacts(); ++k) {
+      machines.epsilon[k] = contains(clutch.closing, k) ? 0.0 : random.uniform(0, 1);
+    }
+    const double ratio = machines.ratio(ImpactLaw::poisson);
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+    ASSERT_EQ(machines.a_plus.norm(), 0.0);
+  }
+  print("sustained closing, Poisson", cases, largest);
+}
+
+// Where two contacts close at once, one to stay and one in a pulse, the master takes an impulse
+// with unlike restitution, and Theorem 1's condition is not met.
+TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
+  const std::uint64_t seed = 205;
+  Random random(seed);
+  const int cases = repetitions(20000);
+  double largest = 0.0;
+  for (int i = 0; i < cases; ++i) {
+    Clutch clutch(random);
+    clutch.machines.epsilon[random.integer(0, clutch.machines.contacts() - 1)] = 0.0;
+    largest = std::max(largest, clutch.machines.ratio(ImpactLaw::poisson));
+  }
+  print("pulse and sustained closing at once, Poisson", cases, largest);
+  EXPECT_GT(largest, 1.01);
+}
+
+// Newton's law may end an impact with gamma+ < 0 at a clutch that must not let gamma fall below 0.
+TEST(Clutches, NewtonLeavesClosedContactsApproaching) {
+  Random random(206);
+  const int cases = repetitions(10000);
+  int violated = 0;
+  for (int i = 0; i < cases; ++i) {
+    Clutch clutch(random);
+    (void)clutch.machines.ratio(ImpactLaw::newton);
+    const Vector& gamma = clutch.machines.b_plus;
+    for (int k = 0; k < clutch.machines.contacts(); ++k) {
+      if (!contains(clutch.closing, k) && gamma[k] < -1e-3) ++violated;
+    }
+  }
+  EXPECT_GT(violated, cases / 100);
+}
+
+TEST(UnlikeRestitution, NewtonKeepsTogetherWithinItsCriterion) {
+  const std::uint64_t seed = 207;
+  Random random(seed);
+  const int cases = repetitions(20000);
+  double largest = 0.0;
+  for (int i = 0; i < cases;) {
+    Machines machines = unlike_machines(random);
+    if (newton_margin(machines) < 0.0) continue;
+    ++i;
+    const double ratio = machines.ratio(ImpactLaw::newton);
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+  }
+  print("unlike restitution, Newton, DG + GD >= 0", cases, largest);
+}
+
+// Outside of it there always is a pair that it brings apart: all contacts pressed, gamma+ = -E
+// gamma-, the difference along the worst direction of |E gamma| / |gamma|.
+TEST(UnlikeRestitution, NewtonBringsApartOutsideItsCriterion) {
+  Random random(208);
+  const int cases = repetitions(10000);
+  double largest = 0.0;
+  double least = 2.0;
+  for (int i = 0; i < cases;) {
+    Machines machines = unlike_machines(random);
+    if (newton_margin(machines) > -1e-3 * machines.G.trace()) continue;
+    ++i;
+    const Matrix G_inverse =
+        machines.G.llt().solve(Matrix::Identity(machines.a.size(), machines.a.size()));
+    const auto& E = machines.epsilon;
+    const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+        E.asDiagonal() * G_inverse * E.asDiagonal(), G_inverse);
+    const Vector worst = solver.eigenvectors().col(machines.a.size() - 1);
+    // (1 + E) gamma- = -G Lambda with Lambda = 1 in a and near it in b.
+    const Vector pressed = -machines.G * Vector::Ones(machines.a.size());
+    machines.a = pressed.cwiseQuotient(Vector(1.0 + E.array()));
+    const Vector impulses = G_inverse * (worst + E.cwiseProduct(worst));
+    machines.b = machines.a + 0.1 * worst / impulses.norm();
+    const double ratio = machines.ratio(ImpactLaw::newton);
+    const double expected = std::sqrt(solver.eigenvalues()[machines.a.size() - 1]);
+    ASSERT_NEAR(ratio, expected, 1e-8 * expected) << "case " << i;
+    largest = std::max(largest, ratio);
+    least = std::min(least, ratio);
+  }
+  print("unlike restitution, Newton, outside its criterion", cases, largest);
+  EXPECT_GT(least, 1.0);
+}
+
+TEST(UnlikeRestitution, PoissonHasNotBeenSeenToBringApartWithinItsCondition) {
+  const std::uint64_t seed = 209;
+  Random random(seed);
+  const int cases = repetitions(40000);
+  double largest = 0.0;
+  for (int i = 0; i < cases;) {
+    Machines machines = unlike_machines(random);
+    if (poisson_margin(machines) < 0.0) continue;
+    ++i;
+    const double ratio = machines.ratio(ImpactLaw::poisson);
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+  }
+  print("unlike restitution, Poisson, G - EGE >= 0", cases, largest);
+}
+
+TEST(UnlikeRestitution, PoissonCanBringApart) {
+  Random random(210);
+  const int cases = repetitions(10000);
+  double largest = 0.0;
+  for (int i = 0; i < cases;) {
+    Machines machines = unlike_machines(random);
+    if (poisson_margin(machines) >= 0.0) continue;
+    ++i;
+    largest = std::max(largest, machines.ratio(ImpactLaw::poisson));
+  }
+  print("unlike restitution, Poisson, elsewhere", cases, largest);
+  EXPECT_GT(largest, 1.01);
+}
+
+// The smallest cases, by hand, epsilon = (0, 1), compressions Lambda_C > 0. With G_12 = -0.8 the
+// second contact's expansion pulls the first, whose nu leaves gamma+ = (0, 0.36 Lambda_C2). With
+// G_12 = 0.8 it does not, gamma+ = Lambda_C2 (0.8, 1), and compressions that differ by (-0.1, 0.08)
+// bring the machines from 0.06 to 0.08 apart.
+TEST(UnlikeRestitution, PoissonByHand) {
+  Machines machines;
+  machines.G.resize(2, 2);
+  machines.G << 1.0, -0.8, -0.8, 1.0;
+  machines.epsilon = Eigen::Vector2d(0.0, 1.0);
+  machines.a = -machines.G * Eigen::Vector2d(1.0, 1.0);
+  machines.b = -machines.G * Eigen::Vector2d(1.0, 1.1);
+  EXPECT_NEAR(machines.ratio(ImpactLaw::poisson), 0.6, 1e-14);
+  EXPECT_LE((machines.a_plus - Eigen::Vector2d(0.0, 0.36)).norm(), 1e-15);
+  EXPECT_LE((machines.b_plus - Eigen::Vector2d(0.0, 0.396)).norm(), 1e-15);
+  machines.G << 1.0, 0.8, 0.8, 1.0;
+  machines.a = -machines.G * Eigen::Vector2d(1.0, 1.0);
+  machines.b = -machines.G * Eigen::Vector2d(0.9, 1.08);
+  EXPECT_NEAR(machines.ratio(ImpactLaw::poisson), 0.08 / 0.06, 1e-12);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,75 @@
+#include "tests/no_allocation/allocations.h"
+
+#include <cerrno>
+#include <cstddef>
+
+namespace {
+
+// Without constructors: malloc is called before any of them.
+constinit thread_local bool counting = false;
+constinit thread_local long count = 0;
+
+void note() {
+  if (counting) ++count;
+}
+
+}  // namespace
+
+// glibc's own, under the names by which it offers them to replacements.
+extern "C" {
+void* __libc_malloc(std::size_t size) noexcept;
+void* __libc_calloc(std::size_t number, std::size_t size) noexcept;
+void* __libc_realloc(void* memory, std::size_t size) noexcept;
+void* __libc_memalign(std::size_t alignment, std::size_t size) noexcept;
+void __libc_free(void* memory) noexcept;
+
+void* malloc(std::size_t size) noexcept {
+  note();
+  return __libc_malloc(size);
+}
+
+void* calloc(std::size_t number, std::size_t size) noexcept {
+  note();
+  return __libc_calloc(number, size);
+}
+
+void* realloc(void* memory, std::size_t size) noexcept {
+  note();
+  return __libc_realloc(memory, size);
+}
+
+void free(void* memory) noexcept {
+  if (memory != nullptr) note();
+  __libc_free(memory);
+}
+
+void* memalign(std::size_t alignment, std::size_t size) noexcept {
+  note();
+  return __libc_memalign(alignment, size);
+}
+
+void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
+  note();
+  return __libc_memalign(alignment, size);
+}
+
+int posix_memalign(void** memory, std::size_t alignment, std::size_t size) noexcept {
+  note();
+  *memory = __libc_memalign(alignment, size);
+  return *memory == nullptr ? ENOMEM : 0;
+}
+}
+
+namespace sprag::test {
+
+CountAllocations::CountAllocations() {
+  count = 0;
+  counting = true;
+}
+
+long CountAllocations::stop() {
+  counting = false;
+  return count;
+}
+
+}  // namespace sprag::test

@@ -1,0 +1,87 @@
+// The counter itself: a count of zero says something only if every way to allocate is seen.
+#include "tests/no_allocation/allocations.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace sprag::test {
+namespace {
+
+// An address that the compiler has to believe is used: it may leave out an allocation otherwise.
+void* volatile seen = nullptr;
+
+TEST(CountAllocations, SeesAVector) {
+  EXPECT_GT(allocations_of([] {
+              std::vector<double> vector(1000);
+              seen = vector.data();
+            }),
+            0);
+}
+
+TEST(CountAllocations, SeesEveryWayToAllocate) {
+  const auto all = [] {
+    for (void* memory : {std::malloc(100), std::calloc(10, 10), std::aligned_alloc(64, 128)}) {
+      seen = memory;
+      std::free(memory);
+    }
+  };
+  EXPECT_EQ(allocations_of(all), 6);
+  EXPECT_EQ(allocations_of([] {
+              void* memory = nullptr;
+              if (posix_memalign(&memory, 64, 128) == 0) seen = memory;
+              std::free(memory);
+            }),
+            2);
+  void* memory = std::malloc(10);
+  EXPECT_GE(allocations_of([&] { memory = std::realloc(memory, 100000); }), 1);
+  EXPECT_EQ(allocations_of([&] { std::free(memory); }), 1);
+  EXPECT_EQ(allocations_of([] { seen = ::operator new(100); }), 1);
+  EXPECT_EQ(allocations_of([] { ::operator delete(seen); }), 1);
+  EXPECT_EQ(allocations_of([] { seen = ::operator new (256, std::align_val_t{128}); }), 1);
+  EXPECT_EQ(allocations_of([] { ::operator delete (seen, std::align_val_t{128}); }), 1);
+  EXPECT_GE(allocations_of([] { seen = ::operator new(100, std::nothrow); }), 1);
+  ::operator delete(seen);
+}
+
+TEST(CountAllocations, SeesEigensTemporaries) {
+  const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(50, 50);
+  Eigen::VectorXd x = Eigen::VectorXd::Ones(50);
+  EXPECT_GT(allocations_of([&] { x = A * x; }), 0);
+  Eigen::VectorXd y(50);
+  EXPECT_EQ(allocations_of([&] { y.noalias() = A * x; }), 0);
+  EXPECT_EQ(y.sum(), 50.0);
+}
+
+TEST(CountAllocations, CountsNothingElse) {
+  EXPECT_EQ(allocations_of([] {}), 0);
+  CountAllocations counting;
+  const long none = counting.stop();
+  std::string text(1000, 'x');
+  seen = text.data();
+  EXPECT_EQ(counting.stop(), none);
+  EXPECT_EQ(none, 0);
+}
+
+TEST(CountAllocations, IsTheThreadsOwn) {
+  std::thread other;
+  EXPECT_GT(allocations_of([&] { other = std::thread([] {}); }), 0);
+  other.join();
+  bool go = false;
+  std::thread busy([&] {
+    std::vector<int> vector(1000);
+    seen = vector.data();
+    go = true;
+  });
+  EXPECT_EQ(allocations_of([&] { busy.join(); }), 0);
+  EXPECT_TRUE(go);
+}
+
+}  // namespace
+}  // namespace sprag::test

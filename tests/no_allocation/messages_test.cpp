@@ -1,0 +1,163 @@
+// What a message meets before and after the time line.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <vector>
+
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/state_codec.h"
+#include "observer/event_history.h"
+#include "observer/session_tracker.h"
+#include "observer/spsc_queue.h"
+#include "tests/no_allocation/allocations.h"
+#include "tests/observer/random_events.h"
+#include "tests/observer/recorded_run.h"
+#include "tests/support/random.h"
+
+namespace sprag::test {
+namespace {
+
+std::vector<ContactReport> random_reports(std::uint64_t seed, int count) {
+  Random random(seed);
+  const auto events = random_events(random, 5, count, 0.0, 0.01);
+  return reports_at(event_and_heartbeat_times(events, 1e-2, events.back().t), events, 5);
+}
+
+TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
+  const std::vector<ContactReport> reports = random_reports(501, 20000);
+  EventHistory history(5, 2000);
+  history.restart(0, 0, no_horizon);
+  std::size_t taken = 0;
+  CountAllocations counting;
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    if (i % 1000 > 800) continue;  // a gap
+    taken += history.add(reports[i]);
+    taken += history.add(reports[i]);
+    if (history.events().size() > 1000) history.drop(900);
+  }
+  const long allocations = counting.stop();
+  EXPECT_EQ(allocations, 0);
+  EXPECT_GT(taken, 10000U);
+  EXPECT_GT(history.counts().made_up, 0);
+  EXPECT_GT(history.degraded().size(), 10U);
+
+  std::vector<ContactEvent> single;
+  for (int i = 0; i < 1000; ++i) {
+    single.push_back({static_cast<double>(i), 0, ContactEventKind::pulse});
+  }
+  EventHistory file(1, 2000);
+  file.restart(0, 0, no_horizon);
+  EXPECT_EQ(allocations_of([&] {
+              for (const ContactEvent& event : single) (void)file.add(event);
+            }),
+            0);
+  EXPECT_EQ(file.events(), single);
+}
+
+// More masters than are remembered, and messages doubled, reordered and of the past.
+TEST(SessionTracker, HearsWithoutAllocating) {
+  SessionTracker tracker;
+  ContactReport report;
+  CountAllocations counting;
+  for (std::int64_t session = 1; session <= 300; ++session) {
+    for (std::int64_t i = 0; i < 200; ++i) {
+      report.session = i % 50 == 49 ? session - 1 : session;
+      report.sequence = i ^ 3;
+      (void)tracker.hear(report);
+      if (i % 7 == 0) (void)tracker.hear(report);
+    }
+  }
+  const long allocations = counting.stop();
+  EXPECT_EQ(allocations, 0);
+  EXPECT_GT(tracker.counts().sessions, 299);
+  EXPECT_GT(tracker.counts().of_past_sessions, 300);
+  EXPECT_GT(tracker.counts().doubled, 300);
+  EXPECT_GT(tracker.counts().reordered, 300);
+}
+
+TEST(ContactsCodec, EncodesAndDecodesWithoutAllocating) {
+  const std::vector<ContactReport> reports = random_reports(502, 5000);
+  ContactsMessage message;
+  ContactReport back;
+  long good = 0;
+  long refused = 0;
+  CountAllocations counting;
+  for (const ContactReport& report : reports) {
+    encode(report, message);
+    if (decode(message, back) == Refusal::none) ++good;
+    message[60] ^= 0xffU;
+    message[70] ^= 0xffU;
+    if (decode(message, back) != Refusal::none) ++refused;
+    if (decode(std::span(message).first(100), back) == Refusal::truncated) ++refused;
+  }
+  const long allocations = counting.stop();
+  EXPECT_EQ(allocations, 0);
+  EXPECT_EQ(good, static_cast<long>(reports.size()));
+  EXPECT_GE(refused, good);
+}
+
+// The type hash of generated code is made at its first use.
+TEST(StateCodec, AllocatesOnlyTheFirstTime) {
+  for (const Eigen::Index f : {1, 3, 200}) {
+    EstimateSample sample;
+    sample.q = Eigen::VectorXd::Ones(f);
+    sample.u = Eigen::VectorXd::Ones(f);
+    const StateSample& state = sample;
+    EstimateSample estimate_back;
+    StateSample state_back;
+    std::vector<std::uint8_t> buffer;
+    long bytes = 0;
+    const auto once = [&] {
+      const auto truth = encode(state, buffer);
+      bytes += static_cast<long>(truth.size());
+      if (decode(truth, state_back) != Refusal::none) bytes = -1;
+      const auto estimate = encode(sample, buffer);
+      bytes += static_cast<long>(estimate.size());
+      if (decode(estimate, estimate_back) != Refusal::none) bytes = -1;
+    };
+    once();
+    const long before = bytes;
+    EXPECT_EQ(allocations_of([&] {
+                for (int i = 0; i < 10000; ++i) {
+                  sample.tick = i;
+                  once();
+                }
+              }),
+              0);
+    EXPECT_EQ(bytes, 10001 * before);
+    EXPECT_EQ(estimate_back.tick, 9999);
+  }
+}
+
+TEST(SpscQueue, PassesValuesInPlace) {
+  struct Value {
+    std::vector<double> data;
+    ContactReport report;
+  };
+  SpscQueue<Value> queue(8, Value{std::vector<double>(100), {}});
+  const std::vector<double> data(100, 1.0);
+  double sum = 0.0;
+  int full = 0;
+  CountAllocations counting;
+  for (int i = 0; i < 50000; ++i) {
+    if (Value* slot = queue.free_slot()) {
+      slot->data = data;
+      slot->report.sequence = i;
+      queue.push();
+    } else {
+      ++full;
+    }
+    if (i % 11 == 0) continue;
+    if (const Value* value = queue.front()) {
+      sum += value->data[99];
+      queue.pop();
+    }
+  }
+  const long allocations = counting.stop();
+  EXPECT_EQ(allocations, 0);
+  EXPECT_GT(full, 100);
+  EXPECT_GT(sum, 40000.0);
+}
+
+}  // namespace
+}  // namespace sprag::test

@@ -1,0 +1,142 @@
+// The observer's time line in use: reports that arrive late, one after the other, and everything
+// that it hands out on its way through the queue to a message.
+#include "observer/time_line.h"
+
+#include <gtest/gtest.h>
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/state_codec.h"
+#include "mechanics/moreau.h"
+#include "mechanics/replica.h"
+#include "observer/session_tracker.h"
+#include "observer/spsc_queue.h"
+#include "tests/no_allocation/allocations.h"
+#include "tests/observer/random_events.h"
+#include "tests/observer/recorded_run.h"
+
+namespace sprag::test {
+namespace {
+
+template <typename Stepper>
+class TimeLineRun : public testing::Test {};
+using Steppers = testing::Types<Replica, MoreauReplica>;
+TYPED_TEST_SUITE(TimeLineRun, Steppers);
+
+/// What comes over the wire: a report every 10 ms and at every event, encoded.
+std::vector<ContactsMessage> messages_of(std::span<const ContactEvent> events, int contacts,
+                                         double end) {
+  std::vector<ContactsMessage> messages;
+  const auto times = event_and_heartbeat_times(events, 1e-2, end);
+  for (const ContactReport& report : reports_at(times, events, contacts)) {
+    encode(report, messages.emplace_back());
+  }
+  return messages;
+}
+
+TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
+  for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
+    SCOPED_TRACE(name);
+    const Scene& scene = shipped_scene(name);
+    const double end = 30.0;
+    const double h = 1e-3;
+    const std::vector<ContactEvent> events = master_events(scene, end);
+    const std::vector<ContactsMessage> messages = messages_of(events, 1, end);
+    TypeParam stepper(scene.model, h);
+    TimeLine<TypeParam> line(stepper, 1, scene.replica, 100);
+    SessionTracker sessions;
+    EstimateSample empty;
+    empty.q.setZero(scene.model.coordinates());
+    empty.u.setZero(scene.model.coordinates());
+    SpscQueue<EstimateSample> queue(256, empty);
+    std::vector<std::uint8_t> buffer;
+    (void)encode(empty, buffer);
+    ContactReport report;
+    Refusal refusal = decode(messages.front(), report);
+    ASSERT_EQ(refusal, Refusal::none);
+    ASSERT_EQ(sessions.hear(report), SessionTracker::Verdict::starts);
+    line.restart(report);
+
+    const auto send = [&](const auto& state) {
+      EstimateSample* slot = queue.free_slot();
+      if (slot == nullptr) return false;
+      slot->tick = state.tick;
+      slot->closed = state.chi;
+      stepper.output(state, slot->q, slot->u);
+      queue.push();
+      return true;
+    };
+    long bytes = 0;
+    long settled = 0;
+    CountAllocations counting;
+    for (std::size_t i = 1; i < messages.size() && refusal == Refusal::none; ++i) {
+      refusal = decode(messages[i], report);
+      if (sessions.hear(report) == SessionTracker::Verdict::continues) line.receive(report);
+      // Half a horizon's lag: now is 50 ticks ahead of what is known.
+      line.run(last_tick(report.horizon, h) + 50, send, [&](const auto& state) {
+        ++settled;
+        return send(state);
+      });
+      while (const EstimateSample* sample = queue.front()) {
+        bytes += static_cast<long>(encode(*sample, buffer).size());
+        queue.pop();
+      }
+    }
+    const long allocations = counting.stop();
+
+    EXPECT_EQ(allocations, 0);
+    EXPECT_EQ(refusal, Refusal::none);
+    EXPECT_GE(settled, 29999);
+    EXPECT_GT(bytes, 60000 * 50);
+    EXPECT_GT(line.rollbacks().rollbacks, 20);
+    EXPECT_GT(line.rollbacks().ticks_redone, 500);
+    EXPECT_EQ(line.events().events(), events);
+  }
+}
+
+// Events without end, so that the time line forgets old ones, and twenty times lost messages with
+// more records than the next ones repeat.
+TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
+  Random random(401);
+  Model model = shipped_scene("paper_beam.toml").model;
+  Contact second;
+  second.w = Eigen::Vector3d(1.0, 0.5, -0.3);
+  second.restitution = 0.7;
+  model.contacts.push_back(second);
+  const double h = 1e-2;
+  const auto events = random_events(random, 2, 40000, 0.001, 0.008);
+  const double end = events.back().t;
+  std::vector<double> times;
+  for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
+  const std::vector<ContactReport> reports = reports_at(times, events, 2);
+  TypeParam stepper(model, h);
+  TimeLine<TypeParam> line(stepper, 2, shipped_scene("paper_beam.toml").replica, 100);
+  line.restart(reports.front());
+
+  std::int64_t settled = 0;
+  std::size_t most = 0;
+  CountAllocations counting;
+  for (std::size_t i = 1; i < reports.size(); ++i) {
+    if (i % 1000 > 950) continue;
+    line.receive(reports[i]);
+    most = std::max(most, line.events().events().size());
+    line.run(
+        last_tick(reports[i].horizon, h) + 5, [](const auto&) {},
+        [&](const auto&) { return ++settled > 0; });
+  }
+  const long allocations = counting.stop();
+
+  EXPECT_EQ(allocations, 0);
+  EXPECT_GT(settled, 20000);
+  EXPECT_GT(line.rollbacks().rollbacks, 2000);
+  EXPECT_GT(line.events().counts().lost_records, 100);
+  EXPECT_GT(line.events().counts().made_up, 0);
+  EXPECT_GT(most, 30000U);
+  EXPECT_LT(line.events().events().size(), 10000U);  // it has forgotten
+}
+
+}  // namespace
+}  // namespace sprag::test
