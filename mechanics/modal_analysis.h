@@ -34,8 +34,12 @@ void drop_noise(VectorR& kappa);
 struct ComplexModes {
   VectorR delta, kappa;
   MatrixR P, R;
+  /// [z; z'] = T^-1 [y; y'], 2r x 2r.
+  MatrixR T_inverse;
 };
 
+/// K and C symmetric and positive semidefinite. Throws ModelError where the modes are defective in
+/// a way that no oscillator has: more than two eigenvalues share one direction.
 ComplexModes complex_modes(const MatrixR& K, const MatrixR& C);
 
 /// Complex response of z'' + 2 delta z' + kappa z = forcing e^(i Omega t). Throws ModelError at an
