@@ -1,22 +1,15 @@
 #include "mechanics/flow.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
-#include <bit>
+#include <Eigen/LU>
 #include <complex>
-#include <string>
+
+#include "mechanics/modal_analysis.h"
 
 namespace sprag {
 namespace {
 
-// Modal analysis in extended precision: a stiff beam's lowest frequency is ten decades below its
-// highest, and an eigensolver is exact only on the scale of the highest.
-using Real = long double;
-using MatrixR = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
-using VectorR = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-using MatrixCR = Eigen::Matrix<std::complex<Real>, Eigen::Dynamic, Eigen::Dynamic>;
-using VectorCR = Eigen::Matrix<std::complex<Real>, Eigen::Dynamic, 1>;
+using namespace modal;
 
 std::vector<int> members(ContactSet set) {
   std::vector<int> list;
@@ -26,129 +19,6 @@ std::vector<int> members(ContactSet set) {
   return list;
 }
 
-std::string names(const std::vector<int>& contacts) {
-  std::string text;
-  for (const int i : contacts) text += (text.empty() ? "" : ", ") + std::to_string(i + 1);
-  return text;
-}
-
-// M-orthonormal basis of null(W_L^T), f x (f - l).
-MatrixR constrained_basis(const MatrixR& M, const MatrixR& W, const std::vector<int>& locked) {
-  const Eigen::Index f = M.rows();
-  const Eigen::LLT<MatrixR> factor(M);
-  if (W.cols() == 0) {
-    return factor.matrixU().solve(MatrixR::Identity(f, f));
-  }
-  const MatrixR W_hat = factor.matrixL().solve(W);
-  Eigen::ColPivHouseholderQR<MatrixR> qr(W_hat);
-  qr.setThreshold(1e-12L);
-  if (qr.rank() < W.cols()) {
-    throw ModelError("contacts " + names(locked) + " have linearly dependent directions w");
-  }
-  const MatrixR Q = qr.householderQ();
-  return factor.matrixU().solve(Q.rightCols(f - W.cols()));
-}
-
-Real largest_off_diagonal(const MatrixR& A) {
-  Real largest = 0;
-  for (Eigen::Index j = 0; j < A.cols(); ++j) {
-    for (Eigen::Index i = 0; i < A.rows(); ++i) {
-      if (i != j) largest = std::max(largest, std::abs(A(i, j)));
-    }
-  }
-  return largest;
-}
-
-// Orthogonal V with V^T K V and V^T C V diagonal, if there is one.
-bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
-  if (K.size() == 0) {
-    V.resize(0, 0);
-    return true;
-  }
-  const Real tolerance = 1e-13L;
-  const auto both_diagonal = [&] {
-    return largest_off_diagonal(V.transpose() * C * V) <= tolerance * C.norm() &&
-           largest_off_diagonal(V.transpose() * K * V) <= tolerance * K.norm();
-  };
-  V = Eigen::SelfAdjointEigenSolver<MatrixR>(K).eigenvectors();
-  if (both_diagonal()) return true;
-  // Repeated eigenvalues of K leave V undetermined; a generic combination settles it.
-  const Real scale_K = std::max(K.norm(), std::numeric_limits<Real>::min());
-  const Real scale_C = std::max(C.norm(), std::numeric_limits<Real>::min());
-  V = Eigen::SelfAdjointEigenSolver<MatrixR>(K / scale_K + 0.6180339887498949L * C / scale_C)
-          .eigenvectors();
-  return both_diagonal();
-}
-
-// Real second-order oscillators equivalent to y'' + C y' + K y = 0: y = P z + R z', one oscillator
-// for each complex pair or pair of real eigenvalues.
-struct ComplexModes {
-  VectorR delta, kappa;
-  MatrixR P, R;
-};
-
-ComplexModes complex_modes(const MatrixR& K, const MatrixR& C) {
-  const Eigen::Index r = K.rows();
-  MatrixR A = MatrixR::Zero(2 * r, 2 * r);
-  A.topRightCorner(r, r).setIdentity();
-  A.bottomLeftCorner(r, r) = -K;
-  A.bottomRightCorner(r, r) = -C;
-  const Eigen::EigenSolver<MatrixR> solver(A);
-  const VectorCR values = solver.eigenvalues();
-  const MatrixCR vectors = solver.eigenvectors().topRows(r);
-  ComplexModes modes{VectorR(r), VectorR(r), MatrixR(r, r), MatrixR(r, r)};
-  Eigen::Index count = 0;
-  std::vector<Eigen::Index> real_values;
-  for (Eigen::Index i = 0; i < 2 * r; ++i) {
-    const Real omega = values[i].imag();
-    if (omega == 0) real_values.push_back(i);
-    if (omega <= 0 || count == r) continue;
-    const Real delta = -values[i].real();
-    modes.delta[count] = std::max(delta, Real(0));
-    modes.kappa[count] = std::norm(values[i]);
-    modes.R.col(count) = vectors.col(i).imag() / omega;
-    modes.P.col(count) = vectors.col(i).real() + delta * modes.R.col(count);
-    ++count;
-  }
-  for (std::size_t j = 0; j + 1 < real_values.size() && count < r; j += 2, ++count) {
-    const Real s1 = values[real_values[j]].real();
-    const Real s2 = values[real_values[j + 1]].real();
-    const VectorR v1 = vectors.col(real_values[j]).real();
-    const VectorR v2 = vectors.col(real_values[j + 1]).real();
-    modes.delta[count] = std::max(-(s1 + s2) / 2, Real(0));
-    modes.kappa[count] = std::max(s1 * s2, Real(0));
-    modes.R.col(count) = (v1 - v2) / (s1 - s2);
-    modes.P.col(count) = (s1 * v2 - s2 * v1) / (s1 - s2);
-  }
-  return modes;
-}
-
-// Complex response of z'' + 2 delta z' + kappa z = forcing e^(i Omega t).
-VectorCR response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega) {
-  VectorCR z(forcing.size());
-  const Real scale = forcing.size() > 0 ? forcing.cwiseAbs().maxCoeff() : 0;
-  for (Eigen::Index i = 0; i < forcing.size(); ++i) {
-    const std::complex<Real> denominator(kappa[i] - Omega * Omega, 2 * delta[i] * Omega);
-    if (std::abs(forcing[i]) <= 1e-18L * scale) {
-      z[i] = 0;
-      continue;
-    }
-    if (std::abs(denominator) <= 1e-12L * std::max(kappa[i], Omega * Omega)) {
-      throw ModelError("undamped resonance: the excitation's frequency " +
-                       std::to_string(static_cast<double>(Omega)) +
-                       " is that of an undamped mode it drives");
-    }
-    z[i] = forcing[i] / denominator;
-  }
-  return z;
-}
-
-// Eigenvalues at the eigensolver's noise are rigid-body motion.
-void drop_noise(VectorR& kappa) {
-  const Real scale = kappa.size() > 0 ? kappa.cwiseAbs().maxCoeff() : 0;
-  for (Real& k : kappa) k = k > 1e-16L * scale ? k : 0;
-}
-
 // Locked contacts take modes away; the bank keeps its size with oscillators at rest in their place.
 Eigen::ArrayXd behind_frequencies(const Eigen::VectorXd& front, const VectorR& modes,
                                   Eigen::Index coordinates) {
@@ -156,6 +26,17 @@ Eigen::ArrayXd behind_frequencies(const Eigen::VectorXd& front, const VectorR& m
   all.head(front.size()) = front.array();
   all.segment(front.size(), modes.size()) = modes.cast<double>().array();
   return all;
+}
+
+// A push on an oscillator with stiffness shifts its rest, on one without it is alpha.
+void split_push(const VectorR& kappa, const MatrixR& push, MatrixR& rest, MatrixR& alpha) {
+  for (Eigen::Index i = 0; i < kappa.size(); ++i) {
+    if (kappa[i] > 0) {
+      rest.row(i) = push.row(i) / kappa[i];
+    } else {
+      alpha.row(i) = push.row(i);
+    }
+  }
 }
 
 }  // namespace
@@ -207,8 +88,9 @@ void Flow::build_diagonal() {
   q_forced_.constant = (k > 0.0).select(push / k, 0.0).matrix();
   q_forced_.held.resize(f, 0);
   set_harmonics(A, q_forced_);
+  u_forced_ = rate(q_forced_);
   z_forced_ = q_forced_;
-  v_forced_ = rate(z_forced_);
+  v_forced_ = u_forced_;
 
   oscillators_ = Oscillators(behind_frequencies(Eigen::VectorXd::Zero(nf_), delta, f),
                              behind_frequencies(Omega.cwiseAbs2(), kappa, f));
@@ -216,6 +98,23 @@ void Flow::build_diagonal() {
   alpha0_.segment(nf_, f) = (k > 0.0).select(0.0, push);
   alpha_held_ = Eigen::MatrixXd::Zero(size(), 0);
   kick_ = dynamics_->MinvW();
+}
+
+// The motion y on null(W_L^T), q = B y + q_D, y'' + C y' + K y = push (1, g_L) + Re forcing
+// e^(i Omega t). The locked contacts carry q_D = D (g_L - c_L - s_L(t)) along, M-orthogonal to it.
+struct Flow::Nullspace {
+  MatrixR B, to_y;  // y = to_y q
+  MatrixR C, K;
+  MatrixR push;  // its first column stands alone, the others multiply g_L; so does q_D
+  MatrixCR forcing;
+  MatrixR q_D;
+  MatrixCR q_D_harmonics;
+};
+
+Flow::Forced Flow::forced(const MatrixR& push, const MatrixCR& harmonics) const {
+  Forced forced{push.col(0).cast<double>(), push.rightCols(push.cols() - 1).cast<double>(), {}, {}};
+  set_harmonics(harmonics.cast<std::complex<double>>(), forced);
+  return forced;
 }
 
 void Flow::build_on_nullspace() {
@@ -232,138 +131,123 @@ void Flow::build_on_nullspace() {
     const int contact = locked_contacts_[static_cast<std::size_t>(i)];
     W.col(i) = dynamics_->W().col(contact).cast<Real>();
     offsets[i] = dynamics_->offsets()[contact];
-    motion.row(i) = dynamics_->motion_amplitudes().row(contact).cast<std::complex<Real>>();
+    motion.row(i) = dynamics_->motion_amplitudes().row(contact).cast<Complex>();
   }
 
-  MatrixR B = constrained_basis(M, W, locked_contacts_);
-  const Eigen::Index r = B.cols();
+  Nullspace space;
+  MatrixR& B = space.B;
+  B = constrained_basis(M, W, locked_contacts_);
   MatrixR V;
   const bool modal = diagonalize(B.transpose() * K * B, B.transpose() * C * B, V);
-  path_ = modal ? FlowPath::modal : FlowPath::dense;
   if (modal) B = B * V;
-  const MatrixR K_hat = B.transpose() * K * B;
-  const MatrixR C_hat = B.transpose() * C * B;
+  space.to_y = B.transpose() * M;
+  space.C = B.transpose() * C * B;
+  space.K = B.transpose() * K * B;
 
-  // The locked contacts carry q_D = D (g_L - c_L - s_L(t)) along, M-orthogonal to null(W_L^T).
   const MatrixR MinvW = M.llt().solve(W);
   const MatrixR D =
       l > 0 ? MatrixR(MinvW * (W.transpose() * MinvW).inverse()) : MatrixR::Zero(f, 0);
-  const MatrixCR Dc = D.cast<std::complex<Real>>();
-  const VectorR push = B.transpose() * (dynamics_->force_constant().cast<Real>() + K * D * offsets);
-  const MatrixR push_held = -B.transpose() * K * D;
-  MatrixCR forcing(r, nf_);
+  const MatrixCR Dc = D.cast<Complex>();
+  space.q_D.resize(f, 1 + l);
+  space.q_D << -D * offsets, D;
+  space.q_D_harmonics = -Dc * motion;
+  space.push = -B.transpose() * K * space.q_D;
+  space.push.col(0) += B.transpose() * dynamics_->force_constant().cast<Real>();
+  space.forcing.resize(B.cols(), nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
-    const std::complex<Real> i_Omega(0, dynamics_->frequencies()[j]);
-    const MatrixCR Z = K.cast<std::complex<Real>>() + i_Omega * C.cast<std::complex<Real>>();
-    const VectorCR F = dynamics_->force_amplitudes().col(j).cast<std::complex<Real>>();
-    forcing.col(j) = B.transpose().cast<std::complex<Real>>() * (F + Z * (Dc * motion.col(j)));
+    const Complex i_Omega(0, dynamics_->frequencies()[j]);
+    const MatrixCR Z = K.cast<Complex>() + i_Omega * C.cast<Complex>();
+    const VectorCR F = dynamics_->force_amplitudes().col(j).cast<Complex>();
+    space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * (Dc * motion.col(j)));
   }
 
-  VectorR delta(r);
-  VectorR kappa(r);
-  VectorR y0 = VectorR::Zero(r);
-  MatrixR y_held = MatrixR::Zero(r, l);
-  MatrixCR Y(r, nf_);
-  VectorR alpha0 = VectorR::Zero(r);
-  MatrixR alpha_held = MatrixR::Zero(r, l);
-  MatrixR P = MatrixR::Identity(r, r);
-  MatrixR R = MatrixR::Zero(r, r);
   if (modal) {
-    delta = C_hat.diagonal().cwiseMax(Real(0)) / 2;
-    kappa = K_hat.diagonal();
-    drop_noise(kappa);
-    for (Eigen::Index i = 0; i < r; ++i) {
-      if (kappa[i] > 0) {
-        y0[i] = push[i] / kappa[i];
-        y_held.row(i) = push_held.row(i) / kappa[i];
-      } else {
-        alpha0[i] = push[i];
-        alpha_held.row(i) = push_held.row(i);
-      }
-    }
-    for (Eigen::Index j = 0; j < nf_; ++j) {
-      Y.col(j) = response(delta, kappa, forcing.col(j), dynamics_->frequencies()[j]);
-    }
+    build_modal(space);
   } else {
-    const ComplexModes modes = complex_modes(K_hat, C_hat);
-    delta = modes.delta;
-    kappa = modes.kappa;
-    P = modes.P;
-    R = modes.R;
-    const Eigen::LDLT<MatrixR> static_stiffness(K_hat);
-    y0 = static_stiffness.solve(push);
-    y_held = static_stiffness.solve(push_held);
-    const MatrixR residual = K_hat * y0 - push;
-    const MatrixR residual_held = K_hat * y_held - push_held;
-    if (!(residual.norm() <= 1e-9L * (1 + push.norm())) ||
-        !(residual_held.norm() <= 1e-9L * (1 + push_held.norm()))) {
-      throw ModelError(
-          "a constant force acts on a motion without stiffness while C couples the "
-          "modes: this has no steady solution");
-    }
-    for (Eigen::Index j = 0; j < nf_; ++j) {
-      const Real Omega = dynamics_->frequencies()[j];
-      MatrixCR Z = K_hat.cast<std::complex<Real>>() +
-                   std::complex<Real>(0, Omega) * C_hat.cast<std::complex<Real>>();
-      Z.diagonal().array() -= Omega * Omega;
-      Y.col(j) = Z.fullPivLu().solve(forcing.col(j));
-    }
+    build_dense(space);
+  }
+}
+
+void Flow::build_modal(const Nullspace& space) {
+  path_ = FlowPath::modal;
+  const Eigen::Index r = space.B.cols();
+  const VectorR delta = space.C.diagonal().cwiseMax(Real(0)) / 2;
+  VectorR kappa = space.K.diagonal();
+  drop_noise(kappa);
+  MatrixR z = MatrixR::Zero(r, space.push.cols());
+  MatrixR alpha = z;
+  split_push(kappa, space.push, z, alpha);
+  MatrixCR Z(r, nf_);
+  for (Eigen::Index j = 0; j < nf_; ++j) {
+    Z.col(j) = response(delta, kappa, space.forcing.col(j), dynamics_->frequencies()[j]);
   }
 
-  const Forced y_forced = [&] {
-    Forced y{y0.cast<double>(), y_held.cast<double>(), {}, {}};
-    set_harmonics(Y.cast<std::complex<double>>(), y);
-    return y;
-  }();
-  q_forced_.constant = (B * y0 - D * offsets).cast<double>();
-  q_forced_.held = (B * y_held + D).cast<double>();
-  set_harmonics((B.cast<std::complex<Real>>() * Y - Dc * motion).cast<std::complex<double>>(),
-                q_forced_);
+  Phi_ = space.B.cast<double>();
+  enter_zq_ = space.to_y.cast<double>();
+  enter_vu_ = enter_zq_;
+  kick_ = enter_zq_ * dynamics_->MinvW();
+  z_forced_ = forced(z, Z);
+  v_forced_ = rate(z_forced_);
+  q_forced_ = forced(space.B * z + space.q_D, space.B.cast<Complex>() * Z + space.q_D_harmonics);
+  u_forced_ = rate(q_forced_);
+  set_bank(delta, kappa, alpha);
+}
 
-  const MatrixR to_y = B.transpose() * M;
-  if (modal) {
-    Phi_ = B.cast<double>();
-    enter_zq_ = to_y.cast<double>();
-    enter_vu_ = enter_zq_;
-    z_forced_ = y_forced;
-    v_forced_ = rate(y_forced);
-    kick_ = enter_zq_ * dynamics_->MinvW();
-  } else {
-    // [y; y'] = T [z; z'], z'' = -kappa z - 2 delta z'.
-    MatrixR T(2 * r, 2 * r);
-    T << P, R, -R * kappa.asDiagonal(), P - 2 * R * delta.asDiagonal();
-    const Eigen::FullPivLU<MatrixR> lu(T);
-    if (!lu.isInvertible() || lu.rcond() < 1e-14L) {
-      throw ModelError("M, C and K have a defective mode; change the damping a little");
-    }
-    const MatrixR T_inverse = lu.inverse();
-    Phi_ = (B * P).cast<double>();
-    Psi_ = (B * R).cast<double>();
-    const MatrixR zy = T_inverse.topLeftCorner(r, r);
-    const MatrixR zv = T_inverse.topRightCorner(r, r);
-    const MatrixR vy = T_inverse.bottomLeftCorner(r, r);
-    const MatrixR vv = T_inverse.bottomRightCorner(r, r);
-    enter_zq_ = (zy * to_y).cast<double>();
-    enter_zu_ = (zv * to_y).cast<double>();
-    enter_vq_ = (vy * to_y).cast<double>();
-    enter_vu_ = (vv * to_y).cast<double>();
-    const Forced y_rate = rate(y_forced);
-    const auto combine = [&](const MatrixR& of_y, const MatrixR& of_rate) {
-      const Eigen::MatrixXd a = of_y.cast<double>();
-      const Eigen::MatrixXd b = of_rate.cast<double>();
-      return Forced{a * y_forced.constant + b * y_rate.constant,
-                    a * y_forced.held + b * y_rate.held, a * y_forced.cos + b * y_rate.cos,
-                    a * y_forced.sin + b * y_rate.sin};
-    };
-    z_forced_ = combine(zy, zv);
-    v_forced_ = combine(vy, vv);
+void Flow::build_dense(const Nullspace& space) {
+  path_ = FlowPath::dense;
+  const Eigen::Index r = space.B.cols();
+  const ComplexModes modes = complex_modes(space.K, space.C);
+  const VectorR& delta = modes.delta;
+  const VectorR& kappa = modes.kappa;
+
+  // [y; y'] = T [z; v] with z' = v + beta_z and v' = -kappa z - 2 delta v + beta_v, where beta is
+  // what T^-1 makes of a force. v is not the rate of z then; that of z minus a particular motion
+  // is v minus that motion's own.
+  const MatrixR from_force = modes.T_inverse.rightCols(r);
+  const MatrixR beta = from_force * space.push;
+  const auto beta_z = beta.topRows(r);
+  MatrixR z = MatrixR::Zero(r, beta.cols());
+  MatrixR alpha = z;
+  split_push(kappa, beta.bottomRows(r) + 2 * delta.asDiagonal() * beta_z, z, alpha);
+  const MatrixR v = -beta_z;
+  MatrixCR Z(r, nf_);
+  MatrixCR V(r, nf_);
+  for (Eigen::Index j = 0; j < nf_; ++j) {
+    const Complex i_Omega(0, dynamics_->frequencies()[j]);
+    const VectorCR b = from_force.cast<Complex>() * space.forcing.col(j);
+    const VectorCR drive =
+        b.tail(r) + 2 * delta.cast<Complex>().cwiseProduct(b.head(r)) + i_Omega * b.head(r);
+    Z.col(j) = response(delta, kappa, drive, dynamics_->frequencies()[j]);
+    V.col(j) = i_Omega * Z.col(j) - b.head(r);
   }
 
-  oscillators_ = Oscillators(behind_frequencies(Eigen::VectorXd::Zero(nf_), delta, f),
+  const MatrixR BP = space.B * modes.P;
+  const MatrixR BR = space.B * modes.R;
+  Phi_ = BP.cast<double>();
+  Psi_ = BR.cast<double>();
+  enter_zq_ = (modes.T_inverse.topLeftCorner(r, r) * space.to_y).cast<double>();
+  enter_zu_ = (modes.T_inverse.topRightCorner(r, r) * space.to_y).cast<double>();
+  enter_vq_ = (modes.T_inverse.bottomLeftCorner(r, r) * space.to_y).cast<double>();
+  enter_vu_ = (modes.T_inverse.bottomRightCorner(r, r) * space.to_y).cast<double>();
+  z_forced_ = forced(z, Z);
+  v_forced_ = forced(v, V);
+  q_forced_ = forced(BP * z + BR * v + space.q_D,
+                     BP.cast<Complex>() * Z + BR.cast<Complex>() * V + space.q_D_harmonics);
+  u_forced_ = rate(q_forced_);
+  const MatrixR drift = BR * alpha;
+  u_forced_.constant = drift.col(0).cast<double>();
+  u_forced_.held = drift.rightCols(drift.cols() - 1).cast<double>();
+  set_bank(delta, kappa, alpha);
+}
+
+void Flow::set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha) {
+  const Eigen::Index f = dynamics_->coordinates();
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(nf_);
+  oscillators_ = Oscillators(behind_frequencies(none, delta, f),
                              behind_frequencies(dynamics_->frequencies().cwiseAbs2(), kappa, f));
-  alpha0_ = behind_frequencies(Eigen::VectorXd::Zero(nf_), alpha0, f);
-  alpha_held_ = Eigen::MatrixXd::Zero(size(), l);
-  alpha_held_.middleRows(nf_, r) = alpha_held.cast<double>();
+  alpha0_ = behind_frequencies(none, alpha.col(0), f);
+  alpha_held_ = Eigen::MatrixXd::Zero(size(), alpha.cols() - 1);
+  alpha_held_.middleRows(nf_, alpha.rows()) = alpha.rightCols(alpha.cols() - 1).cast<double>();
 }
 
 void Flow::build_signals() {
@@ -406,17 +290,17 @@ void Flow::build_signals() {
 }
 
 Signal Flow::signal(const Functional& functional) const {
-  const Forced u_forced = rate(q_forced_);
   const Eigen::VectorXd& a = functional.a;
   const Eigen::VectorXd& b = functional.b;
   Signal s{Eigen::ArrayXd::Zero(size()), Eigen::ArrayXd::Zero(size()), 0.0, {}};
-  s.constant = functional.constant + a.dot(q_forced_.constant);
+  s.constant = functional.constant + a.dot(q_forced_.constant) + b.dot(u_forced_.constant);
   s.held = Eigen::VectorXd::Zero(dynamics_->contacts());
-  s.held.head(q_forced_.held.cols()) = q_forced_.held.transpose() * a;
+  s.held.head(q_forced_.held.cols()) =
+      q_forced_.held.transpose() * a + u_forced_.held.transpose() * b;
   const Eigen::VectorXd h_sin = functional.h.imag().cwiseQuotient(dynamics_->frequencies());
   s.p.head(nf_) =
-      q_forced_.cos.transpose() * a + u_forced.cos.transpose() * b + functional.h.real();
-  s.r.head(nf_) = q_forced_.sin.transpose() * a + u_forced.sin.transpose() * b + h_sin;
+      q_forced_.cos.transpose() * a + u_forced_.cos.transpose() * b + functional.h.real();
+  s.r.head(nf_) = q_forced_.sin.transpose() * a + u_forced_.sin.transpose() * b + h_sin;
   s.p.segment(nf_, modes()) = Phi_.size() > 0 ? Eigen::VectorXd(Phi_.transpose() * a) : a;
   s.r.segment(nf_, modes()) = Phi_.size() > 0 ? Eigen::VectorXd(Phi_.transpose() * b) : b;
   if (path_ == FlowPath::dense) {
@@ -504,14 +388,14 @@ void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
                            2.0 * oscillators_.delta().segment(nf_, modes()) * v.array())
                               .matrix();
   }
-  q += q_forced_.constant;
-  q.noalias() += q_forced_.held * motion.held.head(q_forced_.held.cols());
-  q.noalias() += q_forced_.cos * phases;
-  q.noalias() += q_forced_.sin * phase_rates;
-  u.noalias() += q_forced_.cos * phase_rates;
-  for (Eigen::Index j = 0; j < nf_; ++j) {
-    u -= oscillators_.kappa()[j] * phases[j] * q_forced_.sin.col(j);
-  }
+  const auto add = [&](const Forced& forced, auto& x) {
+    x += forced.constant;
+    x.noalias() += forced.held * motion.held.head(forced.held.cols());
+    x.noalias() += forced.cos * phases;
+    x.noalias() += forced.sin * phase_rates;
+  };
+  add(q_forced_, q);
+  add(u_forced_, u);
 }
 
 void Flow::kick(int contact, double Lambda, Motion& motion) const {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "mechanics/instant.h"
+#include "mechanics/modal_analysis.h"
 #include "mechanics/model.h"
 #include "mechanics/oscillators.h"
 
@@ -131,6 +132,11 @@ class Flow {
  private:
   void build_diagonal();
   void build_on_nullspace();
+  struct Nullspace;
+  void build_modal(const Nullspace& space);
+  void build_dense(const Nullspace& space);
+  void set_bank(const modal::VectorR& delta, const modal::VectorR& kappa,
+                const modal::MatrixR& alpha);
   void build_signals();
 
   const Dynamics* dynamics_;
@@ -147,13 +153,16 @@ class Flow {
     Eigen::VectorXd constant;
     Eigen::MatrixXd held, cos, sin;
   };
+  Forced forced(const modal::MatrixR& push, const modal::MatrixCR& harmonics) const;
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
 
-  // q = q_forced + Phi z + Psi z', u its rate; z = enter_zq q + enter_zu u - z_forced, z' likewise.
-  // Phi and enter_zq = enter_vu are the identity on the diagonal path; Psi, enter_zu and enter_vq
-  // are zero but on the dense path, where all of them are set.
-  Forced q_forced_, z_forced_, v_forced_;
+  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): a constant
+  // force on a motion without stiffness is in alpha, and leaves Psi alpha in u_forced. z = enter_zq
+  // q + enter_zu u - z_forced, z' likewise. Phi and enter_zq = enter_vu are the identity on the
+  // diagonal path; Psi, enter_zu and enter_vq are zero but on the dense path, where all of them are
+  // set.
+  Forced q_forced_, u_forced_, z_forced_, v_forced_;
   Eigen::MatrixXd Phi_, Psi_;
   Eigen::MatrixXd enter_zq_, enter_zu_, enter_vq_, enter_vu_;
   Eigen::ArrayXd alpha0_;

@@ -28,11 +28,12 @@ Kernel overdamped(double delta, double kappa, double sigma, double tau) {
 // Response of z to alpha = 1 where kappa = 0; its rate is zv.
 double drift(double delta, double zv, double tau) {
   const double x = 2.0 * delta * tau;
-  // (tau - zv) / (2 delta) loses its digits when the damping hardly acts within tau.
-  if (x < 1e-2) {
-    return tau * tau *
-           (0.5 - x * (1.0 / 6.0 -
-                       x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0 - x / 5040.0)))));
+  // (tau - zv) / (2 delta) loses digits as 1/x while the damping has hardly acted; the series
+  // tau^2 (1/2! - x/3! + x^2/4! - ...) has all of them, up to x = 1 with the terms to x^17/19!.
+  if (x < 1.0) {
+    double sum = 1.0;
+    for (int k = 19; k > 2; --k) sum = 1.0 - x * sum / k;
+    return 0.5 * tau * tau * sum;
   }
   return (tau - zv) / (2.0 * delta);
 }

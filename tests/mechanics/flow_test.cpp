@@ -23,6 +23,19 @@ std::vector<int> members(ContactSet set) {
   return list;
 }
 
+// g and gamma at q and u. A support's phase Omega t is worth 1e-13 in double at t = 50, as much as
+// what is tested here; so in extended precision.
+double exact_gap(const Contact& contact, const Eigen::VectorXd& q, long double t) {
+  const Harmonic& s = contact.motion;
+  return static_cast<double>(contact.w.cast<long double>().dot(q.cast<long double>()) +
+                             s.amplitude * std::cos(s.frequency * t + s.phase) + contact.clearance);
+}
+double exact_gap_velocity(const Contact& contact, const Eigen::VectorXd& u, long double t) {
+  const Harmonic& s = contact.motion;
+  return static_cast<double>(contact.w.cast<long double>().dot(u.cast<long double>()) -
+                             s.amplitude * s.frequency * std::sin(s.frequency * t + s.phase));
+}
+
 // Gives the locked contacts gamma = 0 by the smallest impulse.
 void stop_contacts(const Model& model, const std::vector<int>& locked, double t, State& state) {
   const auto l = static_cast<Eigen::Index>(locked.size());
@@ -34,7 +47,7 @@ void stop_contacts(const Model& model, const std::vector<int>& locked, double t,
       const Contact& contact =
           model.contacts[static_cast<std::size_t>(locked[static_cast<std::size_t>(i)])];
       W.col(i) = contact.w;
-      gamma[i] = gap_velocity(contact, state.u, t);
+      gamma[i] = exact_gap_velocity(contact, state.u, t);
     }
     const Eigen::MatrixXd MinvW = model.M.llt().solve(W);
     const Eigen::MatrixXd G = W.transpose() * MinvW;
@@ -47,7 +60,7 @@ Eigen::VectorXd gaps(const Model& model, const std::vector<int>& contacts, const
   Eigen::VectorXd g(static_cast<Eigen::Index>(contacts.size()));
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     g[static_cast<Eigen::Index>(i)] =
-        gap(model.contacts[static_cast<std::size_t>(contacts[i])], state.q, t);
+        exact_gap(model.contacts[static_cast<std::size_t>(contacts[i])], state.q, t);
   }
   return g;
 }
@@ -90,7 +103,7 @@ void check_flow(const Model& model, ContactSet set, double t0, State start,
     Motion moved;
     flow.propagate(entered, at(t0) + tau, moved);
     flow.state(moved, here.q, here.u);
-    const double t = t0 + tau;
+    const long double t = static_cast<long double>(t0) + tau;
     const double size = 1 + as_double(reference.q()).norm() + as_double(reference.u()).norm();
     EXPECT_LT((here.q - as_double(reference.q())).norm(), tolerance * size) << "q after " << tau;
     EXPECT_LT((here.u - as_double(reference.u())).norm(), tolerance * size) << "u after " << tau;
@@ -100,9 +113,10 @@ void check_flow(const Model& model, ContactSet set, double t0, State start,
     for (std::size_t i = 0; i < locked.size(); ++i) {
       const int contact = locked[i];
       const Contact& c = model.contacts[static_cast<std::size_t>(contact)];
-      EXPECT_NEAR(gap_velocity(c, here.u, t), 0.0, 0.1 * tolerance * size)
+      EXPECT_NEAR(exact_gap_velocity(c, here.u, t), 0.0, 0.1 * tolerance * size)
           << "gamma of " << contact;
-      EXPECT_NEAR(gap(c, here.q, t), held[static_cast<Eigen::Index>(i)], 0.1 * tolerance * size)
+      EXPECT_NEAR(exact_gap(c, here.q, t), held[static_cast<Eigen::Index>(i)],
+                  0.1 * tolerance * size)
           << "g of " << contact;
       EXPECT_NEAR(value(flow.force(contact), moved),
                   static_cast<double>(lambda[static_cast<Eigen::Index>(i)]), tolerance * force_size)
@@ -111,9 +125,9 @@ void check_flow(const Model& model, ContactSet set, double t0, State start,
     for (int i = 0; i < dynamics.contacts(); ++i) {
       if (contains(set, i)) continue;
       const Contact& c = model.contacts[static_cast<std::size_t>(i)];
-      EXPECT_NEAR(value(flow.gap(i), moved), gap(c, here.q, t), 0.1 * tolerance * size)
+      EXPECT_NEAR(value(flow.gap(i), moved), exact_gap(c, here.q, t), 0.1 * tolerance * size)
           << "gap of " << i;
-      const double gamma = gap_velocity(c, here.u, t);
+      const double gamma = exact_gap_velocity(c, here.u, t);
       EXPECT_NEAR(value(flow.gap_velocity(i), moved), gamma, tolerance * size)
           << "velocity of " << i;
       EXPECT_NEAR(rate(flow.gap(i), moved), gamma, tolerance * size) << "rate of the gap of " << i;
@@ -270,6 +284,17 @@ TEST(Flow, UndampedResonanceIsRefusedOnAllPaths) {
   modal.forces.push_back({Eigen::Vector2d(1, 0), 0.0, {1.0, 1.0, 0.3}});
   EXPECT_THROW(Flow(Dynamics(modal), 0), ModelError);
 
+  // One undamped mode beside two that C couples.
+  Model dense;
+  dense.M = Eigen::Matrix3d::Identity();
+  dense.C = (Eigen::Matrix3d() << 1.0, 0.5, 0.0, 0.5, 2.0, 0.0, 0.0, 0.0, 0.0).finished();
+  dense.K = Eigen::Vector3d(2.0, 5.0, 9.0).asDiagonal();
+  dense.forces.push_back({Eigen::Vector3d(1, 1, 1), 0.0, {1.0, 3.0, 0.3}});
+  dense.M(0, 1) = dense.M(1, 0) = 0.2;
+  EXPECT_THROW(Flow(Dynamics(dense), 0), ModelError);
+  dense.forces.front().direction[2] = 0.0;
+  EXPECT_EQ(Flow(Dynamics(dense), 0).path(), FlowPath::dense);
+
   // Only where it is locked: the mount drives a mode at its own frequency.
   Model locked;
   locked.M = Eigen::Matrix2d::Identity();
@@ -366,6 +391,71 @@ TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
     } catch (const ModelError& error) {
       ADD_FAILURE() << "refused: " << error.what();
     }
+  }
+}
+
+// det(s^2 + C s + K) = (s^2 + 0.2 s + 1)^2, and one complex vector for the two: t e^(st) is in the
+// motion, which is no oscillator's.
+TEST(Flow, ADoubleComplexPairWithOneVectorIsRefusedAndItsNeighboursAreNot) {
+  Model model;
+  model.M = Eigen::Matrix2d::Identity();
+  model.K = (Eigen::Matrix2d() << 1.04, 0.2, 0.2, 1.0).finished();
+  model.C = Eigen::Vector2d(0.4, 0.0).asDiagonal();
+  EXPECT_THROW(Flow(Dynamics(model), 0), ModelError);
+  for (const double off : {1e-2, -1e-2, 1e-4}) {
+    SCOPED_TRACE(testing::Message() << "off by " << off);
+    model.C(1, 1) = std::max(off, 0.0);
+    model.C(0, 0) = 0.4 + off;
+    check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)}, 1e-11);
+  }
+}
+
+// Two of one kind, not coupled with each other: every eigenvalue is double and has two vectors.
+TEST(Flow, EqualMachinesSideBySideMoveAsOneAlone) {
+  for (const Structure structure : {Structure::coupled, Structure::strongly_damped}) {
+    const std::uint64_t seed = 81 + static_cast<std::uint64_t>(structure);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Model one = random_machine(random, structure, 2);
+    const Eigen::Matrix4d Q = random.orthogonal(4);
+    const auto twice = [&](const Eigen::MatrixXd& A, bool mixed) {
+      Eigen::Matrix4d B = Eigen::Matrix4d::Zero();
+      B.topLeftCorner(2, 2) = B.bottomRightCorner(2, 2) = A;
+      if (mixed) B = (Q.transpose() * B * Q).eval();
+      return Eigen::MatrixXd(0.5 * (B + B.transpose()));
+    };
+    for (const bool mixed : {false, true}) {
+      Model two;
+      two.M = twice(one.M, mixed);
+      two.C = twice(one.C, mixed);
+      two.K = twice(one.K, mixed);
+      add_forces(random, two, 1);
+      const State start = random_state(random, two);
+      check_flow(two, 0, 0.0, start);
+    }
+  }
+}
+
+// Two rigid motions, damped and coupled by dampers to the ground from hardly to strongly; a weight
+// on each mass.
+TEST(Flow, AFloatingPairInThePlaneFalls) {
+  for (const double c : {1e-4, 0.01, 0.5, 5.0, 50.0}) {
+    SCOPED_TRACE(testing::Message() << "c = " << c);
+    const Eigen::Vector4d stretch(1.0, 0.5, -1.0, -0.5);
+    const Eigen::Vector4d bend(0.3, 1.0, -0.3, -1.0);
+    const Eigen::Vector4d first(1.0, 0.2, 0.0, 0.0);
+    const Eigen::Vector4d second(0.1, 1.0, 0.0, 0.4);
+    Model model;
+    model.M = Eigen::Matrix4d::Identity();
+    model.K = 30.0 * stretch * stretch.transpose() + 5.0 * bend * bend.transpose();
+    model.C = c * first * first.transpose();
+    model.forces.push_back({Eigen::Vector4d(0.0, 1.0, 0.0, 1.0), -9.81, {}});
+    const State start{Eigen::Vector4d(0.1, 0.2, -0.3, 0.4), Eigen::Vector4d(0.5, -0.3, 0.2, 0.1)};
+    check_flow(model, 0, 0.0, start);
+    model.C += 0.3 * c * second * second.transpose();
+    model.contacts.push_back({Eigen::Vector4d(0.0, 1.0, 0.0, 0.0), 0.3, {0.1, 2.0, 0.0}, 0.5});
+    check_flow(model, 0, 0.0, start);
+    check_flow(model, 1, 0.0, start);
   }
 }
 
