@@ -384,9 +384,12 @@ void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
   }
   if (path_ == FlowPath::dense) {
     q.noalias() += Psi_ * v;
-    u.noalias() -= Psi_ * (oscillators_.kappa().segment(nf_, modes()) * z.array() +
-                           2.0 * oscillators_.delta().segment(nf_, modes()) * v.array())
-                              .matrix();
+    // Column by column: a product with an expression would allocate it.
+    for (Eigen::Index i = 0; i < modes(); ++i) {
+      const double fall =
+          oscillators_.kappa()[nf_ + i] * z[i] + 2.0 * oscillators_.delta()[nf_ + i] * v[i];
+      u -= fall * Psi_.col(i);
+    }
   }
   const auto add = [&](const Forced& forced, auto& x) {
     x += forced.constant;

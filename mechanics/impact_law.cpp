@@ -74,6 +74,7 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
   const auto n = static_cast<int>(b.size());
   x.resize(n);
   y.resize(n);
+  if (n == 0) return Solved::yes;
   if (n == 1) {
     if (!(A(0, 0) > 0.0)) return Solved::dependent;
     x[0] = b[0] < 0.0 ? -b[0] / A(0, 0) : 0.0;
