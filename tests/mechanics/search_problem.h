@@ -197,7 +197,8 @@ inline Problem random_problem(Random& random, double fastest = 60.0) {
 }
 
 inline void shift_to(Problem& problem, double phi_0) {
-  problem.signal.constant += problem.sign * (phi_0 - problem.phi(0.0));
+  // Twice: the first time phi is rounded on the scale of the constant that goes.
+  for (int i = 0; i < 2; ++i) problem.signal.constant += problem.sign * (phi_0 - problem.phi(0.0));
 }
 
 struct Found {
