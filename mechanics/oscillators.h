@@ -42,10 +42,36 @@ struct TickTable {
   Eigen::ArrayXd z_alpha, v_alpha;  ///< response to alpha = 1
 
   /// One step in place; alpha only where `drifts`.
-  void apply(OscillatorState& state, const Eigen::ArrayXd& alpha, bool drifts) const;
+  void apply(OscillatorState& state, const Eigen::ArrayXd& alpha, bool drifts) const {
+    rotate(zz.size(), zz.data(), zv.data(), vz.data(), vv.data(), state.z.data(), state.v.data());
+    if (drifts) {
+      state.z += z_alpha * alpha;
+      state.v += v_alpha * alpha;
+    }
+  }
   /// One step from `from` to `to`, two different objects.
   void apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, bool drifts,
              OscillatorState& to) const;
+
+ private:
+  // The arrays are all different ones; to check that at every tick would cost as much as the tick.
+  static void rotate(Eigen::Index n, const double* __restrict zz, const double* __restrict zv,
+                     const double* __restrict vz, const double* __restrict vv, double* __restrict z,
+                     double* __restrict v) {
+    constexpr Eigen::Index many = 16;
+    if (n >= many) {
+      rotate_many(n, zz, zv, vz, vv, z, v);
+      return;
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double moved = zz[i] * z[i] + zv[i] * v[i];
+      v[i] = vz[i] * z[i] + vv[i] * v[i];
+      z[i] = moved;
+    }
+  }
+  static void rotate_many(Eigen::Index n, const double* __restrict zz, const double* __restrict zv,
+                          const double* __restrict vz, const double* __restrict vv,
+                          double* __restrict z, double* __restrict v);
 };
 
 }  // namespace sprag

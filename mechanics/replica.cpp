@@ -76,20 +76,21 @@ void Replica::set_anchor(ReplicaState& state) const {
 }
 
 void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
-  ++state.tick;
-  const Instant t = tick_instant(state.tick, h_);
   Motion& motion = state.motion;
+  ++state.tick;
+  if (events.empty() && state.chi == 0 && ++state.since_anchor < block) {
+    tick_table_.apply(motion.x, motion.alpha, drifts_);
+    return;
+  }
+  const Instant t = tick_instant(state.tick, h_);
   if (events.empty() && state.chi == 0) {
     motion.t = t;
-    if (++state.since_anchor < block) {
-      tick_table_.apply(motion.x, motion.alpha, drifts_);
-      return;
-    }
     block_table_.apply(state.anchor, motion.alpha, drifts_, motion.x);
     free_->set_phases(t, motion.x);
     set_anchor(state);
     return;
   }
+  motion.t = tick_instant(state.tick - 1, h_);
   while (!events.empty()) {
     const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
       return event.t != events.front().t;

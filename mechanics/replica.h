@@ -20,7 +20,7 @@ namespace sprag {
 struct ReplicaState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
-  Motion motion;
+  Motion motion;           ///< its t is that of the anchor
   OscillatorState anchor;  ///< free flight: motion `since_anchor` ticks ago
   int since_anchor = 0;
   std::int64_t refused_impacts = 0;  ///< impacts whose contacts' directions are linearly dependent

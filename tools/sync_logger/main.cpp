@@ -6,7 +6,6 @@
 #include "tools/sync_logger/live.h"
 #include "tools/sync_logger/offline.h"
 
-// NOLINTNEXTLINE(bugprone-exception-escape): only two options of one name would throw here.
 int main(int argc, char** argv) {
   CLI::App app("Logs how far an observer is from its master: error energy V and its parts V_i.",
                "sync_logger");
