@@ -11,6 +11,8 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 // More events than this at one instant is a standstill of time.
 constexpr int max_events_at_once = 10000;
+// Share of the time below which bounces cannot be told apart.
+constexpr double resolvable = 1e-14;
 // A start closer to contact than this share of the gap's terms is at contact.
 constexpr double touching = 1e-12;
 
@@ -232,8 +234,10 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     if (contains(closing, i) && !contains(to_stay, i) && gamma > 0.0) {
       const double epsilon = model.contacts[index(i)].restitution;
       const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
-      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time
-      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * model.chatter_time) {
+      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time; bounces that time cannot tell apart would
+      // never end.
+      const double shortest = std::max(model.chatter_time, resolvable * (1.0 + now()));
+      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest) {
         completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
       }
     }
