@@ -182,7 +182,35 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
       fail("locked contacts have linearly dependent directions");
     }
   }
-  if ((closing | completed) != 0) close(closing | completed, completed, events);
+  if ((closing | completed) != 0) {
+    completed |= wedged(closing | completed);
+    close(closing | completed, completed, events);
+  }
+}
+
+// Rest of a bounce sequence that is completed; bounces that time cannot tell apart would never end.
+double Master::shortest_chatter() const {
+  return std::max(flows_.dynamics().model().chatter_time, resolvable * (1.0 + now()));
+}
+
+// The contacts whose impacts on each other have come to chatter, counting this one.
+ContactSet Master::wedged(ContactSet closing) {
+  constexpr int repeatedly = 3;
+  constexpr double window = 16.0;  // chatter times
+  const auto size = static_cast<long>(recent_.size());
+  recent_[static_cast<std::size_t>(impacts_ % size)] = {now(), closing};
+  const Impact& oldest = recent_[static_cast<std::size_t>((impacts_ + 1) % size)];
+  if (now() - oldest.t > window * shortest_chatter()) return 0;
+  ContactSet wedged = 0;
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    const auto count = std::count_if(recent_.begin(), recent_.end(), [&](const Impact& impact) {
+      return contains(impact.closing, i);
+    });
+    if (count >= repeatedly) wedged |= bit(i);
+  }
+  if (std::popcount(wedged) < 2) return 0;
+  recent_.fill({});
+  return wedged;
 }
 
 // Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
@@ -234,10 +262,8 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     if (contains(closing, i) && !contains(to_stay, i) && gamma > 0.0) {
       const double epsilon = model.contacts[index(i)].restitution;
       const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
-      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time; bounces that time cannot tell apart would
-      // never end.
-      const double shortest = std::max(model.chatter_time, resolvable * (1.0 + now()));
-      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest) {
+      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time
+      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
         completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
       }
     }

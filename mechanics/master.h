@@ -3,10 +3,14 @@
 //
 // An isolated impact is a pulse with the contact's restitution. A bounce sequence whose rest
 // 2 gamma+ / (|g''| (1 - epsilon)) is shorter than Model::chatter_time is completed: the contact
-// closes to stay, with restitution 0, at the instant where the sequence would have ended. A closed
-// contact opens when its force would turn negative.
+// closes to stay, with restitution 0, at the instant where the sequence would have ended. Contacts
+// that throw the machine to and fro between them, as in a wedge, have no such formula: they are
+// completed together once 32 impacts take less than 16 chatter_time. A closed contact opens when
+// its force would turn negative.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -58,9 +62,16 @@ class Master {
   void watch();
   void take_event(bool from_search, std::vector<ContactEvent>& events);
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
+  double shortest_chatter() const;
+  ContactSet wedged(ContactSet closing);
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }
+
+  struct Impact {
+    double t = -std::numeric_limits<double>::infinity();
+    ContactSet closing = 0;
+  };
 
   Flows flows_;
   ContactSolver solver_;
@@ -73,6 +84,7 @@ class Master {
   ContactSet penetrating_ = 0;  // closed since the start, g < 0
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
   std::vector<double> completion_;  // per contact: time at which its chatter ends, or infinity
+  std::array<Impact, 32> recent_;   // ring of the last impacts
   std::vector<double> epsilon_;     // scratch
   std::vector<Watch> watches_;      // scratch
   bool started_ = false;
