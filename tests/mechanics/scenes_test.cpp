@@ -220,6 +220,26 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
             << " at most\n";
 }
 
+// Shaken harder, the beam hits both supports within 1e-11 s and less: each impact must be shared.
+TEST(TwoSupportsBeam, ShakenHarderStaysOutsideAndSynchronizes) {
+  for (const double amplitude : {0.02, 0.03, 0.05}) {
+    Scene scene = shipped_scene("two_supports_beam");
+    scene.model.forces.at(0).harmonic.amplitude *= amplitude / 0.015;
+    Pair<Replica> pair(scene, 1e-3);
+    const double V0 = pair.V();
+    double before = V0;
+    while (pair.t() < 50.0) {
+      pair.step();
+      ASSERT_LE(pair.V(), before + rounding * V0) << "t = " << pair.t();
+      before = pair.V();
+      for (const Contact& contact : scene.model.contacts) {
+        ASSERT_GE(gap(contact, pair.q_m, pair.t()), -1e-12) << "t = " << pair.t();
+      }
+    }
+    EXPECT_LT(before, 1e-4 * V0);
+  }
+}
+
 TEST(ThreeBallChainScene, OneImpactOfBothContacts) {
   const Scene scene = shipped_scene("three_ball_chain");
   Master master(scene.model, scene.master);
