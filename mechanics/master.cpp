@@ -213,11 +213,25 @@ ContactSet Master::wedged(ContactSet closing) {
   return wedged;
 }
 
+// A contact that has parted at this very instant takes part in the impacts that follow it: the next
+// search takes its gap for zero and would not see that it is pressed in.
+bool Master::touches(int contact) const {
+  const Signal& g = motion_.flow->gap(contact);
+  const double scale =
+      std::abs(g.constant) + (g.p * motion_.x.z).abs().sum() + (g.r * motion_.x.v).abs().sum();
+  return std::abs(value(g, motion_)) <= touching * scale;
+}
+
 // Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
 void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
   const Model& model = flows_.dynamics().model();
   const int m = flows_.dynamics().contacts();
   const ContactSet closed_before = closed_;
+  for (int i = 0; i < m; ++i) {
+    if (contains(closed_before | closing, i) || !touches(i)) continue;
+    closing |= bit(i);
+    completion_[index(i)] = infinity;
+  }
   const ContactSet participants = closed_before | closing;
   before_ = motion_;
 

@@ -61,6 +61,7 @@ class Master {
   void start_contacts(std::vector<ContactEvent>& events);
   void watch();
   void take_event(bool from_search, std::vector<ContactEvent>& events);
+  bool touches(int contact) const;
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);

@@ -65,6 +65,24 @@ TEST(ThreeBallChain, HasOneSimultaneousImpact) {
   EXPECT_LE((u - Eigen::Vector3d(-1.0 / 3, 2.0 / 3, 2.0 / 3)).norm(), 1e-14);
 }
 
+// A block on two feet with a small moment of inertia: what stops one foot drives the other down.
+TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
+  Model model;
+  model.M = Eigen::Vector2d(1.0, 0.3).asDiagonal();
+  model.C = model.K = Eigen::MatrixXd::Zero(2, 2);
+  model.forces.push_back({Eigen::Vector2d(1.0, 0.0), 1.0, {}});
+  model.contacts.push_back({Eigen::Vector2d(1.0, -1.0), 0.0, {}, 0.0});
+  model.contacts.push_back({Eigen::Vector2d(1.0, 1.0), 0.0, {}, 0.0});
+  Master master(model, {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(-0.5, 0.5)});
+  std::vector<ContactEvent> events;
+  Eigen::VectorXd q(2);
+  Eigen::VectorXd u(2);
+  master.advance(at(2.0), events);
+  master.state(at(2.0), q, u);
+  EXPECT_LE((q - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-14);
+  EXPECT_LE((u - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-14);
+}
+
 class Scenes : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Beams, Scenes,
                          testing::Values("paper_beam", "paper_beam_frame", "paper_beam_chatter"),

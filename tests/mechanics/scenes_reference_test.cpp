@@ -1,0 +1,370 @@
+// Shipped scenes against closed forms, wave theory, and an integrator that shares nothing with the
+// library.
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <numbers>
+#include <vector>
+
+#include "mechanics/beam.h"
+#include "mechanics/flow.h"
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+// The machine with one contact by Runge-Kutta steps of fourth order in extended precision; where
+// the gap changes sign within a step the time is bisected, each trial one step from the same point.
+class RungeKutta {
+ public:
+  using Real = long double;
+  // No allocation for up to four coordinates: there are a million steps.
+  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1, Eigen::ColMajor, 4, 1>;
+  using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 4, 4>;
+
+  RungeKutta(const Model& model, const State& start)
+      : contact_(model.contacts.at(0)), w_(contact_.w.cast<Real>()) {
+    const Matrix M = model.M.cast<Real>();
+    const Matrix inverse = M.inverse();
+    C_ = inverse * model.C.cast<Real>();
+    K_ = inverse * model.K.cast<Real>();
+    for (const Force& force : model.forces) {
+      forces_.push_back({inverse * force.direction.cast<Real>(), force.harmonic, force.constant});
+    }
+    to_contact_ = inverse * w_;
+    now_ = {start.q.cast<Real>(), start.u.cast<Real>(), 0};
+  }
+
+  /// Times of the first impacts, by steps of h that start anew at each of them.
+  std::vector<double> impacts(std::size_t count, Real h) {
+    std::vector<double> times;
+    while (times.size() < count) {
+      const Point next = step(now_, h);
+      if (gap(next) >= 0) {
+        now_ = next;
+        continue;
+      }
+      Real low = 0;
+      Real high = h;
+      for (int i = 0; i < 64; ++i) {
+        const Real middle = (low + high) / 2;
+        (gap(step(now_, middle)) >= 0 ? low : high) = middle;
+      }
+      now_ = step(now_, low);
+      const Real gamma = w_.dot(now_.u) + support(now_.t, 1);
+      now_.u -= (1 + Real(contact_.restitution)) * gamma / w_.dot(to_contact_) * to_contact_;
+      times.push_back(static_cast<double>(now_.t));
+    }
+    return times;
+  }
+
+ private:
+  struct Point {
+    Vector q, u;
+    Real t;
+  };
+  struct Push {
+    Vector direction;
+    Harmonic harmonic;
+    Real constant;
+  };
+
+  // s(t) or s'(t).
+  Real support(Real t, int derivative) const {
+    const Harmonic& s = contact_.motion;
+    const Real phase = s.frequency * t + s.phase;
+    return derivative == 0 ? s.amplitude * std::cos(phase)
+                           : -Real(s.amplitude) * s.frequency * std::sin(phase);
+  }
+
+  Real gap(const Point& x) const { return w_.dot(x.q) + support(x.t, 0) + contact_.clearance; }
+
+  Vector push(Real t) const {
+    Vector sum = Vector::Zero(w_.size());
+    for (const Push& p : forces_) {
+      sum += p.direction * (p.constant + p.harmonic.amplitude *
+                                             std::cos(p.harmonic.frequency * t + p.harmonic.phase));
+    }
+    return sum;
+  }
+
+  Point step(const Point& x, Real h) const {
+    const auto rate = [&](const Vector& q, const Vector& u, const Vector& p) {
+      return Vector(p - C_ * u - K_ * q);
+    };
+    const Vector middle = push(x.t + h / 2);
+    const Vector a1 = rate(x.q, x.u, push(x.t));
+    const Vector u2 = x.u + h / 2 * a1;
+    const Vector a2 = rate(x.q + h / 2 * x.u, u2, middle);
+    const Vector u3 = x.u + h / 2 * a2;
+    const Vector a3 = rate(x.q + h / 2 * u2, u3, middle);
+    const Vector u4 = x.u + h * a3;
+    const Vector a4 = rate(x.q + h * u3, u4, push(x.t + h));
+    return {x.q + h / 6 * (x.u + 2 * u2 + 2 * u3 + u4), x.u + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4),
+            x.t + h};
+  }
+
+  Contact contact_;
+  Vector w_, to_contact_;
+  Matrix C_, K_;
+  std::vector<Push> forces_;
+  Point now_;
+};
+
+void expect_impacts_as_integrated(const char* name, double T, long double h) {
+  const Scene scene = shipped_scene(name);
+  const std::vector<ContactEvent> events = events_of(scene, T);
+  const std::vector<double> expected = RungeKutta(scene.model, scene.master).impacts(10, h);
+  ASSERT_GE(events.size(), expected.size());
+  double worst = 0.0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_EQ(events[i].kind, ContactEventKind::pulse) << "impact " << i + 1;
+    EXPECT_NEAR(events[i].t, expected[i], 1e-9) << "impact " << i + 1;
+    worst = std::max(worst, std::abs(events[i].t - expected[i]));
+  }
+  std::cout << name << ": first ten impacts until t = " << expected.back() << " differ by " << worst
+            << " from those integrated\n";
+}
+
+TEST(LabRig, ImpactTimesAgreeWithAnIntegration) {
+  expect_impacts_as_integrated("lab_rig", 20.0, 1e-5L);
+}
+
+TEST(NonProportional, IsThePapersBeamWithADamperAtTheTip) {
+  const Model model = shipped_scene("non_proportional").model;
+  const Beam beam{
+      .modes = 3, .length = 1.0, .bending_stiffness = 1.0, .mass_per_length = 1.0, .damping = 0.17};
+  const Eigen::VectorXd tip = mode_shapes(beam, 1.0);
+  Eigen::MatrixXd C = damping(beam).asDiagonal();
+  C += 0.05 * tip * tip.transpose();
+  EXPECT_LE((model.M - Eigen::MatrixXd(mass(beam).asDiagonal())).norm(), 1e-15);
+  EXPECT_LE((model.K - Eigen::MatrixXd(stiffness(beam).asDiagonal())).norm(), 1e-12);
+  EXPECT_LE((model.C - C).norm(), 1e-14);
+  EXPECT_LE((model.contacts[0].w - mode_shapes(beam, 0.868)).norm(), 1e-14);
+  const Force& force = model.forces.at(0);
+  EXPECT_LE(
+      (force.direction * force.harmonic.amplitude + inertia_direction(beam) * 0.03 * 9.5 * 9.5)
+          .norm(),
+      1e-14);
+  EXPECT_EQ(Flows(model)[0].path(), FlowPath::dense);
+}
+
+TEST(NonProportional, ImpactTimesAgreeWithAnIntegration) {
+  expect_impacts_as_integrated("non_proportional", 20.0, 2e-5L);
+}
+
+// m x'' + b x' + k x = F cos(Omega t + phi), stop at x = -c. With delta = b / 2m, omega the damped
+// frequency, X and theta the amplitude and lag of the steady motion and psi = phi - theta, the
+// motion after an impact at t = 0 is
+//
+//   x = X cos(Omega t + psi) + e^(-delta t) A (cos omega t + beta sin omega t).
+//
+// One period T later the steady part is the same, so that x(0) = x(T) = -c gives beta, and
+// x'(0) = -epsilon x'(T), with P A and Q A the rates of the transient at 0 and T, gives
+//
+//   beta = (1 - e C) / (e S)             e = e^(-delta T), C = cos omega T, S = sin omega T
+//   X cos psi = -c - A                   X Omega sin psi = A (P + epsilon Q) / (1 + epsilon)
+//   P = omega beta - delta               Q = e (P C - (delta beta + omega) S)
+//
+// and, psi eliminated, a quadratic equation for A.
+struct OneImpactOrbit {
+  double phase, velocity;  ///< phi and x'(0)
+};
+
+struct Oscillator {
+  explicit Oscillator(const Model& model)
+      : m(model.M(0, 0)),
+        delta(model.C(0, 0) / m / 2.0),
+        kappa(model.K(0, 0) / m),
+        Omega(model.forces.at(0).harmonic.frequency),
+        amplitude(model.forces.at(0).harmonic.amplitude / m),
+        c(model.contacts.at(0).clearance),
+        epsilon(model.contacts.at(0).restitution),
+        X(amplitude / std::hypot(kappa - Omega * Omega, 2.0 * delta * Omega)),
+        theta(std::atan2(2.0 * delta * Omega, kappa - Omega * Omega)) {}
+
+  OneImpactOrbit one_impact_orbit() const {
+    const double T = 2.0 * std::numbers::pi / Omega;
+    const double omega = std::sqrt(kappa - delta * delta);
+    const double e = std::exp(-delta * T);
+    const double C = std::cos(omega * T);
+    const double S = std::sin(omega * T);
+    const double beta = (1.0 - e * C) / (e * S);
+    const double P = omega * beta - delta;
+    const double Q = e * (P * C - (delta * beta + omega) * S);
+    const double slope = (P + epsilon * Q) / (1.0 + epsilon) / Omega;
+    // (slope A)^2 + (c + A)^2 = X^2; its other root leaves the stop with x' < 0.
+    const double a = 1.0 + slope * slope;
+    const double A = (-c - std::sqrt(c * c - a * (c * c - X * X))) / a;
+    const double psi = std::atan2(slope * A, -c - A);
+    return {psi + theta, -slope * A * Omega + P * A};
+  }
+
+  double m, delta, kappa, Omega, amplitude, c, epsilon, X, theta;
+};
+
+TEST(ImpactOscillator, StaysOnTheOrbitWithOneImpactAPeriod) {
+  const Scene scene = shipped_scene("impact_oscillator");
+  const Oscillator oscillator(scene.model);
+  const OneImpactOrbit orbit = oscillator.one_impact_orbit();
+  EXPECT_NEAR(scene.model.forces[0].harmonic.phase, orbit.phase, 1e-14);
+  EXPECT_NEAR(scene.master.u[0], orbit.velocity, 1e-15);
+  EXPECT_EQ(scene.master.q[0], -oscillator.c);
+  EXPECT_GT(orbit.velocity, 0.0);
+
+  const double period = 2.0 * std::numbers::pi / oscillator.Omega;
+  const std::vector<ContactEvent> events = events_of(scene, 20.5 * period);
+  ASSERT_EQ(events.size(), 20U);
+  double worst = 0.0;
+  for (std::size_t k = 0; k < events.size(); ++k) {
+    EXPECT_EQ(events[k].kind, ContactEventKind::pulse);
+    worst = std::max(worst, std::abs(events[k].t - static_cast<double>(k + 1) * period));
+  }
+  EXPECT_LE(worst, 1e-12);
+  std::cout << "impact_oscillator: impact times over 20 periods off by " << worst << '\n';
+}
+
+double slope_of(const std::vector<double>& x, const std::vector<double>& y) {
+  const auto n = static_cast<Eigen::Index>(x.size());
+  const Eigen::ArrayXd X = Eigen::Map<const Eigen::ArrayXd>(x.data(), n);
+  const Eigen::ArrayXd Y = Eigen::Map<const Eigen::ArrayXd>(y.data(), n);
+  return ((X - X.mean()) * (Y - Y.mean())).sum() / (X - X.mean()).square().sum();
+}
+
+// The steady motion without impacts has the amplitude X. A stop that cuts mu off it is hit with the
+// velocity Omega sqrt(2 X mu - mu^2): the square root that makes grazing a bifurcation of its own.
+TEST(ImpactOscillator, GrazingFollowsTheSquareRootLaw) {
+  Scene scene = shipped_scene("impact_oscillator");
+  const Oscillator oscillator(scene.model);
+  const double X = oscillator.X;
+  const double Omega = oscillator.Omega;
+  scene.model.forces[0].harmonic.phase = oscillator.theta;  // x = X cos(Omega t)
+  scene.master.q[0] = X;
+  scene.master.u[0] = 0.0;
+  std::vector<double> log_mu;
+  std::vector<double> log_deviation;
+  for (double exponent = -8.0; exponent < -5.9; exponent += 0.25) {
+    const double mu = X * std::pow(10.0, exponent);
+    scene.model.contacts[0].clearance = X - mu;
+    Master master(scene.model, scene.master);
+    std::vector<ContactEvent> events;
+    Eigen::VectorXd q(1);
+    Eigen::VectorXd u(1);
+    master.advance(at(std::numbers::pi / Omega), events);
+    ASSERT_EQ(events.size(), 1U) << "mu / X = 1e" << exponent;
+    const double t = events[0].t;
+    EXPECT_NEAR(t * Omega, std::acos(-(X - mu) / X), 1e-10);
+    master.state(at(t), q, u);
+    const double hit = Omega * std::sqrt(2.0 * X * mu - mu * mu);
+    const double jump = u[0] + X * Omega * std::sin(Omega * t);
+    EXPECT_NEAR(jump / ((1.0 + oscillator.epsilon) * hit), 1.0, 1e-6);
+
+    // A quarter of a period later, where position and velocity have both felt it.
+    const double later = 1.5 * std::numbers::pi / Omega;
+    master.advance(at(later), events);
+    ASSERT_EQ(events.size(), 1U);
+    master.state(at(later), q, u);
+    log_mu.push_back(std::log10(mu));
+    log_deviation.push_back(std::log10(std::hypot(Omega * (q[0] - X * std::cos(Omega * later)),
+                                                  u[0] + X * Omega * std::sin(Omega * later))));
+  }
+  const double slope = slope_of(log_mu, log_deviation);
+  EXPECT_NEAR(slope, 0.5, 0.02);
+  std::cout << "impact_oscillator: deviation after grazing falls with slope " << slope << '\n';
+}
+
+// Steel bar of length L in n linear elements with lumped masses, free at both ends; the contact of
+// node 1 with a wall.
+constexpr double E = 210e9, rho = 7800.0, S = 3.14e-4, L = 1.0, speed = 0.1, distance = 5e-5;
+
+Scene elastic_bar(int n) {
+  Scene scene;
+  const Eigen::Index nodes = n + 1;
+  const double mass = rho * S * L / n;
+  const double stiffness = E * S * n / L;
+  Model& model = scene.model;
+  model.M = model.C = model.K = Eigen::MatrixXd::Zero(nodes, nodes);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    model.M(i, i) += mass / 2.0;
+    model.M(i + 1, i + 1) += mass / 2.0;
+    model.K(i, i) += stiffness;
+    model.K(i + 1, i + 1) += stiffness;
+    model.K(i, i + 1) = model.K(i + 1, i) = -stiffness;
+  }
+  model.contacts.push_back({Eigen::VectorXd::Unit(nodes, 0), distance, {}, 0.0});
+  scene.master = {Eigen::VectorXd::Zero(nodes), Eigen::VectorXd::Constant(nodes, -speed)};
+  return scene;
+}
+
+TEST(ElasticBar, SceneIsTheBarOfAHundredElements) {
+  const Scene scene = shipped_scene("elastic_bar");
+  const Scene expected = elastic_bar(100);
+  const double k = expected.model.K.norm();
+  EXPECT_LE((scene.model.M - expected.model.M).norm(), 1e-15);
+  EXPECT_LE((scene.model.K - expected.model.K).norm(), 1e-15 * k);
+  EXPECT_EQ(scene.model.C.norm(), 0.0);
+  EXPECT_EQ(scene.model.contacts[0].w, expected.model.contacts[0].w);
+  EXPECT_EQ(scene.model.contacts[0].clearance, distance);
+  EXPECT_EQ(scene.model.contacts[0].restitution, 0.0);
+  EXPECT_EQ(scene.master.q, expected.master.q);
+  EXPECT_EQ(scene.master.u, expected.master.u);
+}
+
+struct BarImpact {
+  double start, duration, impulse, kept;
+  std::size_t events;
+};
+
+BarImpact bar_impact(int n) {
+  const Scene scene = elastic_bar(n);
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  State x = scene.master;
+  master.advance(at(2e-3), events);
+  master.state(at(2e-3), x.q, x.u);
+  const Eigen::VectorXd momentum = scene.model.M * (x.u - scene.master.u);
+  const double energy = 0.5 * x.u.dot(scene.model.M * x.u) + 0.5 * x.q.dot(scene.model.K * x.q);
+  const double energy_before = 0.5 * rho * S * L * speed * speed;
+  return {events.front().t, events.back().t - events.front().t, momentum.sum(),
+          energy / energy_before, events.size()};
+}
+
+// The front that comes back from the free end ends the contact. Dispersion of the mesh widens it
+// like n^(-2/3) L, and so the errors fall; by the first node's mass, which stops for good, 1 / 2n
+// of the energy goes.
+TEST(ElasticBar, ContactConvergesToThatOfWaveTheory) {
+  const double duration = 2.0 * L / std::sqrt(E / rho);
+  const double impulse = 2.0 * rho * S * L * speed;
+  std::vector<double> log_n;
+  std::vector<double> log_late;
+  std::vector<double> log_missing;
+  for (const int n : {25, 50, 100, 200}) {
+    const BarImpact impact = bar_impact(n);
+    const double late = impact.duration / duration - 1.0;
+    const double missing = 1.0 - impact.impulse / impulse;
+    std::cout << "elastic_bar, " << n << " elements: " << impact.events << " events, from "
+              << impact.start << " for " << impact.duration << " s (too long by " << late
+              << "), impulse " << impact.impulse << " N s (too small by " << missing
+              << "), energy kept " << impact.kept << '\n';
+    EXPECT_NEAR(impact.start, distance / speed, 1e-12);
+    EXPECT_LE(impact.kept, 1.0 - 0.5 / n + 1e-12);
+    EXPECT_GE(impact.kept, 1.0 - 0.6 / n);
+    ASSERT_GT(late, 0.0);
+    ASSERT_GT(missing, 0.0);
+    log_n.push_back(std::log(n));
+    log_late.push_back(std::log(late));
+    log_missing.push_back(std::log(missing));
+  }
+  EXPECT_NEAR(slope_of(log_n, log_late), -2.0 / 3.0, 0.1);
+  EXPECT_NEAR(slope_of(log_n, log_missing), -2.0 / 3.0, 0.1);
+  EXPECT_LT(std::exp(log_late.back()), 0.01);
+  EXPECT_LT(std::exp(log_missing.back()), 0.01);
+  std::cout << "elastic_bar: errors of duration and impulse fall with slopes "
+            << slope_of(log_n, log_late) << " and " << slope_of(log_n, log_missing) << '\n';
+}
+
+}  // namespace
+}  // namespace sprag::test
