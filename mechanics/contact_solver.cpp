@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace sprag {
 namespace {
@@ -107,6 +108,15 @@ Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, 
   return Solved::yes;
 }
 
+// Rounding of gamma_i.
+double ContactSolver::velocity_noise(int contact, const Motion& motion) const {
+  const Flow& flow = *motion.flow;
+  if (contains(flow.locked(), contact)) return 0.0;
+  const Signal& gamma = flow.gap_velocity(contact);
+  return 4.0 * std::numeric_limits<double>::epsilon() *
+         ((gamma.p * motion.x.z).abs().sum() + (gamma.r * motion.x.v).abs().sum());
+}
+
 Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
                               ContactSet staying, ContactSet geometric, Motion& motion) {
   const Dynamics& dynamics = flows_->dynamics();
@@ -133,7 +143,7 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
   resting_ = 0;
   row = 0;
   for_each(closed, [&](int i) {
-    if (std::abs(gamma_plus[row]) <= zero_share * scale) {
+    if (std::abs(gamma_plus[row]) <= std::max(zero_share * scale, velocity_noise(i, motion))) {
       gamma_plus[row] = 0.0;
       resting_ |= bit(i);
     }

@@ -51,6 +51,7 @@ class ContactSolver {
   Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
   void enter(ContactSet locked, ContactSet geometric, Motion& motion);
   void read_state(const Motion& motion);
+  double velocity_noise(int contact, const Motion& motion) const;
   double acceleration(int contact, const Motion& motion, double& magnitude) const;
 
   const Flows* flows_;

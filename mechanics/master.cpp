@@ -222,6 +222,19 @@ bool Master::touches(int contact) const {
   return std::abs(value(g, motion_)) <= touching * scale;
 }
 
+// Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
+// come back at once, throw others off in turn, and so on without end.
+ContactSet Master::hardly_parted(ContactSet contacts) const {
+  ContactSet brief = 0;
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    if (!contains(contacts & ~penetrating_ & ~motion_.flow->locked(), i)) continue;
+    const double gamma = solver_.gamma_plus(i);
+    const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
+    if (gamma > 0.0 && 2.0 * gamma < -acceleration * shortest_chatter()) brief |= bit(i);
+  }
+  return brief;
+}
+
 // Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
 void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
   const Model& model = flows_.dynamics().model();
@@ -257,6 +270,9 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     motion_ = before_;
   }
   ++impacts_;
+  if (const ContactSet brief = hardly_parted(closed_before | to_stay); brief != 0) {
+    (void)solver_.lock(motion_.flow->locked() | brief, ~penetrating_, motion_);
+  }
 
   const ContactSet locked = motion_.flow->locked();
   for (int i = 0; i < m; ++i) {

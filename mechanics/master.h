@@ -65,6 +65,7 @@ class Master {
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
+  ContactSet hardly_parted(ContactSet contacts) const;
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }
