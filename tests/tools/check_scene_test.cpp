@@ -1,0 +1,441 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <sstream>
+
+#include "tests/support/process.h"
+#include "tests/support/temporary_directory.h"
+#include "tools/check_scene/assessment.h"
+#include "tools/check_scene/print.h"
+
+namespace sprag {
+namespace {
+
+using std::numbers::ln10;
+using Ids = std::vector<std::string>;
+
+std::string shipped(const std::string& name) {
+  return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml";
+}
+
+const Finding& finding(const Assessment& assessment, const std::string& id) {
+  for (const Finding& candidate : assessment.findings) {
+    if (candidate.id == id) return candidate;
+  }
+  throw std::out_of_range("no finding " + id);
+}
+
+/// The required findings that do not hold.
+Ids broken(const Assessment& assessment) {
+  Ids ids;
+  for (const Finding& f : assessment.findings) {
+    if (!f.required || f.holds) continue;
+    ids.push_back(f.id);
+    EXPECT_FALSE(f.change.empty()) << f.id;
+  }
+  EXPECT_EQ(assessment.synchronizes(), ids.empty());
+  return ids;
+}
+
+bool says(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+Contact contact(const Eigen::VectorXd& w, double restitution, double clearance = 0.0) {
+  return {.w = w, .clearance = clearance, .motion = {}, .restitution = restitution};
+}
+
+/// Two coordinates and two contacts with the cosine -0.8 between their directions; the second one
+/// is out of reach.
+Scene two_contacts(ImpactLaw law, double epsilon_1, double epsilon_2) {
+  Scene scene;
+  scene.name = "two";
+  Model& model = scene.model;
+  model.M = model.C = model.K = Eigen::Matrix2d::Identity();
+  model.K(1, 1) = 2.0;
+  model.law = law;
+  model.contacts = {contact(Eigen::Vector2d(1.0, 0.0), epsilon_1, 0.1),
+                    contact(Eigen::Vector2d(-0.8, 0.6), epsilon_2, 3.0)};
+  model.forces.push_back({Eigen::Vector2d(1.0, 0.4), 0.0, {2.0, 1.3, 0.0}});
+  model.forces.push_back({Eigen::Vector2d(0.0, 1.0), 0.0, {1.0, 0.7, 0.0}});
+  scene.master = scene.replica = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  return scene;
+}
+
+/// One mass on a spring above a stop.
+Scene one_mass(double C, double K, double force) {
+  Scene scene;
+  Model& model = scene.model;
+  model.M = Eigen::MatrixXd::Constant(1, 1, 1.0);
+  model.C = Eigen::MatrixXd::Constant(1, 1, C);
+  model.K = Eigen::MatrixXd::Constant(1, 1, K);
+  const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
+  model.contacts = {contact(one, 0.5)};
+  model.forces.push_back({one, force, {}});
+  scene.master = scene.replica = {0.5 * one, 0.0 * one};
+  return scene;
+}
+
+struct Shipped {
+  const char* name;
+  Ids broken;
+  double decades, omega_max, closings_per_time;
+};
+class ShippedScenes : public testing::TestWithParam<Shipped> {};
+INSTANTIATE_TEST_SUITE_P(
+    CheckScene, ShippedScenes,
+    testing::Values(Shipped{"paper_beam", {}, 0.0738301, 61.6972, 1.6},
+                    Shipped{"paper_beam_as_printed", {}, 0.0738301, 61.6972, 1.6},
+                    Shipped{"paper_beam_chatter", {}, 0.0738301, 61.6972, 8.6},
+                    Shipped{"paper_beam_frame", {}, 0.0738301, 61.6972, 1.5},
+                    Shipped{"stiff_beam", {}, 0.0738301, 3752.917, 27.0},
+                    Shipped{"bouncing_ball", {"C", "K", "A1"}, 0.0, 0.0, 1.97}),
+    [](const auto& parameter) { return std::string(parameter.param.name); });
+
+TEST_P(ShippedScenes, HaveTheirVerdict) {
+  const Shipped& expected = GetParam();
+  const Assessment a = assess(read_scene(shipped(expected.name)));
+  EXPECT_EQ(a.scene, expected.name);
+  EXPECT_EQ(broken(a), expected.broken);
+  EXPECT_NEAR(a.decades, expected.decades, 1e-7);
+  EXPECT_NEAR(a.omega_max, expected.omega_max, 1e-5 * expected.omega_max);
+  EXPECT_EQ(a.W.condition, 1.0);
+  EXPECT_EQ(a.path, FlowPath::diagonal);
+  // Chaotic, and so only roughly the same on every machine.
+  EXPECT_NEAR(a.trial.closings_per_time(), expected.closings_per_time,
+              0.1 * expected.closings_per_time);
+  EXPECT_EQ(a.trial.duration, a.trial.planned);
+}
+
+TEST(CheckScene, PaperBeamHasAModeAtANodeAndItsTick) {
+  const Assessment a = assess(read_scene(shipped("paper_beam")));
+  ASSERT_EQ(a.modes.size(), 3U);
+  EXPECT_NEAR(a.modes[0].projection, -1.6369, 1e-4);
+  EXPECT_NEAR(a.modes[2].projection, -0.00436, 1e-6);
+  EXPECT_NEAR(a.modes[2].seen, 0.00436 / 1.6369, 1e-6);
+  EXPECT_NEAR(a.modes[2].decades, 0.17 / ln10, 1e-12);
+  EXPECT_FALSE(a.modes[0].barely_seen() || a.modes[1].barely_seen());
+  EXPECT_TRUE(a.modes[2].barely_seen());
+  const Finding& seen = finding(a, "seen_modes");
+  EXPECT_FALSE(seen.holds || seen.required);
+  EXPECT_TRUE(says(seen.what, "mode 3 (omega 61.7, w^T phi = -0.00436, 0.07383 decades"))
+      << seen.what;
+  EXPECT_FALSE(says(seen.what, "mode 2"));
+  EXPECT_NEAR(a.moreau_tick, 2 * std::numbers::pi / (20 * 61.6972144), 1e-10);
+  EXPECT_EQ(a.trial.contacts[0].share, 0.0);
+}
+
+TEST(CheckScene, SustainedContactIsMeasured) {
+  const Assessment a = assess(read_scene(shipped("paper_beam_chatter")));
+  EXPECT_GT(a.trial.contacts[0].share, 0.005);
+  EXPECT_LT(a.trial.contacts[0].share, 0.03);
+  const Assessment ball = assess(read_scene(shipped("bouncing_ball")));
+  const double rest = std::sqrt(2 * 0.9 / 9.81) * 1.9 / 0.1;
+  EXPECT_NEAR(ball.trial.contacts[0].share, 1 - rest / 100, 1e-6);
+  EXPECT_EQ(ball.trial.contacts[0].last_share, 1.0);
+}
+
+TEST(CheckScene, ConditionOfTwoContactsByHand) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  EXPECT_NEAR(assess(scene).W.condition, 3.0, 1e-12);  // sqrt(1.8 / 0.2)
+  scene.model.contacts[1].w *= 10.0;
+  Assessment a = assess(scene);
+  EXPECT_NEAR(a.W.condition, 3.0, 1e-12);
+  EXPECT_EQ(a.W.rank, 2);
+  EXPECT_EQ(broken(a), Ids{});
+  scene.model.M(0, 0) = 4.0;  // cosine -0.4 / sqrt(0.52)
+  const double cosine = 0.4 / std::sqrt(0.52);
+  EXPECT_NEAR(assess(scene).W.condition, std::sqrt((1 + cosine) / (1 - cosine)), 1e-12);
+}
+
+TEST(CheckScene, DependentDirectionsAreNamed) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.contacts.push_back(contact(Eigen::Vector2d(-2.0, 0.0), 0.5, 0.3));
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{"W"});
+  EXPECT_EQ(a.W.rank, 2);
+  EXPECT_EQ(a.W.dependent, (std::vector<int>{0, 2}));
+  EXPECT_TRUE(std::isinf(a.W.condition));
+  EXPECT_TRUE(says(finding(a, "W").what, "contacts 1 and 3 are")) << finding(a, "W").what;
+  nlohmann::ordered_json object;
+  to_json(a, object);
+  EXPECT_TRUE(nlohmann::json::parse(object.dump())["W"]["condition"].is_null());
+}
+
+TEST(CheckScene, ASimulationThatFailsIsAFinding) {
+  Scene scene = one_mass(1.0, 1.0, -2.0);
+  scene.model.contacts.push_back(scene.model.contacts[0]);  // both close at one instant
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), (Ids{"W", "trial"}));
+  EXPECT_TRUE(says(finding(a, "trial").what, "dependent")) << finding(a, "trial").what;
+  EXPECT_LT(a.trial.duration, a.trial.planned);
+}
+
+TEST(CheckScene, WithoutDampingNothingIsPromised) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.C.setZero();
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{"C"});
+  EXPECT_EQ(a.C.smallest, 0.0);
+  EXPECT_EQ(a.C.null_motions.cols(), 2);
+  EXPECT_EQ(a.slow_root, 0.0);
+  EXPECT_EQ(a.decades, 0.0);
+  EXPECT_TRUE(says(finding(a, "C").what, "never decays")) << finding(a, "C").what;
+}
+
+TEST(CheckScene, DampingThatReachesAllModesByCouplingIsSaid) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.C = Eigen::Vector2d(0.4, 0.0).asDiagonal();
+  scene.model.K << 2.0, -1.0, -1.0, 2.0;
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{"C"});
+  EXPECT_EQ(a.path, FlowPath::dense);
+  EXPECT_TRUE(says(finding(a, "C").what, "q = (0, 1)")) << finding(a, "C").what;
+  EXPECT_TRUE(says(finding(a, "C").what, "every free motion decays")) << finding(a, "C").what;
+
+  Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
+  A.topRightCorner<2, 2>().setIdentity();
+  A.bottomLeftCorner<2, 2>() = -scene.model.K;
+  A.bottomRightCorner<2, 2>() = -scene.model.C;
+  const double slowest = A.eigenvalues().real().maxCoeff();
+  EXPECT_NEAR(a.slow_root, slowest, 1e-13);
+  EXPECT_NEAR(a.decades, -2 * slowest / ln10, 1e-13);
+}
+
+TEST(CheckScene, RigidMotionsAreNamed) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.K << 3.0, -3.0, -3.0, 3.0;
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{"K"});
+  EXPECT_EQ(a.K.smallest, 0.0);
+  EXPECT_TRUE(says(finding(a, "K").what, "q = (0.7071, 0.7071)")) << finding(a, "K").what;
+  EXPECT_EQ(a.path, FlowPath::modal);
+  EXPECT_EQ(a.slow_root, 0.0);
+}
+
+TEST(CheckScene, MatricesOfNoMachineAreRefused) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.M(1, 1) = -1.0;
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{"M"});
+  EXPECT_EQ(a.M.smallest, -1.0);
+  EXPECT_TRUE(says(to_text(a), "may not synchronize"));
+}
+
+TEST(CheckScene, OverdampedMotionsDecayByTheirSlowRoot) {
+  const Assessment a = assess(one_mass(5.0, 4.0, 0.0));  // s = -1, -4
+  EXPECT_NEAR(a.slow_root, -1.0, 1e-15);
+  EXPECT_NEAR(a.decades, 2 / ln10, 1e-15);
+  EXPECT_NEAR(a.modes[0].decades, 2 / ln10, 1e-15);
+  EXPECT_EQ(slow_root(1.0, 1.0), -1.0);
+  EXPECT_EQ(slow_root(0.5, 1e-20), -1e-20);  // no cancellation
+}
+
+TEST(CheckScene, NewtonWithTwoContactsDoesNotFitClutches) {
+  const Assessment a = assess(two_contacts(ImpactLaw::newton, 0.5, 0.5));
+  EXPECT_EQ(broken(a), Ids{"clutches"});
+  Scene one = two_contacts(ImpactLaw::newton, 0.5, 0.5);
+  one.model.contacts.pop_back();
+  EXPECT_EQ(broken(assess(one)), Ids{});
+}
+
+// G = [[1, -0.8], [-0.8, 1]]: eigenvalues of 2 x 2 matrices by hand.
+TEST(CheckScene, UnlikeRestitutionInsideTheCriterion) {
+  const Assessment poisson = assess(two_contacts(ImpactLaw::poisson, 0.7, 0.5));
+  EXPECT_EQ(broken(poisson), Ids{});
+  EXPECT_FALSE(poisson.monotonicity.common);
+  EXPECT_NEAR(poisson.monotonicity.margin, 0.63 - std::hypot(0.12, 0.52), 1e-12);
+  EXPECT_TRUE(says(finding(poisson, "A3").what, "sampling"));
+  EXPECT_FALSE(finding(poisson, "A3").change.empty());
+
+  const Assessment newton = assess(two_contacts(ImpactLaw::newton, 0.7, 0.5));
+  EXPECT_EQ(broken(newton), Ids{"clutches"});
+  const double d_1 = 0.3 / 1.7, d_2 = 0.5 / 1.5;
+  EXPECT_NEAR(newton.monotonicity.margin, d_1 + d_2 - std::hypot(d_1 - d_2, 0.8 * (d_1 + d_2)),
+              1e-12);
+  EXPECT_TRUE(says(finding(newton, "A3").what, "exact"));
+}
+
+TEST(CheckScene, UnlikeRestitutionOutsideTheCriterion) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.9, 0.2);
+  const Assessment poisson = assess(scene);
+  EXPECT_EQ(broken(poisson), Ids{"A3"});
+  const double margin = 0.575 - std::hypot(0.385, 0.656);
+  EXPECT_NEAR(poisson.monotonicity.margin, margin, 1e-12);
+  EXPECT_TRUE(says(finding(poisson, "A3").what, "sampling"));
+  scene.model.contacts[0].w *= 7.0;  // the unit of a gap is no matter
+  EXPECT_NEAR(assess(scene).monotonicity.margin, margin, 1e-12);
+
+  const Assessment newton = assess(two_contacts(ImpactLaw::newton, 0.9, 0.2));
+  EXPECT_EQ(broken(newton), (Ids{"A3", "clutches"}));
+  EXPECT_LT(newton.monotonicity.margin, -0.1);
+}
+
+TEST(CheckScene, AContactThatStaysClosedBreaksA1) {
+  Scene scene = one_mass(1.0, 1.0, -1.0);
+  const Assessment pressed = assess(scene);
+  EXPECT_EQ(broken(pressed), Ids{"A1"});
+  EXPECT_TRUE(says(finding(pressed, "A1").what, "contact 1 is closed throughout"));
+  scene.model.forces[0].harmonic = {1.5, 0.5, 0.0};  // opens it again and again
+  const Assessment shaken = assess(scene);
+  EXPECT_EQ(broken(shaken), Ids{});
+  EXPECT_GT(shaken.trial.contacts[0].last_share, 0.1);
+}
+
+TEST(CheckScene, AMotionThatGrowsBreaksA2) {
+  EXPECT_EQ(broken(assess(one_mass(0.1, 0.0, 1.0))), (Ids{"K", "A2"}));
+  EXPECT_EQ(broken(assess(one_mass(0.0, 0.0, 1.0))), (Ids{"C", "K", "A2"}));
+}
+
+TEST(CheckScene, AContactOutOfReachIsANoteOnly) {
+  Scene scene = one_mass(1.0, 1.0, -1.0);
+  scene.model.contacts[0].clearance = 10.0;
+  const Assessment a = assess(scene);
+  EXPECT_EQ(broken(a), Ids{});
+  EXPECT_FALSE(finding(a, "trial").holds);
+  EXPECT_TRUE(says(finding(a, "trial").what, "never closed: contact 1"));
+}
+
+TEST(CheckScene, ModesOfOneFrequencyAreToldApartByTheContacts) {
+  Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  scene.model.contacts = {contact(Eigen::Vector2d(1.0, 1.0), 0.5, 0.1)};
+  for (const bool repeated : {true, false}) {
+    scene.model.K = Eigen::Matrix2d::Identity();
+    if (!repeated) scene.model.K << 2.0, -1.0, -1.0, 2.0;
+    const std::vector<Mode> seen = modes(Dynamics(scene.model));
+    ASSERT_EQ(seen.size(), 2U);
+    EXPECT_NEAR(std::abs(seen[0].projection), std::sqrt(2.0), 1e-14) << repeated;
+    EXPECT_FALSE(seen[0].barely_seen());
+    EXPECT_LT(seen[1].seen, 1e-14) << repeated;
+    EXPECT_NEAR(seen[1].omega, repeated ? 1.0 : std::sqrt(3.0), 1e-14);
+  }
+}
+
+TEST(CheckScene, ATrialEndsAtItsLimits) {
+  const Scene scene = read_scene(shipped("paper_beam"));
+  const Assessment a = assess(scene, {.events = 10, .wall_seconds = 60.0});
+  EXPECT_GE(a.trial.closings, 10);
+  EXPECT_LT(a.trial.closings, 20);
+  EXPECT_LT(a.trial.duration, a.trial.planned);
+  EXPECT_TRUE(says(finding(a, "trial").what, "cut short"));
+  const Assessment b = assess(scene, {.events = 20000, .wall_seconds = 0.0});
+  EXPECT_LT(b.trial.duration, b.trial.planned);
+}
+
+// In the corner of two contacts bounces come ever faster.
+TEST(CheckScene, ATrialEndsAtItsLimitsWhereEventsCrowd) {
+  for (const double epsilon : {0.5, 0.2}) {
+    Scene scene = two_contacts(ImpactLaw::poisson, epsilon == 0.5 ? 0.5 : 0.9, epsilon);
+    scene.model.contacts[1].clearance = 0.1;
+    const Assessment a = assess(scene, {.events = 20000, .wall_seconds = 2.0});
+    EXPECT_LT(a.trial.duration, a.trial.planned);
+    EXPECT_LT(a.trial.closings, 21000);
+    EXPECT_EQ(finding(a, "trial").holds, a.trial.error.empty());
+  }
+}
+
+TEST(CheckScene, TextIsNoWiderThanATerminalAndSaysWhatToChange) {
+  const std::string text = to_text(assess(read_scene(shipped("bouncing_ball"))));
+  EXPECT_TRUE(text.starts_with("bouncing_ball: may not synchronize\n"));
+  std::istringstream lines(text);
+  int changes = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 100U) << line;
+    if (says(line, "-> ")) ++changes;
+  }
+  EXPECT_EQ(changes, 3);
+}
+
+// The program itself.
+class CheckSceneProgram : public testing::Test {
+ protected:
+  struct Ended {
+    int code;
+    std::string out, err;
+  };
+  Ended run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), CHECK_SCENE);
+    test::Process process(arguments, directory_ / "", "check_scene");
+    const int code = process.wait(std::chrono::seconds(60)).value_or(-1);
+    return {code, process.out(), process.err()};
+  }
+  test::TemporaryDirectory directory_;
+};
+
+TEST_F(CheckSceneProgram, ExitCodeIsTheVerdict) {
+  for (const char* name : {"paper_beam", "paper_beam_as_printed", "paper_beam_chatter",
+                           "paper_beam_frame", "stiff_beam"}) {
+    const Ended ended = run({shipped(name)});
+    EXPECT_EQ(ended.code, 0) << name << ended.err;
+    EXPECT_TRUE(ended.out.starts_with(std::string(name) + ": will synchronize\n")) << ended.out;
+    EXPECT_EQ(ended.err, "");
+  }
+  const Ended ball = run({shipped("bouncing_ball")});
+  EXPECT_EQ(ball.code, 3);
+  EXPECT_EQ(ball.err, "");
+}
+
+TEST_F(CheckSceneProgram, JsonHasTheExactNumbers) {
+  for (const char* name : {"paper_beam", "bouncing_ball"}) {
+    const Ended ended = run({shipped(name), "--json", "--report", directory_ / "report.json"});
+    const auto json = nlohmann::json::parse(ended.out);
+    const Assessment a = assess(read_scene(shipped(name)));
+    EXPECT_EQ(json["scene"], name);
+    EXPECT_EQ(json["synchronizes"], ended.code == 0);
+    EXPECT_EQ(json["decades"].get<double>(), a.decades);
+    EXPECT_EQ(json["smallest_eigenvalue"]["K"].get<double>(), a.K.smallest);
+    EXPECT_EQ(json["path"], "diagonal");
+    ASSERT_EQ(json["modes"].size(), a.modes.size());
+    EXPECT_EQ(json["modes"].back()["projection"].get<double>(), a.modes.back().projection);
+    EXPECT_EQ(json["trial"]["closings"], a.trial.closings);
+    ASSERT_EQ(json["findings"].size(), a.findings.size());
+    for (std::size_t i = 0; i < a.findings.size(); ++i) {
+      const auto& entry = json["findings"][i];
+      EXPECT_EQ(entry["id"], a.findings[i].id);
+      EXPECT_EQ(entry["required"], a.findings[i].required);
+      EXPECT_EQ(entry["holds"], a.findings[i].holds);
+      EXPECT_EQ(entry["what"], a.findings[i].what);
+      EXPECT_EQ(entry["change"], a.findings[i].change);
+    }
+    const auto report = nlohmann::json::parse(test::read_text(directory_ / "report.json"));
+    EXPECT_EQ(report["exit"], ended.code);
+    EXPECT_EQ(report["findings"], json["findings"]);
+  }
+}
+
+TEST_F(CheckSceneProgram, BadInputExitsWithTwoAndSaysWhere) {
+  std::string text = test::read_text(shipped("paper_beam"));
+  const std::string good = "restitution = 0.7";
+  text.replace(text.find(good), good.size(), "restitution = 1.2");
+  const std::string file = test::write_text(directory_ / "bad.toml", text);
+  Ended ended = run({file});
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_TRUE(says(ended.err, file + ":23:15: impact.restitution is 1.2")) << ended.err;
+  EXPECT_EQ(ended.out, "");
+  EXPECT_EQ(run({directory_ / "absent.toml"}).code, 2);
+  EXPECT_EQ(run({}).code, 2);
+  EXPECT_EQ(run({shipped("paper_beam"), "--jsn"}).code, 2);
+
+  const std::string resonance = R"([system]
+M = [[1.0]]
+C = [[0.0]]
+K = [[4.0]]
+[[force]]
+direction = [1.0]
+amplitude = 1.0
+frequency = 2.0
+[impact]
+restitution = 0.5
+[[contact]]
+direction = [1.0]
+)";
+  ended = run({test::write_text(directory_ / "resonance.toml", resonance)});
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_TRUE(says(ended.err, "resonance")) << ended.err;
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,42 @@
+// check_scene: whether the replica of a scene will synchronize with its master, and why.
+#include <nlohmann/json.hpp>
+
+#include "lcmtypes/program.h"
+#include "mechanics/output_file.h"
+#include "tools/check_scene/assessment.h"
+#include "tools/check_scene/print.h"
+
+namespace {
+
+constexpr int exit_may_not = 3;  // a verdict, not a failure
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Tells whether a scene's observer will synchronize, with the reasons. Exit code 0: it will, "
+      "3: it may not.",
+      "check_scene");
+  sprag::CommonOptions common;
+  std::string file;
+  bool json = false;
+  sprag::add_common_options(app, common);
+  app.add_option("SCENE", file, "Scene file (TOML)")->required();
+  app.add_flag("--json", json, "Print one JSON object");
+
+  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+    const sprag::Assessment assessment = sprag::assess(sprag::read_scene(file));
+    sprag::to_json(assessment, report);
+    sprag::OutputFile out = sprag::OutputFile::standard_output();
+    if (json) {
+      nlohmann::ordered_json object;
+      sprag::to_json(assessment, object);
+      using Json = nlohmann::ordered_json;
+      out.write(object.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+    } else {
+      out.write(sprag::to_text(assessment));
+    }
+    if (!out.close()) throw std::runtime_error(out.error());
+    return assessment.synchronizes() ? sprag::exit_done : exit_may_not;
+  });
+}
