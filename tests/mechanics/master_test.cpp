@@ -83,6 +83,29 @@ TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
   EXPECT_LE((u - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-14);
 }
 
+// A block that rocks on its two feet comes to rest on both: what one foot stops throws the other off,
+// for ever shorter.
+TEST(BlockOnTwoFeet, RocksToRest) {
+  for (const double epsilon : {0.0, 0.5}) {
+    Model model;
+    model.M = Eigen::Vector2d(1.0, 3.0).asDiagonal();
+    model.C = model.K = Eigen::MatrixXd::Zero(2, 2);
+    model.forces.push_back({Eigen::Vector2d(-1.0, 0.0), 1.0, {}});
+    model.contacts.push_back({Eigen::Vector2d(1.0, -1.0), 0.0, {}, epsilon});
+    model.contacts.push_back({Eigen::Vector2d(1.0, 1.0), 0.0, {}, epsilon});
+    Master master(model, {Eigen::Vector2d(0.1, 0.05), Eigen::Vector2d(0.0, 0.0)});
+    std::vector<ContactEvent> events;
+    Eigen::VectorXd q(2);
+    Eigen::VectorXd u(2);
+    master.advance(at(100.0), events);
+    master.state(at(100.0), q, u);
+    EXPECT_EQ(master.closed(), bit(0) | bit(1)) << epsilon;
+    EXPECT_LE(q.norm(), 1e-10) << epsilon;
+    EXPECT_LE(u.norm(), 1e-12) << epsilon;
+    EXPECT_LT(events.back().t, 20.0) << epsilon;
+  }
+}
+
 class Scenes : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Beams, Scenes,
                          testing::Values("paper_beam", "paper_beam_frame", "paper_beam_chatter"),

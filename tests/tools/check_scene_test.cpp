@@ -330,10 +330,10 @@ TEST(CheckScene, ATrialEndsAtItsLimitsWhereEventsCrowd) {
   for (const double epsilon : {0.5, 0.2}) {
     Scene scene = two_contacts(ImpactLaw::poisson, epsilon == 0.5 ? 0.5 : 0.9, epsilon);
     scene.model.contacts[1].clearance = 0.1;
-    const Assessment a = assess(scene, {.events = 20000, .wall_seconds = 2.0});
+    const Assessment a = assess(scene, {.events = 500, .wall_seconds = 60.0});
     EXPECT_LT(a.trial.duration, a.trial.planned);
-    EXPECT_LT(a.trial.closings, 21000);
-    EXPECT_EQ(finding(a, "trial").holds, a.trial.error.empty());
+    EXPECT_LT(a.trial.closings, 600);
+    EXPECT_EQ(a.trial.error, "");
   }
 }
 
