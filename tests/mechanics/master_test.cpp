@@ -83,8 +83,8 @@ TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
   EXPECT_LE((u - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-14);
 }
 
-// A block that rocks on its two feet comes to rest on both: what one foot stops throws the other off,
-// for ever shorter.
+// A block that rocks on its two feet comes to rest on both: what one foot stops throws the other
+// off, for ever shorter.
 TEST(BlockOnTwoFeet, RocksToRest) {
   for (const double epsilon : {0.0, 0.5}) {
     Model model;
