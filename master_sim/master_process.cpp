@@ -32,6 +32,9 @@ constexpr int last_message_repeats = 10;
 // Simulated time that an unpaced master covers between two looks at the clock.
 constexpr double unpaced_stride = 1.0;
 
+// Events that the master finds between two looks at the request to stop.
+constexpr std::size_t events_between_looks = 1000;
+
 std::int64_t random_session() {
   std::random_device device;
   const std::uint64_t high = device();
@@ -69,7 +72,7 @@ class MasterProcess {
     while (!stop_requested()) {
       const double t = std::min(due(), options_.duration);
       advance(t);
-      publish(t);
+      publish(reached_);
       if (t >= options_.duration) break;
       if (Clock::now() >= next_progress) {
         progress(t);
@@ -121,11 +124,11 @@ class MasterProcess {
           wants_states_ ? std::min(last_tick(t, options_.tick), last_tick_) : -1;
       while (next_tick_ <= ticks) {
         const Instant instant = tick_instant(next_tick_, options_.tick);
-        find_events(instant);
+        if (!find_events(instant)) return;
         write_state(instant);
         ++next_tick_;
       }
-      find_events(at(t));
+      if (!find_events(at(t))) return;
     } catch (const SimulationError&) {
       say_goodbye();
       throw;
@@ -133,15 +136,20 @@ class MasterProcess {
     reached_ = t;
   }
 
-  void find_events(Instant t) {
-    found_.clear();
-    try {
-      master_.advance(t, found_);
-    } catch (const SimulationError&) {
+  /// False if a stop was requested before t.
+  bool find_events(Instant t) {
+    bool arrived = false;
+    while (!arrived && !stop_requested()) {
+      found_.clear();
+      try {
+        arrived = master_.advance(t, found_, events_between_looks);
+      } catch (const SimulationError&) {
+        take_events();
+        throw;
+      }
       take_events();
-      throw;
     }
-    take_events();
+    return arrived;
   }
 
   void take_events() {

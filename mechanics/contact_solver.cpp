@@ -61,6 +61,20 @@ double ContactSolver::acceleration(int contact, const Motion& motion, double& ma
   return sum;
 }
 
+// G of the contacts alone, in their order.
+ContactMatrix ContactSolver::delassus(ContactSet contacts) const {
+  const Eigen::MatrixXd& G = flows_->dynamics().G();
+  const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
+  ContactMatrix G_S(n, n);
+  Eigen::Index row = 0;
+  for_each(contacts, [&](int i) {
+    Eigen::Index column = 0;
+    for_each(contacts, [&](int j) { G_S(row, column++) = G(i, j); });
+    ++row;
+  });
+  return G_S;
+}
+
 void ContactSolver::read_state(const Motion& motion) {
   motion.flow->state(motion, state_.q, state_.u);
 }
@@ -82,21 +96,17 @@ void ContactSolver::enter(ContactSet locked, ContactSet geometric, Motion& motio
 Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion) {
   ContactSet locked = 0;
   if (candidates != 0) {
-    const Eigen::MatrixXd& G = flows_->dynamics().G();
     const auto n = static_cast<Eigen::Index>(std::popcount(candidates));
-    ContactMatrix G_S(n, n);
     ContactVector a(n);
     ContactVector magnitude(n);
     Eigen::Index row = 0;
     for_each(candidates, [&](int i) {
       a[row] = acceleration(i, motion, magnitude[row]);
-      Eigen::Index column = 0;
-      for_each(candidates, [&](int j) { G_S(row, column++) = G(i, j); });
       ++row;
     });
     ContactVector lambda;
     ContactVector rate;
-    if (solve_lcp(G_S, a, lambda, rate) != Solved::yes) return Solved::dependent;
+    if (solve_lcp(delassus(candidates), a, lambda, rate) != Solved::yes) return Solved::dependent;
     row = 0;
     // Neither pressed nor pulled apart: what touches goes on touching.
     for_each(candidates, [&](int i) {
@@ -120,33 +130,30 @@ double ContactSolver::velocity_noise(int contact, const Motion& motion) const {
 Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
                               ContactSet staying, ContactSet geometric, Motion& motion) {
   const Dynamics& dynamics = flows_->dynamics();
-  const Eigen::MatrixXd& G = dynamics.G();
   const auto n = static_cast<Eigen::Index>(std::popcount(closed));
-  ContactMatrix G_A(n, n);
   ContactVector gamma_minus(n);
   ContactVector epsilon_A(n);
   Eigen::Index row = 0;
   for_each(closed, [&](int i) {
     gamma_minus[row] = gap_velocity(i, motion);
-    epsilon_A[row] = epsilon[index(i)];
-    Eigen::Index column = 0;
-    for_each(closed, [&](int j) { G_A(row, column++) = G(i, j); });
-    ++row;
+    epsilon_A[row++] = epsilon[index(i)];
   });
   ContactVector Lambda;
   ContactVector gamma_plus;
-  if (impact(dynamics.model().law, G_A, epsilon_A, gamma_minus, Lambda, gamma_plus) !=
+  if (impact(dynamics.model().law, delassus(closed), epsilon_A, gamma_minus, Lambda, gamma_plus) !=
       Solved::yes) {
     return Solved::dependent;
   }
   const double scale = gamma_minus.cwiseAbs().maxCoeff();
   resting_ = 0;
+  struck_ = 0;
   row = 0;
   for_each(closed, [&](int i) {
     if (std::abs(gamma_plus[row]) <= std::max(zero_share * scale, velocity_noise(i, motion))) {
       gamma_plus[row] = 0.0;
       resting_ |= bit(i);
     }
+    if (Lambda[row] > 0.0) struck_ |= bit(i);
     gamma_plus_[index(i)] = gamma_plus[row++];
   });
 
@@ -159,6 +166,42 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
   read_state(motion);
   for_each(closed, [&](int i) { state_.u += Lambda[row++] * dynamics.MinvW().col(i); });
   return enter_locked(resting_ & staying, geometric, motion);
+}
+
+Solved ContactSolver::hold(ContactSet contacts, ContactSet closed, ContactSet geometric,
+                           Motion& motion) {
+  const Dynamics& dynamics = flows_->dynamics();
+  while (true) {
+    ContactVector gamma(std::popcount(contacts));
+    Eigen::Index row = 0;
+    for_each(contacts, [&](int i) { gamma[row++] = gamma_plus_[index(i)]; });
+    ContactVector Lambda;
+    if (arrest(delassus(contacts), gamma, Lambda) != Solved::yes) return Solved::dependent;
+    const auto gamma_held = [&](int i) {
+      double sum = gamma_plus_[index(i)];
+      Eigen::Index k = 0;
+      for_each(contacts, [&](int j) { sum += dynamics.G()(i, j) * Lambda[k++]; });
+      return sum;
+    };
+    ContactSet pressed = 0;
+    for_each(closed & ~contacts, [&](int i) {
+      if (gamma_held(i) <= 0.0) pressed |= bit(i);
+    });
+    if (pressed != 0) {
+      contacts |= pressed;
+      continue;
+    }
+    read_state(motion);
+    row = 0;
+    for_each(contacts, [&](int i) { state_.u += Lambda[row++] * dynamics.MinvW().col(i); });
+    if (const Solved solved = enter_locked(contacts, geometric, motion); solved != Solved::yes) {
+      return solved;
+    }
+    for_each(closed & ~contacts, [&](int i) { gamma_plus_[index(i)] = gamma_held(i); });
+    for_each(contacts, [&](int i) { gamma_plus_[index(i)] = 0.0; });
+    resting_ = contacts;
+    return Solved::yes;
+  }
 }
 
 Solved ContactSolver::lock(ContactSet candidates, ContactSet geometric, Motion& motion) {

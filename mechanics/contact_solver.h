@@ -31,6 +31,11 @@ class ContactSolver {
   Solved collide(ContactSet closed, std::span<const double> epsilon, ContactSet staying,
                  ContactSet geometric, Motion& motion);
 
+  /// After collide(): takes gamma of `contacts` to zero as well, pulling where need be, and of
+  /// those of `closed` that this would press in; then a new locked set among all that rest. On
+  /// `dependent` the motion is unchanged. gamma_plus() and resting() are kept up.
+  Solved hold(ContactSet contacts, ContactSet closed, ContactSet geometric, Motion& motion);
+
   /// New locked set among `candidates`, whose gamma is zero.
   Solved lock(ContactSet candidates, ContactSet geometric, Motion& motion);
 
@@ -42,6 +47,8 @@ class ContactSolver {
 
   /// After collide(): gamma_i+ of the contacts that took part.
   double gamma_plus(int contact) const { return gamma_plus_[static_cast<std::size_t>(contact)]; }
+  /// After collide(): contacts that took an impulse.
+  ContactSet struck() const { return struck_; }
   /// After collide(): contacts of the impact that end with gamma+ = 0.
   ContactSet resting() const { return resting_; }
   /// gamma_i' without contact forces, at (q, u, t) of a motion.
@@ -50,6 +57,7 @@ class ContactSolver {
  private:
   Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
   void enter(ContactSet locked, ContactSet geometric, Motion& motion);
+  ContactMatrix delassus(ContactSet contacts) const;
   void read_state(const Motion& motion);
   double velocity_noise(int contact, const Motion& motion) const;
   double acceleration(int contact, const Motion& motion, double& magnitude) const;
@@ -61,6 +69,7 @@ class ContactSolver {
   std::vector<double> held_;     // scratch: gap of each contact at the instant
   Eigen::VectorXd held_locked_;  // scratch
   ContactSet resting_ = 0;
+  ContactSet struck_ = 0;
 };
 
 }  // namespace sprag

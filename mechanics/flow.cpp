@@ -301,8 +301,13 @@ Signal Flow::signal(const Functional& functional) const {
   s.p.head(nf_) =
       q_forced_.cos.transpose() * a + u_forced_.cos.transpose() * b + functional.h.real();
   s.r.head(nf_) = q_forced_.sin.transpose() * a + u_forced_.sin.transpose() * b + h_sin;
-  s.p.segment(nf_, modes()) = Phi_.size() > 0 ? Eigen::VectorXd(Phi_.transpose() * a) : a;
-  s.r.segment(nf_, modes()) = Phi_.size() > 0 ? Eigen::VectorXd(Phi_.transpose() * b) : b;
+  if (path_ == FlowPath::diagonal) {
+    s.p.segment(nf_, modes()) = a.array();
+    s.r.segment(nf_, modes()) = b.array();
+  } else {
+    s.p.segment(nf_, modes()) = (Phi_.transpose() * a).array();
+    s.r.segment(nf_, modes()) = (Phi_.transpose() * b).array();
+  }
   if (path_ == FlowPath::dense) {
     const Eigen::ArrayXd psi_b = Psi_.transpose() * b;
     s.p.segment(nf_, modes()) -= oscillators_.kappa().segment(nf_, modes()) * psi_b;

@@ -123,6 +123,13 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
   return Solved::dependent;
 }
 
+Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector& Lambda) {
+  Basis all;
+  all.fill(true);
+  Lambda.resize(gamma.size());
+  return solve_basic(G, gamma, all, Lambda);
+}
+
 Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
               const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus) {
   ContactVector y;

@@ -32,6 +32,10 @@ enum class Solved {
 Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
                  ContactVector& y);
 
+/// Impulses Lambda [N s], of either sign, that take the gap velocities gamma of n contacts to zero:
+/// G Lambda = -gamma.
+Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector& Lambda);
+
 /// Impulses Lambda [N s] and post-impact gap velocities gamma_plus of n contacts that are closed at
 /// one instant; epsilon in [0, 1]^n.
 Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,

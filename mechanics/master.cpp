@@ -9,8 +9,9 @@ namespace sprag {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-// More events than this at one instant is a standstill of time.
-constexpr int max_events_at_once = 10000;
+// So many events that are no further apart than a few roundings of t are a standstill of time.
+constexpr int events_of_standstill = 10000;
+constexpr double roundings_of_standstill = 4.0;
 // Share of the time below which bounces cannot be told apart.
 constexpr double resolvable = 1e-14;
 // A start closer to contact than this share of the gap's terms is at contact.
@@ -97,7 +98,8 @@ void Master::watch() {
   search_.begin(motion_, watches_);
 }
 
-void Master::advance(Instant t, std::vector<ContactEvent>& events) {
+bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough) {
+  const std::size_t most = events.size() + std::min(enough, events.max_size() - events.size());
   if (!started_) {
     started_ = true;
     start_contacts(events);
@@ -108,18 +110,28 @@ void Master::advance(Instant t, std::vector<ContactEvent>& events) {
         completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
     search_.advance(std::min(t - motion_.t, completion - now()));
     const double event = std::min(search_.found() ? now() + search_.tau() : infinity, completion);
-    if (at(event) - t > 0.0) return;
-    if (search_.certified() == infinity && event == infinity) return;
-    events_at_once_ = event > now() ? 0 : events_at_once_ + 1;
-    if (events_at_once_ > max_events_at_once) {
-      fail("time stands still: " + std::to_string(max_events_at_once) +
-           " events at one instant; a larger impact.chatter_time may help");
-    }
+    if (at(event) - t > 0.0) return true;
+    if (search_.certified() == infinity && event == infinity) return true;
+    if (events.size() >= most) return false;
+    check_progress(event);
     const bool from_search = search_.found() && now() + search_.tau() <= event;
+    if (event > now()) std::fill(order_.begin(), order_.end(), 0);
     motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
     take_event(from_search, events);
     watch();
   }
+}
+
+void Master::check_progress(double event) {
+  if (++events_since_ < events_of_standstill) return;
+  const double standstill = events_of_standstill * roundings_of_standstill *
+                            std::numeric_limits<double>::epsilon() * std::abs(event);
+  if (event - since_ <= standstill) {
+    fail("time stands still: " + std::to_string(events_of_standstill) +
+         " events at one instant; a larger impact.chatter_time may help");
+  }
+  events_since_ = 0;
+  since_ = event;
 }
 
 void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
@@ -149,7 +161,6 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
       }
     }
   }
-  if (events_at_once_ == 0) std::fill(order_.begin(), order_.end(), 0);
   for (int i = 0; i < m; ++i) {
     if (completion_[index(i)] <= now()) {
       completed |= bit(i);
@@ -188,9 +199,12 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
   }
 }
 
-// Rest of a bounce sequence that is completed; bounces that time cannot tell apart would never end.
+// Bounces that time cannot tell apart would never end.
+double Master::shortest_time() const { return resolvable * (1.0 + now()); }
+
+// Rest of a bounce sequence that is completed.
 double Master::shortest_chatter() const {
-  return std::max(flows_.dynamics().model().chatter_time, resolvable * (1.0 + now()));
+  return std::max(flows_.dynamics().model().chatter_time, shortest_time());
 }
 
 // The contacts whose impacts on each other have come to chatter, counting this one.
@@ -240,11 +254,13 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
   const Model& model = flows_.dynamics().model();
   const int m = flows_.dynamics().contacts();
   const ContactSet closed_before = closed_;
+  ContactSet touched = 0;
   for (int i = 0; i < m; ++i) {
     if (contains(closed_before | closing, i) || !touches(i)) continue;
-    closing |= bit(i);
+    touched |= bit(i);
     completion_[index(i)] = infinity;
   }
+  closing |= touched;
   const ContactSet participants = closed_before | closing;
   before_ = motion_;
 
@@ -271,7 +287,7 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
   }
   ++impacts_;
   if (const ContactSet brief = hardly_parted(closed_before | to_stay); brief != 0) {
-    (void)solver_.lock(motion_.flow->locked() | brief, ~penetrating_, motion_);
+    (void)solver_.hold(solver_.resting() | brief, participants, ~penetrating_, motion_);
   }
 
   const ContactSet locked = motion_.flow->locked();
@@ -288,13 +304,19 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
       continue;
     }
     order_[index(i)] = contains(solver_.resting(), i) ? 2 : 1;
-    record(i, contains(closing, i) ? ContactEventKind::pulse : ContactEventKind::opens, events);
+    if (contains(closed_before, i)) {
+      record(i, ContactEventKind::opens, events);
+    } else if (!contains(touched, i) || contains(solver_.struck(), i)) {
+      record(i, ContactEventKind::pulse, events);
+    }
     if (contains(closing, i) && !contains(to_stay, i) && gamma > 0.0) {
       const double epsilon = model.contacts[index(i)].restitution;
       const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
-      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time
+      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.
       if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
         completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
+      } else if (2.0 * gamma < -acceleration * shortest_time()) {
+        completion_[index(i)] = now() + 2.0 * gamma / -acceleration;
       }
     }
   }

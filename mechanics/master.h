@@ -35,9 +35,11 @@ class Master {
   Master(const Master&) = delete;
   Master& operator=(const Master&) = delete;
 
-  /// Simulates every event up to and including t and appends them to `events` in order. Throws
-  /// SimulationError (no progress, dependent directions); events found until then are kept.
-  void advance(Instant t, std::vector<ContactEvent>& events);
+  /// Simulates every event up to and including t and appends them to `events` in order. Gives up
+  /// before t, with false, after `enough` of them; call again to go on. Throws SimulationError (no
+  /// progress, dependent directions); events found until then are kept.
+  bool advance(Instant t, std::vector<ContactEvent>& events,
+               std::size_t enough = std::numeric_limits<std::size_t>::max());
 
   /// State at t, right-continuous; t between the last event and the next one, as after advance(t).
   /// q and u have f entries each.
@@ -60,9 +62,11 @@ class Master {
 
   void start_contacts(std::vector<ContactEvent>& events);
   void watch();
+  void check_progress(double event);
   void take_event(bool from_search, std::vector<ContactEvent>& events);
   bool touches(int contact) const;
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
+  double shortest_time() const;
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
   ContactSet hardly_parted(ContactSet contacts) const;
@@ -91,7 +95,8 @@ class Master {
   std::vector<Watch> watches_;      // scratch
   bool started_ = false;
   long impacts_ = 0;
-  int events_at_once_ = 0;
+  int events_since_ = 0;  // since_ [s]
+  double since_ = 0.0;
 };
 
 }  // namespace sprag

@@ -1,6 +1,7 @@
 // SIGINT and SIGTERM end every program at once, with complete files.
 #include <algorithm>
 #include <csignal>
+#include <fstream>
 
 #include "lcmtypes/channel_log.h"
 #include "mechanics/events_file.h"
@@ -71,6 +72,29 @@ TEST_P(SignalTest, EndsAnUnpacedMaster) {
                                   "1e8", "--events", file("events.csv")});
   expect_clean_end(master);
   EXPECT_FALSE(read_events(file("events.csv"), 1).damage);
+}
+
+TEST_P(SignalTest, EndsAMasterWhereEventsCrowd) {
+  std::ofstream(file("crowd.toml")) << R"(
+[system]
+M = [[1.0]]
+C = [[0.0]]
+K = [[1e18]]
+[impact]
+restitution = 1.0
+[[contact]]
+direction = [1.0]
+[master]
+q = [1.0]
+)";
+  Process& master = start_master({file("crowd.toml"), "--no-lcm", "--speed", "max", "--duration",
+                                  "1", "--events", file("events.csv")});
+  EXPECT_TRUE(in_time([&] {
+    return std::filesystem::exists(file("events.csv")) &&
+           std::filesystem::file_size(file("events.csv")) > 1000;
+  }));
+  expect_clean_end(master);
+  EXPECT_GT(read_events(file("events.csv"), 1).events.size(), 100U);
 }
 
 TEST_P(SignalTest, EndsAReplay) {
