@@ -1,0 +1,141 @@
+#include "tools/work_precision/machine.h"
+
+#include <Eigen/Cholesky>
+#include <bit>
+#include <cmath>
+
+namespace sprag::work_precision {
+namespace {
+
+bool is_diagonal(const Eigen::MatrixXd& A) { return A.isDiagonal(0.0); }
+
+using Map = Eigen::Map<const Eigen::VectorXd>;
+
+template <typename Visit>
+void for_each(ContactSet set, Visit visit) {
+  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
+}
+
+}  // namespace
+
+Machine::Machine(const Model& model)
+    : model_(model),
+      diagonal_(is_diagonal(model.M) && is_diagonal(model.C) && is_diagonal(model.K)) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(model.M);
+  if (factor.info() != Eigen::Success) throw ModelError("M must be positive definite");
+  W_.resize(f(), m());
+  for (int i = 0; i < m(); ++i) W_.col(i) = model.contacts[static_cast<std::size_t>(i)].w;
+  MinvW_ = factor.solve(W_);
+  G_ = W_.transpose() * MinvW_;
+  constant_ = Eigen::VectorXd::Zero(f());
+  for (const Force& force : model.forces) {
+    constant_ += force.direction * force.constant;
+    const Harmonic& harmonic = force.harmonic;
+    if (harmonic.amplitude == 0.0) continue;
+    Drive* drive = nullptr;
+    for (Drive& known : drives_) {
+      if (known.frequency == harmonic.frequency) drive = &known;
+    }
+    if (drive == nullptr) {
+      drives_.push_back(
+          {harmonic.frequency, Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f())});
+      drive = &drives_.back();
+    }
+    drive->cosine += force.direction * (harmonic.amplitude * std::cos(harmonic.phase));
+    drive->sine -= force.direction * (harmonic.amplitude * std::sin(harmonic.phase));
+  }
+  if (diagonal_) {
+    minv_ = model.M.diagonal().cwiseInverse();
+    c_over_m_ = model.C.diagonal().cwiseProduct(minv_);
+    k_over_m_ = model.K.diagonal().cwiseProduct(minv_);
+  } else {
+    Minv_ = factor.solve(Eigen::MatrixXd::Identity(f(), f()));
+  }
+  scratch_.resize(f());
+}
+
+void Machine::force(double t, Eigen::VectorXd& f) const {
+  f = constant_;
+  for (const Drive& drive : drives_) {
+    f += std::cos(drive.frequency * t) * drive.cosine + std::sin(drive.frequency * t) * drive.sine;
+  }
+}
+
+void Machine::accelerate(double t, const double* q, const double* u, double* a) const {
+  force(t, scratch_);
+  Eigen::Map<Eigen::VectorXd> acceleration(a, f());
+  if (diagonal_) {
+    acceleration = minv_.cwiseProduct(scratch_) - c_over_m_.cwiseProduct(Map(u, f())) -
+                   k_over_m_.cwiseProduct(Map(q, f()));
+  } else {
+    scratch_.noalias() -= model_.C * Map(u, f());
+    scratch_.noalias() -= model_.K * Map(q, f());
+    acceleration.noalias() = Minv_ * scratch_;
+  }
+}
+
+bool Machine::accelerate_locked(double t, const double* q, const double* u, ContactSet locked,
+                                double* a, ContactVector& lambda) const {
+  accelerate(t, q, u, a);
+  const int n = std::popcount(locked);
+  Eigen::Map<Eigen::VectorXd> acceleration(a, f());
+  if (n == 1) {
+    const int i = std::countr_zero(locked);
+    lambda.resize(1);
+    lambda[0] = -(W_.col(i).dot(acceleration) + support_acceleration(i, t)) / G_(i, i);
+    acceleration += lambda[0] * MinvW_.col(i);
+    return true;
+  }
+  ContactMatrix G_L(n, n);
+  ContactVector rate(n);
+  Eigen::Index row = 0;
+  for_each(locked, [&](int i) {
+    rate[row] = W_.col(i).dot(acceleration) + support_acceleration(i, t);
+    Eigen::Index column = 0;
+    for_each(locked, [&](int j) { G_L(row, column++) = G_(i, j); });
+    ++row;
+  });
+  if (arrest(G_L, rate, lambda) != Solved::yes) return false;
+  row = 0;
+  for_each(locked, [&](int i) { acceleration += lambda[row++] * MinvW_.col(i); });
+  return true;
+}
+
+double Machine::gap(int contact, double t, const double* q) const {
+  const Contact& c = model_.contacts[static_cast<std::size_t>(contact)];
+  return W_.col(contact).dot(Map(q, f())) + value(c.motion, t) + c.clearance;
+}
+
+double Machine::gap_velocity(int contact, double t, const double* u) const {
+  const Contact& c = model_.contacts[static_cast<std::size_t>(contact)];
+  return W_.col(contact).dot(Map(u, f())) + rate(c.motion, t);
+}
+
+double Machine::support_acceleration(int contact, double t) const {
+  const Harmonic& motion = model_.contacts[static_cast<std::size_t>(contact)].motion;
+  return -motion.frequency * motion.frequency * value(motion, t);
+}
+
+bool Machine::impact(double t, ContactSet closed, const std::vector<double>& epsilon,
+                     double* u) const {
+  const int n = std::popcount(closed);
+  ContactMatrix G_A(n, n);
+  ContactVector gamma(n), epsilon_A(n), Lambda, gamma_plus;
+  Eigen::Index row = 0;
+  for_each(closed, [&](int i) {
+    gamma[row] = gap_velocity(i, t, u);
+    epsilon_A[row] = epsilon[static_cast<std::size_t>(i)];
+    Eigen::Index column = 0;
+    for_each(closed, [&](int j) { G_A(row, column++) = G_(i, j); });
+    ++row;
+  });
+  if (sprag::impact(model_.law, G_A, epsilon_A, gamma, Lambda, gamma_plus) != Solved::yes) {
+    return false;
+  }
+  row = 0;
+  Eigen::Map<Eigen::VectorXd> velocity(u, f());
+  for_each(closed, [&](int i) { velocity += Lambda[row++] * MinvW_.col(i); });
+  return true;
+}
+
+}  // namespace sprag::work_precision
