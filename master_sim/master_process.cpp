@@ -87,6 +87,7 @@ class MasterProcess {
     report["t"] = reached_;
     report["events"] = events_;
     report["impacts"] = master_.impacts();
+    report["flow_path"] = name(master_.flows()[0].path());
     report["expansions"] = master_.expansions();
     report["ticks"] = next_tick_;
     report["session"] = builder_.session();

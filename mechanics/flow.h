@@ -87,6 +87,18 @@ enum class FlowPath {
   dense      ///< complex modes: C couples the real ones
 };
 
+/// "diagonal", "modal" or "dense".
+constexpr const char* name(FlowPath path) {
+  switch (path) {
+    case FlowPath::diagonal:
+      return "diagonal";
+    case FlowPath::modal:
+      return "modal";
+    default:
+      return "dense";
+  }
+}
+
 class Flow {
  public:
   /// Throws ModelError: undamped resonance, linearly dependent directions in L, defective modes.

@@ -102,6 +102,7 @@ class LiveObserver {
     report["ticks_with_deadline"] = lateness_.ticks;
     report["worst_lateness_s"] = lateness_.worst;
     report["estimates_dropped"] = dropped_;
+    report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
     nlohmann::ordered_json refused = nlohmann::ordered_json::object();
     for (int i = 1; i < refusal_kinds; ++i) {

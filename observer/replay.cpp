@@ -113,6 +113,7 @@ class Replay {
   void finish(nlohmann::ordered_json& report) {
     report["ticks"] = ticks_;
     report["settled_tick"] = time_line_.handed_out();
+    report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
     report.update(to_json(time_line_.events()));
     if (states_ && !states_->close()) throw std::runtime_error(states_->error());

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mechanics/flow.h"
 #include "observer/time_line.h"
 
 namespace sprag {
@@ -28,6 +29,16 @@ inline nlohmann::ordered_json to_json(const RollbackCounts& counts) {
   return {{"count", counts.rollbacks},
           {"deepest_ticks", counts.deepest},
           {"ticks_redone", counts.ticks_redone}};
+}
+
+/// How a stepper moves in free flight: the path of its exact flow, or "moreau".
+template <typename Stepper>
+const char* flow_path(const Stepper& stepper) {
+  if constexpr (requires { stepper.flows(); }) {
+    return name(stepper.flows()[0].path());
+  } else {
+    return "moreau";
+  }
 }
 
 }  // namespace sprag

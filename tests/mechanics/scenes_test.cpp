@@ -161,7 +161,7 @@ TEST(TwoSupportsBeam, BothContactsAreClosedTogetherNowAndThen) {
     if (chi == 3) duration += events[i + 1].t - events[i].t;
   }
   EXPECT_GT(together, 20);
-  EXPECT_GT(duration, 5.0);
+  EXPECT_GT(duration, 2.0);
   EXPECT_LT(duration, 50.0);
   for (int i = 0; i < 2; ++i) EXPECT_GT(count(events, i, ContactEventKind::closes), 20);
   std::cout << "two_supports_beam: " << events.size() << " events, closed together " << together

@@ -14,17 +14,6 @@ const char* verdict(const Assessment& a) {
   return a.synchronizes() ? "will synchronize" : "may not synchronize";
 }
 
-const char* path_name(FlowPath path) {
-  switch (path) {
-    case FlowPath::diagonal:
-      return "diagonal";
-    case FlowPath::modal:
-      return "modal";
-    default:
-      return "dense";
-  }
-}
-
 const char* mark(const Finding& finding) {
   if (!finding.required) return finding.holds ? "    " : "note";
   return finding.holds ? "yes " : "NO  ";
@@ -63,7 +52,7 @@ std::string pace(const Assessment& a) {
   std::string text = "without impacts V falls by " + readable(a.decades) +
                      " decades per unit of time in the end, as its slowest mode does";
   if (a.decades == 0.0) text = "without impacts some part of the error never decays";
-  return text + "; exact flow by the " + path_name(a.path) + " path";
+  return text + "; exact flow by the " + name(a.path) + " path";
 }
 
 nlohmann::ordered_json modes_json(const std::vector<Mode>& modes) {
@@ -121,7 +110,7 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
                         {"monotone", a.monotonicity.holds()},
                         {"common_restitution", a.monotonicity.common}};
     if (!a.monotonicity.common) object["impact"]["margin"] = a.monotonicity.margin;
-    object["path"] = path_name(a.path);
+    object["path"] = name(a.path);
     object["slow_root"] = a.slow_root;
     object["decades"] = a.decades;
     object["omega_max"] = a.omega_max;

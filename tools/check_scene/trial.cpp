@@ -10,6 +10,7 @@ namespace sprag {
 namespace {
 
 constexpr int samples = 2000;
+constexpr std::size_t events_between_looks = 1000;  // at the limits
 
 struct Sample {
   double t, speed, distance;
@@ -70,25 +71,6 @@ double growth(const std::vector<Sample>& run, double duration) {
   return result;
 }
 
-// Moves to `until`, event by event: a machine may have so many of them at nearly one time that a
-// limit must count within the smallest step. False if stopped before.
-template <typename Stopped>
-bool advance(Master& master, double& t, double until, std::vector<ContactEvent>& events,
-             const Stopped& stopped) {
-  const double least = 1e-15 * until;
-  double step = least;
-  while (true) {
-    const double next = master.next_event();
-    const double target = std::min({next, t + step, until});
-    master.advance(at(target), events);
-    t = target;
-    if (t >= until && master.next_event() > until) return true;
-    if (stopped()) return false;
-    // The next event is known when the search has come near it.
-    step = next <= target ? least : 8.0 * step;
-  }
-}
-
 }  // namespace
 
 Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) {
@@ -111,7 +93,15 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   try {
     for (int k = 0; k <= samples && !stopped(); ++k) {
       const double t = k == samples ? duration : duration * k / samples;
-      if (!advance(master, trial.duration, t, events, stopped)) break;
+      bool arrived = false;
+      while (!arrived && !stopped()) {
+        arrived = master.advance(at(t), events, events_between_looks);
+      }
+      if (!arrived) {
+        if (!events.empty()) trial.duration = std::max(trial.duration, events.back().t);
+        break;
+      }
+      trial.duration = t;
       master.state(at(t), q, u);
       run.push_back({t, std::sqrt(u.dot(M * u)), std::sqrt(q.dot(M * q))});
     }
