@@ -221,6 +221,36 @@ double reach_of(const Expansion& e, int order) {
   return reach;
 }
 
+// First positive root of c0 + c1 x + c2 x^2, c0 > 0; infinity if there is none.
+double quadratic_root(double c0, double c1, double c2) {
+  const double discriminant = c1 * c1 - 4.0 * c0 * c2;
+  if (discriminant < 0.0) return infinity;
+  const double denominator = -c1 + std::sqrt(discriminant);
+  return denominator > 0.0 ? 2.0 * c0 / denominator : infinity;
+}
+
+// A root in (0, H) of sum a_j x^j that the first terms show, from a little below; infinity if none
+// is found. Not surely the first one.
+double visible_root(const double* a, int n, double H) {
+  constexpr double a_little = 0x1p-9;
+  if (n < 2) return infinity;
+  double x = quadratic_root(a[0], a[1], a[2]);
+  for (int iteration = 0; iteration < 6; ++iteration) {
+    if (!(x > 0.0 && x < H)) return infinity;
+    double value = a[n];
+    double slope = 0.0;
+    for (int j = n - 1; j >= 0; --j) {
+      slope = slope * x + value;
+      value = value * x + a[j];
+    }
+    if (!(slope < 0.0)) return infinity;
+    const double step = value / slope;
+    x -= step;
+    if (std::abs(step) <= 0.25 * a_little * x) return (1.0 - a_little) * x;
+  }
+  return infinity;
+}
+
 // `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
 // is divided out.
 Verdict judge(const Expansion& e, int order, double omitted, double resolution) {
@@ -234,23 +264,33 @@ Verdict judge(const Expansion& e, int order, double omitted, double resolution) 
     if (H == 0.0) return {infinity, infinity, lead};
   }
 
+  Coefficients lower{};
+  for (int j = 0; j <= n; ++j) {
+    lower[static_cast<std::size_t>(j)] = e.a[static_cast<std::size_t>(j + order)];
+  }
+  lower[0] -= omitted;
+  lower[static_cast<std::size_t>(n + 1)] = -e.bound;
+  // A root in sight ends the interval: it is the first if nothing before it is.
+  const double in_sight = visible_root(lower.data(), n + 1, H);
+  if (in_sight < infinity) H = in_sight;
+
   // On s = x / H in [0, 1].
   Coefficients c{};
   double power = 1.0;
   for (int j = 0; j <= n; ++j) {
     c[static_cast<std::size_t>(j)] = e.a[static_cast<std::size_t>(j + order)] * power;
+    lower[static_cast<std::size_t>(j)] *= power;
     power *= H;
   }
   const double remainder = e.bound * power;  // power = H^(n+1)
-  Coefficients lower = c;
-  lower[0] -= omitted;
-  lower[static_cast<std::size_t>(n + 1)] -= remainder;
+  lower[static_cast<std::size_t>(n + 1)] = -remainder;
   Coefficients b{};
   for (std::size_t j = 0; j <= static_cast<std::size_t>(n + 1); ++j) {
     for (std::size_t i = 0; i <= top; ++i) b[i] += bernstein[j][i] * lower[j];
   }
-  const double low = first_root(b);
-  const double end = low == infinity ? 1.0 : low;
+  double low = *std::min_element(b.begin(), b.end()) > 0.0 ? infinity : first_root(b);
+  if (low == infinity && in_sight < infinity) low = 1.0;
+  const double end = std::min(low, 1.0);
 
   double value = 0.0;
   double slope = 0.0;

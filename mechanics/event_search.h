@@ -4,9 +4,10 @@
 // is bounded for all later times: the derivative z^(j) of a damped oscillator obeys the
 // oscillator's own equation, so its energy only falls, and |z^(j+1)(t)| <= sqrt(z^(j+1)^2 + kappa
 // z^(j)^2) taken now. The interval is root-free as far as the polynomial minus the remainder stays
-// positive, which its Bernstein coefficients decide. Steps go no further than that, so no touch is
-// stepped over; a root is accepted when the remainder moves it by less than the resolution of time.
-// Modes whose whole amplitude is small against phi are bounded by that amplitude and not evaluated.
+// positive, which its Bernstein coefficients decide; a root in sight ends the interval, where those
+// coefficients are sharp. Steps go no further than that, so no touch is stepped over; a root is
+// accepted when the remainder moves it by less than the resolution of time. Modes whose whole
+// amplitude is small against phi are bounded by that amplitude and not evaluated.
 #pragma once
 
 #include <span>
