@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 namespace sprag {
 namespace {
 
-constexpr int degree = 8;
+constexpr int degree = 6;
 // Lower bounds have one term more, the remainder.
 constexpr int top = degree + 1;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
@@ -221,6 +223,14 @@ double reach_of(const Expansion& e, int order) {
   return reach;
 }
 
+// n-th root of x >= 0 within a tenth: a double's bits are nearly a logarithm of it.
+double rough_root(double x, int n) {
+  constexpr auto one = std::bit_cast<std::int64_t>(1.0);
+  const double normal =
+      std::clamp(x, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+  return std::bit_cast<double>(one + (std::bit_cast<std::int64_t>(normal) - one) / n);
+}
+
 // First positive root of c0 + c1 x + c2 x^2, c0 > 0; infinity if there is none.
 double quadratic_root(double c0, double c1, double c2) {
   const double discriminant = c1 * c1 - 4.0 * c0 * c2;
@@ -258,7 +268,9 @@ Verdict judge(const Expansion& e, int order, double omitted, double resolution) 
   const double lead = e.a[static_cast<std::size_t>(order)] - omitted;
   double H = 0.0;
   if (e.bound > 0.0) {
-    H = std::exp2(std::log2(lead / e.bound) / (n + 1));
+    // Somewhat less than where the remainder alone outweighs the start: most such intervals show
+    // no root at once.
+    H = 0.8 * rough_root(lead / e.bound, n + 1);
   } else {
     H = reach_of(e, order);
     if (H == 0.0) return {infinity, infinity, lead};

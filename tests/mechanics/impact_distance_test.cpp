@@ -216,7 +216,7 @@ TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
 TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
   const std::uint64_t seed = 205;
   Random random(seed);
-  const int cases = repetitions(20000);
+  const int cases = 20000;
   double largest = 0.0;
   for (int i = 0; i < cases; ++i) {
     Clutch clutch(random);
@@ -246,7 +246,7 @@ TEST(Clutches, NewtonLeavesClosedContactsApproaching) {
 TEST(UnlikeRestitution, NewtonKeepsTogetherWithinItsCriterion) {
   const std::uint64_t seed = 207;
   Random random(seed);
-  const int cases = repetitions(20000);
+  const int cases = 20000;
   double largest = 0.0;
   for (int i = 0; i < cases;) {
     Machines machines = unlike_machines(random);
