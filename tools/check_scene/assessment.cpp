@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "mechanics/master.h"
+
 namespace sprag {
 namespace {
 
@@ -310,6 +312,32 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   findings.push_back(seen_modes(a.modes));
   findings.push_back(moreau_finding(a));
   return a;
+}
+
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
+                     Assessment& a) {
+  Finding finding{"accuracy", false, true, "", ""};
+  try {
+    a.accuracy = find_accuracy(scene, tolerance, a.trial.duration, limits);
+    const Accuracy& found = *a.accuracy;
+    const std::string observed = scene.beam ? "tip" : "gaps";
+    finding.what = (found.modes < a.coordinates
+                        ? "of " + std::to_string(a.coordinates) + " modes the first " +
+                              std::to_string(found.modes) + " are enough"
+                        : "all " + std::to_string(a.coordinates) + " modes are needed") +
+                   " for the " + observed + " to " + readable(tolerance) + " in a run of " +
+                   readable(found.duration);
+    for (const Accuracy::Change& change : found.changes) {
+      if (change.modes > found.modes || change.modes == a.coordinates) break;
+      finding.what +=
+          ", with " + std::to_string(change.modes) + " it changes by " + readable(change.change);
+    }
+  } catch (const ModelError& error) {
+    finding.what = error.what();
+  } catch (const SimulationError& error) {
+    finding.what = error.what();
+  }
+  a.findings.push_back(finding);
 }
 
 std::string readable(double value) {

@@ -5,11 +5,13 @@
 // monotone.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "mechanics/flow.h"
 #include "mechanics/scene.h"
+#include "tools/check_scene/accuracy.h"
 #include "tools/check_scene/structure.h"
 #include "tools/check_scene/trial.h"
 
@@ -38,6 +40,7 @@ struct Assessment {
   double omega_max = 0.0;    ///< of the undamped modes
   double moreau_tick = 0.0;  ///< 20 ticks per period of the fastest mode; infinity if none vibrates
   Trial trial;
+  std::optional<Accuracy> accuracy;  ///< if asked for
 
   std::vector<Finding> findings;
 
@@ -47,6 +50,12 @@ struct Assessment {
 
 /// Throws ModelError if the machine has no exact flow in free flight (undamped resonance).
 Assessment assess(const Scene& scene, const TrialLimits& limits = {});
+
+/// Adds how many modes an observer needs for the tolerance [m] > 0, over the duration of the trial:
+/// `accuracy` and a finding that is not required; where damping couples the modes only the finding.
+/// The assessment must be of this scene.
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
+                     Assessment& assessment);
 
 /// Four significant digits.
 std::string readable(double value);

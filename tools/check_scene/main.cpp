@@ -20,12 +20,19 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   std::string file;
   bool json = false;
+  double tolerance = 0.0;
   sprag::add_common_options(app, common);
   app.add_option("SCENE", file, "Scene file (TOML)")->required();
   app.add_flag("--json", json, "Print one JSON object");
 
+  sprag::add_positive(app, "--accuracy", tolerance, "TOL",
+                      "Also tell how few modes show the tip to TOL metres");
+
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Assessment assessment = sprag::assess(sprag::read_scene(file));
+    const sprag::Scene scene = sprag::read_scene(file);
+    const sprag::TrialLimits limits;
+    sprag::Assessment assessment = sprag::assess(scene, limits);
+    if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     sprag::to_json(assessment, report);
     sprag::OutputFile out = sprag::OutputFile::standard_output();
     if (json) {

@@ -118,6 +118,16 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
     object["modes"] = modes_json(a.modes);
     object["trial"] = trial_json(a.trial);
   }
+  if (a.accuracy) {
+    auto changes = nlohmann::ordered_json::array();
+    for (const Accuracy::Change& change : a.accuracy->changes) {
+      changes.push_back({{"modes", change.modes}, {"change", change.change}});
+    }
+    object["accuracy"] = {{"tolerance", a.accuracy->tolerance},
+                          {"duration", a.accuracy->duration},
+                          {"modes", a.accuracy->modes},
+                          {"changes", std::move(changes)}};
+  }
   object["findings"] = nlohmann::ordered_json::array();
   for (const Finding& finding : a.findings) {
     object["findings"].push_back({{"id", finding.id},
