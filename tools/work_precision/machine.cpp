@@ -1,6 +1,7 @@
 #include "tools/work_precision/machine.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
@@ -32,22 +33,22 @@ Machine::Machine(const Model& model)
     constant_ += force.direction * force.constant;
     const Harmonic& harmonic = force.harmonic;
     if (harmonic.amplitude == 0.0) continue;
-    Drive* drive = nullptr;
-    for (Drive& known : drives_) {
-      if (known.frequency == harmonic.frequency) drive = &known;
+    const auto known = std::find_if(drives_.begin(), drives_.end(), [&](const Drive& drive) {
+      return drive.frequency == harmonic.frequency && drive.phase == harmonic.phase;
+    });
+    if (known != drives_.end()) {
+      known->force += force.direction * harmonic.amplitude;
+    } else {
+      drives_.push_back({harmonic.frequency, harmonic.phase, force.direction * harmonic.amplitude,
+                         Eigen::VectorXd()});
     }
-    if (drive == nullptr) {
-      drives_.push_back(
-          {harmonic.frequency, Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f())});
-      drive = &drives_.back();
-    }
-    drive->cosine += force.direction * (harmonic.amplitude * std::cos(harmonic.phase));
-    drive->sine -= force.direction * (harmonic.amplitude * std::sin(harmonic.phase));
   }
+  for (Drive& drive : drives_) drive.acceleration = factor.solve(drive.force);
   if (diagonal_) {
-    minv_ = model.M.diagonal().cwiseInverse();
-    c_over_m_ = model.C.diagonal().cwiseProduct(minv_);
-    k_over_m_ = model.K.diagonal().cwiseProduct(minv_);
+    const Eigen::VectorXd minv = model.M.diagonal().cwiseInverse();
+    constant_acceleration_ = minv.cwiseProduct(constant_);
+    c_over_m_ = model.C.diagonal().cwiseProduct(minv);
+    k_over_m_ = model.K.diagonal().cwiseProduct(minv);
   } else {
     Minv_ = factor.solve(Eigen::MatrixXd::Identity(f(), f()));
   }
@@ -57,21 +58,29 @@ Machine::Machine(const Model& model)
 void Machine::force(double t, Eigen::VectorXd& f) const {
   f = constant_;
   for (const Drive& drive : drives_) {
-    f += std::cos(drive.frequency * t) * drive.cosine + std::sin(drive.frequency * t) * drive.sine;
+    f += std::cos(drive.frequency * t + drive.phase) * drive.force;
   }
 }
 
 void Machine::accelerate(double t, const double* q, const double* u, double* a) const {
-  force(t, scratch_);
-  Eigen::Map<Eigen::VectorXd> acceleration(a, f());
+  const Eigen::Index n = f();
   if (diagonal_) {
-    acceleration = minv_.cwiseProduct(scratch_) - c_over_m_.cwiseProduct(Map(u, f())) -
-                   k_over_m_.cwiseProduct(Map(q, f()));
-  } else {
-    scratch_.noalias() -= model_.C * Map(u, f());
-    scratch_.noalias() -= model_.K * Map(q, f());
-    acceleration.noalias() = Minv_ * scratch_;
+    // Plain loops: for a few coordinates Eigen's dynamic sizes cost more than the arithmetic.
+    const double* constant = constant_acceleration_.data();
+    const double* c = c_over_m_.data();
+    const double* k = k_over_m_.data();
+    for (Eigen::Index i = 0; i < n; ++i) a[i] = constant[i] - c[i] * u[i] - k[i] * q[i];
+    for (const Drive& drive : drives_) {
+      const double cosine = std::cos(drive.frequency * t + drive.phase);
+      const double* amplitude = drive.acceleration.data();
+      for (Eigen::Index i = 0; i < n; ++i) a[i] += cosine * amplitude[i];
+    }
+    return;
   }
+  force(t, scratch_);
+  scratch_.noalias() -= model_.C * Map(u, n);
+  scratch_.noalias() -= model_.K * Map(q, n);
+  Eigen::Map<Eigen::VectorXd>(a, n).noalias() = Minv_ * scratch_;
 }
 
 bool Machine::accelerate_locked(double t, const double* q, const double* u, ContactSet locked,
@@ -103,12 +112,19 @@ bool Machine::accelerate_locked(double t, const double* q, const double* u, Cont
 
 double Machine::gap(int contact, double t, const double* q) const {
   const Contact& c = model_.contacts[static_cast<std::size_t>(contact)];
-  return W_.col(contact).dot(Map(q, f())) + value(c.motion, t) + c.clearance;
+  const double* w = c.w.data();
+  double g = c.clearance;
+  if (c.motion.amplitude != 0.0) g += value(c.motion, t);
+  for (Eigen::Index i = 0; i < f(); ++i) g += w[i] * q[i];
+  return g;
 }
 
 double Machine::gap_velocity(int contact, double t, const double* u) const {
   const Contact& c = model_.contacts[static_cast<std::size_t>(contact)];
-  return W_.col(contact).dot(Map(u, f())) + rate(c.motion, t);
+  const double* w = c.w.data();
+  double gamma = c.motion.amplitude != 0.0 ? rate(c.motion, t) : 0.0;
+  for (Eigen::Index i = 0; i < f(); ++i) gamma += w[i] * u[i];
+  return gamma;
 }
 
 double Machine::support_acceleration(int contact, double t) const {

@@ -24,7 +24,7 @@ class Machine {
   const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
   const Eigen::MatrixXd& G() const { return G_; }          ///< m x m, W^T M^-1 W
 
-  /// f(t), f entries. One sine and cosine for each different frequency.
+  /// f(t), f entries. One cosine for each different frequency and phase.
   void force(double t, Eigen::VectorXd& f) const;
 
   /// u' = M^-1 (f(t) - C u - K q). q, u, a have f entries and lie apart.
@@ -47,8 +47,9 @@ class Machine {
 
  private:
   struct Drive {
-    double frequency;
-    Eigen::VectorXd cosine, sine;  // of f(t)
+    double frequency, phase;
+    Eigen::VectorXd force;         // times cos(frequency t + phase)
+    Eigen::VectorXd acceleration;  // M^-1 force
   };
 
   Model model_;
@@ -56,8 +57,8 @@ class Machine {
   Eigen::MatrixXd W_, MinvW_, G_;
   Eigen::VectorXd constant_;
   std::vector<Drive> drives_;
-  Eigen::MatrixXd Minv_;                        // not diagonal
-  Eigen::VectorXd minv_, c_over_m_, k_over_m_;  // diagonal
+  Eigen::MatrixXd Minv_;                                         // not diagonal
+  Eigen::VectorXd constant_acceleration_, c_over_m_, k_over_m_;  // diagonal
   mutable Eigen::VectorXd scratch_;
 };
 

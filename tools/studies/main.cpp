@@ -1,0 +1,51 @@
+// studies: the figures behind the charts that compare Sprag with itself.
+#include <filesystem>
+#include <iostream>
+
+#include "lcmtypes/program.h"
+#include "tools/studies/study.h"
+
+namespace {
+
+using namespace sprag::studies;
+
+struct Study {
+  const char* name;
+  const char* columns;
+  void (*run)(Table& table);
+};
+
+constexpr Study all[] = {{"observer", observer_columns, observer},
+                         {"modes", modes_columns, modes},
+                         {"growth", growth_columns, growth},
+                         {"limit", limit_columns, limit},
+                         {"stability", stability_columns, stability}};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Writes the figures behind the charts of docs/speed_accuracy.md, one CSV a study.",
+               "studies");
+  sprag::CommonOptions common;
+  std::string out = "out/speed_accuracy";
+  std::vector<std::string> names;
+  sprag::add_common_options(app, common);
+  app.add_option("--out", out, "Directory of the CSVs")->capture_default_str();
+  std::vector<std::string> known;
+  for (const Study& study : all) known.emplace_back(study.name);
+  app.add_option("STUDY", names, "Which ones; all if none is named")->check(CLI::IsMember(known));
+
+  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json&) {
+    std::filesystem::create_directories(out);
+    for (const Study& study : all) {
+      if (!names.empty() && std::find(names.begin(), names.end(), study.name) == names.end()) {
+        continue;
+      }
+      std::cerr << study.name << '\n';
+      Table table(out + "/" + study.name + ".csv", study.columns);
+      study.run(table);
+      table.close();
+    }
+    return sprag::exit_done;
+  });
+}

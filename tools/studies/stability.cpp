@@ -1,0 +1,67 @@
+#include "mechanics/master.h"
+#include "tools/studies/study.h"
+#include "tools/work_precision/matching.h"
+
+namespace sprag::studies {
+namespace {
+
+using work_precision::Kind;
+using work_precision::Method;
+using work_precision::Outcome;
+using work_precision::ReferenceImpact;
+using work_precision::Task;
+
+// Short enough for forty modes to be far from chaos.
+constexpr double horizon = 1.0;
+constexpr double just_before = 1e-9;
+
+std::vector<ReferenceImpact> impacts_of(const Scene& scene) {
+  Master master(scene.model, scene.master);
+  Master before(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  std::vector<ContactEvent> ignored;
+  master.advance(at(horizon), events);
+  State x = scene.master;
+  std::vector<ReferenceImpact> impacts;
+  for (const ContactEvent& event : events) {
+    if (event.kind == ContactEventKind::opens) continue;
+    const double t = event.t - just_before;
+    before.advance(at(t), ignored);
+    before.state(at(t), x.q, x.u);
+    impacts.push_back({event.t, gap_velocity(scene.model.contacts[0], x.u, t)});
+  }
+  return impacts;
+}
+
+const char* verdict(const Outcome& outcome, int missed) {
+  if (!outcome.failure.empty()) {
+    const bool unstable = outcome.failure.starts_with("unstable") ||
+                          outcome.failure.find("diverged") != std::string::npos;
+    return unstable ? "unstable" : "stopped";
+  }
+  return missed == 0 ? "all impacts" : "misses impacts";
+}
+
+}  // namespace
+
+void stability(Table& table) {
+  for (const int modes : {3, 10, 20, 40}) {
+    const Scene scene = paper_beam(modes);
+    const std::vector<ReferenceImpact> reference = impacts_of(scene);
+    const Task task{scene.model, scene.master, horizon, 0.0};
+    for (const Method& method : work_precision::methods()) {
+      const bool stepping = std::string(method.knob) == "step [s]";
+      if (!stepping && method.kind != Kind::ours) continue;
+      for (const double step : {1e-2, 1e-3, 1e-4}) {
+        Outcome outcome;
+        work_precision::prepare(task, outcome);
+        method.run(task, stepping ? step : method.settings.front(), outcome);
+        const auto score = work_precision::score(reference, outcome.impacts, horizon);
+        table.add({method.name, double(modes), step, verdict(outcome, score.missed),
+                   double(score.found), double(score.found + score.missed)});
+      }
+    }
+  }
+}
+
+}  // namespace sprag::studies
