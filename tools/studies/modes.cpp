@@ -51,7 +51,7 @@ void follow(const ModalMachine& whole, const Truth& truth, const std::vector<Eig
           replica.output(state, q.col(k), u.col(k));
         }
       },
-      0.0);
+      0.15);
 
   const ErrorEnergy energy(whole.model);
   std::vector<double> V;

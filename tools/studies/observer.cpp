@@ -89,7 +89,7 @@ void observer(Table& table) {
     measure("exact", h, [&] { return replay<Replica>(scene, events, h); });
     measure("Moreau-Jean", h, [&] { return replay<MoreauReplica>(scene, events, h); });
     const Events late = snapped(events, h);
-    measure("exact flow, events at ticks", h, [&] { return replay<Replica>(scene, late, h); });
+    measure("exact flow with events at ticks", h, [&] { return replay<Replica>(scene, late, h); });
     measure("copied impact map", h, [&] { return copy_impact_map(scene, events, h); });
   }
 }
