@@ -95,6 +95,7 @@ void ContactSolver::enter(ContactSet locked, ContactSet geometric, Motion& motio
 // Uses state_ as q, u at motion.t; motion still carries the phases and the gaps.
 Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion) {
   ContactSet locked = 0;
+  unloaded_ = 0;
   if (candidates != 0) {
     const auto n = static_cast<Eigen::Index>(std::popcount(candidates));
     ContactVector a(n);
@@ -110,7 +111,11 @@ Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, 
     row = 0;
     // Neither pressed nor pulled apart: what touches goes on touching.
     for_each(candidates, [&](int i) {
-      if (rate[row] <= zero_share * magnitude[row]) locked |= bit(i);
+      const double noise = zero_share * magnitude[row];
+      if (rate[row] <= noise) {
+        locked |= bit(i);
+        if (lambda[row] * flows_->dynamics().G()(i, i) <= noise) unloaded_ |= bit(i);
+      }
       ++row;
     });
   }

@@ -51,6 +51,8 @@ class ContactSolver {
   ContactSet struck() const { return struck_; }
   /// After collide(): contacts of the impact that end with gamma+ = 0.
   ContactSet resting() const { return resting_; }
+  /// After any of these: locked contacts whose force starts from zero, within rounding.
+  ContactSet unloaded() const { return unloaded_; }
   /// gamma_i' without contact forces, at (q, u, t) of a motion.
   double free_acceleration(int contact, const Motion& motion);
 
@@ -70,6 +72,7 @@ class ContactSolver {
   Eigen::VectorXd held_locked_;  // scratch
   ContactSet resting_ = 0;
   ContactSet struck_ = 0;
+  ContactSet unloaded_ = 0;
 };
 
 }  // namespace sprag

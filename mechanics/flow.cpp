@@ -39,6 +39,17 @@ void split_push(const VectorR& kappa, const MatrixR& push, MatrixR& rest, Matrix
   }
 }
 
+// A X, in less time where A is diagonal.
+MatrixR product(const MatrixR& A, const MatrixR& X) {
+  if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * X;
+  return A * X;
+}
+
+// B^T A B where that is known to be diagonal: no rounding of other entries gets into small ones.
+MatrixR diagonal_of(const MatrixR& B, const MatrixR& A) {
+  return VectorR(B.cwiseProduct(product(A, B)).colwise().sum().transpose()).asDiagonal();
+}
+
 }  // namespace
 
 Flow::Flow(const Dynamics& dynamics, ContactSet locked)
@@ -138,11 +149,11 @@ void Flow::build_on_nullspace() {
   MatrixR& B = space.B;
   B = constrained_basis(M, W, locked_contacts_);
   MatrixR V;
-  const bool modal = diagonalize(B.transpose() * K * B, B.transpose() * C * B, V);
+  const bool modal = diagonalize(B.transpose() * product(K, B), B.transpose() * product(C, B), V);
   if (modal) B = B * V;
-  space.to_y = B.transpose() * M;
-  space.C = B.transpose() * C * B;
-  space.K = B.transpose() * K * B;
+  space.to_y = product(M, B).transpose();
+  space.C = modal ? diagonal_of(B, C) : MatrixR(B.transpose() * product(C, B));
+  space.K = modal ? diagonal_of(B, K) : MatrixR(B.transpose() * product(K, B));
 
   const MatrixR MinvW = M.llt().solve(W);
   const MatrixR D =
@@ -151,7 +162,7 @@ void Flow::build_on_nullspace() {
   space.q_D.resize(f, 1 + l);
   space.q_D << -D * offsets, D;
   space.q_D_harmonics = -Dc * motion;
-  space.push = -B.transpose() * K * space.q_D;
+  space.push = -B.transpose() * product(K, space.q_D);
   space.push.col(0) += B.transpose() * dynamics_->force_constant().cast<Real>();
   space.forcing.resize(B.cols(), nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {

@@ -70,6 +70,7 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
     for (int i = 0; i < m; ++i) {
       if (!contains(touched, i)) continue;
       if (contains(motion_.flow->locked(), i)) {
+        order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
         record(i, ContactEventKind::closes, events);
       } else {
         order_[index(i)] = 2;
@@ -87,7 +88,7 @@ void Master::watch() {
   for (int i = 0; i < m; ++i) {
     const int order = order_[index(i)];
     if (contains(flow.locked(), i)) {
-      watches_.push_back({&flow.force(i), 1.0, 0, 4 * i + force_falls});
+      watches_.push_back({&flow.force(i), 1.0, order, 4 * i + force_falls});
     } else if (contains(penetrating_, i)) {
       watches_.push_back({&flow.gap(i), -1.0, 0, 4 * i + gap_rises});
       watches_.push_back({&flow.gap_velocity(i), 1.0, order, 4 * i + velocity_falls});
@@ -191,6 +192,10 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
     const ContactSet candidates = motion_.flow->locked() | (locking & penetrating_);
     if (solver_.lock(candidates, ~penetrating_, motion_) != Solved::yes) {
       fail("locked contacts have linearly dependent directions");
+    }
+    for (int i = 0; i < m; ++i) {
+      if (!contains(motion_.flow->locked(), i)) continue;
+      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
     }
   }
   if ((closing | completed) != 0) {
@@ -300,6 +305,7 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
       continue;
     }
     if (contains(locked, i)) {
+      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
       if (contains(closing, i)) record(i, ContactEventKind::closes, events);
       continue;
     }

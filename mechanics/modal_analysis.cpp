@@ -228,18 +228,20 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
     return true;
   }
   const Real tolerance = 1e-13L;
-  const auto both_diagonal = [&] {
-    return largest_off_diagonal(V.transpose() * C * V) <= tolerance * C.norm() &&
-           largest_off_diagonal(V.transpose() * K * V) <= tolerance * K.norm();
+  const auto diagonal = [&](const MatrixR& A) {
+    return largest_off_diagonal(V.transpose() * A * V) <= tolerance * A.norm();
   };
   V = Eigen::SelfAdjointEigenSolver<MatrixR>(K).eigenvectors();
-  if (both_diagonal()) return true;
+  // Damping in proportion to the mass is diagonal in any basis.
+  const Real shared = C.trace() / static_cast<Real>(C.rows());
+  const MatrixR rest = C - shared * MatrixR::Identity(C.rows(), C.cols());
+  if (rest.norm() <= tolerance * C.norm() || diagonal(C)) return true;
   // Repeated eigenvalues of K leave V undetermined; a generic combination settles it.
   const Real scale_K = std::max(K.norm(), std::numeric_limits<Real>::min());
   const Real scale_C = std::max(C.norm(), std::numeric_limits<Real>::min());
   V = Eigen::SelfAdjointEigenSolver<MatrixR>(K / scale_K + 0.6180339887498949L * C / scale_C)
           .eigenvectors();
-  return both_diagonal();
+  return diagonal(C) && diagonal(K);
 }
 
 void drop_noise(VectorR& kappa) {

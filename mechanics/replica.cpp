@@ -132,8 +132,10 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     solver_.release(before & ~state.chi, state.motion);
     return;
   }
+  const ContactSet locked = state.motion.flow->locked();
+  const ContactSet from_zero = (solver_.resting() & ~locked) | solver_.unloaded();
   for (std::size_t i = 0; i < order_.size(); ++i) {
-    order_[i] = contains(solver_.resting(), static_cast<int>(i)) ? 1 : 0;
+    order_[i] = contains(from_zero, static_cast<int>(i)) ? 1 : 0;
   }
 }
 
@@ -146,7 +148,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
     for (int i = 0; i < static_cast<int>(order_.size()); ++i) {
       if (!contains(state.chi, i)) continue;
       if (contains(locked, i)) {
-        watches_.push_back({&motion.flow->force(i), 1.0, 0, i});
+        watches_.push_back({&motion.flow->force(i), 1.0, order_[index(i)], i});
       } else {
         watches_.push_back({&motion.flow->gap_velocity(i), 1.0, order_[index(i)], i});
       }
@@ -171,6 +173,10 @@ void Replica::advance(Instant t, ReplicaState& state) {
     if (locking != 0 && solver_.lock(motion.flow->locked() | locking, 0, motion) != Solved::yes) {
       ++state.refused_impacts;
       break;
+    }
+    if (locking == 0) continue;
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      if (contains(solver_.unloaded(), static_cast<int>(i))) order_[i] = 1;
     }
   }
   if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);

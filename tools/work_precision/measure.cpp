@@ -139,6 +139,7 @@ class Child {
   }
 
   void repeat() {
+    task_.horizon = std::max(task_.horizon, limits_.timed_span);
     double shortest = std::numeric_limits<double>::infinity();
     double total = 0.0;
     for (int runs = 0; runs < limits_.most_repeats; ++runs) {

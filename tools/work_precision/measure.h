@@ -16,6 +16,7 @@ struct Limits {
   double timing = 0.3;    ///< CPU time to spend on repeats [s]
   int least_repeats = 3;  ///< unless they take more than a third of the timeout
   int most_repeats = 200;
+  double timed_span = 0.0;   ///< time is taken over the horizon or this, whichever is longer [s]
   double fine_step = 0.01;   ///< of the samples at which penetration is looked for [s]
   bool (*stop)() = nullptr;  ///< asked when a signal arrives: true ends the child
 };
@@ -25,7 +26,7 @@ struct Figures {
   ImpactScore impacts;
   StateScore states;
   double penetration = not_known;      ///< [m]
-  double cpu_us_per_time = not_known;  ///< shortest CPU time of the repeats [us] / horizon [s]
+  double cpu_us_per_time = not_known;  ///< shortest CPU time of the repeats [us] / their span [s]
   double memory_kb = not_known;        ///< peak that the first run adds, without code [kB]
   std::int64_t steps = 0;              ///< of the last run, as the two below
   std::int64_t solves = 0;
@@ -34,7 +35,7 @@ struct Figures {
 
 struct Measurement {
   Figures figures;
-  std::string failure;  ///< empty if every run reached the horizon; else the first reason
+  std::string failure;  ///< empty if every run reached its end; else the first reason
 };
 
 /// Runs the method from `start` up to the reference's horizon: once with the reference's samples,
