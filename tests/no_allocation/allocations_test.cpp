@@ -40,7 +40,7 @@ TEST(CountAllocations, SeesEveryWayToAllocate) {
             }),
             2);
   void* memory = std::malloc(10);
-  EXPECT_GE(allocations_of([&] { memory = std::realloc(memory, 100000); }), 1);
+  EXPECT_GE(allocations_of([&] { seen = memory = std::realloc(memory, 100000); }), 1);
   EXPECT_EQ(allocations_of([&] { std::free(memory); }), 1);
   EXPECT_EQ(allocations_of([] { seen = ::operator new(100); }), 1);
   EXPECT_EQ(allocations_of([] { ::operator delete(seen); }), 1);

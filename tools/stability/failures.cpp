@@ -127,10 +127,14 @@ std::vector<Curve> unlike_restitution(int pairs) {
       double largest = 0.0;
       for (int i = 0; i < pairs; ++i) {
         const auto draw = [&] {
-          return Vector2d(uniform(random, -1.0, 0.2), uniform(random, -1.0, 0.2));
+          // One after the other: compilers differ in the order of arguments.
+          const double first = uniform(random, -1.0, 1.0);
+          const double second = uniform(random, -1.0, 1.0);
+          return Vector2d(first, second);
         };
         const Vector2d a = draw();
-        const Vector2d b = a + uniform(random, 0.01, 1.0) * draw();
+        const double distance = std::exp(uniform(random, std::log(1e-3), 0.0));
+        const Vector2d b = a + distance * draw();
         const Vector2d apart = b - a;
         const Vector2d after = after_impact(law, G, epsilon, b) - after_impact(law, G, epsilon, a);
         largest = std::max(largest, after.dot(metric * after) / apart.dot(metric * apart));
