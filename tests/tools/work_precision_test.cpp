@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "mechanics/csv.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 #include "tools/work_precision/measure.h"
 
@@ -218,6 +219,7 @@ TEST(Children, ACrashKeepsTheFiguresOfEarlierRuns) {
 }
 
 TEST(Children, MemoryIsWhatTheRunAdds) {
+  if (sanitized) GTEST_SKIP() << "a sanitizer keeps memory of its own";
   const Measurement result = measured(holds_memory);
   EXPECT_TRUE(result.failure.empty()) << result.failure;
   if (std::isnan(result.figures.memory_kb)) GTEST_SKIP() << "no /proc/self/clear_refs here";
