@@ -8,15 +8,9 @@ namespace {
 
 constexpr double h = 1e-3;
 
-// The paper's beam with n modes and without contacts.
-Model beam_of(int n) {
-  const Beam beam{n, 1.0, 1.0, 1.0, 0.17};
-  Model model;
-  model.M = mass(beam).asDiagonal();
-  model.C = damping(beam).asDiagonal();
-  model.K = stiffness(beam).asDiagonal();
-  const double omega = 9.5;
-  model.forces.push_back({inertia_direction(beam), 0.0, {-0.03 * omega * omega, omega, 0.0}});
+Model free_beam(int n) {
+  Model model = paper_beam(n).model;
+  model.contacts.clear();
   return model;
 }
 
@@ -30,17 +24,11 @@ void add_supports(int n, int m, Model& model) {
   }
 }
 
-State start_of(int n) {
-  State state{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  state.q[0] = -0.05;
-  return state;
-}
-
 double ns_per_tick(const Model& model) {
   Replica replica(model, h);
   Replica::State state;
   const int n = static_cast<int>(model.coordinates());
-  replica.start(start_of(n), 0, 0, state);
+  replica.start(paper_beam(n).master, 0, 0, state);
   const int ticks = std::max(100, 1000000 / n);
   const double seconds = shortest_cpu_time([&] {
     for (int k = 0; k < ticks; ++k) replica.tick({}, state);
@@ -51,8 +39,9 @@ double ns_per_tick(const Model& model) {
 double us_per_impact(const Model& model) {
   constexpr std::size_t impacts = 300;
   const int n = static_cast<int>(model.coordinates());
+  const State start = paper_beam(n).master;
   const double seconds = shortest_cpu_time([&] {
-    Master master(model, start_of(n));
+    Master master(model, start);
     std::vector<ContactEvent> events;
     master.advance(at(1e6), events, impacts);
   });
@@ -61,7 +50,7 @@ double us_per_impact(const Model& model) {
 
 // One exact rotation a mode, the gap, its sign: nothing else.
 double ns_per_least_tick(int n) {
-  const Replica replica(beam_of(n), h);
+  const Replica replica(free_beam(n), h);
   const TickTable table(replica.flows()[0].oscillators(), h);
   const Eigen::VectorXd w = mode_shapes({n, 1.0, 1.0, 1.0, 0.17}, 0.868);
   const auto size = static_cast<std::size_t>(n);
@@ -96,16 +85,16 @@ double ns_per_least_tick(int n) {
 
 void growth(Table& table) {
   for (const int n : {3, 10, 30, 100, 300, 1000, 3000}) {
-    table.add({"ns per tick", "modes", double(n), ns_per_tick(beam_of(n))});
+    table.add({"ns per tick", "modes", double(n), ns_per_tick(free_beam(n))});
   }
   for (const int n : {3, 10, 30, 100, 300, 1000}) {
-    Model model = beam_of(n);
+    Model model = free_beam(n);
     add_supports(n, 1, model);
     table.add({"us per impact", "modes", double(n), us_per_impact(model)});
   }
   for (const int m : {1, 2, 4, 8, 16}) {
     constexpr int n = 20;
-    Model model = beam_of(n);
+    Model model = free_beam(n);
     add_supports(n, m, model);
     table.add({"ns per tick", "contacts", double(m), ns_per_tick(model)});
     table.add({"us per impact", "contacts", double(m), us_per_impact(model)});
@@ -114,7 +103,7 @@ void growth(Table& table) {
 
 void limit(Table& table) {
   for (const int n : {3, 10, 100, 1000}) {
-    table.add({double(n), ns_per_tick(beam_of(n)), ns_per_least_tick(n)});
+    table.add({double(n), ns_per_tick(free_beam(n)), ns_per_least_tick(n)});
   }
 }
 

@@ -24,7 +24,8 @@ void Table::close() {
 
 Scene paper_beam(int modes) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
-  const Beam beam{modes, 1.0, 1.0, 1.0, 0.17};
+  Beam& beam = *scene.beam;
+  beam.modes = modes;
   Model& model = scene.model;
   const Force excitation = model.forces.at(0);
   model.M = mass(beam).asDiagonal();
@@ -32,7 +33,6 @@ Scene paper_beam(int modes) {
   model.K = stiffness(beam).asDiagonal();
   model.forces = {{inertia_direction(beam), 0.0, excitation.harmonic}};
   model.contacts[0].w = mode_shapes(beam, 0.868);
-  scene.beam = beam;
   for (State* state : {&scene.master, &scene.replica}) {
     const auto given = state->q.size();
     state->q.conservativeResizeLike(Eigen::VectorXd::Zero(modes));

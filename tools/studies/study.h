@@ -2,13 +2,13 @@
 #pragma once
 
 #include <algorithm>
-#include <ctime>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "mechanics/output_file.h"
 #include "mechanics/scene.h"
+#include "tools/work_precision/measure.h"
 
 namespace sprag::studies {
 
@@ -58,15 +58,10 @@ inline constexpr const char* stability_columns = "method,modes,step,result,found
 /// The paper's beam with other than three modes.
 Scene paper_beam(int modes);
 
-inline double cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 /// Shortest CPU time [s] of run(), repeated for about `seconds`.
 template <typename Run>
 double shortest_cpu_time(const Run& run, double seconds = 0.3) {
+  using work_precision::cpu_seconds;
   double shortest = std::numeric_limits<double>::infinity();
   const double begin = cpu_seconds();
   do {

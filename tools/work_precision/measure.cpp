@@ -36,12 +36,6 @@ struct Message {
 };
 static_assert(std::is_trivially_copyable_v<Message> && sizeof(Message) <= 4096);
 
-double cpu_seconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
 /// A figure of /proc/self/status [kB], or NaN.
 double process_status(const std::string& name) {
   std::ifstream file("/proc/self/status");
@@ -273,6 +267,12 @@ std::string reason(const Reports& reports, int status, double timeout) {
 }
 
 }  // namespace
+
+double cpu_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 Measurement measure(const Method& method, double setting, const Model& model, const State& start,
                     const Reference& reference, const Limits& limits) {
