@@ -3,6 +3,7 @@
 // a contact that closes to stay takes restitution 0 (Baumann & Leine 2014, eq. (5): chi).
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 namespace sprag {
@@ -25,6 +26,12 @@ using ContactSet = std::uint64_t;
 
 constexpr ContactSet bit(int contact) { return ContactSet{1} << contact; }
 constexpr bool contains(ContactSet set, int contact) { return ((set >> contact) & 1U) != 0; }
+
+/// visit(i) for each contact of the set, in ascending order.
+template <typename Visit>
+void for_each(ContactSet set, Visit visit) {
+  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
+}
 
 /// chi after the event, given chi before it.
 constexpr ContactSet after(ContactSet chi, const ContactEvent& event) {

@@ -12,11 +12,6 @@ constexpr double zero_share = 1e-12;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-template <typename Visit>
-void for_each(ContactSet set, Visit visit) {
-  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
-}
-
 }  // namespace
 
 ContactSolver::ContactSolver(const Flows& flows) : flows_(&flows) {
@@ -61,20 +56,6 @@ double ContactSolver::acceleration(int contact, const Motion& motion, double& ma
   return sum;
 }
 
-// G of the contacts alone, in their order.
-ContactMatrix ContactSolver::delassus(ContactSet contacts) const {
-  const Eigen::MatrixXd& G = flows_->dynamics().G();
-  const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
-  ContactMatrix G_S(n, n);
-  Eigen::Index row = 0;
-  for_each(contacts, [&](int i) {
-    Eigen::Index column = 0;
-    for_each(contacts, [&](int j) { G_S(row, column++) = G(i, j); });
-    ++row;
-  });
-  return G_S;
-}
-
 void ContactSolver::read_state(const Motion& motion) {
   motion.flow->state(motion, state_.q, state_.u);
 }
@@ -107,7 +88,8 @@ Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, 
     });
     ContactVector lambda;
     ContactVector rate;
-    if (solve_lcp(delassus(candidates), a, lambda, rate) != Solved::yes) return Solved::dependent;
+    if (solve_lcp(of_contacts(flows_->dynamics().G(), candidates), a, lambda, rate) != Solved::yes)
+      return Solved::dependent;
     row = 0;
     // Neither pressed nor pulled apart: what touches goes on touching.
     for_each(candidates, [&](int i) {
@@ -145,8 +127,8 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
   });
   ContactVector Lambda;
   ContactVector gamma_plus;
-  if (impact(dynamics.model().law, delassus(closed), epsilon_A, gamma_minus, Lambda, gamma_plus) !=
-      Solved::yes) {
+  if (impact(dynamics.model().law, of_contacts(dynamics.G(), closed), epsilon_A, gamma_minus,
+             Lambda, gamma_plus) != Solved::yes) {
     return Solved::dependent;
   }
   const double scale = gamma_minus.cwiseAbs().maxCoeff();
@@ -181,7 +163,8 @@ Solved ContactSolver::hold(ContactSet contacts, ContactSet closed, ContactSet ge
     Eigen::Index row = 0;
     for_each(contacts, [&](int i) { gamma[row++] = gamma_plus_[index(i)]; });
     ContactVector Lambda;
-    if (arrest(delassus(contacts), gamma, Lambda) != Solved::yes) return Solved::dependent;
+    if (arrest(of_contacts(dynamics.G(), contacts), gamma, Lambda) != Solved::yes)
+      return Solved::dependent;
     const auto gamma_held = [&](int i) {
       double sum = gamma_plus_[index(i)];
       Eigen::Index k = 0;

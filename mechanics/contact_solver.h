@@ -59,7 +59,6 @@ class ContactSolver {
  private:
   Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
   void enter(ContactSet locked, ContactSet geometric, Motion& motion);
-  ContactMatrix delassus(ContactSet contacts) const;
   void read_state(const Motion& motion);
   double velocity_noise(int contact, const Motion& motion) const;
   double acceleration(int contact, const Motion& motion, double& magnitude) const;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <array>
+#include <bit>
 #include <limits>
 
 namespace sprag {
@@ -68,6 +69,18 @@ bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y
 }
 
 }  // namespace
+
+ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts) {
+  const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
+  ContactMatrix G_S(n, n);
+  Eigen::Index row = 0;
+  for_each(contacts, [&](int i) {
+    Eigen::Index column = 0;
+    for_each(contacts, [&](int j) { G_S(row, column++) = G(i, j); });
+    ++row;
+  });
+  return G_S;
+}
 
 Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
                  ContactVector& y) {

@@ -27,6 +27,9 @@ enum class Solved {
   dependent  ///< G is singular within rounding: the contacts' directions are linearly dependent
 };
 
+/// Rows and columns of G that belong to these contacts, in their order.
+ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts);
+
 /// 0 <= x _|_ y = A x + b >= 0, A symmetric positive definite (n x n, n <= max_contacts). On
 /// `dependent` x is meaningless. y is exactly zero where x is basic.
 Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,

@@ -86,32 +86,22 @@ void MoreauReplica::tick(std::span<const ContactEvent> events, MoreauState& stat
   const ContactSet active = state.chi | closing;
   if (active != 0) {
     const auto n = static_cast<Eigen::Index>(std::popcount(active));
-    ContactMatrix G(n, n);
     ContactVector epsilon(n);
     ContactVector gamma(n);
-    std::array<int, max_contacts> contacts{};
     Eigen::Index row = 0;
-    for (ContactSet rest = active; rest != 0; rest &= rest - 1) {
-      const int i = std::countr_zero(rest);
-      contacts[index(static_cast<int>(row))] = i;
+    for_each(active, [&](int i) {
       const Contact& contact = model.contacts[index(i)];
       gamma[row] = gap_velocity(contact, u_new_, t_new);
       const bool impacts = closing != 0 && (contains(pulsing, i) || !contains(closing, i));
       epsilon[row] = impacts ? contact.restitution : 0.0;
       ++row;
-    }
-    for (Eigen::Index i = 0; i < n; ++i) {
-      for (Eigen::Index j = 0; j < n; ++j) {
-        G(i, j) =
-            G_hat_(contacts[static_cast<std::size_t>(i)], contacts[static_cast<std::size_t>(j)]);
-      }
-    }
+    });
     ContactVector P;
     ContactVector gamma_plus;
-    if (impact(model.law, G, epsilon, gamma, P, gamma_plus) == Solved::yes) {
-      for (Eigen::Index i = 0; i < n; ++i) {
-        u_new_ += P[i] * minv_hat_W_.col(contacts[static_cast<std::size_t>(i)]);
-      }
+    if (impact(model.law, of_contacts(G_hat_, active), epsilon, gamma, P, gamma_plus) ==
+        Solved::yes) {
+      row = 0;
+      for_each(active, [&](int i) { u_new_ += P[row++] * minv_hat_W_.col(i); });
     } else {
       ++state.refused_impacts;
     }

@@ -1,15 +1,15 @@
-// Cost of the core: a tick of the replica beside the least work a tick can be (hand-written
-// rotation, gap and sign test), the master per unit of time and per impact, a whole replay.
+// Cost of the core: a tick of the replica, the master per unit of time and per impact, a whole
+// replay. The studies hold a tick against the least work a tick can be.
 #include <benchmark/benchmark.h>
 
 #include <vector>
 
-#include "mechanics/beam.h"
 #include "mechanics/master.h"
 #include "mechanics/moreau.h"
 #include "mechanics/replica.h"
 #include "mechanics/scene.h"
 #include "observer/time_line.h"
+#include "tools/studies/study.h"
 
 namespace {
 
@@ -23,29 +23,18 @@ Scene scene_of(const char* name) {
 
 // The paper's beam with n modes, in free flight: without its contact, so that the flow of a
 // thousand locked modes need not be built.
-Model free_beam(int n) {
-  const Beam beam{n, 1.0, 1.0, 1.0, 0.17};
-  Model model;
-  model.M = mass(beam).asDiagonal();
-  model.C = damping(beam).asDiagonal();
-  model.K = stiffness(beam).asDiagonal();
-  const double omega = 9.5;
-  model.forces.push_back({inertia_direction(beam), 0.0, {-0.03 * omega * omega, omega, 0.0}});
-  return model;
-}
-
-State start_of(int n) {
-  State state{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  state.q[0] = -0.05;
-  return state;
+Scene free_beam(int n) {
+  Scene scene = studies::paper_beam(n);
+  scene.model.contacts.clear();
+  return scene;
 }
 
 template <typename Stepper>
 void free_tick(benchmark::State& run) {
-  const int n = static_cast<int>(run.range(0));
-  Stepper stepper(free_beam(n), tick);
+  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  Stepper stepper(scene.model, tick);
   typename Stepper::State state;
-  stepper.start(start_of(n), 0, 0, state);
+  stepper.start(scene.master, 0, 0, state);
   for ([[maybe_unused]] auto _ : run) {
     stepper.tick({}, state);
     benchmark::ClobberMemory();
@@ -56,12 +45,12 @@ BENCHMARK(free_tick<MoreauReplica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 
 // The same with q and u written out at every tick, as the observer publishes them.
 void free_tick_with_output(benchmark::State& run) {
-  const int n = static_cast<int>(run.range(0));
-  Replica replica(free_beam(n), tick);
+  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  Replica replica(scene.model, tick);
   Replica::State state;
-  replica.start(start_of(n), 0, 0, state);
-  Eigen::VectorXd q(n);
-  Eigen::VectorXd u(n);
+  replica.start(scene.master, 0, 0, state);
+  Eigen::VectorXd q(scene.master.q.size());
+  Eigen::VectorXd u(scene.master.u.size());
   for ([[maybe_unused]] auto _ : run) {
     replica.tick({}, state);
     replica.output(state, q, u);
@@ -69,42 +58,6 @@ void free_tick_with_output(benchmark::State& run) {
   }
 }
 BENCHMARK(free_tick_with_output)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
-
-// The physical limit: one exact rotation a mode, the gap, its sign. Nothing else.
-void hand_written_tick(benchmark::State& run) {
-  const auto n = static_cast<std::size_t>(run.range(0));
-  const Replica replica(free_beam(static_cast<int>(n)), tick);
-  const Oscillators& o = replica.flows()[0].oscillators();
-  const TickTable table(o, tick);
-  const Eigen::VectorXd w = mode_shapes({static_cast<int>(n), 1.0, 1.0, 1.0, 0.17}, 0.868);
-  std::vector<double> zz(n);
-  std::vector<double> zv(n);
-  std::vector<double> vz(n);
-  std::vector<double> vv(n);
-  std::vector<double> z(n, 0.01);
-  std::vector<double> v(n, 0.01);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto k = static_cast<Eigen::Index>(i) + 1;  // behind the excitation's oscillator
-    zz[i] = table.zz[k];
-    zv[i] = table.zv[k];
-    vz[i] = table.vz[k];
-    vv[i] = table.vv[k];
-  }
-  bool closed = false;
-  for ([[maybe_unused]] auto _ : run) {
-    double gap = 0.0;
-    for (std::size_t i = 0; i < n; ++i) {
-      const double z_new = zz[i] * z[i] + zv[i] * v[i];
-      v[i] = vz[i] * z[i] + vv[i] * v[i];
-      z[i] = z_new;
-      gap += w[static_cast<Eigen::Index>(i)] * z_new;
-    }
-    closed = closed != (gap < 0.0);
-    benchmark::ClobberMemory();
-  }
-  benchmark::DoNotOptimize(closed);
-}
-BENCHMARK(hand_written_tick)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 
 // Master alone, up to where double precision follows the true path.
 void master(benchmark::State& run, const char* name, double T) {

@@ -12,11 +12,6 @@ bool is_diagonal(const Eigen::MatrixXd& A) { return A.isDiagonal(0.0); }
 
 using Map = Eigen::Map<const Eigen::VectorXd>;
 
-template <typename Visit>
-void for_each(ContactSet set, Visit visit) {
-  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
-}
-
 }  // namespace
 
 Machine::Machine(const Model& model)
@@ -95,16 +90,13 @@ bool Machine::accelerate_locked(double t, const double* q, const double* u, Cont
     acceleration += lambda[0] * MinvW_.col(i);
     return true;
   }
-  ContactMatrix G_L(n, n);
   ContactVector rate(n);
   Eigen::Index row = 0;
   for_each(locked, [&](int i) {
     rate[row] = W_.col(i).dot(acceleration) + support_acceleration(i, t);
-    Eigen::Index column = 0;
-    for_each(locked, [&](int j) { G_L(row, column++) = G_(i, j); });
     ++row;
   });
-  if (arrest(G_L, rate, lambda) != Solved::yes) return false;
+  if (arrest(of_contacts(G_, locked), rate, lambda) != Solved::yes) return false;
   row = 0;
   for_each(locked, [&](int i) { acceleration += lambda[row++] * MinvW_.col(i); });
   return true;
@@ -135,17 +127,15 @@ double Machine::support_acceleration(int contact, double t) const {
 bool Machine::impact(double t, ContactSet closed, const std::vector<double>& epsilon,
                      double* u) const {
   const int n = std::popcount(closed);
-  ContactMatrix G_A(n, n);
   ContactVector gamma(n), epsilon_A(n), Lambda, gamma_plus;
   Eigen::Index row = 0;
   for_each(closed, [&](int i) {
     gamma[row] = gap_velocity(i, t, u);
     epsilon_A[row] = epsilon[static_cast<std::size_t>(i)];
-    Eigen::Index column = 0;
-    for_each(closed, [&](int j) { G_A(row, column++) = G_(i, j); });
     ++row;
   });
-  if (sprag::impact(model_.law, G_A, epsilon_A, gamma, Lambda, gamma_plus) != Solved::yes) {
+  if (sprag::impact(model_.law, of_contacts(G_, closed), epsilon_A, gamma, Lambda, gamma_plus) !=
+      Solved::yes) {
     return false;
   }
   row = 0;

@@ -16,11 +16,6 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 double resolvable_time(double t) { return resolvable_share * (1.0 + t); }
 
-template <typename Visit>
-void for_each(ContactSet set, Visit visit) {
-  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
-}
-
 }  // namespace
 
 ContactPhases::ContactPhases(const Task& task, Outcome& outcome, double tolerance)
@@ -103,18 +98,6 @@ double ContactPhases::velocity_noise(int contact, const double* u) const {
   return 4.0 * std::numeric_limits<double>::epsilon() * scale;
 }
 
-ContactMatrix ContactPhases::delassus(ContactSet contacts) const {
-  const int n = std::popcount(contacts);
-  ContactMatrix G(n, n);
-  Eigen::Index row = 0;
-  for_each(contacts, [&](int i) {
-    Eigen::Index column = 0;
-    for_each(contacts, [&](int j) { G(row, column++) = machine_.G()(i, j); });
-    ++row;
-  });
-  return G;
-}
-
 // velocity: 0 for a contact that is not thrown off but let go.
 void ContactPhases::part(int contact, double t, double velocity, const double* x) {
   const bool near = !(velocity > 0.0);
@@ -136,7 +119,7 @@ ContactSet ContactPhases::sustained(double t, ContactSet resting, const double* 
     magnitude[row++] = acceleration_scale(i, t, acceleration);
   });
   ++outcome_->solves;
-  if (solve_lcp(delassus(resting), rate, lambda, rate_plus) != Solved::yes) {
+  if (solve_lcp(of_contacts(machine_.G(), resting), rate, lambda, rate_plus) != Solved::yes) {
     fail(t, "locked contacts have linearly dependent directions");
   }
   ContactSet staying = 0;
@@ -158,7 +141,7 @@ void ContactPhases::project(double t, double* x) const {
     g[row] = machine_.gap(i, t, x);
     gamma[row++] = machine_.gap_velocity(i, t, x + f());
   });
-  const ContactMatrix G = delassus(locked_);
+  const ContactMatrix G = of_contacts(machine_.G(), locked_);
   if (arrest(G, g, shift) != Solved::yes || arrest(G, gamma, kick) != Solved::yes) {
     fail(t, "locked contacts have linearly dependent directions");
   }
@@ -273,7 +256,7 @@ void ContactPhases::hold_hardly_parted(double t, ContactSet staying, ContactSet 
     ContactVector gamma(std::popcount(held)), Lambda;
     Eigen::Index row = 0;
     for_each(held, [&](int i) { gamma[row++] = machine_.gap_velocity(i, t, u); });
-    if (arrest(delassus(held), gamma, Lambda) != Solved::yes) return;
+    if (arrest(of_contacts(machine_.G(), held), gamma, Lambda) != Solved::yes) return;
     ContactSet pressed = 0;
     for_each(participants & ~held, [&](int i) {
       double gamma_held = machine_.gap_velocity(i, t, u);

@@ -95,7 +95,6 @@ class ContactPhases {
   double resolvable_height(int contact, const double* q) const;
   double gap_acceleration(int contact, double t, const double* u_dot) const;
   double acceleration_scale(int contact, double t, const double* u_dot) const;
-  ContactMatrix delassus(ContactSet contacts) const;
   [[noreturn]] void fail(double t, const std::string& what) const;
 
   Machine machine_;

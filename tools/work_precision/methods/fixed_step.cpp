@@ -66,12 +66,9 @@ ContactSet complementarity(const Eigen::MatrixXd& A, ContactSet set, const Eigen
   std::array<int, max_contacts> contacts{};
   Eigen::Index n = 0;
   for_each(set, [&](int i) { contacts[index(n++)] = i; });
-  ContactMatrix A_s(n, n);
+  ContactMatrix A_s = of_contacts(A, set);
   ContactVector b_s(n), x_s, y_s;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    b_s[i] = b[contacts[index(i)]];
-    for (Eigen::Index j = 0; j < n; ++j) A_s(i, j) = A(contacts[index(i)], contacts[index(j)]);
-  }
+  for (Eigen::Index i = 0; i < n; ++i) b_s[i] = b[contacts[index(i)]];
   if (solve_lcp(A_s, b_s, x_s, y_s) != Solved::yes) {
     constexpr double regularization = 1e-9;
     A_s.diagonal() *= 1.0 + regularization;

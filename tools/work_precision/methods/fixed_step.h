@@ -146,11 +146,6 @@ inline void add(const Eigen::MatrixXd& W, int contact, double factor, double* x)
   for (Eigen::Index i = 0; i < f; ++i) x[i] += factor * w[i];
 }
 
-template <typename Visit>
-void for_each(ContactSet set, Visit visit) {
-  for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
-}
-
 /// 0 <= x _|_ A x + b >= 0 on the contacts of `set`; A is m x m, b and x have m entries, and those
 /// outside `set` are left alone. Returns the contacts with x > 0. Dependent directions share the
 /// load: A is regularized where it is singular.
