@@ -72,16 +72,16 @@ ChannelLogWriter::ChannelLogWriter(const std::filesystem::path& file) : file_(fi
 
 bool ChannelLogWriter::write(std::int64_t utime, std::string_view channel,
                              std::span<const std::uint8_t> data) noexcept {
-  std::array<std::uint8_t, head_size> head;
-  std::uint8_t* to = head.data();
+  record_.resize(head_size);
+  auto* to = reinterpret_cast<std::uint8_t*>(record_.data());
   put(to, sync_word);
   put(to, number_++);
   put(to, utime);
   put(to, static_cast<std::int32_t>(channel.size()));
   put(to, static_cast<std::int32_t>(data.size()));
-  file_.write({reinterpret_cast<const char*>(head.data()), head.size()});
-  file_.write(channel);
-  file_.write({reinterpret_cast<const char*>(data.data()), data.size()});
+  record_.append(channel);
+  record_.append(reinterpret_cast<const char*>(data.data()), data.size());
+  file_.write(record_);
   return good();
 }
 

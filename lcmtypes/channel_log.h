@@ -72,6 +72,7 @@ class ChannelLogWriter {
  private:
   OutputFile file_;
   std::int64_t number_ = 0;
+  std::string record_;
 };
 
 }  // namespace sprag

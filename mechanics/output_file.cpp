@@ -1,6 +1,10 @@
 #include "mechanics/output_file.h"
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <system_error>
 #include <utility>
 
@@ -29,9 +33,10 @@ OutputFile::OutputFile(const std::filesystem::path& file)
 
 OutputFile OutputFile::standard_output() { return {"standard output", stdout}; }
 
-void OutputFile::write(std::string_view bytes) noexcept {
+void OutputFile::write(std::string_view record) noexcept {
   if (error_ != 0 || !stream_) return;
-  buffer_.append(bytes);
+  buffer_.append(record);
+  record_ends_.push_back(buffer_.size());
   if (buffer_.size() >= buffer_size) flush();
 }
 
@@ -46,10 +51,21 @@ bool OutputFile::flush() noexcept {
       std::clearerr(stream_.get());
     } else {
       error_ = errno != 0 ? errno : EIO;
+      cut_after(buffer_.size() - rest.size());
     }
   }
+  size_ += buffer_.size();
   buffer_.clear();
+  record_ends_.clear();
   return good();
+}
+
+// Takes back the beginning of a record that did not fit.
+void OutputFile::cut_after(std::size_t written) noexcept {
+  const auto next = std::upper_bound(record_ends_.begin(), record_ends_.end(), written);
+  const std::size_t whole = next == record_ends_.begin() ? 0 : *std::prev(next);
+  // A pipe cannot be cut, and need not be.
+  (void)::ftruncate(::fileno(stream_.get()), static_cast<off_t>(size_ + whole));
 }
 
 bool OutputFile::close() noexcept {

@@ -1,5 +1,6 @@
 // A buffered output file that never throws while it is written: the first failure is remembered,
-// later writes are ignored, and whoever closes the file learns of it.
+// later writes are ignored, and whoever closes the file learns of it. What was written until then
+// ends with a whole record, also on a full disk.
 #pragma once
 
 #include <cstdio>
@@ -7,6 +8,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace sprag {
 
@@ -20,8 +22,9 @@ class OutputFile {
 
   static OutputFile standard_output();
 
-  /// Adds bytes to the file. They are written when 64 KiB have gathered, or by flush().
-  void write(std::string_view bytes) noexcept;
+  /// Adds a record to the file: its bytes stay together. They are written when 64 KiB have
+  /// gathered, or by flush().
+  void write(std::string_view record) noexcept;
 
   /// Hands everything to the operating system. Returns good().
   bool flush() noexcept;
@@ -39,10 +42,13 @@ class OutputFile {
     void operator()(std::FILE* stream) const noexcept;
   };
   OutputFile(std::string name, std::FILE* stream);
+  void cut_after(std::size_t written) noexcept;
 
   std::string name_;
   std::unique_ptr<std::FILE, Closer> stream_;
   std::string buffer_;
+  std::vector<std::size_t> record_ends_;  // in buffer_
+  std::size_t size_ = 0;                  // of the file [bytes]
   int error_ = 0;
 };
 
