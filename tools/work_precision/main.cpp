@@ -44,10 +44,29 @@ std::vector<double> settings(const wp::Method& method, bool quick) {
   return {all.front(), all[all.size() / 2]};
 }
 
-void measure_scene(const Options& options, const std::string& name,
-                   const std::vector<std::string>& methods, wp::Results& results) {
-  const sprag::Scene scene = sprag::read_scene(options.scene_directory / (name + ".toml"));
-  const wp::Reference reference = wp::reference(scene, options.reference_directory);
+struct Row {
+  const wp::Method* method;
+  double setting;
+  wp::Measurement measurement;
+};
+
+// Every row twice, unless it is dear: a machine that is shared has slow minutes, and the rows of a
+// scene are to be compared with each other.
+constexpr double dear = 2e4;  // CPU us per unit of time
+
+void time_again(Row& row, const Options& options, const sprag::Scene& scene,
+                const wp::Reference& reference) {
+  double& shortest = row.measurement.figures.cpu_us_per_time;
+  if (!row.measurement.failure.empty() || !(shortest < dear)) return;
+  const wp::Measurement again =
+      wp::measure(*row.method, row.setting, scene.model, scene.master, reference, options.limits);
+  if (again.failure.empty()) shortest = std::min(shortest, again.figures.cpu_us_per_time);
+}
+
+std::vector<Row> first_round(const Options& options, const std::string& name,
+                             const std::vector<std::string>& methods, const sprag::Scene& scene,
+                             const wp::Reference& reference) {
+  std::vector<Row> rows;
   for (const wp::Method& method : wp::methods()) {
     if (std::find(methods.begin(), methods.end(), method.name) == methods.end()) continue;
     for (const double setting : settings(method, options.quick)) {
@@ -56,14 +75,25 @@ void measure_scene(const Options& options, const std::string& name,
           wp::measure(method, setting, scene.model, scene.master, reference, options.limits);
       if (sprag::stop_requested()) {
         std::cerr << "stopped\n";
-        return;
+        return rows;
       }
-      results.add(name, method, setting, measurement);
+      rows.push_back({&method, setting, measurement});
       const wp::Figures& figures = measurement.figures;
       std::cerr << figures.impacts.found << " found, " << figures.impacts.missed << " missed, "
                 << figures.cpu_us_per_time << " us per s"
                 << (measurement.failure.empty() ? "" : "; failed: " + measurement.failure) << '\n';
     }
+  }
+  return rows;
+}
+
+void measure_scene(const Options& options, const std::string& name,
+                   const std::vector<std::string>& methods, wp::Results& results) {
+  const sprag::Scene scene = sprag::read_scene(options.scene_directory / (name + ".toml"));
+  const wp::Reference reference = wp::reference(scene, options.reference_directory);
+  for (Row& row : first_round(options, name, methods, scene, reference)) {
+    if (!options.quick && !sprag::stop_requested()) time_again(row, options, scene, reference);
+    results.add(name, *row.method, row.setting, row.measurement);
   }
 }
 
