@@ -10,104 +10,159 @@
 #include <vector>
 
 #include "lcmtypes/multicast_probe.h"
+#include "lcmtypes/udp_receiver.h"
 
 namespace sprag {
 
 namespace {
 
 constexpr int wanted_receive_buffer = 4'000'000;
-// A packet without an end of its channel name arrives with a negative size, read as unsigned. LCM
-// itself accepts messages up to this size.
-constexpr std::uint32_t largest_message = 1U << 28U;
 constexpr int largest_batch = 1000;
 
 struct Subscription {
+  std::string channel;
+  bool is_prefix;
   Bus::Handler handler;
-  std::exception_ptr* failure;  // the bus's own, thrown on by Bus::handle()
+
+  bool wants(std::string_view name) const {
+    return is_prefix ? name.starts_with(channel) : name == channel;
+  }
 };
 
-void call_handler(const lcm_recv_buf_t* received, const char* channel, void* user) noexcept {
-  auto& subscription = *static_cast<Subscription*>(user);
-  if (received->data_size > largest_message) return;
-  try {
-    subscription.handler(channel,
-                         {static_cast<const std::uint8_t*>(received->data), received->data_size},
-                         received->recv_utime);
-  } catch (...) {
-    if (!*subscription.failure) *subscription.failure = std::current_exception();
-  }
-}
-
-/// `text` as an expression that matches it alone: LCM takes channel names for regular expressions.
-std::string escaped(std::string_view text) {
-  std::string expression;
-  for (const char c : text) {
-    if (std::string_view(R"(\^$.|?*+()[]{})").find(c) != std::string_view::npos) expression += '\\';
-    expression += c;
-  }
-  return expression;
-}
-
-/// Probes multicast and returns the address with a receive buffer that the kernel grants.
-std::string prepared(const LcmUrl& url) {
-  if (!url.multicast) return url.text;
-  const MulticastProbe probe = probe_multicast(*url.multicast, wanted_receive_buffer);
-  if (!probe.failure.empty()) {
-    throw BusError(url.text + ": multicast does not work on this host (" + probe.failure +
-                   "). As root:\n"
-                   "    ip link set lo up\n"
-                   "    ip route add 224.0.0.0/4 dev lo");
-  }
-  if (url.sets_receive_buffer || probe.receive_buffer <= 0) return url.text;
-  // More than the kernel grants would make LCM warn at every start.
-  return url.text + (url.text.find('?') == std::string::npos ? "?" : "&") +
-         "recv_buf_size=" + std::to_string(probe.receive_buffer);
+void probe(const LcmUrl& url) {
+  if (!url.multicast) return;
+  const std::string failure = probe_multicast(*url.multicast);
+  if (failure.empty()) return;
+  throw BusError(url.text + ": multicast does not work on this host (" + failure +
+                 "). As root:\n"
+                 "    ip link set lo up\n"
+                 "    ip route add 224.0.0.0/4 dev lo");
 }
 
 }  // namespace
 
 struct Bus::Impl {
-  explicit Impl(const std::string& address) : url(address), lcm(nullptr, lcm_destroy) {
-    lcm.reset(lcm_create(prepared(parse_url(url)).c_str()));
-    if (!lcm) throw BusError(url + ": LCM cannot open it");
+  Impl(const std::string& address, std::optional<Key> secret)
+      : url(parse_url(address)), key(std::move(secret)), lcm(nullptr, lcm_destroy) {
+    probe(url);
+    lcm.reset(lcm_create(url.text.c_str()));
+    if (!lcm) throw BusError(url.text + ": LCM cannot open it");
+  }
+
+  void subscribe(std::string_view channel, bool is_prefix, Handler handler) {
+    subscriptions.push_back({std::string(channel), is_prefix, std::move(handler)});
+    if (url.multicast) {
+      if (!udp) open();
+      return;
+    }
+    if (subscriptions.size() > 1) return;
+    // LCM takes channel names for regular expressions; wants() decides.
+    lcm_subscription_t* all = lcm_subscribe(lcm.get(), ".*", take_from_lcm, this);
+    if (all == nullptr) throw BusError(url.text + ": cannot be subscribed to");
+    lcm_subscription_set_queue_capacity(all, 0);
+    descriptor();
+  }
+
+  void open() {
+    try {
+      udp = std::make_unique<UdpReceiver>(*url.multicast,
+                                          url.receive_buffer.value_or(wanted_receive_buffer));
+    } catch (const std::system_error& error) {
+      throw BusError(url.text + ": " + error.what());
+    }
   }
 
   int descriptor() const {
-    const int result = lcm_get_fileno(lcm.get());
-    if (result < 0) throw BusError(url + ": LCM cannot receive");
+    const int result = udp ? udp->descriptor() : lcm_get_fileno(lcm.get());
+    if (result < 0) throw BusError(url.text + ": LCM cannot receive");
     return result;
   }
 
-  void subscribe(const std::string& expression, Handler handler) {
-    subscriptions.push_back(
-        std::make_unique<Subscription>(Subscription{std::move(handler), &failure}));
-    lcm_subscription_t* subscription =
-        lcm_subscribe(lcm.get(), expression.c_str(), call_handler, subscriptions.back().get());
-    if (subscription == nullptr) throw BusError(url + ": cannot subscribe to " + expression);
-    lcm_subscription_set_queue_capacity(subscription, 0);
-    descriptor();  // where multicast is blocked, this alone shows it
+  /// Takes one packet, or none. Throws what a handler throws, or BusError.
+  bool take() {
+    if (udp) return take_from_udp();
+    const bool taken = lcm_handle(lcm.get()) == 0;
+    if (failure) std::rethrow_exception(std::exchange(failure, nullptr));
+    return taken;
   }
 
-  std::string url;
+  bool take_from_udp() {
+    UdpReceiver::Datagram datagram;
+    try {
+      if (!udp->receive(datagram)) return false;
+    } catch (const std::system_error& error) {
+      throw BusError(url.text + ": " + error.what());
+    }
+    counts.overflowed = udp->overflowed();
+    if (datagram.other_host) {
+      ++counts.other_host;
+      return true;
+    }
+    Packet packet;
+    const PacketFault fault = read_packet(datagram.bytes, packet);
+    ++counts.faults[static_cast<std::size_t>(fault)];
+    if (fault == PacketFault::none) deliver(packet.channel, packet.data, datagram.utime);
+    return true;
+  }
+
+  // An exception must not pass through LCM's C code.
+  static void take_from_lcm(const lcm_recv_buf_t* received, const char* channel,
+                            void* user) noexcept {
+    auto& self = *static_cast<Impl*>(user);
+    try {
+      self.deliver(channel, {static_cast<const std::uint8_t*>(received->data), received->data_size},
+                   received->recv_utime);
+    } catch (...) {
+      if (!self.failure) self.failure = std::current_exception();
+    }
+  }
+
+  void deliver(std::string_view channel, std::span<const std::uint8_t> data, std::int64_t utime) {
+    bool verified = !key;
+    for (const Subscription& subscription : subscriptions) {
+      if (!subscription.wants(channel)) continue;
+      if (!verified && !key->verifies(channel, data)) {
+        ++counts.unauthenticated;
+        return;
+      }
+      verified = true;
+      subscription.handler(channel, key ? data.first(data.size() - Key::tag_size) : data, utime);
+    }
+  }
+
+  LcmUrl url;
+  std::optional<Key> key;
+  std::vector<Subscription> subscriptions;
+  std::unique_ptr<UdpReceiver> udp;  // with a subscription over multicast
+  BusCounts counts;
   std::exception_ptr failure;
-  std::vector<std::unique_ptr<Subscription>> subscriptions;
-  std::unique_ptr<lcm_t, decltype(&lcm_destroy)> lcm;  // goes first: it calls the subscriptions
+  std::unique_ptr<lcm_t, decltype(&lcm_destroy)> lcm;  // goes first: it calls take_from_lcm
 };
 
-Bus::Bus(const std::string& url) : impl_(std::make_unique<Impl>(url)) {}
+Bus::Bus(const std::string& url, std::optional<Key> key)
+    : impl_(std::make_unique<Impl>(url, std::move(key))) {}
 Bus::Bus(Bus&&) noexcept = default;
 Bus& Bus::operator=(Bus&&) noexcept = default;
 Bus::~Bus() = default;
 
 void Bus::subscribe(std::string_view channel, Handler handler) {
-  impl_->subscribe(escaped(channel), std::move(handler));
+  impl_->subscribe(channel, false, std::move(handler));
 }
 
 void Bus::subscribe_prefix(std::string_view prefix, Handler handler) {
-  impl_->subscribe(escaped(prefix) + ".*", std::move(handler));
+  impl_->subscribe(prefix, true, std::move(handler));
 }
 
 bool Bus::publish(const char* channel, std::span<const std::uint8_t> data) noexcept {
+  // Grows to the largest message of the thread, once.
+  static thread_local std::vector<std::uint8_t> tagged;
+  if (impl_->key) {
+    const Key::Tag tag = impl_->key->tag(channel, data);
+    tagged.assign(data.begin(), data.end());
+    tagged.insert(tagged.end(), tag.begin(), tag.end());
+    data = tagged;
+  }
+  if (impl_->url.multicast && data.size() > largest_packet_message) return false;
   return lcm_publish(impl_->lcm.get(), channel, data.data(),
                      static_cast<unsigned int>(data.size())) == 0;
 }
@@ -119,17 +174,22 @@ int Bus::handle(std::chrono::milliseconds timeout) {
   for (int handled = 0; handled < largest_batch; ++handled) {
     const int count = ::poll(&ready, 1, wait);
     if (count == 0 || (count < 0 && errno == EINTR)) return handled;
-    if (count < 0) throw BusError(impl_->url + ": " + std::generic_category().message(errno));
-    if (lcm_handle(impl_->lcm.get()) != 0) {
-      if (handled > 0) return handled;  // the error comes again
-      throw BusError(impl_->url + ": LCM has nothing more to read");
+    if (count < 0) {
+      throw BusError(impl_->url.text + ": " + std::generic_category().message(errno));
     }
-    if (impl_->failure) std::rethrow_exception(std::exchange(impl_->failure, nullptr));
+    if (!impl_->take() && !impl_->udp) {
+      if (handled > 0) return handled;  // the error comes again
+      throw BusError(impl_->url.text + ": LCM has nothing more to read");
+    }
     wait = 0;
   }
   return largest_batch;
 }
 
-int Bus::fileno() { return impl_->descriptor(); }
+std::span<const std::uint8_t> Bus::as_sent(std::span<const std::uint8_t> data) const {
+  return impl_->key ? std::span(data.data(), data.size() + Key::tag_size) : data;
+}
+
+const BusCounts& Bus::counts() const { return impl_->counts; }
 
 }  // namespace sprag

@@ -1,21 +1,25 @@
 // The processes' common bus: raw bytes on named channels over LCM.
 //
-// It works around what LCM 1.3.1 does badly: its default queue drops the newest messages (here:
-// unlimited), its default receive buffer is small (here: 4 MB if the kernel grants it), exceptions
-// cannot pass through its C code (here: handle() throws them on), a host without multicast makes it
-// hang (here: BusError at once), and a malformed packet can claim a size near 4 GB (here: dropped).
+// Messages are sent by liblcm. Over UDP multicast they are received here, from LCM's packets
+// (packet.h, udp_receiver.h), because liblcm 1.3.1 dies of packets that anybody may send; memq://,
+// file:// and tcpq:// are liblcm's own. A host without multicast is told at once how to mend it.
+// With a key every message is signed, and nothing unsigned is let through.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 
+#include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
+#include "lcmtypes/packet.h"
 
 namespace sprag {
 
@@ -30,6 +34,14 @@ struct BusError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// What was not let through to a handler.
+struct BusCounts {
+  std::array<std::int64_t, packet_faults> faults{};  ///< by PacketFault
+  std::int64_t other_host = 0;                       ///< with ttl=0: did not come from this host
+  std::int64_t unauthenticated = 0;  ///< on a subscribed channel: not made with the key
+  std::int64_t overflowed = 0;       ///< dropped by the kernel: the receive buffer was full
+};
+
 class Bus {
  public:
   /// Gets the channel's name, the message and its arrival (wall clock [us]), valid during the call.
@@ -38,28 +50,31 @@ class Bus {
 
   /// Opens an LCM address; for udpm it probes multicast first (at most one second). Throws
   /// BusError, or UrlError if `url` cannot be one.
-  explicit Bus(const std::string& url = default_url);
+  explicit Bus(const std::string& url = default_url, std::optional<Key> key = std::nullopt);
   Bus(Bus&&) noexcept;
   Bus& operator=(Bus&&) noexcept;
   ~Bus();
 
-  /// Calls `handler` from handle() for every message on `channel`. The first subscription starts
-  /// LCM's receiving thread, which inherits the caller's scheduling class. Throws BusError.
+  /// Calls `handler` from handle() for every message on `channel`. Throws BusError.
   void subscribe(std::string_view channel, Handler handler);
 
   /// The same for all channels whose name starts with `prefix`.
   void subscribe_prefix(std::string_view prefix, Handler handler);
 
-  /// Sends one message; may be called from any thread. Returns false if it could not be sent.
+  /// Sends one message; may be called from any thread. Returns false if it could not be sent, as
+  /// when it is larger than one packet of UDP holds.
   bool publish(const char* channel, std::span<const std::uint8_t> data) noexcept;
 
-  /// Waits for a message up to `timeout`, then handles what has arrived (at most 1000 messages).
-  /// Returns how many; 0 after a timeout or a signal. Throws what a handler threw, or BusError; the
-  /// end of a file:// log is a BusError too.
+  /// Waits for a message up to `timeout`, then handles what has arrived (at most 1000 packets).
+  /// Returns how many packets; 0 after a timeout or a signal. Throws what a handler threw, or
+  /// BusError; the end of a file:// log is a BusError too.
   int handle(std::chrono::milliseconds timeout);
 
-  /// A descriptor that is readable when handle() has work, for poll(). Throws BusError.
-  int fileno();
+  /// Within a handler: its message as it was sent, with the tag behind it if there is a key.
+  std::span<const std::uint8_t> as_sent(std::span<const std::uint8_t> data) const;
+
+  /// For the thread that calls handle(), or after it.
+  const BusCounts& counts() const;
 
  private:
   struct Impl;

@@ -11,6 +11,10 @@ static_assert(contacts_message_size == 1272);
 
 namespace {
 
+constexpr std::int64_t largest_number = std::int64_t{1} << 53;
+
+bool is_number(std::int64_t n) { return n >= 0 && n <= largest_number; }
+
 bool is_time(double t) { return std::isfinite(t) && t >= 0.0; }
 
 Refusal check_head(const ContactReport& report) {
@@ -18,6 +22,7 @@ Refusal check_head(const ContactReport& report) {
   if (!is_time(report.horizon)) return Refusal::bad_time;
   if (report.contacts < 1 || report.contacts > max_contacts) return Refusal::bad_count;
   if ((report.closed >> report.contacts) != 0) return Refusal::bad_closed;
+  if (!is_number(report.sequence) || !is_number(report.records_total)) return Refusal::bad_count;
   if (report.records < 0 || report.records > max_records || report.records > report.records_total)
     return Refusal::bad_count;
   return Refusal::none;

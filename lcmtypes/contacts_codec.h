@@ -23,7 +23,8 @@ void encode(const ContactReport& report, ContactsMessage& message) noexcept;
 
 /// Fills `report` from a message and returns Refusal::none, or why the message is refused; `report`
 /// then holds nothing of use. Accepted: 1 <= contacts <= 60, 0 <= records <= min(120,
-/// records_total), finite ascending times >= 0, speed > 0 (also infinite).
+/// records_total), sequence and records_total from 0 to 2^53, finite ascending times >= 0, speed >
+/// 0 (also infinite).
 Refusal decode(std::span<const std::uint8_t> message, ContactReport& report) noexcept;
 
 }  // namespace sprag

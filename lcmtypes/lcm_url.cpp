@@ -49,7 +49,7 @@ LcmUrl parse_url(const std::string& text) {
   if (scheme == std::string::npos || !is_provider(std::string_view(text).substr(0, scheme)))
     throw UrlError(text +
                    ": must be udpm://GROUP:PORT?ttl=N, memq://, file://LOG or tcpq://HOST:PORT");
-  LcmUrl url{text, std::nullopt, false};
+  LcmUrl url{text, std::nullopt, std::nullopt};
   if (!text.starts_with("udpm")) return url;
 
   const std::string_view rest = std::string_view(text).substr(scheme + 3);
@@ -60,7 +60,10 @@ LcmUrl parse_url(const std::string& text) {
   while (!arguments.empty()) {
     const std::size_t end = arguments.find_first_of("&,");
     const std::string_view argument = arguments.substr(0, end);
-    if (argument.starts_with("recv_buf_size=")) url.sets_receive_buffer = true;
+    if (argument.starts_with("recv_buf_size=")) {
+      url.receive_buffer = parse_int(argument.substr(14), 1, 1 << 30);
+      if (!url.receive_buffer) throw UrlError(text + ": recv_buf_size must be in 1 to 1073741824");
+    }
     if (argument.starts_with("ttl=")) {
       const auto ttl = parse_int(argument.substr(4), 0, 255);
       if (!ttl) throw UrlError(text + ": ttl must be in 0 to 255");

@@ -25,7 +25,7 @@ struct MulticastAddress {
 struct LcmUrl {
   std::string text;
   std::optional<MulticastAddress> multicast;  ///< set for udpm
-  bool sets_receive_buffer = false;           ///< recv_buf_size is among the arguments
+  std::optional<int> receive_buffer;          ///< recv_buf_size [bytes], if it is given
 };
 
 /// Reads an address of provider udpm, memq, file or tcpq; "udpm://" stands for LCM's usual group

@@ -67,8 +67,7 @@ bool arrives(const Socket& receiver, const std::string& packet, Clock::time_poin
 
 }  // namespace
 
-MulticastProbe probe_multicast(const MulticastAddress& address, int receive_buffer) {
-  MulticastProbe probe;
+std::string probe_multicast(const MulticastAddress& address) {
   const Socket receiver;
   const Socket sender;
   sockaddr_in group{};
@@ -77,33 +76,24 @@ MulticastProbe probe_multicast(const MulticastAddress& address, int receive_buff
   inet_pton(AF_INET, address.group.c_str(), &group.sin_addr);
   const auto* name = reinterpret_cast<const sockaddr*>(&group);
 
-  receiver.set(SOL_SOCKET, SO_RCVBUF, receive_buffer);
-  int doubled = 0;  // Linux reports twice the size, for its own bookkeeping
-  socklen_t length = sizeof doubled;
-  if (::getsockopt(receiver.descriptor(), SOL_SOCKET, SO_RCVBUF, &doubled, &length) == 0)
-    probe.receive_buffer = std::min(receive_buffer, doubled / 2);
-
   const ip_mreq membership{group.sin_addr, {htonl(INADDR_ANY)}};
   if (!receiver.set(SOL_SOCKET, SO_REUSEADDR, 1) ||
       ::bind(receiver.descriptor(), name, sizeof group) != 0 ||
       !receiver.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
       !sender.set(IPPROTO_IP, IP_MULTICAST_TTL, address.ttl) ||
       !sender.set(IPPROTO_IP, IP_MULTICAST_LOOP, 1)) {
-    probe.failure = last_error();
-    return probe;
+    return last_error();
   }
 
   const std::string packet = probe_packet();
   const auto deadline = Clock::now() + 1s;
   do {  // repeated, since a busy port may drop one
     if (::sendto(sender.descriptor(), packet.data(), packet.size(), 0, name, sizeof group) < 0) {
-      probe.failure = last_error();
-      return probe;
+      return last_error();
     }
-    if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return probe;
+    if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return {};
   } while (Clock::now() < deadline);
-  probe.failure = "what is sent to the group does not come back";
-  return probe;
+  return "what is sent to the group does not come back";
 }
 
 }  // namespace sprag

@@ -8,13 +8,8 @@
 
 namespace sprag {
 
-struct MulticastProbe {
-  std::string failure;     ///< empty: a datagram came back
-  int receive_buffer = 0;  ///< what the kernel grants of the size asked for [bytes]
-};
-
 /// Joins the group, sends a datagram to it and waits up to one second for its return. To listeners
-/// it is LCM's own self test, which they ignore. Asks for `receive_buffer` bytes on the way.
-MulticastProbe probe_multicast(const MulticastAddress& address, int receive_buffer);
+/// it is LCM's own self test, which they ignore. Returns what failed; empty if it came back.
+std::string probe_multicast(const MulticastAddress& address);
 
 }  // namespace sprag

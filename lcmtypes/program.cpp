@@ -90,8 +90,32 @@ void add_common_options(CLI::App& app, CommonOptions& options) {
           return e.what();
         }
       });
+  app.add_option("--key", options.key, "Sign all messages, and hear only signed ones")
+      ->type_name("FILE");
   app.add_option("--report", options.report, "Write the run's figures to this file")
       ->type_name("FILE.json");
+}
+
+std::optional<Key> key_of(const CommonOptions& options) {
+  if (options.key.empty()) return std::nullopt;
+  return Key(options.key);
+}
+
+nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
+                                const BusCounts& bus) {
+  nlohmann::ordered_json counts = nlohmann::ordered_json::object();
+  const auto add = [&counts](std::string_view cause, std::int64_t count) {
+    if (count > 0) counts[std::string(cause)] = count;
+  };
+  for (int i = 1; i < refusal_kinds; ++i) {
+    add(name(static_cast<Refusal>(i)), refused[static_cast<std::size_t>(i)]);
+  }
+  for (int i = 1; i < packet_faults; ++i) {
+    add(name(static_cast<PacketFault>(i)), bus.faults[static_cast<std::size_t>(i)]);
+  }
+  add("unauthenticated", bus.unauthenticated);
+  add("other_host", bus.other_host);
+  return counts;
 }
 
 CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,

@@ -2,13 +2,17 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
-#include "lcmtypes/lcm_url.h"
+#include "lcmtypes/bus.h"
+#include "lcmtypes/refusal.h"
 
 namespace sprag {
 
@@ -24,9 +28,10 @@ struct UsageError : std::runtime_error {
 struct CommonOptions {
   std::string url = default_url;
   std::filesystem::path report;  ///< empty: none
+  std::filesystem::path key;     ///< empty: messages are neither signed nor checked
 };
 
-/// Adds --url, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
+/// Adds --url, --key, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
 
 /// Adds an option that takes a finite number > 0, in `unit`; anything else is bad usage.
@@ -36,6 +41,14 @@ CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
 /// The same; "max" is allowed too and means infinity.
 CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
                                  const std::string& unit, const std::string& help);
+
+/// The key of --key, if it is given. Throws InputError.
+std::optional<Key> key_of(const CommonOptions& options);
+
+/// Messages that a program has refused, by cause: first those that came to its handlers, by
+/// Refusal, then what the bus kept away. Causes that did not occur are left out.
+nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
+                                const BusCounts& bus);
 
 /// Whether SIGINT or SIGTERM has arrived since run_program() began. They interrupt poll() and
 /// sleeps.

@@ -10,7 +10,7 @@ enum class Refusal {
   wrong_type,   ///< another type hash
   truncated,    ///< shorter than its type or its own lengths say
   oversized,    ///< longer than that
-  bad_count,    ///< a number of contacts, records or coordinates that cannot be
+  bad_count,    ///< a number of contacts, records, messages or coordinates that cannot be
   bad_contact,  ///< a record of a contact that the machine does not have
   bad_kind,     ///< a record that neither closes, opens nor is a pulse
   bad_closed,   ///< a contact is closed that the machine does not have

@@ -24,7 +24,7 @@ static_assert(8 + sizeof "SPRAG_CONTACTS" + contacts_message_size < 1400);
 ContactReport random_report(std::mt19937_64& random) {
   ContactReport report;
   report.session = static_cast<std::int64_t>(random());
-  report.sequence = static_cast<std::int64_t>(random() >> 1U);
+  report.sequence = static_cast<std::int64_t>(random() >> 11U);
   report.utime = static_cast<std::int64_t>(random() >> 1U);
   report.speed = random() % 5 == 0 ? infinity : std::generate_canonical<double, 53>(random) + 1e-3;
   report.contacts = 1 + static_cast<int>(random() % max_contacts);
@@ -134,6 +134,9 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
       {Refusal::bad_count, [](auto& m) { m.records = std::numeric_limits<std::int32_t>::max(); }},
       {Refusal::bad_count, [](auto& m) { m.records_total = 2; }},
       {Refusal::bad_count, [](auto& m) { m.records_total = -1; }},
+      {Refusal::bad_count, [](auto& m) { m.records_total = (std::int64_t{1} << 53) + 1; }},
+      {Refusal::bad_count, [](auto& m) { m.sequence = -1; }},
+      {Refusal::bad_count, [](auto& m) { m.sequence = (std::int64_t{1} << 53) + 1; }},
       {Refusal::bad_time, [](auto& m) { m.t[1] = not_a_number; }},
       {Refusal::bad_time, [](auto& m) { m.t[2] = infinity; }},
       {Refusal::bad_time, [](auto& m) { m.t[0] = -1e-9; }},

@@ -11,8 +11,8 @@ TEST(LcmUrlTest, ReadsGroupPortAndArguments) {
   EXPECT_EQ(url.multicast->group, "239.1.2.3");
   EXPECT_EQ(url.multicast->port, 9999);
   EXPECT_EQ(url.multicast->ttl, 7);
-  EXPECT_TRUE(url.sets_receive_buffer);
-  EXPECT_FALSE(parse_url(default_url).sets_receive_buffer);
+  EXPECT_EQ(url.receive_buffer, 100);
+  EXPECT_FALSE(parse_url(default_url).receive_buffer);
   EXPECT_EQ(parse_url("udpm://239.1.2.3:9999?x=1,ttl=1").multicast->ttl, 1);
 }
 
@@ -31,7 +31,8 @@ TEST(LcmUrlTest, WhatLcmWouldMisreadIsRefused) {
        {"", "239.255.76.67:7667", "udp://239.255.76.67:7667", "udpm:/x", "udpm://localhost:7667",
         "udpm://10.0.0.1:7667", "udpm://239.255.76.67", "udpm://239.255.76.67:0",
         "udpm://239.255.76.67:70000", "udpm://239.255.76.67:76x", "udpm://239.255.76.67:7667?ttl=x",
-        "udpm://239.255.76.67:7667?ttl=256", "udpm://239.255.76.67:7667?ttl=-1"})
+        "udpm://239.255.76.67:7667?ttl=256", "udpm://239.255.76.67:7667?ttl=-1",
+        "udpm://239.255.76.67:7667?recv_buf_size=0", "udpm://239.255.76.67:7667?recv_buf_size=1k"})
     EXPECT_THROW(parse_url(text), UrlError) << text;
 }
 

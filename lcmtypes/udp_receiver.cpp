@@ -1,0 +1,132 @@
+#include "lcmtypes/udp_receiver.h"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <system_error>
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t largest_datagram = 65536;
+constexpr std::int64_t addresses_last = 1'000'000'000;  // ns
+
+[[noreturn]] void fail(const char* what) {
+  throw std::system_error(errno, std::generic_category(), what);
+}
+
+std::int64_t nanoseconds(clockid_t clock) {
+  timespec time;
+  clock_gettime(clock, &time);
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+}  // namespace
+
+UdpReceiver::UdpReceiver(const MulticastAddress& address, int receive_buffer)
+    : descriptor_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
+      this_host_only_(address.ttl == 0),
+      buffer_(largest_datagram) {
+  if (descriptor_ < 0) fail("socket");
+  const auto set = [this](int level, int option, const auto& value) {
+    return ::setsockopt(descriptor_, level, option, &value, sizeof value) == 0;
+  };
+  const int yes = 1;
+  const int no = 0;
+  if (!set(SOL_SOCKET, SO_RCVBUFFORCE, receive_buffer)) {
+    set(SOL_SOCKET, SO_RCVBUF, receive_buffer);
+  }
+  set(SOL_SOCKET, SO_TIMESTAMPNS, yes);
+  set(SOL_SOCKET, SO_RXQ_OVFL, yes);
+  set(IPPROTO_IP, IP_MULTICAST_ALL, no);
+
+  sockaddr_in any{};
+  any.sin_family = AF_INET;
+  any.sin_port = htons(address.port);
+  ip_mreq membership{};
+  inet_pton(AF_INET, address.group.c_str(), &membership.imr_multiaddr);
+  if (!set(SOL_SOCKET, SO_REUSEADDR, yes) ||
+      ::bind(descriptor_, reinterpret_cast<const sockaddr*>(&any), sizeof any) != 0 ||
+      !set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership)) {
+    const int error = errno;
+    ::close(descriptor_);
+    throw std::system_error(error, std::generic_category(), "multicast");
+  }
+  if (this_host_only_) read_own_addresses();
+}
+
+UdpReceiver::~UdpReceiver() { ::close(descriptor_); }
+
+bool UdpReceiver::receive(Datagram& datagram) {
+  sockaddr_in sender{};
+  iovec part{buffer_.data(), buffer_.size()};
+  alignas(cmsghdr) std::array<char, 256> control;
+  msghdr message{};
+  message.msg_name = &sender;
+  message.msg_namelen = sizeof sender;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const ssize_t size = ::recvmsg(descriptor_, &message, 0);
+  if (size < 0) {
+    if (errno == EAGAIN || errno == EINTR) return false;
+    fail("recvmsg");
+  }
+  timespec arrival{};
+  for (cmsghdr* head = CMSG_FIRSTHDR(&message); head != nullptr;
+       head = CMSG_NXTHDR(&message, head)) {
+    if (head->cmsg_level != SOL_SOCKET) continue;
+    if (head->cmsg_type == SCM_TIMESTAMPNS) {
+      std::memcpy(&arrival, CMSG_DATA(head), sizeof arrival);
+    } else if (head->cmsg_type == SO_RXQ_OVFL) {
+      std::uint32_t drops = 0;
+      std::memcpy(&drops, CMSG_DATA(head), sizeof drops);
+      overflowed_ += drops - last_drops_;  // modulo 2^32
+      last_drops_ = drops;
+    }
+  }
+  datagram.bytes = {buffer_.data(), static_cast<std::size_t>(size)};
+  datagram.utime = arrival.tv_sec != 0
+                       ? std::int64_t{arrival.tv_sec} * 1'000'000 + arrival.tv_nsec / 1000
+                       : nanoseconds(CLOCK_REALTIME) / 1000;
+  datagram.other_host = this_host_only_ && !from_here(sender.sin_addr.s_addr);
+  return true;
+}
+
+bool UdpReceiver::from_here(std::uint32_t address) {
+  // Without any address but the loopback's, a host's packets come from 0.0.0.0; the kernel drops
+  // those that claim to from elsewhere, as it does those with an address of this host.
+  const auto known = [&] {
+    return address == INADDR_ANY || std::find(own_addresses_.begin(), own_addresses_.end(), address) != own_addresses_.end();
+  };
+  if (known()) return true;
+  // This host may have been given another address since.
+  if (nanoseconds(CLOCK_MONOTONIC) - addresses_read_ < addresses_last) return false;
+  read_own_addresses();
+  return known();
+}
+
+void UdpReceiver::read_own_addresses() {
+  addresses_read_ = nanoseconds(CLOCK_MONOTONIC);
+  ifaddrs* interfaces = nullptr;
+  if (::getifaddrs(&interfaces) != 0) fail("getifaddrs");
+  own_addresses_.clear();
+  for (const ifaddrs* i = interfaces; i != nullptr; i = i->ifa_next) {
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
+    sockaddr_in address;
+    std::memcpy(&address, i->ifa_addr, sizeof address);
+    own_addresses_.push_back(address.sin_addr.s_addr);
+  }
+  ::freeifaddrs(interfaces);
+}
+
+}  // namespace sprag

@@ -1,0 +1,49 @@
+// A socket that hears a multicast group as LCM's does, except that it takes no other group's
+// packets on the same port, and with ttl=0 none from other hosts, whose packets LCM lets in.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/lcm_url.h"
+
+namespace sprag {
+
+class UdpReceiver {
+ public:
+  /// Asks the kernel for `receive_buffer` bytes; as root for more than net.core.rmem_max. Throws
+  /// std::system_error.
+  UdpReceiver(const MulticastAddress& address, int receive_buffer);
+  ~UdpReceiver();
+  UdpReceiver(const UdpReceiver&) = delete;
+  UdpReceiver& operator=(const UdpReceiver&) = delete;
+
+  struct Datagram {
+    std::span<const std::uint8_t> bytes;  ///< valid until the next receive()
+    std::int64_t utime = 0;               ///< arrival at the kernel, wall clock [us]
+    bool other_host = false;              ///< with ttl=0: not from this host
+  };
+
+  /// Takes a datagram that has arrived; false if there is none. Throws std::system_error.
+  bool receive(Datagram& datagram);
+
+  int descriptor() const { return descriptor_; }
+  /// Datagrams that the kernel dropped because the buffer was full.
+  std::int64_t overflowed() const { return overflowed_; }
+
+ private:
+  bool from_here(std::uint32_t address);
+  void read_own_addresses();
+
+  int descriptor_;
+  bool this_host_only_;
+  std::vector<std::uint32_t> own_addresses_;
+  std::int64_t addresses_read_ = 0;  // monotonic [ns]
+  std::vector<std::uint8_t> buffer_;
+  std::int64_t overflowed_ = 0;
+  std::uint32_t last_drops_ = 0;
+};
+
+}  // namespace sprag
