@@ -23,6 +23,6 @@ int main(int argc, char** argv) {
   app.add_flag("!--no-truth", options.truth, "Do not publish the true state");
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    return sprag::run_master(sprag::read_scene(scene), options, common.url, report);
+    return sprag::run_master(sprag::read_scene(scene), options, common, report);
   });
 }

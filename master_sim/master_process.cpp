@@ -50,14 +50,14 @@ std::int64_t wall_clock_us() {
 
 class MasterProcess {
  public:
-  MasterProcess(const Scene& scene, const MasterOptions& options, const std::string& url)
+  MasterProcess(const Scene& scene, const MasterOptions& options, const CommonOptions& common)
       : options_(options),
         master_(scene.model, scene.master),
         builder_(random_session(), options.speed, static_cast<int>(scene.model.contacts.size())),
         last_tick_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                                 : last_tick(options.duration, options.tick)),
         wants_states_(!options.states.empty() || (options.lcm && options.truth)) {
-    if (options.lcm) bus_.emplace(url);
+    if (options.lcm) bus_.emplace(common.url, key_of(common));
     if (!options.events.empty()) events_file_.emplace(options.events);
     if (!options.states.empty()) states_file_.emplace(options.states, scene.model.coordinates());
     sample_.session = builder_.session();
@@ -223,12 +223,12 @@ class MasterProcess {
 
 }  // namespace
 
-int run_master(const Scene& scene, const MasterOptions& options, const std::string& url,
+int run_master(const Scene& scene, const MasterOptions& options, const CommonOptions& common,
                nlohmann::ordered_json& report) {
   if (std::isinf(options.speed) && std::isinf(options.duration)) {
     throw UsageError("--speed max needs --duration: an unpaced run has no natural end");
   }
-  MasterProcess process(scene, options, url);
+  MasterProcess process(scene, options, common);
   try {
     process.run();
   } catch (const SimulationError&) {

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
-#include <string>
 
+#include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 
 namespace sprag {
@@ -22,8 +22,8 @@ struct MasterOptions {
 };
 
 /// Runs until `duration` or a signal. Returns the exit code. Throws ModelError, BusError,
-/// SimulationError (what was found until then is in the files and has been sent).
-int run_master(const Scene& scene, const MasterOptions& options, const std::string& url,
+/// InputError, SimulationError (what was found until then is in the files and has been sent).
+int run_master(const Scene& scene, const MasterOptions& options, const CommonOptions& common,
                nlohmann::ordered_json& report);
 
 }  // namespace sprag

@@ -1,6 +1,6 @@
 #include "observer/live.h"
 
-#include <array>
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <exception>
@@ -15,7 +15,9 @@
 #include "mechanics/moreau.h"
 #include "mechanics/replica.h"
 #include "mechanics/states_file.h"
+#include "observer/figures.h"
 #include "observer/master_clock.h"
+#include "observer/real_time.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
@@ -31,53 +33,67 @@ constexpr std::size_t report_slots = 1024;
 constexpr std::size_t sample_slots = 16384;
 constexpr std::int64_t max_history_bytes = 256 << 20;
 constexpr int last_sample_repeats = 5;
-constexpr double history_time = 2.0;                     // simulated s that can be redone
 constexpr std::int64_t longest_wait = 2'000'000;         // ns
 constexpr std::int64_t progress_period = 1'000'000'000;  // ns
+// The loop looks at the clock and at the messages at least as often as this.
+constexpr std::int64_t ticks_per_turn = 4096;
+constexpr std::int64_t real_time_lost_after = 100'000'000;  // ns
+constexpr std::int64_t silent_after = 1'000'000'000;        // ns
+constexpr std::size_t most_new_events = 4096;               // per turn, whose latency is taken
+constexpr int receiving_priority = 79, integrating_priority = 80, publishing_priority = 70;
 
 struct Heard {
   ContactReport report;
-  std::int64_t arrival = 0;
+  Arrival arrival;
 };
 
 struct Sample {
-  enum class Kind { estimate, settled, session } kind = Kind::estimate;
+  enum class Kind {
+    estimate,
+    settled,
+    session,
+    other_master,
+    silence,
+    real_time_lost,
+    real_time_regained
+  } kind = Kind::estimate;
   EstimateSample estimate;
 };
 
-struct Lateness {
-  std::int64_t ticks = 0;   // with a deadline
-  std::int64_t missed = 0;  // later than the next tick was due
-  double worst = 0.0;       // s
-};
-
-std::int64_t history_ticks(const Scene& scene, double h) {
-  const auto wanted = static_cast<std::int64_t>(std::ceil(history_time / h));
+std::int64_t history_ticks(const Scene& scene, const ObserverOptions& options) {
+  const double wanted = std::ceil(options.history / options.tick);
   const std::int64_t bytes = 1024 + 64 * scene.model.coordinates();
-  return std::clamp<std::int64_t>(wanted, 16,
-                                  std::max<std::int64_t>(16, max_history_bytes / bytes));
+  const std::int64_t most = std::max<std::int64_t>(16, max_history_bytes / bytes);
+  return wanted < static_cast<double>(most) ? std::max<std::int64_t>(16, std::llround(wanted))
+                                            : most;
 }
+
+using Kind = Sample::Kind;
 
 template <typename Stepper>
 class LiveObserver {
  public:
-  LiveObserver(const Scene& scene, const ObserverOptions& options, const std::string& url)
+  LiveObserver(const Scene& scene, const ObserverOptions& options, const CommonOptions& common)
       : contacts_(static_cast<int>(scene.model.contacts.size())),
         coordinates_(scene.model.coordinates()),
+        real_time_(options.real_time),
         stepper_(scene.model, options.tick),
-        time_line_(stepper_, contacts_, scene.replica, history_ticks(scene, options.tick)),
+        time_line_(stepper_, contacts_, scene.replica, history_ticks(scene, options)),
         last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                            : last_tick(options.duration, options.tick)),
+        sessions_(common.key.empty() ? Freshness::any : Freshness::required),
         heard_(report_slots, Heard{}),
         samples_(sample_slots, empty_sample()),
-        bus_(url) {
+        bus_(common.url, key_of(common)) {
+    new_events_due_.reserve(most_new_events);
     if (!options.states.empty()) {
       states_.emplace(options.states, coordinates_);
       if (!states_->good()) throw std::runtime_error(states_->error());
     }
     bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
                                             std::int64_t) { hear(data); });
-    std::cerr << "listening on " << url << '\n';
+    if (real_time_) claim_real_time();
+    std::cerr << "listening on " << common.url << '\n';
   }
 
   int run() {
@@ -95,32 +111,19 @@ class LiveObserver {
   }
 
   void finish(nlohmann::ordered_json& report) {
-    const MessageCounts& counts = sessions_.counts();
-    report["ticks"] = settled_;
+    figures_.messages = sessions_.counts();
+    figures_.rollbacks = time_line_.rollbacks();
+    figures_.events = time_line_.events().counts();
+    figures_.reception.bus = bus_.counts();
+    to_json(figures_, report);
     report["settled_tick"] = time_line_.handed_out();
-    report["missed_deadlines"] = lateness_.missed;
-    report["ticks_with_deadline"] = lateness_.ticks;
-    report["worst_lateness_s"] = lateness_.worst;
-    report["estimates_dropped"] = dropped_;
     report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
-    nlohmann::ordered_json refused = nlohmann::ordered_json::object();
-    for (int i = 1; i < refusal_kinds; ++i) {
-      const std::int64_t count = refused_[static_cast<std::size_t>(i)];
-      if (count > 0) refused[std::string(name(static_cast<Refusal>(i)))] = count;
-    }
-    if (other_machine_ > 0) refused["other_machine"] = other_machine_;
-    report["messages"] = {
-        {"received", counts.received},   {"refused", refused},
-        {"lost", counts.lost},           {"doubled", counts.doubled},
-        {"reordered", counts.reordered}, {"of_past_sessions", counts.of_past_sessions},
-        {"overflowed", overflowed_},     {"unsent", unsent_}};
-    report["sessions"] = counts.sessions;
     report.update(to_json(time_line_.events()));
-    report["rollbacks"] = to_json(time_line_.rollbacks());
     for (const DegradedInterval& gap : time_line_.events().degraded()) {
       std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
     }
+    print(figures_, std::cerr);
     if (states_ && !states_->close()) throw std::runtime_error(states_->error());
   }
 
@@ -132,8 +135,24 @@ class LiveObserver {
     return sample;
   }
 
+  // Says in one line what is not granted, and goes on without it.
+  void claim_real_time() {
+    std::string refused = lock_memory();
+    // The threads claim their own priorities; whether they may is known here.
+    if (refused.empty()) refused = schedule_fifo(publishing_priority);
+    if (refused.empty()) return;
+    std::cerr << "no real-time scheduling (" << refused << "): running without it\n";
+    real_time_ = false;
+  }
+
+  void prepare_thread(int priority) const {
+    sleep_exactly();
+    if (real_time_) (void)schedule_fifo(priority);
+  }
+
   // Receiving thread.
   void receive() {
+    prepare_thread(receiving_priority);
     try {
       while (!stop_) bus_.handle(50ms);
     } catch (...) {
@@ -146,15 +165,15 @@ class LiveObserver {
   void hear(std::span<const std::uint8_t> data) {
     Heard* slot = heard_.free_slot();
     if (slot == nullptr) {
-      ++overflowed_;
+      ++figures_.reception.overflowed;
       return;
     }
-    slot->arrival = monotonic_now();
+    slot->arrival = {monotonic_now(), wall_clock_us()};
     const Refusal refusal = decode(data, slot->report);
     if (refusal != Refusal::none) {
-      ++refused_[static_cast<std::size_t>(refusal)];
+      ++figures_.reception.refused[static_cast<std::size_t>(refusal)];
     } else if (slot->report.contacts != contacts_) {
-      ++other_machine_;
+      ++figures_.reception.other_machine;
     } else {
       heard_.push();
       reports_arrived_.signal();
@@ -163,72 +182,154 @@ class LiveObserver {
 
   // Integrating thread: the real-time loop.
   void integrate() {
+    prepare_thread(integrating_priority);
+    bool in_time = true;
     while (!stop_ && !done_) {
-      reports_arrived_.wait_until(next_deadline());
-      while (Heard* heard = heard_.front()) {
-        take(*heard);
-        heard_.pop();
-      }
+      if (in_time) wait();
+      const std::int64_t begin = monotonic_now();
+      take_reports();
       if (!time_line_.started()) continue;
-      const std::int64_t now = monotonic_now();
-      const double simulated = clock_.simulated(now);
-      const std::int64_t target = simulated > 0.0 ? last_tick(simulated, stepper_.h()) : 0;
-      time_line_.run(
-          std::min(target, last_), [this](const auto& state) { on_tick(state); },
-          [this](const auto& state) { return on_settled(state); });
-      if (time_line_.handed_out() >= last_) done_ = true;
+      in_time = advance(begin);
+      account(begin);
       samples_ready_.signal();
     }
+    figures_.integration.unsettled_ticks = std::min(reached_, last_) - time_line_.handed_out();
+    end_loss(monotonic_now());
     samples_ready_.signal();
   }
 
-  std::int64_t next_deadline() const {
-    const std::int64_t now = monotonic_now();
-    if (!time_line_.started() || std::isinf(clock_.speed())) return now + longest_wait;
-    const double next = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
-    return std::clamp(clock_.local(next), now, now + longest_wait);
+  // Until the next tick is due; without a pace, until something is heard.
+  void wait() {
+    const std::int64_t latest = monotonic_now() + longest_wait;
+    if (!time_line_.started() || std::isinf(clock_.speed())) {
+      reports_arrived_.wait_until(latest);
+    } else {
+      const double next = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
+      sleep_until(std::min(clock_.local(next), latest));
+    }
+  }
+
+  void take_reports() {
+    while (Heard* heard = heard_.front()) {
+      take(*heard);
+      heard_.pop();
+    }
   }
 
   void take(const Heard& heard) {
-    switch (sessions_.hear(heard.report)) {
+    const ContactReport& report = heard.report;
+    if (report.session == sessions_.session() && !clock_.plausible(report, heard.arrival)) {
+      ++figures_.integration.implausible;
+      return;
+    }
+    const std::int64_t lost = sessions_.counts().lost;
+    const std::int64_t others = sessions_.counts().of_other_masters;
+    switch (sessions_.hear(report, heard.arrival)) {
       case SessionTracker::Verdict::ignored:
+        if (others == 0 && sessions_.counts().of_other_masters > 0) announce(Kind::other_master);
         return;
       case SessionTracker::Verdict::starts:
         clock_.restart();
-        clock_.observe(heard.report, heard.arrival);
-        first_heard_ = heard.arrival;
-        time_line_.restart(heard.report);
-        announce_session();
+        clock_.observe(report, heard.arrival);
+        first_heard_ = last_heard_ = heard.arrival.monotonic;
+        end_loss(first_heard_);
+        pace_ = Pace::catching_up;
+        time_line_.restart(report);
+        reached_ = time_line_.now() - 1;
+        announce(Kind::session);
         return;
       case SessionTracker::Verdict::continues:
-        clock_.observe(heard.report, heard.arrival);
-        time_line_.receive(heard.report);
+        clock_.observe(report, heard.arrival);
+        last_heard_ = heard.arrival.monotonic;
+        receive_events(report, sessions_.counts().lost > lost);
         return;
     }
+  }
+
+  void receive_events(const ContactReport& report, bool behind_a_loss) {
+    const std::size_t known = time_line_.events().events().size();
+    time_line_.receive(report);
+    const auto& events = time_line_.events().events();
+    if (behind_a_loss) {
+      figures_.integration.repaired_events += static_cast<std::int64_t>(events.size() - known);
+    }
+    if (std::isinf(clock_.speed())) return;
+    for (std::size_t i = known; i < events.size() && new_events_due_.size() < most_new_events;
+         ++i) {
+      new_events_due_.push_back(clock_.local(events[i].t));
+    }
+  }
+
+  // Runs to the tick that is due; false if there was more to do than a turn may take.
+  bool advance(std::int64_t now) {
+    const double simulated = clock_.simulated(now);
+    const std::int64_t due = simulated > 0.0 ? last_tick(simulated, stepper_.h()) : 0;
+    const bool in_time = time_line_.run(
+        std::min(due, last_), [this](const auto& state) { on_tick(state); },
+        [this](const auto& state) { return on_settled(state); }, ticks_per_turn);
+    if (time_line_.handed_out() >= last_) done_ = true;
+    if (!std::isinf(clock_.speed())) watch(simulated);
+    return in_time;
+  }
+
+  // Whether the estimate keeps up with the master, and whether the master is still there.
+  void watch(double simulated) {
+    const std::int64_t now = monotonic_now();
+    const double tick_time = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
+    const std::int64_t lag = time_line_.now() >= last_ ? 0 : now - clock_.local(tick_time);
+    if (lag > real_time_lost_after && pace_ == Pace::kept) {
+      pace_ = Pace::lost;
+      lost_since_ = now - lag;
+      ++figures_.integration.real_time_losses;
+      announce(Kind::real_time_lost);
+    } else if (lag <= longest_wait) {
+      if (pace_ == Pace::lost) announce(Kind::real_time_regained);
+      end_loss(now);
+      pace_ = Pace::kept;
+    }
+    if (now - last_heard_ > silent_after && simulated > 0.0 && !silent_) announce(Kind::silence);
+    silent_ = now - last_heard_ > silent_after;
+  }
+
+  void end_loss(std::int64_t now) {
+    if (pace_ == Pace::lost) figures_.integration.real_time_lost += now - lost_since_;
+    pace_ = Pace::catching_up;
+  }
+
+  void account(std::int64_t begin) {
+    const std::int64_t end = monotonic_now();
+    figures_.integration.execution.add(end - begin);
+    const std::int64_t rollbacks = time_line_.rollbacks().rollbacks;
+    if (rollbacks > rollbacks_) figures_.integration.rollback_cost.add(end - begin);
+    rollbacks_ = rollbacks;
+    for (const std::int64_t due : new_events_due_) {
+      figures_.integration.event_latency.add(end - due);
+    }
+    new_events_due_.clear();
   }
 
   void on_tick(const typename Stepper::State& state) {
     if (state.tick > last_) return;
+    reached_ = state.tick;
     if (std::isfinite(clock_.speed())) {
-      const double t = tick_instant(state.tick, stepper_.h()).hi;
-      const std::int64_t due = clock_.local(t);
+      const std::int64_t due = clock_.local(tick_instant(state.tick, stepper_.h()).hi);
       if (due > first_heard_) {
-        const double late = 1e-9 * static_cast<double>(monotonic_now() - due);
-        ++lateness_.ticks;
-        if (late > stepper_.h() / clock_.speed()) ++lateness_.missed;
-        lateness_.worst = std::max(lateness_.worst, late);
+        const std::int64_t late = monotonic_now() - due;
+        figures_.integration.lateness.add(late);
+        const double tick = 1e9 * stepper_.h() / clock_.speed();
+        if (static_cast<double>(late) > tick) ++figures_.integration.missed;
       }
     }
-    if (!send(Sample::Kind::estimate, state)) ++dropped_;
+    if (!send(Kind::estimate, state)) ++figures_.integration.estimates_dropped;
   }
 
   bool on_settled(const typename Stepper::State& state) {
     if (state.tick > last_) return true;
     refused_impacts_ = state.refused_impacts;
-    return send(Sample::Kind::settled, state);
+    return send(Kind::settled, state);
   }
 
-  bool send(Sample::Kind kind, const typename Stepper::State& state) {
+  bool send(Kind kind, const typename Stepper::State& state) {
     Sample* slot = samples_.free_slot();
     if (slot == nullptr) return false;
     slot->kind = kind;
@@ -236,19 +337,20 @@ class LiveObserver {
     slot->estimate.tick = state.tick;
     slot->estimate.t = tick_instant(state.tick, stepper_.h()).hi;
     slot->estimate.closed = state.chi;
-    slot->estimate.settled_tick = std::max<std::int64_t>(
-        kind == Sample::Kind::settled ? state.tick : time_line_.handed_out(), -1);
+    slot->estimate.settled_tick =
+        std::max<std::int64_t>(kind == Kind::settled ? state.tick : time_line_.handed_out(), -1);
     stepper_.output(state, slot->estimate.q, slot->estimate.u);
     samples_.push();
     return true;
   }
 
-  void announce_session() {
+  // Something to tell people; the publishing thread does.
+  void announce(Kind kind) {
     Sample* slot = samples_.free_slot();
     if (slot == nullptr) return;
-    slot->kind = Sample::Kind::session;
-    slot->estimate.session = sessions_.session();
-    slot->estimate.t = tick_instant(time_line_.now(), stepper_.h()).hi;
+    slot->kind = kind;
+    slot->estimate.session = kind == Kind::other_master ? sessions_.other() : sessions_.session();
+    slot->estimate.t = tick_instant(std::max<std::int64_t>(reached_, 0), stepper_.h()).hi;
     samples_.push();
   }
 
@@ -281,16 +383,14 @@ class LiveObserver {
   }
 
   void emit(Sample& sample) {
-    if (sample.kind == Sample::Kind::session) {
-      ++announced_;
-      std::cerr << (announced_ > 1 ? "new session: the master was restarted; " : "")
-                << "observing from t = " << sample.estimate.t << '\n';
+    if (sample.kind != Kind::estimate && sample.kind != Kind::settled) {
+      tell(sample);
       return;
     }
     sample.estimate.utime = wall_clock_us();
-    const bool settled = sample.kind == Sample::Kind::settled;
+    const bool settled = sample.kind == Kind::settled;
     if (settled) {
-      ++settled_;
+      ++figures_.ticks;
       last_settled_t_ = sample.estimate.t;
       if (states_) {
         states_->write(sample.estimate.tick, sample.estimate.t, sample.estimate.q,
@@ -300,7 +400,34 @@ class LiveObserver {
     std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
     if (!bus_.publish(settled ? settled_channel : estimate_channel,
                       encode(sample.estimate, buffer))) {
-      ++unsent_;
+      ++figures_.unsent;
+    }
+  }
+
+  void tell(const Sample& sample) {
+    const double t = sample.estimate.t;
+    switch (sample.kind) {
+      case Kind::session:
+        ++announced_;
+        std::cerr << (announced_ > 1 ? "new session: the master was restarted; " : "")
+                  << "observing from t = " << t << '\n';
+        return;
+      case Kind::other_master:
+        std::cerr << "a second master (session " << sample.estimate.session
+                  << ") is on the channel; the first is kept\n";
+        return;
+      case Kind::silence:
+        std::cerr << "the master is silent at t = " << t << "; the estimate goes on without it\n";
+        return;
+      case Kind::real_time_lost:
+        std::cerr << "real time lost at t = " << t << '\n';
+        return;
+      case Kind::real_time_regained:
+        std::cerr << "real time regained at t = " << t << '\n';
+        return;
+      case Kind::estimate:
+      case Kind::settled:
+        return;
     }
   }
 
@@ -313,17 +440,25 @@ class LiveObserver {
     }
   }
 
+  enum class Pace { catching_up, kept, lost };
+
   int contacts_;
   Eigen::Index coordinates_;
+  bool real_time_;
   Stepper stepper_;
   TimeLine<Stepper> time_line_;
   std::int64_t last_;
   MasterClock clock_;
   SessionTracker sessions_;
-  std::int64_t first_heard_ = 0;
-  Lateness lateness_;
-  std::int64_t dropped_ = 0;
+  std::int64_t first_heard_ = 0, last_heard_ = 0;
+  std::int64_t reached_ = -1;
+  std::int64_t rollbacks_ = 0;
+  std::vector<std::int64_t> new_events_due_;  // local times
+  Pace pace_ = Pace::catching_up;
+  std::int64_t lost_since_ = 0;
+  bool silent_ = false;
   std::int64_t refused_impacts_ = 0;
+  LiveFigures figures_;  // each thread writes its own part
 
   SpscQueue<Heard> heard_;
   SpscQueue<Sample> samples_;
@@ -334,23 +469,18 @@ class LiveObserver {
 
   Bus bus_;
   std::exception_ptr error_;  // of the receiving thread; read after it has ended
-  std::array<std::int64_t, refusal_kinds> refused_{};
-  std::int64_t other_machine_ = 0;
-  std::int64_t overflowed_ = 0;
 
   std::optional<StatesWriter> states_;
   std::vector<std::uint8_t> buffer_;
   std::vector<std::uint8_t> last_settled_;
-  std::int64_t settled_ = 0;
-  std::int64_t unsent_ = 0;
   int announced_ = 0;
   double last_settled_t_ = 0.0;
 };
 
 template <typename Stepper>
-int observe(const Scene& scene, const ObserverOptions& options, const std::string& url,
+int observe(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
             nlohmann::ordered_json& report) {
-  LiveObserver<Stepper> observer(scene, options, url);
+  LiveObserver<Stepper> observer(scene, options, common);
   const int code = observer.run();
   observer.finish(report);
   return code;
@@ -358,11 +488,11 @@ int observe(const Scene& scene, const ObserverOptions& options, const std::strin
 
 }  // namespace
 
-int run_live(const Scene& scene, const ObserverOptions& options, const std::string& url,
+int run_live(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report) {
   return options.stepper == StepperKind::exact
-             ? observe<Replica>(scene, options, url, report)
-             : observe<MoreauReplica>(scene, options, url, report);
+             ? observe<Replica>(scene, options, common, report)
+             : observe<MoreauReplica>(scene, options, common, report);
 }
 
 }  // namespace sprag

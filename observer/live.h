@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
-#include <string>
 
+#include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 
 namespace sprag {
@@ -19,11 +19,13 @@ struct ObserverOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
   StepperKind stepper = StepperKind::exact;
   std::filesystem::path states;  ///< settled ticks as CSV; empty: none
+  double history = 2.0;          ///< simulated [s] of ticks that are kept to go back to
+  bool real_time = false;        ///< SCHED_FIFO and locked memory
 };
 
 /// Observes until tick `duration` has settled or a signal comes. Returns the exit code. Throws
-/// ModelError, BusError.
-int run_live(const Scene& scene, const ObserverOptions& options, const std::string& url,
+/// ModelError, BusError, InputError.
+int run_live(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report);
 
 }  // namespace sprag

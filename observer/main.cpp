@@ -21,6 +21,9 @@ int main(int argc, char** argv) {
           {"exact", sprag::StepperKind::exact}, {"moreau", sprag::StepperKind::moreau}}))
       ->type_name("exact|moreau");
   app.add_option("--states", options.states, "Write the settled ticks here")->type_name("F.csv");
+  sprag::add_positive(app, "--history", options.history, "T",
+                      "Simulated time of ticks that are kept to go back to [2]");
+  app.add_flag("--realtime", options.real_time, "SCHED_FIFO and locked memory, where permitted");
   auto* file =
       app.add_option("--replay", replay.file, "Replay an LCM log or an events CSV, offline")
           ->type_name("FILE");
@@ -30,7 +33,7 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene parsed = sprag::read_scene(scene);
-    return replay.file.empty() ? sprag::run_live(parsed, options, common.url, report)
-                               : sprag::run_replay(parsed, options, replay, report);
+    return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
+                               : sprag::run_replay(parsed, options, replay, common, report);
   });
 }

@@ -7,27 +7,41 @@ namespace sprag {
 namespace {
 
 constexpr std::int64_t window = 2'000'000'000;
+constexpr std::int64_t largest_delay = 1'000'000;  // us
+constexpr double largest_lead = 10.0;              // s
+
+// Local time at which the report was sent, as far as the wall clocks tell.
+std::int64_t sent(const ContactReport& report, const Arrival& arrival) {
+  const std::int64_t late = delay(report.utime, arrival);
+  return late >= 0 && late <= largest_delay ? arrival.monotonic - 1000 * late : arrival.monotonic;
+}
 
 }  // namespace
 
-void MasterClock::observe(const ContactReport& report, std::int64_t arrival) {
+void MasterClock::observe(const ContactReport& report, const Arrival& arrival) {
+  const std::int64_t at = sent(report, arrival);
   if (!heard_ || report.speed != speed_) {
     heard_ = true;
     speed_ = report.speed;
     horizon_ = report.horizon;
-    epoch_ = window_start_ = arrival;
+    epoch_ = window_start_ = at;
     best_ = previous_best_ = report.horizon;
     return;
   }
   horizon_ = std::max(horizon_, report.horizon);
   if (std::isinf(speed_)) return;
-  const double origin = report.horizon - speed_ * 1e-9 * static_cast<double>(arrival - epoch_);
-  if (arrival - window_start_ > window) {
+  const double origin = report.horizon - speed_ * 1e-9 * static_cast<double>(at - epoch_);
+  if (arrival.monotonic - window_start_ > window) {
     previous_best_ = best_;
     best_ = origin;
-    window_start_ = arrival;
+    window_start_ = arrival.monotonic;
   }
   best_ = std::max(best_, origin);
+}
+
+bool MasterClock::plausible(const ContactReport& report, const Arrival& arrival) const {
+  if (!heard_ || std::isinf(speed_) || report.speed != speed_) return true;
+  return report.horizon <= simulated(arrival.monotonic) + largest_lead * speed_;
 }
 
 double MasterClock::origin() const { return std::max(best_, previous_best_); }
@@ -38,7 +52,9 @@ double MasterClock::simulated(std::int64_t local) const {
 }
 
 std::int64_t MasterClock::local(double t) const {
-  return epoch_ + static_cast<std::int64_t>(std::ceil((t - origin()) / speed_ * 1e9));
+  constexpr double longest = 1e18;  // ns, 30 years
+  const double wait = std::ceil((t - origin()) / speed_ * 1e9);
+  return epoch_ + static_cast<std::int64_t>(std::clamp(wait, -longest, longest));
 }
 
 }  // namespace sprag

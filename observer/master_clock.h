@@ -1,11 +1,17 @@
-// "Now" in simulated time, seen from outside: a paced master's reports say how far it was when they
-// were sent, each arrives after a delay, and the least delayed one of the last seconds comes
-// closest (the lower envelope of the delays). Local times are monotonic nanoseconds.
+// "Now" in simulated time, seen from outside: a paced master's reports say how far it was and what
+// its wall clock showed when they were sent. Where that makes a delay of 0 to 1 s the delay is
+// taken off; else the clocks disagree, and it counts as none. Of the last seconds the report that
+// is the furthest ahead counts (the lower envelope of the delays), so that jitter does not matter.
+//
+// A master's clock that is ahead by delta <= 1 s puts "now" behind by the least delay or
+// speed delta, whichever is less; one that is behind by delta puts it ahead by speed delta. Settled
+// ticks do not depend on it. Local times are monotonic nanoseconds.
 #pragma once
 
 #include <cstdint>
 
 #include "mechanics/contact_report.h"
+#include "observer/arrival.h"
 
 namespace sprag {
 
@@ -13,8 +19,10 @@ class MasterClock {
  public:
   void restart() { *this = MasterClock(); }
 
-  /// A report that arrived at local time `arrival`.
-  void observe(const ContactReport& report, std::int64_t arrival);
+  void observe(const ContactReport& report, const Arrival& arrival);
+
+  /// False if a paced master cannot be as far as the report says: 10 s or more ahead of its pace.
+  bool plausible(const ContactReport& report, const Arrival& arrival) const;
 
   bool running() const { return heard_; }
   /// Simulated s per local s; infinite for an unpaced master.
@@ -34,7 +42,7 @@ class MasterClock {
   double horizon_ = 0.0;
   std::int64_t epoch_ = 0;  // local time of the first report: keeps the numbers small
   std::int64_t window_start_ = 0;
-  double best_ = 0.0;           // largest horizon - speed (arrival - epoch) of this window
+  double best_ = 0.0;           // largest horizon - speed (sent - epoch) of this window
   double previous_best_ = 0.0;  // and of the window before
 };
 

@@ -1,8 +1,10 @@
 #include "observer/replay.h"
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <optional>
 #include <string_view>
 
@@ -29,6 +31,12 @@ bool is_lcm_log(const std::filesystem::path& file) {
   std::array<char, 4> first{};
   std::ifstream(file, std::ios::binary).read(first.data(), first.size());
   return first == sync || file.extension() == ".lcmlog";
+}
+
+// The log's own clock; what is not a time there stays a number.
+Arrival arrival_of(const ChannelRecord& record) {
+  constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 1000;
+  return {1000 * std::clamp<std::int64_t>(record.utime, -latest, latest), record.utime};
 }
 
 template <typename Stepper>
@@ -72,19 +80,29 @@ class Replay {
     return !recorded.damage;
   }
 
-  bool lcm_log(const std::filesystem::path& file, nlohmann::ordered_json& report) {
+  bool lcm_log(const std::filesystem::path& file, const std::optional<Key>& key,
+               nlohmann::ordered_json& report) {
     ChannelLogReader log(file);
     SessionTracker sessions;
     ChannelRecord record;
     std::int64_t refused = 0;
+    std::int64_t unauthenticated = 0;
     ContactReport contacts;
     while (!done() && !stop_requested() && log.next(record)) {
       if (record.channel != contacts_channel) continue;
-      if (decode(record.data, contacts) != Refusal::none || contacts.contacts != contacts_) {
+      std::span<const std::uint8_t> message(record.data);
+      if (key) {
+        if (!key->verifies(record.channel, message)) {
+          ++unauthenticated;
+          continue;
+        }
+        message = message.first(message.size() - Key::tag_size);
+      }
+      if (decode(message, contacts) != Refusal::none || contacts.contacts != contacts_) {
         ++refused;
         continue;
       }
-      const auto verdict = sessions.hear(contacts);
+      const auto verdict = sessions.hear(contacts, arrival_of(record));
       if (verdict == SessionTracker::Verdict::ignored) continue;
       if (verdict == SessionTracker::Verdict::starts) {
         time_line_.restart(0, 0, 0, no_horizon);
@@ -93,9 +111,14 @@ class Replay {
       settle();
     }
     const MessageCounts& counts = sessions.counts();
-    report["messages"] = {{"received", counts.received},   {"refused", refused},
-                          {"lost", counts.lost},           {"doubled", counts.doubled},
-                          {"reordered", counts.reordered}, {"sessions", counts.sessions}};
+    report["messages"] = {{"received", counts.received},
+                          {"refused", refused},
+                          {"unauthenticated", unauthenticated},
+                          {"lost", counts.lost},
+                          {"doubled", counts.doubled},
+                          {"reordered", counts.reordered},
+                          {"of_other_masters", counts.of_other_masters},
+                          {"sessions", counts.sessions}};
     if (counts.received == 0) {
       std::cerr << file.string() << ": no message on " << contacts_channel << '\n';
     }
@@ -161,9 +184,9 @@ class Replay {
 
 template <typename Stepper>
 int replay_with(const Scene& scene, const ObserverOptions& options, const ReplayOptions& options_of,
-                nlohmann::ordered_json& report) {
+                const std::optional<Key>& key, nlohmann::ordered_json& report) {
   Replay<Stepper> replay(scene, options, options_of);
-  const bool whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, report)
+  const bool whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, key, report)
                                                  : replay.events_csv(options_of.file, report);
   replay.finish(report);
   return whole ? exit_done : exit_failed;
@@ -172,10 +195,11 @@ int replay_with(const Scene& scene, const ObserverOptions& options, const Replay
 }  // namespace
 
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
-               nlohmann::ordered_json& report) {
+               const CommonOptions& common, nlohmann::ordered_json& report) {
+  const std::optional<Key> key = key_of(common);
   return options.stepper == StepperKind::exact
-             ? replay_with<Replica>(scene, options, replay, report)
-             : replay_with<MoreauReplica>(scene, options, replay, report);
+             ? replay_with<Replica>(scene, options, replay, key, report)
+             : replay_with<MoreauReplica>(scene, options, replay, key, report);
 }
 
 }  // namespace sprag

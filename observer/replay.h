@@ -17,6 +17,6 @@ struct ReplayOptions {
 /// (CSV). Returns 1 if the file is damaged (everything before the damage is used), else 0. Throws
 /// InputError, ModelError.
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
-               nlohmann::ordered_json& report);
+               const CommonOptions& common, nlohmann::ordered_json& report);
 
 }  // namespace sprag

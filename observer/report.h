@@ -27,8 +27,9 @@ inline nlohmann::ordered_json to_json(const EventHistory& history) {
 
 inline nlohmann::ordered_json to_json(const RollbackCounts& counts) {
   return {{"count", counts.rollbacks},
-          {"deepest_ticks", counts.deepest},
-          {"ticks_redone", counts.ticks_redone}};
+          {"deepest_ticks", counts.depth.largest()},
+          {"ticks_redone", counts.ticks_redone},
+          {"beyond_history", counts.beyond_history}};
 }
 
 /// How a stepper moves in free flight: the path of its exact flow, or "moreau".

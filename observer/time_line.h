@@ -2,24 +2,29 @@
 // "now"; when an event turns up that is older than now, the time line goes back to the last tick
 // before it and runs forward again, so that every tick is what it would have been without delay.
 // Ticks up to the horizon (all events known) are settled: they are handed out once, in order, and
-// depend on the events alone. A pure core: it knows neither clock nor transport.
+// depend on the events alone. The last ticks are kept to go back to, and always the last settled
+// one: an event that is older than what is kept costs more, never accuracy. A pure core: it knows
+// neither clock nor transport, and does not allocate once it is made.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
 #include "mechanics/instant.h"
 #include "mechanics/model.h"
 #include "observer/event_history.h"
+#include "observer/histogram.h"
 
 namespace sprag {
 
 struct RollbackCounts {
   std::int64_t rollbacks = 0;
-  std::int64_t deepest = 0;  ///< ticks of the longest one
   std::int64_t ticks_redone = 0;
+  std::int64_t beyond_history = 0;  ///< went back further than the history, to the settled tick
+  Histogram depth;                  ///< ticks redone by each
 };
 
 /// Stepper is Replica or MoreauReplica.
@@ -28,12 +33,12 @@ class TimeLine {
  public:
   using ReplicaState = typename Stepper::State;
 
-  /// Keeps at least `history` ticks (>= 1) to go back to, and the replica never runs further ahead
-  /// of the horizon than that: beyond it the estimate is held until the master is heard again.
+  /// Keeps at least `history` ticks (>= 1) to go back to.
   TimeLine(Stepper& stepper, int contacts, const State& start, std::int64_t history)
       : stepper_(&stepper), start_(start), history_(history), events_(contacts, event_capacity) {
     saved_.resize(static_cast<std::size_t>(history) + 2);
     for (ReplicaState& state : saved_) stepper.start(start, 0, 0, state);
+    stepper.start(start, 0, 0, frontier_);
   }
 
   /// Puts the scene's replica state at tick k; every event before has been dealt with.
@@ -59,7 +64,7 @@ class TimeLine {
     receive(report);
   }
 
-  /// Takes what is new in a report, and goes back if it is older than now.
+  /// Takes what is new in a report, and goes back if it is older than now. run() goes forward.
   void receive(const ContactReport& report) {
     const std::size_t known = events_.events().size();
     if (events_.add(report) > 0) go_back(known);
@@ -74,15 +79,23 @@ class TimeLine {
   /// Every event up to t is known.
   void set_horizon(double t) { events_.set_horizon(t); }
 
-  /// Runs to tick `target`, or as far as the horizon when that is later, but no further ahead of it
-  /// than the history allows. `on_tick(state)` sees every tick reached for the first time,
+  /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
+  void go_back_to(std::int64_t k) {
+    if (started_ && k < now_) redo_after(std::max({k, handed_out_, first_}));
+  }
+
+  /// Runs to tick `target`, or as far as the horizon when that is later, by at most `budget` ticks;
+  /// returns whether it got there. `on_tick(state)` sees every tick reached for the first time,
   /// `on_settled(state)` every settled one, once and in order; it may return false to be asked
-  /// again at the next call.
+  /// again at the next call, and while it does so the time line waits for it.
   template <typename OnTick, typename OnSettled>
-  void run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled) {
-    if (!started_) return;
+  bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
+           std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
+    if (!started_) return true;
     const std::int64_t settled = settled_tick();
     target = std::max(target, settled);
+    if (handed_out_ < settled && handed_out_ + 1 < oldest_) redo_after(handed_out_);
+    bool arrived = false;
     while (true) {
       if (now_ > reached_) {
         reached_ = now_;
@@ -92,10 +105,13 @@ class TimeLine {
         if (!on_settled(saved(handed_out_ + 1))) break;
         ++handed_out_;
       }
-      if (now_ >= std::min(target, handed_out_ + history_)) break;
+      arrived = now_ >= target;
+      const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
+      if (arrived || waits || budget-- <= 0) break;
       step();
     }
     forget();
+    return arrived;
   }
 
   bool started() const { return started_; }
@@ -135,7 +151,7 @@ class TimeLine {
   }
 
   void start_again() {
-    now_ = first_;
+    now_ = oldest_ = first_;
     ReplicaState& state = saved(first_);
     stepper_->start(start_, first_, chi_, state);
     consumed_ = 0;
@@ -151,6 +167,10 @@ class TimeLine {
   }
 
   void step() {
+    if (now_ + 1 - oldest_ == static_cast<std::int64_t>(saved_.size())) {
+      if (oldest_ == handed_out_) frontier_ = saved(oldest_);
+      ++oldest_;
+    }
     const ReplicaState& from = saved(now_);
     ReplicaState& to = saved(now_ + 1);
     to = from;
@@ -163,17 +183,32 @@ class TimeLine {
     const std::int64_t tick = tick_of(events_.events()[first_new]);
     if (tick > now_) return;
     ++rollbacks_.rollbacks;
-    rollbacks_.deepest = std::max(rollbacks_.deepest, now_ - tick + 1);
-    rollbacks_.ticks_redone += now_ - tick + 1;
+    rollbacks_.depth.add(now_ - tick + 1);
     const std::int64_t present = now_;
     if (tick == first_) {
+      if (oldest_ > first_) ++rollbacks_.beyond_history;
       start_again();
     } else {
-      now_ = tick - 1;
-      const auto& all = events_.events();
-      while (consumed_ > 0 && tick_of(all[consumed_ - 1]) >= tick) --consumed_;
+      if (oldest_ > tick - 1) ++rollbacks_.beyond_history;
+      redo_after(tick - 1);
     }
-    while (now_ < present) step();
+    rollbacks_.ticks_redone += present - now_;
+  }
+
+  // The state at tick k >= handed_out_ becomes the present one, or an earlier one if it is not
+  // kept.
+  void redo_after(std::int64_t k) {
+    if (k >= oldest_) {
+      now_ = k;
+    } else if (handed_out_ < first_) {
+      start_again();
+      return;
+    } else {
+      now_ = oldest_ = handed_out_;
+      saved(now_) = frontier_;
+    }
+    const auto& all = events_.events();
+    while (consumed_ > 0 && tick_of(all[consumed_ - 1]) > now_) --consumed_;
   }
 
   // Events of ticks that are handed out are not needed again, except those of the first tick.
@@ -190,10 +225,12 @@ class TimeLine {
   State start_;
   std::int64_t history_;
   EventHistory events_;
-  std::vector<ReplicaState> saved_;  // ring: tick k in slot k mod size
+  std::vector<ReplicaState> saved_;  // ring: tick k in slot k mod size, for oldest_ <= k <= now_
+  ReplicaState frontier_;            // at handed_out_, once that is older than oldest_
   bool started_ = false;
   ContactSet chi_ = 0;  // at the first tick
   std::int64_t first_ = 0;
+  std::int64_t oldest_ = 0;
   std::int64_t now_ = 0;
   std::int64_t reached_ = -1;
   std::int64_t handed_out_ = -1;

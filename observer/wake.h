@@ -1,8 +1,9 @@
-// Wakes one waiting thread from another, without a lock.
+// Waiting: for another thread, without a lock, or for a time.
 #pragma once
 
 #include <semaphore.h>
 
+#include <cerrno>
 #include <cstdint>
 #include <ctime>
 
@@ -26,6 +27,13 @@ class Wake {
  private:
   sem_t semaphore_;
 };
+
+/// Sleeps until a time of the monotonic clock [ns], whatever happens meanwhile.
+inline void sleep_until(std::int64_t time) {
+  const timespec until{time / 1'000'000'000, time % 1'000'000'000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+  }
+}
 
 inline std::int64_t monotonic_now() {
   timespec time;

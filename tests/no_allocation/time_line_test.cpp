@@ -57,7 +57,7 @@ TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
     ContactReport report;
     Refusal refusal = decode(messages.front(), report);
     ASSERT_EQ(refusal, Refusal::none);
-    ASSERT_EQ(sessions.hear(report), SessionTracker::Verdict::starts);
+    ASSERT_EQ(sessions.hear(report, {}), SessionTracker::Verdict::starts);
     line.restart(report);
 
     const auto send = [&](const auto& state) {
@@ -74,7 +74,7 @@ TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
     CountAllocations counting;
     for (std::size_t i = 1; i < messages.size() && refusal == Refusal::none; ++i) {
       refusal = decode(messages[i], report);
-      if (sessions.hear(report) == SessionTracker::Verdict::continues) line.receive(report);
+      if (sessions.hear(report, {}) == SessionTracker::Verdict::continues) line.receive(report);
       // Half a horizon's lag: now is 50 ticks ahead of what is known.
       line.run(last_tick(report.horizon, h) + 50, send, [&](const auto& state) {
         ++settled;

@@ -19,6 +19,9 @@ constexpr std::int64_t second = 1000 * millisecond;
 constexpr std::int64_t boot = 987'654'321 * second / 1000;  // local times do not start at zero
 constexpr double rounding = 1e-8;
 
+/// Wall clocks that do not agree: arrivals alone tell.
+Arrival heard_at(std::int64_t local) { return {local, 1'000'000'000'000'000}; }
+
 ContactReport report_at(double horizon, double speed) {
   ContactReport report;
   report.horizon = horizon;
@@ -36,20 +39,20 @@ struct Network {
   }
 };
 
-struct Arrival {
+struct Transmission {
   std::int64_t sent, at;
 };
 
-std::vector<Arrival> arrivals(Random& random, std::int64_t from, std::int64_t to,
-                              std::int64_t smallest, std::int64_t largest) {
-  std::vector<Arrival> list;
+std::vector<Transmission> arrivals(Random& random, std::int64_t from, std::int64_t to,
+                                   std::int64_t smallest, std::int64_t largest) {
+  std::vector<Transmission> list;
   for (std::int64_t sent = from; sent < to; sent += 10 * millisecond) {
     const double u = random.uniform(0.0, 1.0);
     const auto extra = static_cast<std::int64_t>(u * u * static_cast<double>(largest - smallest));
     list.push_back({sent, sent + smallest + extra});
   }
   std::stable_sort(list.begin(), list.end(),
-                   [](const Arrival& a, const Arrival& b) { return a.at < b.at; });
+                   [](const Transmission& a, const Transmission& b) { return a.at < b.at; });
   return list;
 }
 
@@ -60,10 +63,10 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
     const Network network{random.log_uniform(0.01, 100.0), random.uniform(0.0, 1000.0)};
     MasterClock clock;
     EXPECT_FALSE(clock.running());
-    std::vector<Arrival> heard;
-    for (const Arrival& arrival :
+    std::vector<Transmission> heard;
+    for (const Transmission& arrival :
          arrivals(random, boot, boot + 12 * second, millisecond / 5, 400 * millisecond)) {
-      clock.observe(report_at(network.truth(arrival.sent), network.speed), arrival.at);
+      clock.observe(report_at(network.truth(arrival.sent), network.speed), heard_at(arrival.at));
       heard.push_back(arrival);
       const std::int64_t now = arrival.at + random.integer(0, 5'000'000);
       const double behind = network.truth(now) - clock.simulated(now);
@@ -71,7 +74,7 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
       EXPECT_GE(behind, -limit);
       // The least delay of the last 2 s bounds it.
       std::int64_t least = std::numeric_limits<std::int64_t>::max();
-      for (const Arrival& past : heard) {
+      for (const Transmission& past : heard) {
         if (past.at >= arrival.at - 2 * second) least = std::min(least, past.at - past.sent);
       }
       EXPECT_LE(behind, network.speed * 1e-9 * static_cast<double>(least) + limit);
@@ -86,9 +89,9 @@ TEST(MasterClock, ASilentNetworkChangesNothing) {
   const Network network{1.0};
   MasterClock clock;
   for (const std::int64_t from : {boot, boot + 30 * second}) {
-    for (const Arrival& arrival :
+    for (const Transmission& arrival :
          arrivals(random, from, from + 3 * second, millisecond, 50 * millisecond)) {
-      clock.observe(report_at(network.truth(arrival.sent), 1.0), arrival.at);
+      clock.observe(report_at(network.truth(arrival.sent), 1.0), heard_at(arrival.at));
       EXPECT_LE(clock.simulated(arrival.at), network.truth(arrival.at) + rounding);
     }
   }
@@ -100,16 +103,16 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
   Random random(3);
   Network network{2.0};
   MasterClock clock;
-  for (const Arrival& arrival :
+  for (const Transmission& arrival :
        arrivals(random, boot, boot + 5 * second, millisecond, 20 * millisecond)) {
-    clock.observe(report_at(network.truth(arrival.sent), 2.0), arrival.at);
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), heard_at(arrival.at));
   }
   // 7 s of local time in which the master does nothing and does not make up for it.
   network.offset -= 2.0 * 7.0;
   const std::int64_t resumed = boot + 12 * second;
-  for (const Arrival& arrival :
+  for (const Transmission& arrival :
        arrivals(random, resumed, resumed + 8 * second, millisecond, 20 * millisecond)) {
-    clock.observe(report_at(network.truth(arrival.sent), 2.0), arrival.at);
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), heard_at(arrival.at));
     if (arrival.at < resumed + 5 * second) continue;
     const double behind = network.truth(arrival.at) - clock.simulated(arrival.at);
     EXPECT_GE(behind, -rounding);
@@ -123,7 +126,7 @@ TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
   double worst = 0.0;
   for (std::int64_t local = 0; local < 20 * second; local += 10 * millisecond) {
     const double truth = 0.9e-9 * static_cast<double>(local);
-    clock.observe(report_at(truth, 1.0), boot + local);
+    clock.observe(report_at(truth, 1.0), heard_at(boot + local));
     worst = std::max(worst, clock.simulated(boot + local) - truth);
   }
   EXPECT_LE(worst, 0.1 * 4.1);  // what is remembered is 4 s old at most
@@ -131,10 +134,10 @@ TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
 
 TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
   MasterClock clock;
-  clock.observe(report_at(3.0, infinity), boot);
+  clock.observe(report_at(3.0, infinity), heard_at(boot));
   EXPECT_EQ(clock.simulated(boot + second), 3.0);
-  clock.observe(report_at(8.0, infinity), boot + millisecond);
-  clock.observe(report_at(5.0, infinity), boot + 2 * millisecond);
+  clock.observe(report_at(8.0, infinity), heard_at(boot + millisecond));
+  clock.observe(report_at(5.0, infinity), heard_at(boot + 2 * millisecond));
   EXPECT_EQ(clock.simulated(boot), 8.0);
   EXPECT_TRUE(std::isinf(clock.speed()));
 }
@@ -146,7 +149,7 @@ TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
     const double speed = random.log_uniform(0.01, 100.0);
     MasterClock clock;
     for (int i = 0; i < 5; ++i) {
-      clock.observe(report_at(random.uniform(0.0, 10.0), speed), boot + i * millisecond);
+      clock.observe(report_at(random.uniform(0.0, 10.0), speed), heard_at(boot + i * millisecond));
     }
     for (int i = 0; i < 20; ++i) {
       const double t = random.uniform(0.0, 20.0);
@@ -162,12 +165,64 @@ TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
   }
 }
 
+struct Clocks {
+  const char* what;
+  std::int64_t offset;  // of the master's wall clock [ns]
+  double ahead;         // of the master, that "now" may be [s]
+  double behind;
+};
+
+// The master's wall clock is off by a constant; delays are 20 to 200 ms.
+TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
+  for (const Clocks& clocks :
+       {Clocks{"agree", 0, 0.0, 0.0}, Clocks{"2 ms behind", -2 * millisecond, 0.002, -0.002},
+        Clocks{"5 ms ahead", 5 * millisecond, 0.0, 0.005},
+        Clocks{"100 ms ahead", 100 * millisecond, 0.0, 0.1},
+        Clocks{"an hour ahead", 3600 * second, 0.0, 0.04},
+        Clocks{"an hour behind", -3600 * second, 0.0, 0.04}}) {
+    SCOPED_TRACE(clocks.what);
+    Random random(11);
+    const Network network{3.0};
+    MasterClock clock;
+    for (const Transmission& message :
+         arrivals(random, boot, boot + 6 * second, 20 * millisecond, 200 * millisecond)) {
+      ContactReport report = report_at(network.truth(message.sent), 3.0);
+      const std::int64_t wall = 1'700'000'000 * second;
+      report.utime = (wall + message.sent + clocks.offset) / 1000;
+      clock.observe(report, {message.at, (wall + message.at) / 1000});
+      if (message.at < boot + second) continue;
+      const double ahead = clock.simulated(message.at) - network.truth(message.at);
+      constexpr double microseconds = 2e-6;
+      EXPECT_LE(ahead, 3.0 * (clocks.ahead + microseconds));
+      EXPECT_GE(ahead, -3.0 * (clocks.behind + microseconds));
+    }
+  }
+}
+
+TEST(MasterClock, AReportFromTenSecondsAheadIsNotPlausible) {
+  MasterClock clock;
+  EXPECT_TRUE(clock.plausible(report_at(1e300, 2.0), heard_at(boot)));
+  clock.observe(report_at(100.0, 2.0), heard_at(boot));
+  EXPECT_TRUE(clock.plausible(report_at(102.0 + 19.9, 2.0), heard_at(boot + second)));
+  EXPECT_FALSE(clock.plausible(report_at(102.0 + 20.1, 2.0), heard_at(boot + second)));
+  EXPECT_TRUE(clock.plausible(report_at(1.0, 2.0), heard_at(boot + second)));
+  clock.observe(report_at(100.0, infinity), heard_at(boot));
+  EXPECT_TRUE(clock.plausible(report_at(1e300, infinity), heard_at(boot)));
+}
+
+TEST(MasterClock, TimesBeyondAllClocksAreTakenAsFarAway) {
+  MasterClock clock;
+  clock.observe(report_at(0.0, 1e-300), heard_at(boot));
+  EXPECT_GT(clock.local(1e300), boot);
+  EXPECT_LT(clock.local(-1e300), boot);
+}
+
 TEST(MasterClock, ARestartForgetsTheOldMaster) {
   MasterClock clock;
-  clock.observe(report_at(1000.0, 1.0), boot);
+  clock.observe(report_at(1000.0, 1.0), heard_at(boot));
   clock.restart();
   EXPECT_FALSE(clock.running());
-  clock.observe(report_at(0.5, 1.0), boot + second);
+  clock.observe(report_at(0.5, 1.0), heard_at(boot + second));
   EXPECT_EQ(clock.simulated(boot + second), 0.5);
 }
 

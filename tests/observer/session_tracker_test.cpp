@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <set>
+#include <utility>
 
 #include "tests/support/random.h"
 
@@ -19,17 +21,28 @@ ContactReport message(std::int64_t session, std::int64_t sequence) {
   return report;
 }
 
+/// Always long after what was before.
+Arrival later() {
+  static std::int64_t seconds = 0;
+  ++seconds;
+  return {seconds * 1'000'000'000, seconds * 1'000'000};
+}
+
+Arrival after_ms(std::int64_t milliseconds) {
+  return {milliseconds * 1'000'000, 50'000'000 + milliseconds * 1000};
+}
+
 TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
     const double loss = random.uniform(0.0, 0.6);
-    struct Arrival {
+    struct Delivery {
       double time;
       std::int64_t sequence;
     };
     const std::int64_t first = random.integer(1, 1000);
-    std::vector<Arrival> arrivals{{-1.0, first}};
+    std::vector<Delivery> arrivals{{-1.0, first}};
     for (std::int64_t i = 1; i < 500; ++i) {
       if (random.chance(loss)) continue;
       const auto at = static_cast<double>(i);
@@ -38,12 +51,12 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
       if (random.chance(0.2)) arrivals.push_back({at + random.uniform(0.0, 30.0), first + i});
     }
     std::stable_sort(arrivals.begin(), arrivals.end(),
-                     [](const Arrival& a, const Arrival& b) { return a.time < b.time; });
+                     [](const Delivery& a, const Delivery& b) { return a.time < b.time; });
     SessionTracker tracker;
     std::set<std::int64_t> heard;
     MessageCounts expected;
-    for (const Arrival& arrival : arrivals) {
-      const Verdict verdict = tracker.hear(message(7, arrival.sequence));
+    for (const Delivery& arrival : arrivals) {
+      const Verdict verdict = tracker.hear(message(7, arrival.sequence), later());
       ++expected.received;
       const bool starts = heard.empty();
       const bool late = !starts && arrival.sequence < *heard.rbegin();
@@ -66,43 +79,43 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
 // Numbers before the first one heard were never counted as lost.
 TEST(SessionTracker, AMessageFromBeforeTheFirstOneHeardWasNotLost) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(7, 5)), Verdict::starts);
-  tracker.hear(message(7, 4));
+  EXPECT_EQ(tracker.hear(message(7, 5), later()), Verdict::starts);
+  tracker.hear(message(7, 4), later());
   EXPECT_EQ(tracker.counts().lost, 0);
-  EXPECT_EQ(tracker.hear(message(7, 6)), Verdict::continues);
+  EXPECT_EQ(tracker.hear(message(7, 6), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 0);
-  tracker.hear(message(7, 9));
+  tracker.hear(message(7, 9), later());
   EXPECT_EQ(tracker.counts().lost, 2);
 }
 
 TEST(SessionTracker, ALongGapIsCounted) {
   SessionTracker tracker;
-  tracker.hear(message(7, 1));
-  EXPECT_EQ(tracker.hear(message(7, 1001)), Verdict::continues);
+  tracker.hear(message(7, 1), later());
+  EXPECT_EQ(tracker.hear(message(7, 1001), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 999);
-  EXPECT_EQ(tracker.hear(message(7, 1000)), Verdict::continues);
+  EXPECT_EQ(tracker.hear(message(7, 1000), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 998);
-  EXPECT_EQ(tracker.hear(message(7, 1000)), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(message(7, 1001)), Verdict::ignored);
+  EXPECT_EQ(tracker.hear(message(7, 1000), later()), Verdict::ignored);
+  EXPECT_EQ(tracker.hear(message(7, 1001), later()), Verdict::ignored);
   EXPECT_EQ(tracker.counts().doubled, 2);
 }
 
 TEST(SessionTracker, ARestartedMasterIsANewSession) {
   SessionTracker tracker;
-  tracker.hear(message(7, 100));
-  EXPECT_EQ(tracker.hear(message(8, 3)), Verdict::starts);
+  tracker.hear(message(7, 100), later());
+  EXPECT_EQ(tracker.hear(message(8, 3), later()), Verdict::starts);
   EXPECT_EQ(tracker.session(), 8);
   EXPECT_EQ(tracker.counts().sessions, 2);
-  EXPECT_EQ(tracker.hear(message(8, 4)), Verdict::continues);
+  EXPECT_EQ(tracker.hear(message(8, 4), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 0);
 }
 
 TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
   SessionTracker tracker;
   for (std::int64_t session = 1; session <= 50; ++session) {
-    EXPECT_EQ(tracker.hear(message(session, 1)), Verdict::starts);
+    EXPECT_EQ(tracker.hear(message(session, 1), later()), Verdict::starts);
     for (std::int64_t past = 1; past < session; ++past) {
-      EXPECT_EQ(tracker.hear(message(past, 1000)), Verdict::ignored);
+      EXPECT_EQ(tracker.hear(message(past, 1000), later()), Verdict::ignored);
     }
     EXPECT_EQ(tracker.session(), session);
   }
@@ -110,10 +123,86 @@ TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
   EXPECT_EQ(tracker.counts().sessions, 50);
 }
 
+TEST(SessionTracker, OfTwoMastersTheFirstIsKept) {
+  SessionTracker tracker;
+  for (std::int64_t i = 0; i < 500; ++i) {
+    EXPECT_EQ(tracker.hear(message(7, i), after_ms(10 * i)),
+              i == 0 ? Verdict::starts : Verdict::continues);
+    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i + 5)), Verdict::ignored);
+  }
+  EXPECT_EQ(tracker.session(), 7);
+  EXPECT_EQ(tracker.other(), 8);
+  EXPECT_EQ(tracker.counts().sessions, 1);
+  EXPECT_EQ(tracker.counts().of_other_masters, 500);
+}
+
+TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeartbeats) {
+  SessionTracker tracker;
+  tracker.hear(message(7, 0), after_ms(0));
+  for (std::int64_t i = 1; i < 10; ++i) {
+    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i)), Verdict::ignored);
+  }
+  EXPECT_EQ(tracker.hear(message(8, 10), after_ms(100)), Verdict::starts);
+  EXPECT_EQ(tracker.hear(message(7, 1), after_ms(101)), Verdict::ignored);
+  EXPECT_EQ(tracker.counts().of_past_sessions, 1);
+}
+
+// Where the clock of arrivals tells nothing, as in a log whose records all have one time.
+TEST(SessionTracker, ManyMessagesOfAnotherMasterAloneMeanThatTheFirstIsGone) {
+  SessionTracker tracker;
+  tracker.hear(message(7, 0), after_ms(0));
+  std::int64_t i = 0;
+  while (i < 1000 && tracker.hear(message(8, i), after_ms(0)) == Verdict::ignored) ++i;
+  EXPECT_EQ(i, 50);
+}
+
+TEST(SessionTracker, UnpacedMastersFollowEachOtherAtOnce) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const auto& [first, second] : {std::pair(infinity, 1.0), std::pair(1.0, infinity)}) {
+    SessionTracker tracker;
+    ContactReport report = message(7, 0);
+    report.speed = first;
+    EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
+    report = message(8, 0);
+    report.speed = second;
+    EXPECT_EQ(tracker.hear(report, after_ms(1)), Verdict::starts);
+  }
+}
+
+// With a key nobody can make a message, but anybody can send a recorded one again.
+TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
+  SessionTracker tracker(Freshness::required);
+  const auto sent = [](std::int64_t session, std::int64_t sequence, const Arrival& at,
+                       std::int64_t age_ms) {
+    ContactReport report = message(session, sequence);
+    report.utime = at.wall - 1000 * age_ms;
+    return report;
+  };
+  const Arrival start = after_ms(0);
+  EXPECT_EQ(tracker.hear(sent(5, 0, start, 10'001), start), Verdict::ignored);
+  EXPECT_EQ(tracker.hear(sent(5, 0, start, -10'001), start), Verdict::ignored);
+  for (const std::int64_t utime : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1},
+                                   std::numeric_limits<std::int64_t>::max()}) {
+    ContactReport report = message(5, 0);
+    report.utime = utime;
+    EXPECT_EQ(tracker.hear(report, start), Verdict::ignored);
+  }
+  EXPECT_EQ(tracker.counts().stale, 5);
+  EXPECT_EQ(tracker.hear(sent(7, 0, start, 200), start), Verdict::starts);
+  // Within a session the numbers decide, however late a message comes.
+  EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'000), 59'000), after_ms(60'000)),
+            Verdict::continues);
+  EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'001), 0), after_ms(60'001)), Verdict::ignored);
+  // What was recorded a moment before the present session began.
+  EXPECT_EQ(tracker.hear(sent(6, 0, after_ms(5000), 5300), after_ms(5000)), Verdict::ignored);
+  EXPECT_EQ(tracker.counts().stale, 6);
+  EXPECT_EQ(tracker.hear(sent(9, 0, after_ms(70'000), 1), after_ms(70'000)), Verdict::starts);
+}
+
 TEST(SessionTracker, SessionZeroIsASession) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(0, 1)), Verdict::starts);
-  EXPECT_EQ(tracker.hear(message(0, 2)), Verdict::continues);
+  EXPECT_EQ(tracker.hear(message(0, 1), later()), Verdict::starts);
+  EXPECT_EQ(tracker.hear(message(0, 2), later()), Verdict::continues);
 }
 
 }  // namespace

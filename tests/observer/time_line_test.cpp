@@ -17,6 +17,7 @@ namespace {
 
 using enum ContactEventKind;
 
+/// A target: as far ahead of what is settled as a run goes.
 constexpr std::int64_t far_ahead = std::numeric_limits<std::int64_t>::max() / 2;
 constexpr auto ignore = [](const auto&) {};
 
@@ -38,9 +39,11 @@ class TimeLineTest : public ::testing::Test {
     explicit Run(double h, std::int64_t history, const Model& model = two_contacts())
         : stepper(model, h),
           f(model.coordinates()),
+          lead(history),
           line(stepper, static_cast<int>(model.contacts.size()), start(), history) {}
 
     void to(std::int64_t target) {
+      if (target == far_ahead) target = line.settled_tick() + lead;
       line.run(
           target, [this](const auto& state) { seen.push_back(state.tick); },
           [this](const auto& state) {
@@ -51,6 +54,7 @@ class TimeLineTest : public ::testing::Test {
 
     Stepper stepper;
     Eigen::Index f;
+    std::int64_t lead;  ///< ticks
     TimeLine<Stepper> line;
     Recording settled;
     std::vector<std::int64_t> seen;
@@ -138,7 +142,7 @@ TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
     EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, far_ahead, &ahead)), "");
     EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, 0, &behind)), "");
     EXPECT_GE(ahead.rollbacks, static_cast<std::int64_t>(events.size()) - 1);
-    EXPECT_LE(behind.deepest, 1);
+    EXPECT_LE(behind.depth.largest(), 1);
   }
 }
 
@@ -243,23 +247,96 @@ TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
             "");
 }
 
-TYPED_TEST(TimeLineTest, NeverRunsFurtherAheadOfTheHorizonThanTheHistory) {
+// Ticks that are not kept any more are computed once more from the last settled one.
+TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
   for (const std::int64_t history : {1, 2, 7, 100}) {
-    typename TestFixture::Run run(1.0 / 64, history);
-    run.line.restart(0, 0, 0, no_horizon);
-    run.to(far_ahead);
-    EXPECT_EQ(run.line.now(), -1 + history);
-    Random random(3);
-    double t = 0.0;
-    for (int i = 0; i < 100; ++i) {
-      run.line.set_horizon(t += random.uniform(0.0, 0.1));
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      SCOPED_TRACE("history " + std::to_string(history) + " seed " + std::to_string(seed));
+      Random random(seed);
+      const double h = 1.0 / 64;
+      const auto events = random_events(random, 2, 60, seed % 3 == 0 ? 0.0 : 0.5, 0.03);
+      const double end = events.back().t + 0.5;
+      typename TestFixture::Run run(h, history);
+      run.lead = 10 * history + 20;
+      run.line.restart(0, 0, 0, no_horizon);
       run.to(far_ahead);
-      EXPECT_EQ(run.line.now(), run.line.settled_tick() + history);
-      EXPECT_EQ(run.line.handed_out(), run.line.settled_tick());
+      std::size_t next = 0;
+      for (double t = 0.0; t < end; t += random.uniform(0.0, 1.0)) {
+        for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+        run.line.set_horizon(t);
+        run.to(far_ahead);
+        EXPECT_EQ(run.line.now(), run.line.settled_tick() + run.lead);
+        EXPECT_EQ(run.line.handed_out(), run.line.settled_tick());
+      }
+      for (; next < events.size(); ++next) run.line.receive(events[next]);
+      run.line.set_horizon(end);
+      run.to(0);
+      EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
+      EXPECT_GT(run.line.rollbacks().beyond_history, 0);
+      std::vector<std::int64_t> all(run.seen.size());
+      for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<std::int64_t>(k);
+      EXPECT_EQ(run.seen, all);
     }
-    std::vector<std::int64_t> all(run.seen.size());
-    for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<std::int64_t>(k);
-    EXPECT_EQ(run.seen, all);
+  }
+}
+
+// GGPO's SyncTest: what a rollback does must not be seen.
+TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
+  const Scene& scene = shipped_scene("paper_beam_chatter.toml");
+  const double h = 1e-2;
+  const double end = 12.0;
+  const auto events = master_events(scene, end);
+  for (const std::int64_t history : {3, 40}) {
+    Random random(static_cast<std::uint64_t>(history));
+    typename TestFixture::Run run(h, history, scene.model);
+    run.lead = 2 * history;
+    run.line.restart(0, 0, 0, no_horizon);
+    std::size_t next = 0;
+    for (std::int64_t k = 0; k <= last_tick(end, h); ++k) {
+      const double t = tick_instant(k, h).hi;
+      for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+      run.line.set_horizon(t);
+      run.to(far_ahead);
+      run.line.go_back_to(run.line.now() - random.integer(1, static_cast<int>(3 * history)));
+      EXPECT_LT(run.line.now(), run.line.settled_tick() + run.lead);
+    }
+    run.to(far_ahead);
+    EXPECT_EQ(
+        difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), run.settled), "")
+        << "history " << history;
+  }
+}
+
+TYPED_TEST(TimeLineTest, ABudgetOnlySpreadsTheWork) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = 1.0 / 64;
+    const auto events = random_events(random, 2, 100, 0.0, 0.03);
+    const double end = events.back().t;
+    typename TestFixture::Run run(h, 20);
+    run.line.restart(0, 0, 0, no_horizon);
+    std::size_t next = 0;
+    double t = 0.0;
+    int unfinished = 0;
+    while (run.line.handed_out() < last_tick(end, h)) {
+      t = std::min(t + random.uniform(0.0, 0.1), end);
+      for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+      run.line.set_horizon(t);
+      const std::int64_t before = run.line.now();
+      const bool arrived = run.line.run(
+          last_tick(t, h) + 30, ignore,
+          [&](const auto& state) {
+            run.settled.add(run.stepper, state, run.f);
+            return true;
+          },
+          8);
+      EXPECT_LE(run.line.now(), before + 8);
+      EXPECT_EQ(arrived, run.line.now() >= last_tick(t, h) + 30);
+      if (!arrived) ++unfinished;
+    }
+    EXPECT_GT(unfinished, 10);
+    EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
   }
 }
 

@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
@@ -24,7 +26,9 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto patience = 3s;  // for a last row whose other half was lost
+constexpr auto silence = 100ms;        // ten heartbeats: the master is gone
+constexpr std::size_t most_held = 50;  // states of another master
+constexpr auto patience = 3s;          // for a last row whose other half was lost
 
 /// Unpaired samples to keep, of f coordinates: at most 64 MiB.
 std::size_t window_for(Eigen::Index coordinates) {
@@ -69,8 +73,8 @@ class Finish {
 
 class Live {
  public:
-  Live(const Model& model, const LiveOptions& options)
-      : bus_(options.url),
+  Live(const Model& model, const LiveOptions& options, const CommonOptions& common)
+      : bus_(common.url, key_of(common)),
         pairing_(model, window_for(model.coordinates())),
         csv_(options.csv, model.coordinates()),
         coordinates_(model.coordinates()),
@@ -91,15 +95,17 @@ class Live {
       bus_.subscribe(settled_channel, handler);
       if (now_pairing_) bus_.subscribe(estimate_channel, handler);
     }
-    std::cerr << "listening on " << options.url << '\n';
+    std::cerr << "listening on " << common.url << '\n';
   }
 
   void run() {
     auto next_progress = Clock::now() + 1s;
-    while (!stop_requested() && !finish_.paired() && files_good()) {
+    while (!stop_requested() && !finish_.paired() && !heard_in_vain()) {
       bus_.handle(100ms);
+      tell_failures();
       if (to_stdout_) csv_.flush();
       const auto now = Clock::now();
+      follow_the_other(now);
       if (finish_.lost(now)) {
         std::cerr << "the last row did not come: its truth or its estimate was lost\n";
         break;
@@ -118,17 +124,15 @@ class Live {
     if (record_) record_->close();
     report.update(to_json(pairing_));
     if (now_pairing_) report["now"] = to_json(*now_pairing_);
-    report["refused"] = nlohmann::ordered_json::object();
-    for (int i = 1; i < refusal_kinds; ++i) {
-      const std::int64_t count = refused_[static_cast<std::size_t>(i)];
-      if (count > 0) report["refused"][std::string(name(static_cast<Refusal>(i)))] = count;
-    }
+    report["refused"] = refusals(refused_, bus_.counts());
+    report["overflowed"] = bus_.counts().overflowed;
+    report["of_other_masters"] = of_other_masters_;
     check_files();
   }
 
  private:
   void receive(std::string_view channel, std::span<const std::uint8_t> data, std::int64_t utime) {
-    if (record_) record_->write(utime, channel, data);
+    if (record_) record_->write(utime, channel, bus_.as_sent(data));
     if (finish_.paired()) return;
     if (channel == truth_channel) {
       if (accepted(decode(data, state_))) truth();
@@ -150,14 +154,45 @@ class Live {
                 << coordinates_ << ": its states are refused\n";
       warned_ = true;
     }
+    const auto now = Clock::now();
+    if (pairing_.session() && *pairing_.session() != state_.session) {
+      another_master(now);
+    } else {
+      if (!held_.empty() && *pairing_.session() == state_.session) {
+        of_other_masters_ += static_cast<std::int64_t>(held_.size());
+        held_.clear();
+      }
+      truth_heard_ = now;
+      pair(state_);
+    }
+  }
+
+  // A master that was restarted, or a second one? Its states wait until the first is silent, or has
+  // been for as many messages.
+  void another_master(Clock::time_point now) {
+    if (!held_.empty() && held_.front().session != state_.session) {
+      of_other_masters_ += static_cast<std::int64_t>(held_.size());
+      held_.clear();
+    }
+    held_.push_back(state_);
+    follow_the_other(now);
+  }
+
+  void follow_the_other(Clock::time_point now) {
+    if (held_.empty() || (now - truth_heard_ < silence && held_.size() < most_held)) return;
+    truth_heard_ = now;
+    for (const StateSample& state : std::exchange(held_, {})) pair(state);
+  }
+
+  void pair(const StateSample& state) {
     const std::int64_t sessions = pairing_.figures().sessions;
-    const SyncRow* row = pairing_.add_truth(state_);
+    const SyncRow* row = pairing_.add_truth(state);
     if (pairing_.figures().sessions > sessions) {
       if (sessions > 0) std::cerr << "new session: the master was restarted\n";
       finish_.restart();
     }
-    settled_row(row, state_);
-    if (now_pairing_) write_now(now_pairing_->add_truth(state_));
+    settled_row(row, state);
+    if (now_pairing_) write_now(now_pairing_->add_truth(state));
   }
 
   void settled() {
@@ -194,8 +229,21 @@ class Live {
     }
   }
 
-  bool files_good() const {
-    return csv_.good() && (!now_csv_ || now_csv_->good()) && (!record_ || record_->good());
+  // Nothing that could still be written: the disk is full, or the reader of stdout has gone.
+  bool heard_in_vain() const {
+    return !csv_.good() && (!now_csv_ || !now_csv_->good()) && (!record_ || !record_->good());
+  }
+
+  // The run goes on with the files that are left.
+  void tell_failures() {
+    const auto tell = [](const auto& file, bool& told) {
+      if (told || file.good()) return;
+      std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
+      told = true;
+    };
+    tell(csv_, told_csv_);
+    if (now_csv_) tell(*now_csv_, told_now_);
+    if (record_) tell(*record_, told_record_);
   }
 
   void check_files() const {
@@ -213,6 +261,10 @@ class Live {
   Eigen::Index coordinates_;
   bool to_stdout_;
   bool warned_ = false;
+  bool told_csv_ = false, told_now_ = false, told_record_ = false;
+  Clock::time_point truth_heard_;
+  std::vector<StateSample> held_;  // of another session than the one that is paired
+  std::int64_t of_other_masters_ = 0;
   Finish finish_;
   StateSample state_;
   EstimateSample estimate_;
@@ -225,8 +277,9 @@ std::filesystem::path now_file(const std::filesystem::path& csv) {
   return csv.parent_path() / (csv.stem().string() + "_now.csv");
 }
 
-int run_live(const Model& model, const LiveOptions& options, nlohmann::ordered_json& report) {
-  Live live(model, options);
+int run_live(const Model& model, const LiveOptions& options, const CommonOptions& common,
+             nlohmann::ordered_json& report) {
+  Live live(model, options, common);
   live.run();
   live.close(report);
   return exit_done;

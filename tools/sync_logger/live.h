@@ -6,12 +6,12 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "lcmtypes/program.h"
 #include "mechanics/model.h"
 
 namespace sprag {
 
 struct LiveOptions {
-  std::string url;
   double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
   std::filesystem::path csv;                                  ///< empty: standard output
   std::filesystem::path record;  ///< LCM log of all SPRAG_* channels; empty: none
@@ -23,7 +23,9 @@ std::filesystem::path now_file(const std::filesystem::path& csv);
 
 /// Listens until the instant `duration` has been paired or a signal comes; says "listening" on
 /// stderr once it does, then its progress about once a second. Fills `report` and returns
-/// exit_done. Throws BusError, ModelError, or another exception if a file cannot be written.
-int run_live(const Model& model, const LiveOptions& options, nlohmann::ordered_json& report);
+/// exit_done. Throws BusError, InputError, ModelError, or another exception if a file cannot be
+/// written.
+int run_live(const Model& model, const LiveOptions& options, const CommonOptions& common,
+             nlohmann::ordered_json& report);
 
 }  // namespace sprag

@@ -32,9 +32,8 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Model model = sprag::read_scene(scene).model;
-    live.url = common.url;
     offline.csv = live.csv;
-    return offline.truth.empty() ? sprag::run_live(model, live, report)
+    return offline.truth.empty() ? sprag::run_live(model, live, common, report)
                                  : sprag::run_offline(model, offline, report);
   });
 }

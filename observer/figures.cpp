@@ -1,0 +1,108 @@
+#include "observer/figures.h"
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "lcmtypes/program.h"
+#include "observer/report.h"
+
+namespace sprag {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double nanosecond = 1e-9;
+
+Json quantiles(const Histogram& histogram, double unit) {
+  const auto value = [unit](std::int64_t v) { return unit * static_cast<double>(v); };
+  return {{"count", histogram.count()},
+          {"p50", value(histogram.quantile(0.5))},
+          {"p99", value(histogram.quantile(0.99))},
+          {"p999", value(histogram.quantile(0.999))},
+          {"max", value(histogram.largest())}};
+}
+
+Json all_refusals(const LiveFigures& figures) {
+  Json refused = refusals(figures.reception.refused, figures.reception.bus);
+  const auto add = [&refused](const char* cause, std::int64_t count) {
+    if (count > 0) refused[cause] = count;
+  };
+  add("other_machine", figures.reception.other_machine);
+  add("implausible_time", figures.integration.implausible);
+  return refused;
+}
+
+std::int64_t total(const Json& counts) {
+  std::int64_t sum = 0;
+  for (const auto& [cause, count] : counts.items()) sum += count.get<std::int64_t>();
+  return sum;
+}
+
+void print_times(const char* what, const Histogram& histogram, std::ostream& out) {
+  if (histogram.count() == 0) return;
+  const auto us = [](std::int64_t ns) { return std::to_string((ns + 500) / 1000); };
+  out << what << " p50 " << us(histogram.quantile(0.5)) << ", p99 " << us(histogram.quantile(0.99))
+      << ", p99.9 " << us(histogram.quantile(0.999)) << ", max " << us(histogram.largest())
+      << " us\n";
+}
+
+}  // namespace
+
+void to_json(const LiveFigures& figures, Json& report) {
+  const IntegrationFigures& integration = figures.integration;
+  const ReceptionFigures& reception = figures.reception;
+  const MessageCounts& messages = figures.messages;
+  report["ticks"] = figures.ticks;
+  report["unsettled_ticks"] = integration.unsettled_ticks;
+  report["ticks_with_deadline"] = integration.lateness.count();
+  report["missed_deadlines"] = integration.missed;
+  report["lateness_s"] = quantiles(integration.lateness, nanosecond);
+  report["execution_s"] = quantiles(integration.execution, nanosecond);
+  report["event_latency_s"] = quantiles(integration.event_latency, nanosecond);
+  report["real_time"] = {{"losses", integration.real_time_losses},
+                         {"lost_s", nanosecond * static_cast<double>(integration.real_time_lost)}};
+  report["estimates_dropped"] = integration.estimates_dropped;
+  report["messages"] = {{"received", messages.received},
+                        {"refused", all_refusals(figures)},
+                        {"lost", messages.lost},
+                        {"repaired_events", integration.repaired_events},
+                        {"doubled", messages.doubled},
+                        {"reordered", messages.reordered},
+                        {"of_past_sessions", messages.of_past_sessions},
+                        {"of_other_masters", messages.of_other_masters},
+                        {"stale", messages.stale},
+                        {"overflowed", reception.overflowed + reception.bus.overflowed},
+                        {"unsent", figures.unsent}};
+  report["sessions"] = messages.sessions;
+  report["rollbacks"] = to_json(figures.rollbacks);
+  report["rollbacks"]["depth_ticks"] = quantiles(figures.rollbacks.depth, 1.0);
+  report["rollbacks"]["cost_s"] = quantiles(integration.rollback_cost, nanosecond);
+}
+
+void print(const LiveFigures& figures, std::ostream& out) {
+  const IntegrationFigures& integration = figures.integration;
+  const MessageCounts& messages = figures.messages;
+  out << "ticks " << figures.ticks << " settled, " << integration.unsettled_ticks
+      << " unsettled; missed deadlines " << integration.missed << " of "
+      << integration.lateness.count() << '\n';
+  print_times("lateness ", integration.lateness, out);
+  print_times("execution", integration.execution, out);
+  print_times("event latency", integration.event_latency, out);
+  out << "messages " << messages.received << ": lost " << messages.lost << ", doubled "
+      << messages.doubled << ", reordered " << messages.reordered << ", refused "
+      << total(all_refusals(figures)) << "; events repaired " << integration.repaired_events
+      << ", lost for good " << figures.events.lost_records << '\n';
+  out << "rollbacks " << figures.rollbacks.rollbacks << ", deepest "
+      << figures.rollbacks.depth.largest() << " ticks; sessions " << messages.sessions << '\n';
+  if (messages.of_other_masters > 0) {
+    out << "another master was on the channel: " << messages.of_other_masters
+        << " messages of it were ignored\n";
+  }
+  if (integration.real_time_losses > 0) {
+    out << "real time was lost " << integration.real_time_losses << " times, "
+        << nanosecond * static_cast<double>(integration.real_time_lost) << " s in all\n";
+  }
+}
+
+}  // namespace sprag
