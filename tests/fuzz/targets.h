@@ -1,0 +1,31 @@
+// What is fed with anything at all: everything that reads what others have written. A target must
+// come back from every input, without an exception and within the bounds of its memory, and stops
+// the process where a promise of the reader is broken.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+namespace sprag::fuzz {
+
+using Input = std::span<const std::uint8_t>;
+
+/// LCM packets through the decoder, the sessions, the clock and the time line.
+void message(Input input);
+/// An LCM log.
+void log(Input input);
+/// An events CSV.
+void events(Input input);
+/// A scene file, and a few ticks of its replica.
+void scene(Input input);
+
+struct Target {
+  const char* name;
+  void (*run)(Input);
+};
+
+inline constexpr std::array<Target, 4> targets{
+    {{"message", message}, {"log", log}, {"events", events}, {"scene", scene}}};
+
+}  // namespace sprag::fuzz
