@@ -101,9 +101,17 @@ void growth(Table& table) {
   }
 }
 
+// By turns, so that a slow minute of a shared machine does not fall on one of the two alone.
 void limit(Table& table) {
+  constexpr int turns = 5;
   for (const int n : {3, 10, 100, 1000}) {
-    table.add({double(n), ns_per_tick(free_beam(n)), ns_per_least_tick(n)});
+    double ours = std::numeric_limits<double>::infinity();
+    double least = ours;
+    for (int i = 0; i < turns; ++i) {
+      ours = std::min(ours, ns_per_tick(free_beam(n)));
+      least = std::min(least, ns_per_least_tick(n));
+    }
+    table.add({double(n), ours, least});
   }
 }
 
