@@ -106,7 +106,8 @@ bool UdpReceiver::from_here(std::uint32_t address) {
   // Without any address but the loopback's, a host's packets come from 0.0.0.0; the kernel drops
   // those that claim to from elsewhere, as it does those with an address of this host.
   const auto known = [&] {
-    return address == INADDR_ANY || std::find(own_addresses_.begin(), own_addresses_.end(), address) != own_addresses_.end();
+    return address == INADDR_ANY ||
+           std::find(own_addresses_.begin(), own_addresses_.end(), address) != own_addresses_.end();
   };
   if (known()) return true;
   // This host may have been given another address since.

@@ -189,7 +189,9 @@ class LiveObserver {
       const std::int64_t begin = monotonic_now();
       take_reports();
       if (!time_line_.started()) continue;
+      watch(begin);
       in_time = advance(begin);
+      watch(monotonic_now());
       account(begin);
       samples_ready_.signal();
     }
@@ -203,10 +205,14 @@ class LiveObserver {
     const std::int64_t latest = monotonic_now() + longest_wait;
     if (!time_line_.started() || std::isinf(clock_.speed())) {
       reports_arrived_.wait_until(latest);
-    } else {
-      const double next = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
-      sleep_until(std::min(clock_.local(next), latest));
+      return;
     }
+    // Past the last tick, or while the publishing thread is behind, there is nothing to be late
+    // for.
+    const bool idle =
+        time_line_.now() >= last_ || time_line_.handed_out() < time_line_.settled_tick();
+    const double next = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
+    sleep_until(idle ? latest : std::min(clock_.local(next), latest));
   }
 
   void take_reports() {
@@ -268,15 +274,14 @@ class LiveObserver {
         std::min(due, last_), [this](const auto& state) { on_tick(state); },
         [this](const auto& state) { return on_settled(state); }, ticks_per_turn);
     if (time_line_.handed_out() >= last_) done_ = true;
-    if (!std::isinf(clock_.speed())) watch(simulated);
     return in_time;
   }
 
   // Whether the estimate keeps up with the master, and whether the master is still there.
-  void watch(double simulated) {
-    const std::int64_t now = monotonic_now();
-    const double tick_time = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
-    const std::int64_t lag = time_line_.now() >= last_ ? 0 : now - clock_.local(tick_time);
+  void watch(std::int64_t now) {
+    if (std::isinf(clock_.speed())) return;
+    const double next = tick_instant(reached_ + 1, stepper_.h()).hi;
+    const std::int64_t lag = reached_ >= last_ ? 0 : now - clock_.local(next);
     if (lag > real_time_lost_after && pace_ == Pace::kept) {
       pace_ = Pace::lost;
       lost_since_ = now - lag;
@@ -287,8 +292,10 @@ class LiveObserver {
       end_loss(now);
       pace_ = Pace::kept;
     }
-    if (now - last_heard_ > silent_after && simulated > 0.0 && !silent_) announce(Kind::silence);
-    silent_ = now - last_heard_ > silent_after;
+    if (pace_ != Pace::kept) return;
+    const bool silent = now - last_heard_ > silent_after;
+    if (silent && !silent_) announce(Kind::silence);
+    silent_ = silent;
   }
 
   void end_loss(std::int64_t now) {

@@ -33,11 +33,20 @@ bool is_lcm_log(const std::filesystem::path& file) {
   return first == sync || file.extension() == ".lcmlog";
 }
 
-// The log's own clock; what is not a time there stays a number.
-Arrival arrival_of(const ChannelRecord& record) {
-  constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 1000;
-  return {1000 * std::clamp<std::int64_t>(record.utime, -latest, latest), record.utime};
-}
+// The log's own clock, which advances a little with every record: not every log's does.
+class LogClock {
+ public:
+  Arrival arrival(const ChannelRecord& record) {
+    constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
+    const std::int64_t utime = std::clamp<std::int64_t>(record.utime, 0, latest);
+    now_ = std::max(1000 * utime, now_ + least_step);
+    return {now_, utime};
+  }
+
+ private:
+  static constexpr std::int64_t least_step = 1'000'000;  // ns
+  std::int64_t now_ = 0;
+};
 
 template <typename Stepper>
 class Replay {
@@ -84,6 +93,7 @@ class Replay {
                nlohmann::ordered_json& report) {
     ChannelLogReader log(file);
     SessionTracker sessions;
+    LogClock clock;
     ChannelRecord record;
     std::int64_t refused = 0;
     std::int64_t unauthenticated = 0;
@@ -102,7 +112,7 @@ class Replay {
         ++refused;
         continue;
       }
-      const auto verdict = sessions.hear(contacts, arrival_of(record));
+      const auto verdict = sessions.hear(contacts, clock.arrival(record));
       if (verdict == SessionTracker::Verdict::ignored) continue;
       if (verdict == SessionTracker::Verdict::starts) {
         time_line_.restart(0, 0, 0, no_horizon);

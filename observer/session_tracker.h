@@ -1,6 +1,7 @@
-// Which master is being heard, and what became of its messages on the way. A restarted master has a
-// new session; messages of a session that was left are ignored from then on. While a master is
-// heard another one on the same channel is not.
+// Which master is being heard, and what became of its messages on the way. While a master is heard
+// another one on the same channel is not. A restarted master has a new session; it is followed as
+// soon as the old one is silent and three messages in a row show that somebody is there: single
+// messages with any session may come from anybody.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +31,8 @@ enum class Freshness { any, required };
 
 class SessionTracker {
  public:
-  explicit SessionTracker(Freshness freshness = Freshness::any) : freshness_(freshness) {
+  explicit SessionTracker(Freshness freshness = Freshness::any)
+      : freshness_(freshness), candidates_(max_candidates) {
     past_.reserve(max_past);
   }
 
@@ -44,25 +46,14 @@ class SessionTracker {
       if (verdict == Verdict::continues) note(report, arrival);
       return verdict;
     }
-    for (const std::int64_t past : past_) {
-      if (past == report.session) {
-        ++counts_.of_past_sessions;
-        return Verdict::ignored;
-      }
-    }
     if (freshness_ == Freshness::required && !fresh(report, arrival)) {
       ++counts_.stale;
       return Verdict::ignored;
     }
-    if (heard_now(report, arrival)) {
-      ++counts_.of_other_masters;
-      ++others_in_a_row_;
-      other_ = report.session;
-      return Verdict::ignored;
-    }
+    if (counts_.sessions > 0 && !succeeds(report, arrival)) return Verdict::ignored;
     if (counts_.sessions > 0) {
       if (past_.size() == max_past) past_.erase(past_.begin());
-      past_.push_back(session_);
+      past_.push_back({session_, last_});
     }
     ++counts_.sessions;
     session_ = report.session;
@@ -79,15 +70,25 @@ class SessionTracker {
 
  private:
   static constexpr std::size_t max_past = 64;
+  // More than anybody sends between two heartbeats of a master, short of a flood.
+  static constexpr std::size_t max_candidates = 1024;
   static constexpr std::int64_t silence = 100'000'000;     // ns, ten heartbeats: the master is gone
-  static constexpr int others_meanwhile = 50;              // or as many messages of another
+  static constexpr int enough_messages = 3;                // of a new one
   static constexpr std::int64_t largest_age = 10'000'000;  // us
+
+  struct Past {
+    std::int64_t session, last;
+  };
+  struct Candidate {
+    std::int64_t session = 0;
+    std::int64_t last = -1;  // sequence number
+    int messages = 0;        // with rising numbers; 0: a free place
+  };
 
   void note(const ContactReport& report, const Arrival& arrival) {
     paced_ = report.speed < std::numeric_limits<double>::infinity();
     heard_ = arrival.monotonic;
     last_utime_ = std::max(last_utime_, report.utime);
-    others_in_a_row_ = 0;
   }
 
   bool fresh(const ContactReport& report, const Arrival& arrival) const {
@@ -95,11 +96,39 @@ class SessionTracker {
     return age >= -largest_age && age <= largest_age && report.utime >= last_utime_;
   }
 
-  // An unpaced master may be followed by the next at once; what it sends does not wait.
-  bool heard_now(const ContactReport& report, const Arrival& arrival) const {
-    return counts_.sessions > 0 && paced_ &&
-           report.speed < std::numeric_limits<double>::infinity() &&
-           arrival.monotonic - heard_ < silence && others_in_a_row_ < others_meanwhile;
+  // Whether the report's master takes the place of the one that was heard.
+  bool succeeds(const ContactReport& report, const Arrival& arrival) {
+    for (Past& past : past_) {
+      if (past.session != report.session) continue;
+      ++counts_.of_past_sessions;
+      if (report.sequence <= past.last) return false;
+      return silent(arrival) && messages_of(report) >= enough_messages;
+    }
+    // An unpaced master is no machine, and may be followed by the next at once.
+    if (!paced_) return true;
+    if (messages_of(report) >= enough_messages && silent(arrival)) return true;
+    ++counts_.of_other_masters;
+    other_ = report.session;
+    return false;
+  }
+
+  bool silent(const Arrival& arrival) const {
+    return !paced_ || arrival.monotonic - heard_ >= silence;
+  }
+
+  // Counts this one.
+  int messages_of(const ContactReport& report) {
+    for (Candidate& candidate : candidates_) {
+      if (candidate.messages == 0 || candidate.session != report.session) continue;
+      if (report.sequence > candidate.last) {
+        candidate.last = report.sequence;
+        ++candidate.messages;
+      }
+      return candidate.messages;
+    }
+    candidates_[next_candidate_] = {report.session, report.sequence, 1};
+    next_candidate_ = (next_candidate_ + 1) % max_candidates;
+    return 1;
   }
 
   // Bit i of `seen_` stands for sequence number last_ - i.
@@ -128,11 +157,12 @@ class SessionTracker {
   std::int64_t first_ = 0;
   std::int64_t last_ = 0;
   std::uint64_t seen_ = 0;
-  std::vector<std::int64_t> past_;
+  std::vector<Past> past_;
+  std::vector<Candidate> candidates_;
+  std::size_t next_candidate_ = 0;
   bool paced_ = false;
   std::int64_t heard_ = 0;  // monotonic [ns]
   std::int64_t last_utime_ = 0;
-  int others_in_a_row_ = 0;
   std::int64_t other_ = 0;
   MessageCounts counts_;
 };

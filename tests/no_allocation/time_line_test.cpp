@@ -12,6 +12,8 @@
 #include "lcmtypes/state_codec.h"
 #include "mechanics/moreau.h"
 #include "mechanics/replica.h"
+#include "observer/histogram.h"
+#include "observer/master_clock.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
 #include "tests/no_allocation/allocations.h"
@@ -69,12 +71,19 @@ TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
       queue.push();
       return true;
     };
+    MasterClock clock;
+    Histogram latency;
     long bytes = 0;
     long settled = 0;
     CountAllocations counting;
     for (std::size_t i = 1; i < messages.size() && refusal == Refusal::none; ++i) {
       refusal = decode(messages[i], report);
-      if (sessions.hear(report, {}) == SessionTracker::Verdict::continues) line.receive(report);
+      const Arrival arrival{static_cast<std::int64_t>(1e9 * report.horizon), report.utime};
+      if (sessions.hear(report, arrival) == SessionTracker::Verdict::continues) {
+        clock.observe(report, arrival);
+        line.receive(report);
+      }
+      latency.add(arrival.monotonic - clock.local(report.horizon));
       // Half a horizon's lag: now is 50 ticks ahead of what is known.
       line.run(last_tick(report.horizon, h) + 50, send, [&](const auto& state) {
         ++settled;

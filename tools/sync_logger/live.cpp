@@ -26,9 +26,10 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto silence = 100ms;        // ten heartbeats: the master is gone
-constexpr std::size_t most_held = 50;  // states of another master
-constexpr auto patience = 3s;          // for a last row whose other half was lost
+constexpr auto silence = 100ms;           // ten heartbeats: the master is gone
+constexpr std::size_t enough_states = 3;  // to follow another master
+constexpr std::size_t most_held = 10000;
+constexpr auto patience = 3s;  // for a last row whose other half was lost
 
 /// Unpaired samples to keep, of f coordinates: at most 64 MiB.
 std::size_t window_for(Eigen::Index coordinates) {
@@ -167,19 +168,21 @@ class Live {
     }
   }
 
-  // A master that was restarted, or a second one? Its states wait until the first is silent, or has
-  // been for as many messages.
+  // A master that was restarted, or a second one? Its states wait until the first is silent.
   void another_master(Clock::time_point now) {
     if (!held_.empty() && held_.front().session != state_.session) {
       of_other_masters_ += static_cast<std::int64_t>(held_.size());
       held_.clear();
     }
-    held_.push_back(state_);
+    if (held_.size() < most_held) held_.push_back(state_);
     follow_the_other(now);
   }
 
   void follow_the_other(Clock::time_point now) {
-    if (held_.empty() || (now - truth_heard_ < silence && held_.size() < most_held)) return;
+    const auto silent = now - truth_heard_;
+    if (held_.empty() || silent < silence) return;
+    // A single state may come from anybody; one that is alone after a second is all there is.
+    if (held_.size() < enough_states && silent < 10 * silence) return;
     truth_heard_ = now;
     for (const StateSample& state : std::exchange(held_, {})) pair(state);
   }
