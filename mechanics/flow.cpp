@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <bit>
 #include <complex>
 
 #include "mechanics/modal_analysis.h"
@@ -10,6 +11,9 @@ namespace sprag {
 namespace {
 
 using namespace modal;
+
+// Beyond this many contacts, locked sets of three and more are built when they first occur.
+constexpr int foreseeable_contacts = 4;
 
 std::vector<int> members(ContactSet set) {
   std::vector<int> list;
@@ -417,6 +421,44 @@ void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
   add(u_forced_, u);
 }
 
+// Products coefficient by coefficient: blocked ones allocate.
+void Flow::enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
+                             const Eigen::Ref<const Eigen::MatrixXd>& u,
+                             Eigen::Ref<Eigen::MatrixXd> z, Eigen::Ref<Eigen::MatrixXd> v) const {
+  if (path_ == FlowPath::diagonal) {
+    z = q;
+    v = u;
+    return;
+  }
+  z.noalias() = enter_zq_.lazyProduct(q);
+  v.noalias() = enter_vu_.lazyProduct(u);
+  if (path_ == FlowPath::dense) {
+    z.noalias() += enter_zu_.lazyProduct(u);
+    v.noalias() += enter_vq_.lazyProduct(q);
+  }
+}
+
+void Flow::state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
+                             const Eigen::Ref<const Eigen::MatrixXd>& v,
+                             Eigen::Ref<Eigen::MatrixXd> q, Eigen::Ref<Eigen::MatrixXd> u) const {
+  if (path_ == FlowPath::diagonal) {
+    q = z;
+    u = v;
+    return;
+  }
+  q.noalias() = Phi_.lazyProduct(z);
+  u.noalias() = Phi_.lazyProduct(v);
+  if (path_ != FlowPath::dense) return;
+  q.noalias() += Psi_.lazyProduct(v);
+  for (Eigen::Index i = 0; i < modes(); ++i) {
+    const double kappa = oscillators_.kappa()[nf_ + i];
+    const double delta = oscillators_.delta()[nf_ + i];
+    for (Eigen::Index k = 0; k < z.cols(); ++k) {
+      u.col(k) -= (kappa * z(i, k) + 2.0 * delta * v(i, k)) * Psi_.col(i);
+    }
+  }
+}
+
 void Flow::kick(int contact, double Lambda, Motion& motion) const {
   motion.x.v.segment(nf_, modes()) += Lambda * kick_.col(contact).array();
 }
@@ -425,6 +467,27 @@ const Flow& Flows::operator[](ContactSet locked) const {
   auto& flow = flows_[locked];
   if (!flow) flow = std::make_unique<Flow>(*dynamics_, locked);
   return *flow;
+}
+
+void build_foreseeable(const Flows& flows) {
+  const int m = flows.dynamics().contacts();
+  const auto build = [&](ContactSet locked) {
+    try {
+      (void)flows[locked];
+    } catch (const ModelError&) {
+      // Dependent directions never lock together; a resonance shows when it is met.
+      if (std::popcount(locked) < 2) throw;
+    }
+  };
+  if (m <= foreseeable_contacts) {
+    for (ContactSet locked = 0; locked < bit(m); ++locked) build(locked);
+    return;
+  }
+  build(0);
+  for (int i = 0; i < m; ++i) {
+    build(bit(i));
+    for (int j = 0; j < i; ++j) build(bit(i) | bit(j));
+  }
 }
 
 double value(const Signal& signal, const Motion& motion) {

@@ -127,6 +127,16 @@ class Flow {
   void state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
              Eigen::Ref<Eigen::VectorXd> u) const;
 
+  /// Differences between motions on this flow that hold the same gaps, one a column: those of q and
+  /// u, f rows each, to those of z and z', modes() rows each, and back. The first projects, in the
+  /// metric of M, what does not fit the locked contacts. They do not allocate.
+  void enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
+                         const Eigen::Ref<const Eigen::MatrixXd>& u, Eigen::Ref<Eigen::MatrixXd> z,
+                         Eigen::Ref<Eigen::MatrixXd> v) const;
+  void state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
+                         const Eigen::Ref<const Eigen::MatrixXd>& v, Eigen::Ref<Eigen::MatrixXd> q,
+                         Eigen::Ref<Eigen::MatrixXd> u) const;
+
   /// Adds the impulse Lambda (one entry, contact i) to a motion on this flow. Only where
   /// accepts_kicks(); the sum of all kicks must leave gamma_L alone.
   void kick(int contact, double Lambda, Motion& motion) const;
@@ -197,6 +207,11 @@ class Flows {
   std::unique_ptr<Dynamics> dynamics_;
   mutable std::unordered_map<ContactSet, std::unique_ptr<Flow>> flows_;
 };
+
+/// Builds the flows that a machine driven by contact events can be expected to meet: of all locked
+/// sets of up to four contacts, of single ones and pairs among more. Throws ModelError as Flow
+/// does, except for sets of dependent directions.
+void build_foreseeable(const Flows& flows);
 
 /// Value of a signal, and its time derivative, at a point of the motion's flow.
 double value(const Signal& signal, const Motion& motion);

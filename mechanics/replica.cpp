@@ -1,58 +1,26 @@
 #include "mechanics/replica.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace sprag {
 namespace {
 
-// Ticks of free flight are products of one rounded step; every so many, the state is taken from the
-// last anchor in one exact step instead, so that roundings do not add up.
-constexpr int block = 64;
 // Clutch switchings within one interval before the rest of it is taken as it is.
 constexpr int max_switchings = 1000;
-// Beyond this many contacts, locked sets of three and more are built when they first occur.
-constexpr int foreseeable_contacts = 4;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
-
-void build_foreseeable_flows(const Flows& flows) {
-  const int m = flows.dynamics().contacts();
-  const auto build = [&](ContactSet locked) {
-    try {
-      (void)flows[locked];
-    } catch (const ModelError&) {
-      // Dependent directions never lock together; a resonance shows when it is met.
-      if (std::popcount(locked) < 2) throw;
-    }
-  };
-  if (m <= foreseeable_contacts) {
-    for (ContactSet locked = 0; locked < bit(m); ++locked) build(locked);
-    return;
-  }
-  build(0);
-  for (int i = 0; i < m; ++i) {
-    build(bit(i));
-    for (int j = 0; j < i; ++j) build(bit(i) | bit(j));
-  }
-}
 
 }  // namespace
 
 Replica::Replica(Model model, double h) : flows_(std::move(model)), h_(h), solver_(flows_) {
-  build_foreseeable_flows(flows_);
-  free_ = &flows_[0];
-  tick_table_ = TickTable(free_->oscillators(), h);
-  block_table_ = TickTable(free_->oscillators(), block * h);
-  const auto& kappa = free_->oscillators().kappa();
-  drifts_ =
-      free_->modes() > 0 && (kappa.segment(free_->frequencies(), free_->modes()) == 0.0).any();
+  build_foreseeable(flows_);
+  flight_ = TickedFlight(flows_[0], h);
   const auto m = index(flows_.dynamics().contacts());
   order_.assign(m, 0);
   epsilon_.assign(m, 0.0);
   watches_.reserve(m);
-  search_.reserve(m, free_->size());
+  search_.reserve(m, flows_[0].size());
 }
 
 void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
@@ -67,29 +35,17 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
       ++state.refused_impacts;
     }
   }
-  set_anchor(state);
-}
-
-void Replica::set_anchor(ReplicaState& state) const {
-  state.anchor = state.motion.x;
-  state.since_anchor = 0;
+  TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
 void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
   Motion& motion = state.motion;
   ++state.tick;
-  if (events.empty() && state.chi == 0 && ++state.since_anchor < block) {
-    tick_table_.apply(motion.x, motion.alpha, drifts_);
+  if (events.empty() && state.chi == 0) {
+    flight_.step(state.tick, motion, state.anchor);
     return;
   }
   const Instant t = tick_instant(state.tick, h_);
-  if (events.empty() && state.chi == 0) {
-    motion.t = t;
-    block_table_.apply(state.anchor, motion.alpha, drifts_, motion.x);
-    free_->set_phases(t, motion.x);
-    set_anchor(state);
-    return;
-  }
   motion.t = tick_instant(state.tick - 1, h_);
   while (!events.empty()) {
     const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
@@ -101,13 +57,13 @@ void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
     events = events.subspan(count);
   }
   advance(t, state);
-  set_anchor(state);
+  TickedFlight::set_anchor(motion, state.anchor);
 }
 
 void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
   apply_group(events, state);
   std::fill(order_.begin(), order_.end(), 0);
-  set_anchor(state);
+  TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
 // Events of one instant: one impact of the contacts that close, pulse or are closed already.

@@ -13,6 +13,7 @@
 #include "mechanics/contact_solver.h"
 #include "mechanics/event_search.h"
 #include "mechanics/flow.h"
+#include "mechanics/ticked_flight.h"
 
 namespace sprag {
 
@@ -20,9 +21,8 @@ namespace sprag {
 struct ReplicaState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
-  Motion motion;           ///< its t is that of the anchor
-  OscillatorState anchor;  ///< free flight: motion `since_anchor` ticks ago
-  int since_anchor = 0;
+  Motion motion;  ///< in free flight its t is that of the anchor
+  TickedFlight::Anchor anchor;
   std::int64_t refused_impacts = 0;  ///< impacts whose contacts' directions are linearly dependent
 };
 
@@ -56,16 +56,12 @@ class Replica {
  private:
   void advance(Instant t, ReplicaState& state);
   void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
-  void set_anchor(ReplicaState& state) const;
 
   Flows flows_;
   double h_;
   ContactSolver solver_;
   EventSearch search_;
-  const Flow* free_ = nullptr;
-  TickTable tick_table_;    // free flight over h
-  TickTable block_table_;   // free flight over a block of ticks
-  bool drifts_ = false;     // some mode has no stiffness
+  TickedFlight flight_;
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
   std::vector<double> epsilon_;
   std::vector<Watch> watches_;

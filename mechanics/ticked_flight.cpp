@@ -1,0 +1,18 @@
+#include "mechanics/ticked_flight.h"
+
+namespace sprag {
+
+TickedFlight::TickedFlight(const Flow& free, double h)
+    : free_(&free), h_(h), tick_(free.oscillators(), h), block_(free.oscillators(), block * h) {
+  const auto& kappa = free.oscillators().kappa();
+  drifts_ = free.modes() > 0 && (kappa.segment(free.frequencies(), free.modes()) == 0.0).any();
+}
+
+void TickedFlight::step_from_anchor(std::int64_t k, Motion& motion, Anchor& anchor) const {
+  motion.t = tick_instant(k, h_);
+  block_.apply(anchor.x, motion.alpha, drifts_, motion.x);
+  free_->set_phases(motion.t, motion.x);
+  set_anchor(motion, anchor);
+}
+
+}  // namespace sprag
