@@ -281,9 +281,26 @@ void read_master(const TomlTable& root, Scene& scene) {
 
 void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  const auto table = root.table("replica", {"q", "u"});
+  const auto table = root.table("replica", {"q", "u", "uncertainty"});
   scene.replica =
       table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
+  if (!table || !table->has("uncertainty")) return;
+  const Eigen::VectorXd energies = table->numbers("uncertainty");
+  if (energies.size() != 1 && energies.size() != f) {
+    table->fail("uncertainty", "has " + std::to_string(energies.size()) +
+                                   " numbers; must be one energy or " + std::to_string(f));
+  }
+  if (!(energies.minCoeff() > 0.0)) {
+    table->fail("uncertainty", "has " + to_text(energies.minCoeff()) + "; must be > 0");
+  }
+  scene.uncertainty = energies.size() == f
+                          ? energies
+                          : Eigen::VectorXd::Constant(f, energies[0] / static_cast<double>(f));
+}
+
+void read_events(const TomlTable& root, Scene& scene) {
+  const auto table = root.table("events", {"jitter"});
+  if (table) scene.jitter = table->number_or("jitter", 0.0, not_negative);
 }
 
 std::string contents(const std::filesystem::path& file) {
@@ -304,8 +321,8 @@ std::string contents(const std::filesystem::path& file) {
 
 Scene parse_scene(std::string_view text, const std::string& file) {
   const TomlDocument document(text, file);
-  const TomlTable root = document.root(
-      {"name", "beam", "excitation", "system", "force", "impact", "contact", "master", "replica"});
+  const TomlTable root = document.root({"name", "beam", "excitation", "system", "force", "impact",
+                                        "contact", "master", "replica", "events"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam =
@@ -318,6 +335,7 @@ Scene parse_scene(std::string_view text, const std::string& file) {
   read_impact(root, contacts, scene.model);
   read_master(root, scene);
   read_replica(root, scene);
+  read_events(root, scene);
   return scene;
 }
 

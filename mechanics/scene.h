@@ -19,6 +19,9 @@ struct Scene {
   std::optional<Beam> beam;          ///< set when the scene has a [beam]
   State master;                      ///< start of the master, padded with zeros to f entries
   State replica;                     ///< start of the replica, padded with zeros to f entries
+  Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M
+                                     ///< and K are not diagonal, by mode; empty: not given
+  double jitter = 0.0;               ///< standard deviation of event times [s]
   bool release_penetration = false;  ///< master.penetration = "release"
 };
 

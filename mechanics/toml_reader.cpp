@@ -188,6 +188,12 @@ Eigen::VectorXd TomlTable::vector(std::string_view key) const {
   return checked_vector(required(key), path_of(key));
 }
 
+Eigen::VectorXd TomlTable::numbers(std::string_view key) const {
+  const toml::node& node = required(key);
+  if (node.is_array()) return checked_vector(node, path_of(key));
+  return Eigen::VectorXd::Constant(1, checked_number(node, path_of(key), any_number));
+}
+
 Eigen::MatrixXd TomlTable::symmetric_matrix(std::string_view key) const {
   const std::string path = path_of(key);
   const toml::array& rows = checked_array(required(key), path, "an array of rows of numbers");

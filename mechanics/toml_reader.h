@@ -52,6 +52,8 @@ class TomlTable {
   std::string_view choice(std::string_view key, TomlKeys options) const;
   /// An array of numbers.
   Eigen::VectorXd vector(std::string_view key) const;
+  /// A number, or an array of numbers.
+  Eigen::VectorXd numbers(std::string_view key) const;
   /// An array of rows; square and symmetric up to rounding, returned exactly symmetric.
   Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
 

@@ -55,7 +55,7 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
        {"u = [0.0", "v = [0.0",
         "x.toml:22:1: unknown key master.v; must be one of q, u, penetration"},
        {"u = []", "penetration = \"release\"",
-        "x.toml:25:1: unknown key replica.penetration; must be one of q, u"}});
+        "x.toml:25:1: unknown key replica.penetration; must be one of q, u, uncertainty"}});
   expect_errors(
       system_text,
       {{"K =", "k =", "x.toml:4:1: unknown key system.k; did you mean K?"},
@@ -106,6 +106,20 @@ TEST(SceneErrors, WrongTypesNameBoth) {
                               "contact = [{ position = 0.5 }, 7]\n[beam]")),
             "x.toml:1:32: contact[2] is an integer; must be a table");
   EXPECT_EQ(error_of("name = 3"), "x.toml:1:8: name is an integer; must be a string");
+}
+
+TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
+  const std::string events = "[events]\njitter = -1e-3\n";
+  EXPECT_EQ(error_of(events + std::string(beam_text)),
+            "x.toml:2:10: events.jitter is -0.001; must be >= 0");
+  for (const auto& [given, error] :
+       {std::pair("0.0", "replica.uncertainty has 0; must be > 0"),
+        std::pair("[1.0, 2.0]", "replica.uncertainty has 2 numbers; must be one energy or 3"),
+        std::pair("\"much\"", "replica.uncertainty is a string; must be a number")}) {
+    const std::string text =
+        replaced(beam_text, "u = []", "u = []\nuncertainty = " + std::string(given));
+    EXPECT_NE(error_of(text).find(error), std::string::npos) << error_of(text);
+  }
 }
 
 TEST(SceneErrors, NumbersMustBeFinite) {
