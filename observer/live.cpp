@@ -12,8 +12,6 @@
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/program.h"
 #include "lcmtypes/state_codec.h"
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
 #include "mechanics/states_file.h"
 #include "observer/figures.h"
 #include "observer/master_clock.h"
@@ -77,7 +75,7 @@ class LiveObserver {
       : contacts_(static_cast<int>(scene.model.contacts.size())),
         coordinates_(scene.model.coordinates()),
         real_time_(options.real_time),
-        stepper_(scene.model, options.tick),
+        stepper_(make_stepper<Stepper>(scene, options.tick)),
         time_line_(stepper_, contacts_, scene.replica, history_ticks(scene, options)),
         last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                            : last_tick(options.duration, options.tick)),
@@ -497,9 +495,9 @@ int observe(const Scene& scene, const ObserverOptions& options, const CommonOpti
 
 int run_live(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report) {
-  return options.stepper == StepperKind::exact
-             ? observe<Replica>(scene, options, common, report)
-             : observe<MoreauReplica>(scene, options, common, report);
+  return with_stepper(options, [&]<typename Stepper>() {
+    return observe<Stepper>(scene, options, common, report);
+  });
 }
 
 }  // namespace sprag

@@ -16,10 +16,18 @@ int main(int argc, char** argv) {
   sprag::add_positive(app, "--duration", options.duration, "T",
                       "Stop when this simulated time has settled");
   sprag::add_positive(app, "--tick", options.tick, "h", "Tick, simulated time [1e-3]");
-  app.add_option("--stepper", options.stepper, "exact (events at their own times) or moreau")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, sprag::StepperKind>{
-          {"exact", sprag::StepperKind::exact}, {"moreau", sprag::StepperKind::moreau}}))
-      ->type_name("exact|moreau");
+  auto* stepper =
+      app.add_option("--stepper", options.stepper, "exact (events at their own times) or moreau")
+          ->transform(CLI::CheckedTransformer(std::map<std::string, sprag::StepperKind>{
+              {"exact", sprag::StepperKind::exact}, {"moreau", sprag::StepperKind::moreau}}))
+          ->type_name("exact|moreau");
+  app.add_option(
+         "--estimator", options.estimator,
+         "replica (clutches switched by the events) or timing (event times as measurements)")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, sprag::EstimatorKind>{
+          {"replica", sprag::EstimatorKind::replica}, {"timing", sprag::EstimatorKind::timing}}))
+      ->type_name("replica|timing")
+      ->excludes(stepper);
   app.add_option("--states", options.states, "Write the settled ticks here")->type_name("F.csv");
   sprag::add_positive(app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");

@@ -13,8 +13,6 @@
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/program.h"
 #include "mechanics/events_file.h"
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
 #include "mechanics/states_file.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
@@ -53,7 +51,7 @@ class Replay {
  public:
   Replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay)
       : contacts_(static_cast<int>(scene.model.contacts.size())),
-        stepper_(scene.model, options.tick),
+        stepper_(make_stepper<Stepper>(scene, options.tick)),
         time_line_(stepper_, contacts_, scene.replica, replay_history),
         last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                            : last_tick(options.duration, options.tick)),
@@ -207,9 +205,9 @@ int replay_with(const Scene& scene, const ObserverOptions& options, const Replay
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report) {
   const std::optional<Key> key = key_of(common);
-  return options.stepper == StepperKind::exact
-             ? replay_with<Replica>(scene, options, replay, key, report)
-             : replay_with<MoreauReplica>(scene, options, replay, key, report);
+  return with_stepper(options, [&]<typename Stepper>() {
+    return replay_with<Stepper>(scene, options, replay, key, report);
+  });
 }
 
 }  // namespace sprag

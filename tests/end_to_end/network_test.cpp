@@ -89,6 +89,40 @@ INSTANTIATE_TEST_SUITE_P(
                 10}),
     [](const auto& plan) { return std::string(plan.param.name); });
 
+class TimingTest : public EndToEnd {};
+
+// Six impacts for six unknowns: the sixth is at t = 3.63.
+TEST_F(TimingTest, TheTimingFilterKnowsTheBeamAfterSixImpactsWithTenPercentLost) {
+  const std::string machine = scene("paper_beam");
+  const std::uint16_t near = free_port();
+  const std::uint16_t far = free_port();
+  Process& relay =
+      start_command({RELAY, std::to_string(near), std::to_string(far), "--loss", "0.1"});
+  ASSERT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
+  const Arguments common{machine, "--duration", "20", "--tick", "0.015625"};
+  set_url(udp_url(far));
+  Process& observer =
+      start_listening("observer", common + Arguments{"--states", file("live.csv"), "--estimator",
+                                                     "timing", "--report", file("o.json")});
+  set_url(udp_url(near));
+  Process& master = start_master(
+      common + Arguments{"--speed", "10", "--no-truth", "--states", file("truth.csv")});
+  EXPECT_EQ(end_of(master).code, 0);
+  EXPECT_EQ(end_of(observer).code, 0);
+  EXPECT_GT(json("o.json")["messages"]["lost"], 0);
+  EXPECT_EQ(run("sync_logger", {machine, "--truth", file("truth.csv"), "--estimate",
+                                file("live.csv"), "--csv", file("sync.csv")})
+                .code,
+            0);
+  for (const SyncLine& row : read_sync(file("sync.csv"))) {
+    if (row.t < 3.4) {
+      EXPECT_GT(row.v, 1e-3) << row.t;
+    } else if (row.t > 3.63) {
+      EXPECT_LT(row.v, 1e-15) << row.t;
+    }
+  }
+}
+
 class BlackoutTest : public EndToEnd {};
 
 // Longer than what a message repeats: more than 120 records are lost for good.

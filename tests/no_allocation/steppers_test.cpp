@@ -9,6 +9,7 @@
 
 #include "mechanics/moreau.h"
 #include "mechanics/replica.h"
+#include "observer/timing_filter.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/observer/random_events.h"
 #include "tests/support/random_model.h"
@@ -59,6 +60,7 @@ Drive random_drive(std::uint64_t seed, Structure structure, Eigen::Index f, int 
 
 ContactSet locked(const ReplicaState& state) { return state.motion.flow->locked(); }
 ContactSet locked(const MoreauState&) { return 0; }
+ContactSet locked(const TimingState& state) { return state.motion.flow->locked(); }
 
 /// What a run has met, and what it has allocated.
 struct Met {
@@ -124,6 +126,20 @@ TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
 }
 
 // All locked sets of up to four contacts are foreseen, whatever the machine.
+TEST(TimingFilterTick, NeverAllocates) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
+    SCOPED_TRACE(name);
+    const Drive drive = shipped(name);
+    Uncertainty uncertainty = uncertainty_of(shipped_scene(name));
+    uncertainty.jitter = 1e-4;
+    TimingFilter filter(drive.model, drive.h, uncertainty);
+    TimingFilter::State state;
+    const Met met = run(filter, drive, state);
+    EXPECT_EQ(met.allocations, 0);
+    EXPECT_GT(met.pulses, 20);
+  }
+}
+
 TEST(ReplicaTick, OfFewContactsNeverAllocates) {
   for (std::size_t i = 0; i < structures.size(); ++i) {
     SCOPED_TRACE(structure_names.at(i));

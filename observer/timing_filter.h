@@ -1,0 +1,154 @@
+// The timing filter: event times as measurements of the state, not only as switches.
+//
+// Between events the master's own path is affine in its unknown state x = (q, u): free flight or,
+// while contacts stay closed, the flow with all of them locked (flow.h). At an instant where the
+// contacts A close it jumps by the active branch of the impact law, whatever the signs of gamma in
+// the estimate. For one contact
+//
+//   u+ = u- - (1 + epsilon_i) M^-1 w_i G_ii^-1 gamma_i-,   epsilon_i = 0 where it closes to stay;
+//
+// for several, and with others that stay closed, the same with G of all of them (Poisson: Lambda =
+// -(1 + E) G^-1 gamma-, Newton: Lambda = -G^-1 (1 + E) gamma-). And each event says something of x:
+// at a closing g_i = 0, where a chatter ends gamma_i = 0 as well, at a release lambda_i = 0. So
+// mean and covariance of x given the events follow from a Kalman filter, exactly for one contact: 2
+// f impacts determine 2 f unknowns.
+//
+// An event time that is off by tau ~ N(0, sigma^2) is one more unknown of its instant: at the
+// reported time g_i- = gamma_i- tau, and the impact was tau earlier, which moves q by (u+ - u-)
+// tau, and u by what gamma_i- and the damping forces were otherwise meanwhile. Only the product
+// gamma_i- tau is not linear; gamma_i- is taken from the estimate, and what that lacks is added to
+// the noise.
+//
+// The covariance is kept as P = S S^T, propagated column by column and conditioned by Potter's
+// square root for scalar measurements, so that it cannot turn indefinite and stays accurate
+// relative to the smallest of its axes, with exact measurements too. Columns that events add are
+// merged by Householder reflections. Covariances belong to instants with events; states share them.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mechanics/contact_event.h"
+#include "mechanics/flow.h"
+#include "mechanics/impact_law.h"
+#include "mechanics/scene.h"
+#include "mechanics/ticked_flight.h"
+
+namespace sprag {
+
+/// What is not known of a machine's start and of its events. The errors of q and u at the start are
+/// independent, with covariances q q^T and u u^T.
+struct Uncertainty {
+  Eigen::MatrixXd q, u;  ///< f x f
+  double jitter = 0.0;   ///< sigma, standard deviation of event times [s]
+};
+
+/// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, and
+/// its [events] jitter. Without the first the energy 1, in the scene's unit, is shared by all.
+/// Rigid motions, which have no energy of position, get the scene's largest length.
+Uncertainty uncertainty_of(const Scene& scene);
+
+/// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
+struct TimingState {
+  std::int64_t tick = 0;
+  ContactSet chi = 0;
+  ContactSet inside = 0;  ///< closed since t = 0: the machine may have started inside the support
+  Motion motion;          ///< of the mean; in free flight its t is that of the anchor
+  TickedFlight::Anchor anchor;
+  Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
+  std::int64_t instants = 0;  ///< instants with events since the start
+  std::int64_t refused_impacts = 0;
+  double nis = 1.0;  ///< mean of squared normalized innovations, over about the last ten
+};
+
+class TimingFilter {
+ public:
+  using State = TimingState;
+
+  /// Tick h > 0. Keeps the covariances of the last 1024 instants with events, fewer of large
+  /// machines (64 MiB in all), so that a time line can go back behind as many; further back it
+  /// would start from the uncertainty of a start. Throws ModelError.
+  TimingFilter(Model model, double h, Uncertainty uncertainty);
+  TimingFilter(const TimingFilter&) = delete;
+  TimingFilter& operator=(const TimingFilter&) = delete;
+
+  /// Puts the mean at (q, u) with chi at tick k, with the uncertainty of a start. May allocate.
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
+
+  /// As Replica's. They do not allocate once the locked sets that occur have been met.
+  void tick(std::span<const ContactEvent> events, TimingState& state);
+  void apply(std::span<const ContactEvent> events, TimingState& state);
+
+  /// The mean at the present tick, f entries each.
+  void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+              Eigen::Ref<Eigen::VectorXd> u) const;
+
+  /// Standard deviations of q and u at the present tick, f entries each; and of the gap of a
+  /// contact [m].
+  void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                  Eigen::Ref<Eigen::VectorXd> u);
+  double gap_deviation(int contact, const TimingState& state);
+
+  /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
+  Eigen::MatrixXd covariance(const TimingState& state);
+
+  double h() const { return h_; }
+  const Flows& flows() const { return flows_; }
+
+ private:
+  struct Covariance {
+    std::int64_t instants = -1;  // another number than a state's: it is gone
+    Eigen::Index columns = 0;
+    Eigen::MatrixXd q, u;   // S, f rows each
+    Eigen::MatrixXd event;  // rows of the unknowns of the event that is at work
+  };
+  struct Closing {
+    int contact;
+    double epsilon;
+    double gamma, gamma_rate;  // before the impact
+  };
+
+  Covariance& slot(std::int64_t instants) {
+    return covariances_[static_cast<std::size_t>(instants %
+                                                 static_cast<std::int64_t>(covariances_.size()))];
+  }
+  Eigen::Index f() const { return flows_.dynamics().coordinates(); }
+  void set_start(Covariance& S) const;
+  void load(const TimingState& state, Instant t);
+  void move(const Flow& flow, double tau);
+  void enter(ContactSet locked, Instant t, TimingState& state);
+  void apply_group(std::span<const ContactEvent> events, TimingState& state);
+  void measure_release(int contact, TimingState& state);
+  void measure_closings(TimingState& state);
+  void condition(double residual, double noise, double scale, TimingState& state);
+  void reset(ContactSet staying, TimingState& state);
+  void add_event_unknowns();
+  void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
+  void merge_columns();
+
+  Flows flows_;
+  double h_;
+  Uncertainty uncertainty_;
+  TickedFlight flight_;
+  std::vector<Functional> acceleration_;  // gamma_i' without contact forces
+  Eigen::MatrixXd MinvC_, MinvK_;
+  std::vector<Covariance> covariances_;
+
+  // Scratch of an instant.
+  Eigen::VectorXd q_, u_;
+  Eigen::VectorXd jump_, jump_rate_, MinvC_jump_, MinvK_jump_;
+  Covariance now_;
+  Eigen::VectorXd event_mean_;  // tau, tau^2, tau times what is not known of each gamma-
+  std::vector<Closing> closings_;
+  Eigen::VectorXd phi_;         // what a measurement sees of each column
+  Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
+  Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
+  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
+  Eigen::ArrayXd no_alpha_;
+  Eigen::VectorXd no_gaps_;
+  Eigen::MatrixXd merged_;  // columns x 2 f
+};
+
+}  // namespace sprag
