@@ -1,6 +1,8 @@
 // Runs are recorded, replayed and played again, always with the same bits.
 #include <cmath>
 #include <csignal>
+#include <thread>
+#include <utility>
 
 #include "tests/end_to_end/fixture.h"
 
@@ -15,14 +17,20 @@ class RecordingTest : public EndToEnd {
 
 TEST_F(RecordingTest, LcmLoggersRecordingReplaysAndPlaysAsTheRunItself) {
   const std::string recording = file("recording");
-  Process& recorder =
-      start_command({LCM_LOGGER, "--lcm-url=" + url(), "-q", "-c", "SPRAG_CONTACTS", recording});
+  Process& recorder = start_command({LCM_LOGGER, "--lcm-url=" + url(), "-q", "--flush-interval=1",
+                                     "-c", "SPRAG_CONTACTS", recording});
   EXPECT_TRUE(in_time([&] { return std::filesystem::exists(recording); }));
   Process& observer =
       start_listening("observer", common_ + Arguments{"--states", file("live.csv")});
   Process& master = start_master(common_ + Arguments{"--speed", "20"});
   EXPECT_EQ(end_of(master).code, 0);
   EXPECT_EQ(end_of(observer).code, 0);
+  std::uintmax_t size = 0;
+  EXPECT_TRUE(in_time([&] {  // what is still on its way on a busy machine
+    std::this_thread::sleep_for(300ms);
+    const std::uintmax_t before = std::exchange(size, std::filesystem::file_size(recording));
+    return before == size && size > 0;
+  }));
   recorder.signal(SIGINT);
   end_of(recorder);
   const std::string live = text("live.csv");
