@@ -28,7 +28,7 @@ constexpr auto heartbeat = 10ms;
 constexpr auto longest_sleep = 1ms;
 constexpr auto progress_period = 1s;
 // The last messages are repeated: nothing follows that would repair their loss.
-constexpr int last_message_repeats = 10;
+constexpr int last_message_repeats = 20;
 // Simulated time that an unpaced master covers between two looks at the clock.
 constexpr double unpaced_stride = 1.0;
 

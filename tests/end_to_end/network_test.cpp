@@ -19,32 +19,52 @@ struct Network {
 
 void PrintTo(const Network& network, std::ostream* out) { *out << network.name; }
 
-class NetworkTest : public EndToEnd, public testing::WithParamInterface<Network> {};
+/// Master and observer on two ports with a relay between them; files live.csv, events.csv,
+/// truth.csv, o.json.
+class RelayedTest : public EndToEnd {
+ protected:
+  /// Runs to the end and returns what the observer left behind.
+  Ended run_through(const Arguments& plan, const Arguments& common, const Arguments& of_observer,
+                    const Arguments& of_master) {
+    const std::uint16_t near = free_port();
+    const std::uint16_t far = free_port();
+    Process& relay =
+        start_command(Arguments{RELAY, std::to_string(near), std::to_string(far)} + plan);
+    EXPECT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
+    set_url(udp_url(far));
+    Process& observer = start_listening(
+        "observer",
+        common + Arguments{"--states", file("live.csv"), "--report", file("o.json")} + of_observer);
+    set_url(udp_url(near));
+    Process& master = start_master(
+        common +
+        Arguments{"--no-truth", "--events", file("events.csv"), "--states", file("truth.csv")} +
+        of_master);
+    EXPECT_EQ(end_of(master).code, 0);
+    const Ended ended = end_of(observer);
+    EXPECT_EQ(ended.code, 0);
+    relay.signal(SIGTERM);
+    std::cout << end_of(relay).err << ended.err.substr(ended.err.rfind("ticks "));
+    return ended;
+  }
 
-// The master's last message is sent ten times: with 60 % loss one run in 160 would not hear it. The
-// packets' number is not the same in every run, so that the seed does not settle it.
+  /// V at the ticks of truth.csv and live.csv.
+  std::vector<SyncLine> error_energy(const std::string& machine) {
+    EXPECT_EQ(run("sync_logger", {machine, "--truth", file("truth.csv"), "--estimate",
+                                  file("live.csv"), "--csv", file("sync.csv")})
+                  .code,
+              0);
+    return read_sync(file("sync.csv"));
+  }
+};
+
+class NetworkTest : public RelayedTest, public testing::WithParamInterface<Network> {};
+
 TEST_P(NetworkTest, SettledTicksAreThoseOfTheReplayWithoutLoss) {
   const Network& network = GetParam();
   const std::string machine = scene(network.scene);
-  const std::uint16_t near = free_port();
-  const std::uint16_t far = free_port();
-  Process& relay =
-      start_command(Arguments{RELAY, std::to_string(near), std::to_string(far)} + network.plan);
-  ASSERT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
-  const Arguments common{machine, "--duration", "60", "--tick", "0.015625"};
-  set_url(udp_url(far));
-  Process& observer = start_listening(
-      "observer", common + Arguments{"--states", file("live.csv"), "--report", file("o.json")});
-  set_url(udp_url(near));
-  Process& master = start_master(
-      common + Arguments{"--speed", "15", "--no-truth", "--events", file("events.csv")});
-  EXPECT_EQ(end_of(master).code, 0);
-  const Ended ended = end_of(observer);
-  EXPECT_EQ(ended.code, 0);
-  relay.signal(SIGTERM);
-  std::cout << network.name << ": " << end_of(relay).err
-            << ended.err.substr(ended.err.rfind("ticks"));
-
+  run_through(network.plan, {machine, "--duration", "60", "--tick", "0.015625"}, {},
+              {"--speed", "15"});
   const std::string offline =
       replay(machine, file("events.csv"), {"--tick", "0.015625", "--duration", "60"});
   EXPECT_TRUE(text("live.csv") == read_text(offline)) << "live differs from the replay";
@@ -89,32 +109,15 @@ INSTANTIATE_TEST_SUITE_P(
                 10}),
     [](const auto& plan) { return std::string(plan.param.name); });
 
-class TimingTest : public EndToEnd {};
+class TimingTest : public RelayedTest {};
 
 // Six impacts for six unknowns: the sixth is at t = 3.63.
 TEST_F(TimingTest, TheTimingFilterKnowsTheBeamAfterSixImpactsWithTenPercentLost) {
   const std::string machine = scene("paper_beam");
-  const std::uint16_t near = free_port();
-  const std::uint16_t far = free_port();
-  Process& relay =
-      start_command({RELAY, std::to_string(near), std::to_string(far), "--loss", "0.1"});
-  ASSERT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
-  const Arguments common{machine, "--duration", "20", "--tick", "0.015625"};
-  set_url(udp_url(far));
-  Process& observer =
-      start_listening("observer", common + Arguments{"--states", file("live.csv"), "--estimator",
-                                                     "timing", "--report", file("o.json")});
-  set_url(udp_url(near));
-  Process& master = start_master(
-      common + Arguments{"--speed", "10", "--no-truth", "--states", file("truth.csv")});
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(observer).code, 0);
+  run_through({"--loss", "0.1"}, {machine, "--duration", "20", "--tick", "0.015625"},
+              {"--estimator", "timing"}, {"--speed", "10"});
   EXPECT_GT(json("o.json")["messages"]["lost"], 0);
-  EXPECT_EQ(run("sync_logger", {machine, "--truth", file("truth.csv"), "--estimate",
-                                file("live.csv"), "--csv", file("sync.csv")})
-                .code,
-            0);
-  for (const SyncLine& row : read_sync(file("sync.csv"))) {
+  for (const SyncLine& row : error_energy(machine)) {
     if (row.t < 3.4) {
       EXPECT_GT(row.v, 1e-3) << row.t;
     } else if (row.t > 3.63) {
@@ -123,26 +126,14 @@ TEST_F(TimingTest, TheTimingFilterKnowsTheBeamAfterSixImpactsWithTenPercentLost)
   }
 }
 
-class BlackoutTest : public EndToEnd {};
+class BlackoutTest : public RelayedTest {};
 
 // Longer than what a message repeats: more than 120 records are lost for good.
 TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   const std::string machine = scene("paper_beam_chatter");
-  const std::uint16_t near = free_port();
-  const std::uint16_t far = free_port();
-  Process& relay = start_command({RELAY, std::to_string(near), std::to_string(far), "--outages",
-                                  "1", "--every", "1.5", "--outage", "1.2"});
-  ASSERT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
-  const Arguments common{machine, "--duration", "180", "--tick", "0.015625"};
-  set_url(udp_url(far));
-  Process& observer = start_listening(
-      "observer", common + Arguments{"--states", file("live.csv"), "--report", file("o.json")});
-  set_url(udp_url(near));
-  Process& master = start_master(
-      common + Arguments{"--speed", "40", "--no-truth", "--states", file("truth.csv")});
-  EXPECT_EQ(end_of(master).code, 0);
-  const Ended ended = end_of(observer);
-  EXPECT_EQ(ended.code, 0);
+  const Ended ended =
+      run_through({"--outages", "1", "--every", "1.5", "--outage", "1.2"},
+                  {machine, "--duration", "180", "--tick", "0.015625"}, {}, {"--speed", "40"});
   EXPECT_NE(ended.err.find("the master is silent"), std::string::npos) << ended.err;
 
   const nlohmann::json report = json("o.json");
@@ -152,11 +143,7 @@ TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   const double to = report["degraded"][0]["to"];
   EXPECT_GT(to, from);
   EXPECT_NE(ended.err.find("events may be missing between t = "), std::string::npos);
-  EXPECT_EQ(run("sync_logger", {machine, "--truth", file("truth.csv"), "--estimate",
-                                file("live.csv"), "--csv", file("sync.csv")})
-                .code,
-            0);
-  const std::vector<SyncLine> rows = read_sync(file("sync.csv"));
+  const std::vector<SyncLine> rows = error_energy(machine);
   ASSERT_EQ(rows.size(), 11521U);
   const auto after = static_cast<std::size_t>(std::min(to / 0.015625 + 1.0, 11000.0));
   std::cout << "degraded from " << from << " to " << to << ", V " << rows[after].v
