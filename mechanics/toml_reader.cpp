@@ -4,6 +4,8 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <string>
+#include <string_view>
 #include <utility>
 
 #include "mechanics/scene.h"
@@ -16,6 +18,49 @@ std::string located(const std::string& file, const toml::source_position& positi
   std::string text = file;
   if (position) text += ":" + std::to_string(position.line) + ":" + std::to_string(position.column);
   return text + ": " + message;
+}
+
+// How many of `c` stand at text[i].
+std::size_t run_of(char c, std::string_view text, std::size_t i) {
+  const std::size_t end = text.find_first_not_of(c, i);
+  return (end == std::string_view::npos ? text.size() : end) - i;
+}
+
+// Behind the string or comment that begins at text[i], or i + 1 where none does.
+std::size_t behind_token(std::string_view text, std::size_t i) {
+  const char c = text[i];
+  if (c == '#') return std::min(text.find('\n', i), text.size());
+  if (c != '"' && c != '\'') return i + 1;
+  const std::size_t quotes = run_of(c, text, i);
+  if (quotes == 2) return i + 2;  // an empty string
+  const bool long_string = quotes >= 3;
+  const std::size_t closing = long_string ? 3 : 1;
+  for (i += closing; i < text.size(); ++i) {
+    if (text[i] == '\n' && !long_string) return i;  // without an end: the parser's to say
+    if (text[i] == '\\' && c == '"') {
+      ++i;
+    } else if (text[i] == c && run_of(c, text, i) >= closing) {
+      return i + closing;
+    }
+  }
+  return text.size();
+}
+
+// toml++ 3 has no defined behaviour for characters beyond ASCII that stand alone.
+void refuse_beyond_ascii(std::string_view text, const std::string& file) {
+  for (std::size_t i = 0; i < text.size(); i = behind_token(text, i)) {
+    if (static_cast<unsigned char>(text[i]) < 0x80) continue;
+    if (i == 0 && text.starts_with("\xEF\xBB\xBF")) {  // a byte order mark
+      i = 2;
+      continue;
+    }
+    const std::string_view before = text.substr(0, i);
+    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const std::size_t newline = before.rfind('\n');
+    const std::size_t column = newline == std::string_view::npos ? i + 1 : i - newline;
+    throw SceneError(file + ":" + std::to_string(line) + ":" + std::to_string(column) +
+                     ": a character beyond ASCII; may only be in a comment or between quotes");
+  }
 }
 
 std::string_view type_name(const toml::node& node) {
@@ -120,6 +165,7 @@ std::string to_text(double value) {
 }
 
 TomlDocument::TomlDocument(std::string_view text, std::string file) : file_(std::move(file)) {
+  refuse_beyond_ascii(text, file_);
   try {
     table_ = toml::parse(text);
   } catch (const toml::parse_error& error) {

@@ -122,6 +122,21 @@ TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
   }
 }
 
+TEST(SceneErrors, CharactersBeyondAsciiAreForCommentsAndQuotes) {
+  const std::string refused =
+      ": a character beyond ASCII; may only be in a comment or between quotes";
+  EXPECT_EQ(error_of("name = \xC3\xA4"), "x.toml:1:8" + refused);
+  EXPECT_EQ(error_of("# \xC3\xA4\n\n  \xE2\x80\xA9 = 1"), "x.toml:3:3" + refused);
+  EXPECT_EQ(error_of("name = ''\xC2\xB5"), "x.toml:1:10" + refused);
+  EXPECT_EQ(error_of("name = \"a\\\"\" \xC2\xB5"), "x.toml:1:14" + refused);
+  const std::string beam(beam_text);
+  for (const char* name :
+       {"name = \"k\xC3\xB6rper\"\n", "name = 'k\xC3\xB6rper' # \xC2\xB5\n",
+        "name = \"\"\"\nk\"\"\xC3\xB6rper\"\"\"\n", "\xEF\xBB\xBFname = \"a\" # \xC2\xB5\n"}) {
+    EXPECT_NO_THROW(parse_scene(name + beam, "x.toml")) << name;
+  }
+}
+
 TEST(SceneErrors, NumbersMustBeFinite) {
   expect_errors(beam_text, {{"length = 1.0", "length = nan",
                              "x.toml:3:10: beam.length is nan; must be finite"},
