@@ -25,7 +25,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto patience = 1s;
 constexpr std::int64_t millisecond = 1'000'000;
 
 /// A process that ends with this one.
