@@ -5,6 +5,7 @@
 #include <bit>
 #include <complex>
 
+#include "mechanics/impact_law.h"
 #include "mechanics/modal_analysis.h"
 
 namespace sprag {
@@ -279,13 +280,7 @@ void Flow::build_signals() {
   }
 
   // lambda_L = -G_L^-1 (gamma_L' without contact forces).
-  Eigen::MatrixXd G(l, l);
-  for (Eigen::Index i = 0; i < l; ++i) {
-    for (Eigen::Index j = 0; j < l; ++j) {
-      G(i, j) = dynamics_->G()(locked_contacts_[static_cast<std::size_t>(i)],
-                               locked_contacts_[static_cast<std::size_t>(j)]);
-    }
-  }
+  const Eigen::MatrixXd G = of_contacts(dynamics_->G(), locked_);
   const Eigen::MatrixXd G_inverse = l > 0 ? Eigen::MatrixXd(G.inverse()) : G;
   for (Eigen::Index i = 0; i < l; ++i) {
     Functional lambda{Eigen::VectorXd::Zero(dynamics_->coordinates()),
