@@ -159,10 +159,7 @@ class Live {
     if (pairing_.session() && *pairing_.session() != state_.session) {
       another_master(now);
     } else {
-      if (!held_.empty() && *pairing_.session() == state_.session) {
-        of_other_masters_ += static_cast<std::int64_t>(held_.size());
-        held_.clear();
-      }
+      drop_held();
       truth_heard_ = now;
       pair(state_);
     }
@@ -170,12 +167,14 @@ class Live {
 
   // A master that was restarted, or a second one? Its states wait until the first is silent.
   void another_master(Clock::time_point now) {
-    if (!held_.empty() && held_.front().session != state_.session) {
-      of_other_masters_ += static_cast<std::int64_t>(held_.size());
-      held_.clear();
-    }
+    if (!held_.empty() && held_.front().session != state_.session) drop_held();
     if (held_.size() < most_held) held_.push_back(state_);
     follow_the_other(now);
+  }
+
+  void drop_held() {
+    of_other_masters_ += static_cast<std::int64_t>(held_.size());
+    held_.clear();
   }
 
   void follow_the_other(Clock::time_point now) {
