@@ -12,7 +12,6 @@ namespace {
 
 // A measurement whose deviation is below this share of its terms tells nothing but their rounding.
 constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
-constexpr double nis_memory = 0.1;
 constexpr std::size_t kept_bytes = 64 << 20;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
@@ -59,7 +58,7 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
   const Eigen::Index columns = 4 * f() + 2 + 2 * m;
   now_.q.setZero(f(), columns);
   now_.u.setZero(f(), columns);
-  now_.event.setZero(2 + 2 * m, columns);
+  event_.setZero(2 + 2 * m, columns);
   event_mean_.setZero(2 + 2 * m);
   const auto bytes = static_cast<std::size_t>(2 * f() * columns) * sizeof(double);
   covariances_.assign(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024), now_);
@@ -102,7 +101,6 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.instants = 0;
   state.inside = 0;
   state.refused_impacts = 0;
-  state.nis = 1.0;
   q_ = start.q;
   u_ = start.u;
   enter(chi, tick_instant(k, h_), state);
@@ -232,7 +230,7 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
 }
 
 // lambda_i = 0, of a contact that is locked.
-void TimingFilter::measure_release(int contact, TimingState& state) {
+void TimingFilter::measure_release(int contact, const TimingState& state) {
   const Flow& flow = *state.motion.flow;
   if (!contains(flow.locked(), contact)) return;
   const Signal& lambda = flow.force(contact);
@@ -249,7 +247,7 @@ void TimingFilter::measure_release(int contact, TimingState& state) {
   const double scale = std::abs(lambda.constant) + (lambda.p * state.motion.x.z).abs().sum() +
                        (lambda.r * state.motion.x.v).abs().sum();
   const double slope = rate(lambda, state.motion);
-  condition(-value(lambda, state.motion), std::pow(uncertainty_.jitter * slope, 2), scale, state);
+  condition(-value(lambda, state.motion), std::pow(uncertainty_.jitter * slope, 2), scale);
 }
 
 // The unknowns of the event: tau, tau^2, and for each closing the products of tau with what is not
@@ -261,9 +259,9 @@ void TimingFilter::add_event_unknowns() {
   now_.columns += 2 + 2 * n;
   now_.q.middleCols(c, 2 + 2 * n).setZero();
   now_.u.middleCols(c, 2 + 2 * n).setZero();
-  now_.event.leftCols(now_.columns).setZero();
-  now_.event(0, c) = sigma;
-  now_.event(1, c + 1) = std::sqrt(2.0) * sigma * sigma;
+  event_.leftCols(now_.columns).setZero();
+  event_(0, c) = sigma;
+  event_(1, c + 1) = std::sqrt(2.0) * sigma * sigma;
   event_mean_.setZero();
   event_mean_[1] = sigma * sigma;
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -275,13 +273,13 @@ void TimingFilter::add_event_unknowns() {
       gamma += std::pow(w.dot(now_.u.col(j)), 2);
       gamma_rate += std::pow(a.a.dot(now_.q.col(j)) + a.b.dot(now_.u.col(j)), 2);
     }
-    now_.event(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
-    now_.event(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
+    event_(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
+    event_(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
   }
 }
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
-void TimingFilter::measure_closings(TimingState& state) {
+void TimingFilter::measure_closings(const TimingState& state) {
   const Model& model = flows_.dynamics().model();
   const double t = state.motion.t.hi;
   for (std::size_t k = 0; k < closings_.size(); ++k) {
@@ -301,7 +299,7 @@ void TimingFilter::measure_closings(TimingState& state) {
     if (jitters) {
       // At the reported time the gap, gone on with, would be gamma tau - gamma' tau^2 / 2.
       const auto row = static_cast<Eigen::Index>(2 + 2 * k);
-      const auto event = now_.event.leftCols(c);
+      const auto event = event_.leftCols(c);
       phi -=
           (closing.gamma * event.row(0) - 0.5 * closing.gamma_rate * event.row(1) + event.row(row))
               .transpose();
@@ -310,18 +308,18 @@ void TimingFilter::measure_closings(TimingState& state) {
     }
     const double scale = contact.w.cwiseProduct(q_).cwiseAbs().sum() +
                          std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
-    condition(residual, 0.0, scale, state);
+    condition(residual, 0.0, scale);
     if (closing.epsilon > 0.0 || contact.restitution == 0.0) continue;
     phi.noalias() = now_.u.leftCols(c).transpose().lazyProduct(contact.w);
     const double u_scale = contact.w.cwiseProduct(u_).cwiseAbs().sum() +
                            std::abs(contact.motion.amplitude * contact.motion.frequency);
     const double rest = std::max(uncertainty_.jitter, model.chatter_time) * closing.gamma_rate;
-    condition(-gap_velocity(contact, u_, t), rest * rest, u_scale, state);
+    condition(-gap_velocity(contact, u_, t), rest * rest, u_scale);
   }
 }
 
 // Conditions on the measurement whose columns' parts are phi_: residual = measured - expected.
-void TimingFilter::condition(double residual, double noise, double scale, TimingState& state) {
+void TimingFilter::condition(double residual, double noise, double scale) {
   const Eigen::Index c = now_.columns;
   auto phi = phi_.head(c);
   const double known = phi.squaredNorm();
@@ -329,7 +327,6 @@ void TimingFilter::condition(double residual, double noise, double scale, Timing
   const double r = noise + floor * floor;
   if (!(known > floor * floor)) return;
   const double alpha = known + r;
-  state.nis += nis_memory * (residual * residual / alpha - state.nis);
   // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).
   const double gain = residual / alpha;
   const double shrink = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));
@@ -346,10 +343,10 @@ void TimingFilter::condition(double residual, double noise, double scale, Timing
   take(now_.q.leftCols(c));
   take(now_.u.leftCols(c));
   if (uncertainty_.jitter == 0.0) return;
-  for (Eigen::Index i = 0; i < now_.event.rows(); ++i) {
-    event_mean_[i] += gain * now_.event.row(i).head(c).dot(phi.transpose());
+  for (Eigen::Index i = 0; i < event_.rows(); ++i) {
+    event_mean_[i] += gain * event_.row(i).head(c).dot(phi.transpose());
   }
-  take(now_.event.leftCols(c));
+  take(event_.leftCols(c));
 }
 
 // The impact of the contacts that close, with those of `staying` held.
@@ -414,7 +411,8 @@ void TimingFilter::reset(ContactSet staying, TimingState& state) {
   // The impact was tau earlier: with gamma- less by gamma-' tau, and with the damping forces after
   // it for tau longer.
   MinvC_jump_.noalias() = MinvC_.lazyProduct(jump_);
-  for (Eigen::Index k = 0; k < n; ++k) gamma[k] = -closings_[index(int(k))].gamma_rate;
+  for (Eigen::Index k = 0; k < n; ++k)
+    gamma[k] = -closings_[static_cast<std::size_t>(k)].gamma_rate;
   if (!impulses()) return;
   jump_rate_ = -MinvC_jump_;
   for (Eigen::Index k = 0; k < n; ++k) jump_rate_ += Lambda[k] * directions_.col(k);
@@ -443,8 +441,8 @@ void TimingFilter::add_effect(Eigen::Index row, const Eigen::VectorXd& on_q,
   q_ += event_mean_[row] * on_q;
   u_ += event_mean_[row] * on_u;
   for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    now_.q.col(j) += now_.event(row, j) * on_q;
-    now_.u.col(j) += now_.event(row, j) * on_u;
+    now_.q.col(j) += event_(row, j) * on_q;
+    now_.u.col(j) += event_(row, j) * on_u;
   }
 }
 
@@ -473,23 +471,6 @@ void TimingFilter::merge_columns() {
   now_.columns = n;
   now_.q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
   now_.u.leftCols(n) = R.topRightCorner(n, f()).transpose();
-}
-
-void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
-                              Eigen::Ref<Eigen::VectorXd> u) {
-  load(state, tick_instant(state.tick, h_));
-  for (Eigen::Index i = 0; i < f(); ++i) {
-    q[i] = now_.q.row(i).head(now_.columns).norm();
-    u[i] = now_.u.row(i).head(now_.columns).norm();
-  }
-}
-
-double TimingFilter::gap_deviation(int contact, const TimingState& state) {
-  load(state, tick_instant(state.tick, h_));
-  const Eigen::Index c = now_.columns;
-  phi_.head(c).noalias() =
-      now_.q.leftCols(c).transpose().lazyProduct(flows_.dynamics().W().col(contact));
-  return phi_.head(c).norm();
 }
 
 Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {

@@ -60,7 +60,6 @@ struct TimingState {
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
   std::int64_t instants = 0;  ///< instants with events since the start
   std::int64_t refused_impacts = 0;
-  double nis = 1.0;  ///< mean of squared normalized innovations, over about the last ten
 };
 
 class TimingFilter {
@@ -85,12 +84,6 @@ class TimingFilter {
   void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
 
-  /// Standard deviations of q and u at the present tick, f entries each; and of the gap of a
-  /// contact [m].
-  void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
-                  Eigen::Ref<Eigen::VectorXd> u);
-  double gap_deviation(int contact, const TimingState& state);
-
   /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
   Eigen::MatrixXd covariance(const TimingState& state);
 
@@ -101,8 +94,7 @@ class TimingFilter {
   struct Covariance {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
-    Eigen::MatrixXd q, u;   // S, f rows each
-    Eigen::MatrixXd event;  // rows of the unknowns of the event that is at work
+    Eigen::MatrixXd q, u;  // S, f rows each
   };
   struct Closing {
     int contact;
@@ -120,9 +112,9 @@ class TimingFilter {
   void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
   void apply_group(std::span<const ContactEvent> events, TimingState& state);
-  void measure_release(int contact, TimingState& state);
-  void measure_closings(TimingState& state);
-  void condition(double residual, double noise, double scale, TimingState& state);
+  void measure_release(int contact, const TimingState& state);
+  void measure_closings(const TimingState& state);
+  void condition(double residual, double noise, double scale);
   void reset(ContactSet staying, TimingState& state);
   void add_event_unknowns();
   void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
@@ -140,7 +132,8 @@ class TimingFilter {
   Eigen::VectorXd q_, u_;
   Eigen::VectorXd jump_, jump_rate_, MinvC_jump_, MinvK_jump_;
   Covariance now_;
-  Eigen::VectorXd event_mean_;  // tau, tau^2, tau times what is not known of each gamma-
+  Eigen::MatrixXd event_;  // rows of S of the event's own unknowns, and their means: tau, tau^2,
+  Eigen::VectorXd event_mean_;  // tau times what is not known of each gamma- and of its rate
   std::vector<Closing> closings_;
   Eigen::VectorXd phi_;         // what a measurement sees of each column
   Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
