@@ -1,6 +1,9 @@
 #include "mechanics/energy.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <limits>
+#include <utility>
 
 namespace sprag {
 
@@ -19,20 +22,31 @@ Eigen::VectorXd difference(const Eigen::Ref<const Eigen::VectorXd>& master,
 
 }  // namespace
 
-ErrorEnergy::ErrorEnergy(const Model& model) {
+NaturalModes natural_modes(const Model& model) {
   if (is_diagonal(model.M) && is_diagonal(model.K)) {
-    mass_ = model.M.diagonal();
-    stiffness_ = model.K.diagonal();
-    if ((mass_.array() <= 0.0).any()) throw ModelError("M is not positive definite");
-    return;
+    if ((model.M.diagonal().array() <= 0.0).any()) {
+      throw ModelError("M is not positive definite");
+    }
+    return {Eigen::MatrixXd::Identity(model.M.rows(), model.M.rows()), model.M.diagonal(),
+            model.K.diagonal(), true};
   }
   if (model.M.llt().info() != Eigen::Success) throw ModelError("M is not positive definite");
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(model.K, model.M);
-  if (modes.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
-  to_modes_ = modes.eigenvectors().transpose() * model.M;
-  mass_ = Eigen::VectorXd::Ones(model.M.rows());
-  // Rounding may leave a rigid-body mode with a stiffness just below zero.
-  stiffness_ = modes.eigenvalues().cwiseMax(0.0);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(model.K, model.M);
+  if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
+  const Eigen::Index f = model.M.rows();
+  // Rounding gives a rigid motion a stiffness, of either sign, that its displacement squared would
+  // make visible.
+  const double rounding = static_cast<double>(f) * std::numeric_limits<double>::epsilon() *
+                          solver.eigenvalues().cwiseAbs().maxCoeff();
+  return {solver.eigenvectors(), Eigen::VectorXd::Ones(f),
+          (solver.eigenvalues().array() > rounding).select(solver.eigenvalues(), 0.0), false};
+}
+
+ErrorEnergy::ErrorEnergy(const Model& model) {
+  NaturalModes modes = natural_modes(model);
+  if (!modes.of_coordinates) to_modes_ = modes.Phi.transpose() * model.M;
+  mass_ = std::move(modes.mass);
+  stiffness_ = std::move(modes.stiffness);
 }
 
 Eigen::VectorXd ErrorEnergy::operator()(const Eigen::Ref<const Eigen::VectorXd>& q_m,

@@ -8,8 +8,18 @@
 
 namespace sprag {
 
-/// The parts V_i belong to the coordinates where M and K are diagonal, else to the modes
-/// K v_i = w_i^2 M v_i, v_i^T M v_j = delta_ij, w_i ascending.
+/// Undamped modes K Phi = M Phi diag(stiffness / mass), Phi^T M Phi = diag(mass): by ascending
+/// frequency with mass 1; where M and K are diagonal the coordinates themselves.
+struct NaturalModes {
+  Eigen::MatrixXd Phi;              ///< f x f
+  Eigen::VectorXd mass, stiffness;  ///< f entries; a rigid motion has stiffness 0 exactly
+  bool of_coordinates = false;      ///< Phi is the identity
+};
+
+/// Throws ModelError if M is not positive definite.
+NaturalModes natural_modes(const Model& model);
+
+/// The parts V_i belong to the natural modes.
 class ErrorEnergy {
  public:
   /// Throws ModelError if M is not positive definite.
