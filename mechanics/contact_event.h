@@ -5,6 +5,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <span>
 
 namespace sprag {
 
@@ -37,6 +38,17 @@ void for_each(ContactSet set, Visit visit) {
 constexpr ContactSet after(ContactSet chi, const ContactEvent& event) {
   return event.kind == ContactEventKind::closes ? chi | bit(event.contact)
                                                 : chi & ~bit(event.contact);
+}
+
+/// visit(events) for the events of each instant, which are one impact; `events` in order of time.
+template <typename Visit>
+void for_each_instant(std::span<const ContactEvent> events, Visit visit) {
+  while (!events.empty()) {
+    std::size_t count = 1;
+    while (count < events.size() && events[count].t == events.front().t) ++count;
+    visit(events.first(count));
+    events = events.subspan(count);
+  }
 }
 
 }  // namespace sprag

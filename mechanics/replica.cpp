@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace sprag {
 namespace {
@@ -13,7 +14,8 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-Replica::Replica(Model model, double h) : flows_(std::move(model)), h_(h), solver_(flows_) {
+Replica::Replica(Model model, double h)
+    : flows_(std::move(model)), h_(h), solver_(flows_), error_bound_(flows_) {
   build_foreseeable(flows_);
   flight_ = TickedFlight(flows_[0], h);
   const auto m = index(flows_.dynamics().contacts());
@@ -28,7 +30,9 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   state.tick = k;
   state.chi = chi;
   state.refused_impacts = 0;
+  state.innovation = {};
   solver_.start(start, tick_instant(k, h_), state.motion);
+  error_bound_.start(state.motion.t, state.error_bound);
   if (chi != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
     if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
@@ -47,15 +51,10 @@ void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
   }
   const Instant t = tick_instant(state.tick, h_);
   motion.t = tick_instant(state.tick - 1, h_);
-  while (!events.empty()) {
-    const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
-      return event.t != events.front().t;
-    });
-    const auto count = static_cast<std::size_t>(end - events.begin());
-    advance(at(events.front().t), state);
-    apply_group(events.first(count), state);
-    events = events.subspan(count);
-  }
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+    advance(at(of_one.front().t), state);
+    apply_group(of_one, state);
+  });
   advance(t, state);
   TickedFlight::set_anchor(motion, state.anchor);
 }
@@ -79,10 +78,14 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
   }
   std::fill(order_.begin(), order_.end(), 0);
+  if (before == 0) error_bound_.land(state.motion, state.error_bound);
+  if (state.chi == 0) error_bound_.take_off(state.motion.t, state.error_bound);
   if (closing == 0) {
     solver_.release(before & ~state.chi, state.motion);
     return;
   }
+  note_innovation(closing, state);
+  error_bound_.strike(before | closing, state.chi, epsilon_, state.motion, state.error_bound);
   if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
     ++state.refused_impacts;
     solver_.release(before & ~state.chi, state.motion);
@@ -93,6 +96,23 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
   for (std::size_t i = 0; i < order_.size(); ++i) {
     order_[i] = contains(from_zero, static_cast<int>(i)) ? 1 : 0;
   }
+}
+
+void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
+  state.innovation = {state.motion.t.hi, -1, 0.0, 0.0};
+  for_each(closing, [&](int i) {
+    const double gap = solver_.gap(i, state.motion);
+    if (state.innovation.contact >= 0 && std::abs(gap) <= std::abs(state.innovation.gap)) return;
+    state.innovation.contact = i;
+    state.innovation.gap = gap;
+  });
+}
+
+double Replica::error_bound(const ReplicaState& state, double initial) const {
+  if (!error_bound_.guaranteed() || state.refused_impacts > 0) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return state.error_bound.bound(initial);
 }
 
 // Exact flow to t, through the clutches' own switchings.

@@ -11,8 +11,10 @@
 
 #include "mechanics/contact_event.h"
 #include "mechanics/contact_solver.h"
+#include "mechanics/error_bound.h"
 #include "mechanics/event_search.h"
 #include "mechanics/flow.h"
+#include "mechanics/innovation.h"
 #include "mechanics/ticked_flight.h"
 
 namespace sprag {
@@ -24,6 +26,8 @@ struct ReplicaState {
   Motion motion;  ///< in free flight its t is that of the anchor
   TickedFlight::Anchor anchor;
   std::int64_t refused_impacts = 0;  ///< impacts whose contacts' directions are linearly dependent
+  ErrorBoundState error_bound;       ///< since the start
+  Innovation innovation;
 };
 
 class Replica {
@@ -53,13 +57,19 @@ class Replica {
   double h() const { return h_; }
   const Flows& flows() const { return flows_; }
 
+  /// Upper bound on the error energy V, if it was at most `initial` at the start and the events are
+  /// exact and complete; +infinity where the machine's law is not monotone.
+  double error_bound(const ReplicaState& state, double initial) const;
+
  private:
   void advance(Instant t, ReplicaState& state);
+  void note_innovation(ContactSet closing, ReplicaState& state) const;
   void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
 
   Flows flows_;
   double h_;
   ContactSolver solver_;
+  ErrorBound error_bound_;
   EventSearch search_;
   TickedFlight flight_;
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish

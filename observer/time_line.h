@@ -27,7 +27,7 @@ struct RollbackCounts {
   Histogram depth;                  ///< ticks redone by each
 };
 
-/// Stepper is Replica or MoreauReplica.
+/// Stepper is Replica, MoreauReplica, TimingFilter or SupervisedFilter.
 template <typename Stepper>
 class TimeLine {
  public:
@@ -116,6 +116,8 @@ class TimeLine {
 
   bool started() const { return started_; }
   double h() const { return stepper_->h(); }
+  /// The tick at which the stepper was put at the scene's state.
+  std::int64_t first() const { return first_; }
   std::int64_t now() const { return now_; }
   /// Last tick at or before the horizon; before the first tick where there is none.
   std::int64_t settled_tick() const {
@@ -155,15 +157,8 @@ class TimeLine {
     ReplicaState& state = saved(first_);
     stepper_->start(start_, first_, chi_, state);
     consumed_ = 0;
-    std::span<const ContactEvent> events = events_of(first_);
-    while (!events.empty()) {
-      const auto end = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
-        return event.t != events.front().t;
-      });
-      const auto count = static_cast<std::size_t>(end - events.begin());
-      stepper_->apply(events.first(count), state);
-      events = events.subspan(count);
-    }
+    for_each_instant(events_of(first_),
+                     [&](std::span<const ContactEvent> of_one) { stepper_->apply(of_one, state); });
   }
 
   void step() {
