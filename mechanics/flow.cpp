@@ -497,4 +497,12 @@ double rate(const Signal& signal, const Motion& motion) {
       .sum();
 }
 
+double second_rate(const Signal& signal, const Motion& motion) {
+  const Oscillators& o = motion.flow->oscillators();
+  const auto acceleration = motion.alpha - 2.0 * o.delta() * motion.x.v - o.kappa() * motion.x.z;
+  return (signal.p * acceleration -
+          signal.r * (2.0 * o.delta() * acceleration + o.kappa() * motion.x.v))
+      .sum();
+}
+
 }  // namespace sprag

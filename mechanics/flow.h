@@ -213,8 +213,9 @@ class Flows {
 /// does, except for sets of dependent directions.
 void build_foreseeable(const Flows& flows);
 
-/// Value of a signal, and its time derivative, at a point of the motion's flow.
+/// Value of a signal, and its first two time derivatives, at a point of the motion's flow.
 double value(const Signal& signal, const Motion& motion);
 double rate(const Signal& signal, const Motion& motion);
+double second_rate(const Signal& signal, const Motion& motion);
 
 }  // namespace sprag

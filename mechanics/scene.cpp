@@ -281,9 +281,10 @@ void read_master(const TomlTable& root, Scene& scene) {
 
 void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  const auto table = root.table("replica", {"q", "u", "uncertainty"});
+  const auto table = root.table("replica", {"q", "u", "uncertainty", "drift"});
   scene.replica =
       table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
+  if (table) scene.drift = table->number_or("drift", 0.0, not_negative);
   if (!table || !table->has("uncertainty")) return;
   const Eigen::VectorXd energies = table->numbers("uncertainty");
   if (energies.size() != 1 && energies.size() != f) {

@@ -21,6 +21,7 @@ struct Scene {
   State replica;                     ///< start of the replica, padded with zeros to f entries
   Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M
                                      ///< and K are not diagonal, by mode; empty: not given
+  double drift = 0.0;                ///< energy by which the model departs, per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
   bool release_penetration = false;  ///< master.penetration = "release"
 };

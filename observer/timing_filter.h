@@ -19,6 +19,10 @@
 // gamma_i- tau is not linear; gamma_i- is taken from the estimate, and what that lacks is added to
 // the noise.
 //
+// Which contacts take an impulse is not always known: where several close at one instant, or others
+// are closed or open at it. There the impact law decides on the mean, and what it would have been
+// otherwise widens the covariance.
+//
 // The covariance is kept as P = S S^T, propagated column by column and conditioned by Potter's
 // square root for scalar measurements, so that it cannot turn indefinite and stays accurate
 // relative to the smallest of its axes, with exact measurements too. Columns that events add are
@@ -33,6 +37,7 @@
 #include "mechanics/contact_event.h"
 #include "mechanics/flow.h"
 #include "mechanics/impact_law.h"
+#include "mechanics/innovation.h"
 #include "mechanics/scene.h"
 #include "mechanics/ticked_flight.h"
 
@@ -41,14 +46,24 @@ namespace sprag {
 /// What is not known of a machine's start and of its events. The errors of q and u at the start are
 /// independent, with covariances q q^T and u u^T.
 struct Uncertainty {
-  Eigen::MatrixXd q, u;  ///< f x f
-  double jitter = 0.0;   ///< sigma, standard deviation of event times [s]
+  Eigen::MatrixXd q, u;              ///< f x f
+  double jitter = 0.0;               ///< sigma, standard deviation of event times [s]
+  Eigen::MatrixXd drift_q, drift_u;  ///< of what the model lacks per unit of time; or empty
 };
 
-/// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, and
-/// its [events] jitter. Without the first the energy 1, in the scene's unit, is shared by all.
-/// Rigid motions, which have no energy of position, get the scene's largest length.
+/// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
+/// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
+/// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
+/// largest length.
 Uncertainty uncertainty_of(const Scene& scene);
+
+/// How the innovations of a filter fit what it holds possible: squares over their variances, which
+/// are 1 in the mean where model, events and uncertainty are right.
+struct Consistency {
+  std::int64_t count = 0;  ///< innovations since the start
+  double mean = 1.0;       ///< over about the last 16, weights falling exponentially
+  double largest = 0.0;    ///< at the last instant with events
+};
 
 /// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
 struct TimingState {
@@ -60,6 +75,10 @@ struct TimingState {
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
   std::int64_t instants = 0;  ///< instants with events since the start
   std::int64_t refused_impacts = 0;
+  std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
+  Innovation innovation;
+  Consistency consistency;
+  double length = 0.0, speed = 0.0;  ///< largest terms of gaps and of their velocities so far
 };
 
 class TimingFilter {
@@ -76,6 +95,13 @@ class TimingFilter {
   /// Puts the mean at (q, u) with chi at tick k, with the uncertainty of a start. May allocate.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
 
+  /// Puts the mean at (q, u), f entries each, at the present tick. Mode by mode, its covariance is
+  /// that of a start, less as far as the filter, had it heard of no event since instant number
+  /// `believed`, would have been both sure and close to (q, u).
+  void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
+               const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
+               TimingState& state);
+
   /// As Replica's. They do not allocate once the locked sets that occur have been met.
   void tick(std::span<const ContactEvent> events, TimingState& state);
   void apply(std::span<const ContactEvent> events, TimingState& state);
@@ -83,6 +109,19 @@ class TimingFilter {
   /// The mean at the present tick, f entries each.
   void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
+
+  /// Standard deviations of q and u, f entries each, and of the gaps of all contacts, at the
+  /// present tick.
+  void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                  Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
+
+  /// Of a contact's gap between the last two instants with events: the share of the time in which
+  /// it was negative, and its smallest value [m].
+  struct LastFlight {
+    double inside = 0.0;
+    double lowest = 0.0;
+  };
+  LastFlight last_flight(int contact, const TimingState& state);
 
   /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
   Eigen::MatrixXd covariance(const TimingState& state);
@@ -95,11 +134,12 @@ class TimingFilter {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
     Eigen::MatrixXd q, u;  // S, f rows each
+    Motion mean;           // as it goes on from there
   };
   struct Closing {
     int contact;
     double epsilon;
-    double gamma, gamma_rate;  // before the impact
+    double gamma, gamma_rate, gamma_second_rate;  // before the impact
   };
 
   Covariance& slot(std::int64_t instants) {
@@ -108,14 +148,18 @@ class TimingFilter {
   }
   Eigen::Index f() const { return flows_.dynamics().coordinates(); }
   void set_start(Covariance& S) const;
+  void go_on(TimingState& state);
+  void add_drift(double tau);
   void load(const TimingState& state, Instant t);
+  void load(const Covariance& from, Instant t);
   void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
   void apply_group(std::span<const ContactEvent> events, TimingState& state);
-  void measure_release(int contact, const TimingState& state);
-  void measure_closings(const TimingState& state);
-  void condition(double residual, double noise, double scale);
-  void reset(ContactSet staying, TimingState& state);
+  void measure_release(int contact, TimingState& state);
+  void measure_closings(TimingState& state);
+  double condition(double residual, double noise, double scale, Consistency& consistency);
+  void reset(ContactSet staying, ContactSet leaving, TimingState& state);
+  void decide(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_event_unknowns();
   void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
   void merge_columns();
@@ -126,11 +170,12 @@ class TimingFilter {
   TickedFlight flight_;
   std::vector<Functional> acceleration_;  // gamma_i' without contact forces
   Eigen::MatrixXd MinvC_, MinvK_;
+  Eigen::MatrixXd from_start_q_, from_start_u_;  // inverses of the uncertainty of a start
   std::vector<Covariance> covariances_;
 
   // Scratch of an instant.
-  Eigen::VectorXd q_, u_;
-  Eigen::VectorXd jump_, jump_rate_, MinvC_jump_, MinvK_jump_;
+  Eigen::VectorXd q_, u_, u_before_;
+  Eigen::VectorXd jump_, first_on_q_, first_on_u_, on_q_, on_u_;
   Covariance now_;
   Eigen::MatrixXd event_;  // rows of S of the event's own unknowns, and their means: tau, tau^2,
   Eigen::VectorXd event_mean_;  // tau times what is not known of each gamma- and of its rate
@@ -142,6 +187,7 @@ class TimingFilter {
   Eigen::ArrayXd no_alpha_;
   Eigen::VectorXd no_gaps_;
   Eigen::MatrixXd merged_;  // columns x 2 f
+  Motion sample_;
 };
 
 }  // namespace sprag

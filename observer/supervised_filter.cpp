@@ -1,0 +1,90 @@
+#include "observer/supervised_filter.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace sprag {
+namespace {
+
+// Squares of innovations over their variances: chi^2 of one degree of freedom exceeds the first
+// once in 10^11 events, the mean over 16 the second once in 10^8.
+constexpr double largest_square = 45.0;
+constexpr double largest_mean = 4.5;
+
+// Shares of a flight's duration, and of the machine's displacements, that are no matter of event
+// times or of a model that is slightly wrong.
+constexpr double long_inside = 0.05;
+constexpr double far_away = 0.05;
+
+// A trial takes twice as many events each time that the model is to blame, until so many times as
+// many have fitted.
+constexpr std::int64_t longest_trial = 1024;
+constexpr std::int64_t forgiven_after = 8;
+
+}  // namespace
+
+SupervisedFilter::SupervisedFilter(const Model& model, double h, Uncertainty uncertainty)
+    : replica_(model, h), filter_(model, h, std::move(uncertainty)) {
+  q_.setZero(model.coordinates());
+  u_.setZero(model.coordinates());
+}
+
+void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                             SupervisedState& state) {
+  replica_.start(start, k, chi, state);
+  filter_.start(start, k, chi, state.filter);
+  state.trusted = true;
+  state.trial = trial_events;
+  state.inconsistencies = 0;
+  state.last = {};
+}
+
+void SupervisedFilter::tick(std::span<const ContactEvent> events, SupervisedState& state) {
+  const std::int64_t believed = state.filter.instants;
+  replica_.tick(events, state);
+  filter_.tick(events, state.filter);
+  if (!events.empty()) supervise(believed, state);
+}
+
+void SupervisedFilter::apply(std::span<const ContactEvent> events, SupervisedState& state) {
+  replica_.apply(events, state);
+  filter_.apply(events, state.filter);
+}
+
+// `believed`: the filter's last instant before this tick.
+void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) {
+  const Consistency& consistency = state.filter.consistency;
+  if (!(consistency.largest > largest_square) && !(consistency.mean > largest_mean)) {
+    if (consistency.count >= 2 * q_.size() + state.trial) state.trusted = true;
+    if (consistency.count >= forgiven_after * state.trial) state.trial = trial_events;
+    return;
+  }
+  const Innovation& innovation = state.filter.innovation;
+  state.last = {innovation.t, innovation.contact, suspicion(state), consistency.largest};
+  ++state.inconsistencies;
+  if (state.last.suspicion == Suspicion::model) {
+    state.trial = std::min(2 * state.trial, longest_trial);
+  }
+  state.trusted = false;
+  replica_.output(state, q_, u_);
+  filter_.restart(q_, u_, believed, state.filter);
+}
+
+Suspicion SupervisedFilter::suspicion(const SupervisedState& state) {
+  const Innovation& innovation = state.filter.innovation;
+  const double far = far_away * state.filter.length;
+  const TimingFilter::LastFlight flight = filter_.last_flight(innovation.contact, state.filter);
+  if (flight.inside > long_inside && flight.lowest < -far) return Suspicion::missing_event;
+  return innovation.gap > far ? Suspicion::spurious_event : Suspicion::model;
+}
+
+void SupervisedFilter::output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,
+                              Eigen::Ref<Eigen::VectorXd> u) const {
+  if (state.trusted) {
+    filter_.output(state.filter, q, u);
+  } else {
+    replica_.output(state, q, u);
+  }
+}
+
+}  // namespace sprag
