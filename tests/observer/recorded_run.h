@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "master_sim/report_builder.h"
+#include "lcmtypes/report_builder.h"
 #include "mechanics/instant.h"
 #include "mechanics/master.h"
 #include "mechanics/scene.h"

@@ -1,4 +1,4 @@
-#include "master_sim/report_builder.h"
+#include "lcmtypes/report_builder.h"
 
 #include <algorithm>
 #include <cmath>
