@@ -2,6 +2,7 @@
 
 #include <array>
 #include <string_view>
+#include <utility>
 
 namespace sprag {
 
@@ -67,7 +68,7 @@ class EventList {
 
 }  // namespace
 
-EventsWriter::EventsWriter(const std::filesystem::path& file) : file_(file) {
+EventsWriter::EventsWriter(OutputFile file) : file_(std::move(file)) {
   row_.reserve(64);
   file_.write(header);
   file_.write("\n");

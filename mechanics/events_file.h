@@ -15,8 +15,10 @@ namespace sprag {
 
 class EventsWriter {
  public:
-  /// Creates or empties the file and writes the header; a failure shows in good().
-  explicit EventsWriter(const std::filesystem::path& file);
+  /// Writes the header; a failure shows in good().
+  explicit EventsWriter(OutputFile file);
+  /// The same into a file that is created or emptied.
+  explicit EventsWriter(const std::filesystem::path& file) : EventsWriter(OutputFile(file)) {}
 
   /// Appends the event's row, or a pulse's two rows. Failures are remembered.
   void write(const ContactEvent& event) noexcept;
