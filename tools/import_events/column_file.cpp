@@ -1,0 +1,180 @@
+#include "tools/import_events/column_file.h"
+
+#include <algorithm>
+
+#include "mechanics/csv.h"
+#include "mechanics/nearest_word.h"
+#include "tools/import_events/decimal.h"
+
+namespace sprag {
+
+namespace {
+
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+
+std::string_view trimmed(std::string_view field) {
+  constexpr std::string_view blanks = " \t\r";
+  const std::size_t begin = field.find_first_not_of(blanks);
+  if (begin == std::string_view::npos) return {};
+  return field.substr(begin, field.find_last_not_of(blanks) - begin + 1);
+}
+
+std::string located(const std::string& file, std::size_t line, const std::string& what) {
+  return file + ":" + std::to_string(line) + ": " + what;
+}
+
+/// The lines that say something, one by one.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : rest_(text) {
+    if (rest_.starts_with(byte_order_mark)) rest_.remove_prefix(byte_order_mark.size());
+  }
+
+  std::optional<std::string_view> next() {
+    while (!rest_.empty()) {
+      const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+      const std::string_view line = rest_.substr(0, end);
+      rest_.remove_prefix(std::min(end + 1, rest_.size()));
+      ++number_;
+      const std::string_view content = trimmed(line);
+      if (!content.empty() && content.front() != '#') return line;
+    }
+    return std::nullopt;
+  }
+
+  /// Of the line that next() returned last, from 1.
+  std::size_t number() const { return number_; }
+
+ private:
+  std::string_view rest_;
+  std::size_t number_ = 0;
+};
+
+/// Length of the field that `text` begins with, up to its separator; nothing if a quote in it is
+/// not closed. A quote doubled within quotes closes and opens, which ends at the same place.
+std::optional<std::size_t> field_length(std::string_view text, char separator) {
+  const std::size_t first = text.find_first_not_of(' ');
+  bool quoted = false;
+  if (first == std::string_view::npos || text[first] != '"')
+    return std::min(text.find(separator), text.size());
+  for (std::size_t i = first; i < text.size(); ++i) {
+    if (text[i] == '"') quoted = !quoted;
+    if (text[i] == separator && !quoted) return i;
+  }
+  return quoted ? std::nullopt : std::optional(text.size());
+}
+
+/// What stands in a field: without blanks and one pair of quotes around it.
+std::string_view content_of(std::string_view field) {
+  field = trimmed(field);
+  if (field.size() >= 2 && field.front() == '"' && field.back() == '"')
+    field = trimmed(field.substr(1, field.size() - 2));
+  return field;
+}
+
+/// Splits a line; false if a quote is not closed.
+bool split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
+  fields.clear();
+  while (true) {
+    const auto length = field_length(line, separator);
+    if (!length) return false;
+    fields.push_back(content_of(line.substr(0, *length)));
+    if (*length == line.size()) return true;
+    line.remove_prefix(*length + 1);
+  }
+}
+
+char separator_of(std::string_view header) {
+  std::vector<std::string_view> fields;
+  for (const char candidate : {'\t', ';', ','}) {
+    if (split(header, candidate, fields) && fields.size() > 1) return candidate;
+  }
+  return ';';
+}
+
+std::string unquoted(std::string_view name) {
+  std::string text(name);
+  for (std::size_t i = text.find("\"\""); i != std::string::npos; i = text.find("\"\"", i + 1))
+    text.erase(i, 1);
+  return text;
+}
+
+std::string fields_text(std::size_t count) {
+  return std::to_string(count) + (count == 1 ? " field" : " fields");
+}
+
+}  // namespace
+
+std::string to_text(const RowProblem& problem) {
+  const std::string line = std::to_string(problem.line) + ": ";
+  return line + (problem.column.empty() ? "" : "column " + problem.column + ": ") + problem.what;
+}
+
+std::size_t ColumnFile::find(std::string_view name, const std::string& file) const {
+  const auto named = [&](const Column& column) { return column.name == name; };
+  const auto found = std::ranges::find_if(columns, named);
+  if (found != columns.end() && std::find_if(found + 1, columns.end(), named) == columns.end())
+    return static_cast<std::size_t>(found - columns.begin());
+  std::string what = file + (found == columns.end() ? ": there is no column '"
+                                                    : ": there is more than one column '");
+  what.append(name).append("'");
+  std::vector<std::string_view> names;
+  for (const Column& column : columns) names.emplace_back(column.name);
+  if (found == columns.end()) {
+    const auto nearest = nearest_word(name, names);
+    if (nearest) what.append(" (did you mean '").append(*nearest).append("'?)");
+  }
+  what += "; the columns are ";
+  for (const std::string_view& other : names)
+    what.append(&other == names.data() ? "'" : ", '").append(other).append("'");
+  throw InputError(what);
+}
+
+std::optional<char> parse_separator(std::string_view text) {
+  if (text == "comma" || text == ",") return ',';
+  if (text == "semicolon" || text == ";") return ';';
+  if (text == "tab" || text == "\t") return '\t';
+  return std::nullopt;
+}
+
+ColumnFile parse_columns(std::string_view text, const std::string& file,
+                         std::optional<char> separator) {
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    throw InputError(located(file, 1, "is UTF-16; must be UTF-8 or ASCII"));
+  Lines lines(text);
+  const auto header = lines.next();
+  if (!header) throw InputError(located(file, 1, "there is no header with the columns' names"));
+
+  ColumnFile result;
+  result.separator = separator.value_or(separator_of(*header));
+  std::vector<std::string_view> fields;
+  if (!split(*header, result.separator, fields))
+    throw InputError(located(file, lines.number(), "a quote in the header is not closed"));
+  if (std::ranges::all_of(fields, [](std::string_view field) {
+        return field.empty() || parse_decimal(field, DecimalMark::point_or_comma);
+      }))
+    throw InputError(
+        located(file, lines.number(),
+                "must be the header with the columns' names; has only numbers (a line that "
+                "starts with # is a comment)"));
+  for (const std::string_view name : fields) result.columns.push_back({unquoted(name), {}});
+
+  while (const auto line = lines.next()) {
+    if (!split(*line, result.separator, fields)) {
+      result.problems.push_back({lines.number(), "", "a quote is not closed"});
+      continue;
+    }
+    if (fields.size() != result.columns.size()) {
+      result.problems.push_back({lines.number(), "",
+                                 "has " + fields_text(fields.size()) + "; the header has " +
+                                     std::to_string(result.columns.size())});
+      continue;
+    }
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      if (!fields[i].empty()) result.columns[i].cells.push_back({lines.number(), fields[i]});
+    }
+  }
+  return result;
+}
+
+}  // namespace sprag

@@ -1,0 +1,114 @@
+#include "tools/import_events/run.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+
+#include "mechanics/csv.h"
+#include "mechanics/events_file.h"
+#include "tools/import_events/contact_log.h"
+
+namespace sprag {
+
+namespace {
+
+constexpr std::size_t most_problems_shown = 20;
+constexpr double hardly_a_run = 1e7;  // s; clocks that count from 1970 are far beyond it
+
+std::string read_text(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw InputError(file.string() + ": " + std::generic_category().message(errno));
+  if (std::filesystem::is_directory(file)) throw InputError(file.string() + ": is a directory");
+  std::string text(std::istreambuf_iterator<char>(stream), {});
+  if (stream.bad()) throw InputError(file.string() + ": cannot be read");
+  return text;
+}
+
+void check_output(const ImportRun& run) {
+  const auto extension = run.output.extension();
+  if (run.output.empty()) return;
+  if (extension != ".csv" && extension != ".lcmlog")
+    throw UsageError("--output is " + run.output.string() + "; must end in .csv or .lcmlog");
+  std::error_code absent;
+  if (std::filesystem::equivalent(run.output, run.file, absent))
+    throw UsageError("--output is the file that is imported");
+}
+
+void print_problems(const std::string& file, const std::vector<RowProblem>& problems) {
+  const std::size_t shown = std::min(problems.size(), most_problems_shown);
+  for (std::size_t i = 0; i < shown; ++i)
+    std::cerr << file << ':' << to_text(problems[i]) << "; left out\n";
+  if (shown < problems.size())
+    std::cerr << file << ": " << problems.size() - shown << " more bad rows left out\n";
+}
+
+void print_summary(const Import& import) {
+  for (const ContactFigures& figures : import.figures) {
+    std::cerr << "contact " << figures.contact + 1 << ": " << figures.pulses << " pulses, "
+              << figures.sustained << " sustained, " << figures.merged << " bounces merged\n";
+  }
+  std::cerr << import.events.size() << " events";
+  if (!import.events.empty())
+    std::cerr << " from t = " << import.events.front().t << " to " << import.events.back().t;
+  std::cerr << "; left out: " << import.problems.size() << " bad rows, " << import.before_start
+            << " events before t = 0, " << import.after_duration << " after the duration\n";
+}
+
+void fill(const Import& import, nlohmann::ordered_json& report) {
+  report["events"] = import.events.size();
+  if (!import.events.empty()) {
+    report["first_t"] = import.events.front().t;
+    report["last_t"] = import.events.back().t;
+  }
+  report["contacts"] = nlohmann::ordered_json::array();
+  for (const ContactFigures& figures : import.figures) {
+    report["contacts"].push_back({{"contact", figures.contact + 1},
+                                  {"pulses", figures.pulses},
+                                  {"sustained", figures.sustained},
+                                  {"merged", figures.merged}});
+  }
+  report["bad_rows"] = import.problems.size();
+  report["before_start"] = import.before_start;
+  report["after_duration"] = import.after_duration;
+}
+
+void write_csv(const ImportRun& run, const std::vector<ContactEvent>& events) {
+  EventsWriter writer(run.output.empty() ? OutputFile::standard_output() : OutputFile(run.output));
+  for (const ContactEvent& event : events) writer.write(event);
+  if (!writer.close()) throw std::runtime_error(writer.error());
+}
+
+}  // namespace
+
+int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
+               nlohmann::ordered_json& report) {
+  check_output(run);
+  const std::optional<Key> key = key_of(common);
+  const std::string file = run.file.string();
+  const std::string text = read_text(run.file);
+  const ColumnFile columns = parse_columns(text, file, run.separator);
+  const Import import =
+      import_events(columns, choose_columns(run.columns, columns, contacts, file), run.import);
+  print_problems(file, import.problems);
+  print_summary(import);
+  fill(import, report);
+  if (import.events.empty()) throw std::runtime_error(file + ": no event is left");
+  if (run.import.offset.mantissa == 0 && import.events.front().t > hardly_a_run)
+    std::cerr << "the first event comes late; --offset says which time of the file is t = 0\n";
+
+  if (run.output.extension() == ".lcmlog") {
+    const double end = std::isinf(run.import.duration) ? 0.0 : run.import.duration;
+    report["messages"] = write_contact_log(run.output, import.events, contacts, end, key);
+  } else {
+    write_csv(run, import.events);
+  }
+  return exit_done;
+}
+
+}  // namespace sprag
