@@ -17,27 +17,28 @@ std::string header(Eigen::Index coordinates) {
 
 }  // namespace
 
-StatesWriter::StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates)
+StatesWriter::StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates,
+                           const std::vector<std::string>& more)
     : file_(file) {
-  row_.reserve(static_cast<std::size_t>(2 * coordinates + 2) * 26);
+  row_.reserve((static_cast<std::size_t>(2 * coordinates + 2) + more.size()) * 26);
   file_.write(header(coordinates));
+  for (const std::string& name : more) file_.write("," + name);
   file_.write("\n");
 }
 
 void StatesWriter::write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
-                         const Eigen::Ref<const Eigen::VectorXd>& u) noexcept {
+                         const Eigen::Ref<const Eigen::VectorXd>& u,
+                         std::span<const double> more) noexcept {
   row_.clear();
   append_number(row_, k);
-  row_ += ',';
-  append_number(row_, t);
-  for (const double value : q) {
+  const auto append = [this](double value) {
     row_ += ',';
     append_number(row_, value);
-  }
-  for (const double value : u) {
-    row_ += ',';
-    append_number(row_, value);
-  }
+  };
+  append(t);
+  for (const double value : q) append(value);
+  for (const double value : u) append(value);
+  for (const double value : more) append(value);
   row_ += '\n';
   file_.write(row_);
 }
@@ -46,10 +47,13 @@ StatesReader::StatesReader(const std::filesystem::path& file) : reader_(file) {
   std::string_view line;
   if (reader_.next(line) == LineReader::Result::line) {
     split_fields(line, fields_);
-    coordinates_ = static_cast<Eigen::Index>((fields_.size() - 1) / 2);
-    if (coordinates_ >= 1 && line == header(coordinates_)) return;
+    columns_ = fields_.size();
+    for (std::size_t i = 2; i < columns_ && fields_[i].starts_with('q'); ++i) ++coordinates_;
+    const std::string expected = header(coordinates_);
+    const bool more = line.size() > expected.size() && line[expected.size()] == ',';
+    if (coordinates_ >= 1 && line.starts_with(expected) && (line == expected || more)) return;
   }
-  throw InputError(file.string() + ":1: header must be k,t,q1,...,qf,u1,...,uf");
+  throw InputError(file.string() + ":1: header must begin with k,t,q1,...,qf,u1,...,uf");
 }
 
 bool StatesReader::next(StateRow& row) {
@@ -72,7 +76,7 @@ bool StatesReader::next(StateRow& row) {
 
 bool StatesReader::parse(std::string_view line, StateRow& row) {
   split_fields(line, fields_);
-  if (fields_.size() != static_cast<std::size_t>(2 + 2 * coordinates_)) return false;
+  if (fields_.size() != columns_) return false;
   const auto k = parse_integer(fields_[0]);
   const auto t = parse_double(fields_[1]);
   if (!k || !t) return false;

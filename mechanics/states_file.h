@@ -1,11 +1,12 @@
 // States CSV `k,t,q1,...,qf,u1,...,uf`: the state at ticks k = 0, 1, ... (post-event values),
-// 17 significant digits.
+// 17 significant digits. More columns may follow, which readers of states pass over.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,13 +18,16 @@ namespace sprag {
 
 class StatesWriter {
  public:
-  /// Creates or empties the file and writes the header for f = `coordinates`; a failure shows in
-  /// good().
-  StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates);
+  /// Creates or empties the file and writes the header for f = `coordinates`, with the names of the
+  /// columns that follow; a failure shows in good().
+  StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates,
+               const std::vector<std::string>& more = {});
 
-  /// Appends the row of tick k at time t [s]; q and u have f entries. Failures are remembered.
+  /// Appends the row of tick k at time t [s]; q and u have f entries, `more` one for each column
+  /// that follows. Failures are remembered.
   void write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
-             const Eigen::Ref<const Eigen::VectorXd>& u) noexcept;
+             const Eigen::Ref<const Eigen::VectorXd>& u,
+             std::span<const double> more = {}) noexcept;
 
   bool flush() noexcept { return file_.flush(); }
   bool close() noexcept { return file_.close(); }
@@ -62,6 +66,7 @@ class StatesReader {
 
   LineReader reader_;
   Eigen::Index coordinates_ = 0;
+  std::size_t columns_ = 0;
   std::vector<std::string_view> fields_;
   std::optional<double> last_t_;
   std::optional<FileProblem> damage_;

@@ -13,6 +13,7 @@
 #include "lcmtypes/program.h"
 #include "lcmtypes/state_codec.h"
 #include "mechanics/states_file.h"
+#include "observer/confidence_record.h"
 #include "observer/figures.h"
 #include "observer/master_clock.h"
 #include "observer/real_time.h"
@@ -27,6 +28,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t report_slots = 1024;
 constexpr std::size_t sample_slots = 16384;
 constexpr std::int64_t max_history_bytes = 256 << 20;
@@ -74,6 +76,7 @@ class LiveObserver {
   LiveObserver(const Scene& scene, const ObserverOptions& options, const CommonOptions& common)
       : contacts_(static_cast<int>(scene.model.contacts.size())),
         coordinates_(scene.model.coordinates()),
+        initial_bound_(initial_bound(scene)),
         real_time_(options.real_time),
         stepper_(make_stepper<Stepper>(scene, options.tick)),
         time_line_(stepper_, contacts_, scene.replica, history_ticks(scene, options)),
@@ -85,7 +88,8 @@ class LiveObserver {
         bus_(common.url, key_of(common)) {
     new_events_due_.reserve(most_new_events);
     if (!options.states.empty()) {
-      states_.emplace(options.states, coordinates_);
+      states_.emplace(options.states, coordinates_,
+                      confidence_columns(empty_sample().estimate.confidence, initial_bound_));
       if (!states_->good()) throw std::runtime_error(states_->error());
     }
     bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
@@ -117,11 +121,13 @@ class LiveObserver {
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
+    record_.to_json(report);
     report.update(to_json(time_line_.events()));
     for (const DegradedInterval& gap : time_line_.events().degraded()) {
       std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
     }
     print(figures_, std::cerr);
+    record_.print(std::cerr);
     if (states_ && !states_->close()) throw std::runtime_error(states_->error());
   }
 
@@ -130,6 +136,7 @@ class LiveObserver {
     Sample sample;
     sample.estimate.q.setZero(coordinates_);
     sample.estimate.u.setZero(coordinates_);
+    sample.estimate.confidence = empty_confidence<Stepper>(coordinates_, contacts_);
     return sample;
   }
 
@@ -345,6 +352,8 @@ class LiveObserver {
     slot->estimate.settled_tick =
         std::max<std::int64_t>(kind == Kind::settled ? state.tick : time_line_.handed_out(), -1);
     stepper_.output(state, slot->estimate.q, slot->estimate.u);
+    confide(stepper_, state, time_line_.complete_to(slot->estimate.t) ? initial_bound_ : infinity,
+            slot->estimate.confidence);
     samples_.push();
     return true;
   }
@@ -397,9 +406,11 @@ class LiveObserver {
     if (settled) {
       ++figures_.ticks;
       last_settled_t_ = sample.estimate.t;
+      record_.take(sample.estimate.t, sample.estimate.confidence, initial_bound_, std::cerr);
       if (states_) {
+        to_columns(sample.estimate.confidence, initial_bound_, columns_);
         states_->write(sample.estimate.tick, sample.estimate.t, sample.estimate.q,
-                       sample.estimate.u);
+                       sample.estimate.u, columns_);
       }
     }
     std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
@@ -449,6 +460,7 @@ class LiveObserver {
 
   int contacts_;
   Eigen::Index coordinates_;
+  double initial_bound_;
   bool real_time_;
   Stepper stepper_;
   TimeLine<Stepper> time_line_;
@@ -476,6 +488,8 @@ class LiveObserver {
   std::exception_ptr error_;  // of the receiving thread; read after it has ended
 
   std::optional<StatesWriter> states_;
+  ConfidenceRecord record_;
+  std::vector<double> columns_;
   std::vector<std::uint8_t> buffer_;
   std::vector<std::uint8_t> last_settled_;
   int announced_ = 0;
@@ -495,7 +509,7 @@ int observe(const Scene& scene, const ObserverOptions& options, const CommonOpti
 
 int run_live(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report) {
-  return with_stepper(options, [&]<typename Stepper>() {
+  return with_stepper(options.estimator, options.stepper, [&]<typename Stepper>() {
     return observe<Stepper>(scene, options, common, report);
   });
 }

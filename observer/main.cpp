@@ -23,10 +23,13 @@ int main(int argc, char** argv) {
           ->type_name("exact|moreau");
   app.add_option(
          "--estimator", options.estimator,
-         "replica (clutches switched by the events) or timing (event times as measurements)")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, sprag::EstimatorKind>{
-          {"replica", sprag::EstimatorKind::replica}, {"timing", sprag::EstimatorKind::timing}}))
-      ->type_name("replica|timing")
+         "replica (clutches switched by the events), timing (event times as measurements) or both "
+         "(timing as long as it fits, else replica)")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, sprag::EstimatorKind>{{"replica", sprag::EstimatorKind::replica},
+                                                      {"timing", sprag::EstimatorKind::timing},
+                                                      {"both", sprag::EstimatorKind::both}}))
+      ->type_name("replica|timing|both")
       ->excludes(stepper);
   app.add_option("--states", options.states, "Write the settled ticks here")->type_name("F.csv");
   sprag::add_positive(app, "--history", options.history, "T",

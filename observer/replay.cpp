@@ -14,6 +14,7 @@
 #include "lcmtypes/program.h"
 #include "mechanics/events_file.h"
 #include "mechanics/states_file.h"
+#include "observer/confidence_record.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
 #include "observer/time_line.h"
@@ -23,6 +24,8 @@ namespace {
 
 // A replay knows the future: it never goes back further than the tick it is at.
 constexpr std::int64_t replay_history = 1;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 bool is_lcm_log(const std::filesystem::path& file) {
   constexpr std::array<char, 4> sync{'\xED', '\xA1', '\xDA', '\x01'};
@@ -57,8 +60,13 @@ class Replay {
                                            : last_tick(options.duration, options.tick)),
         duration_(options.duration),
         q_(scene.model.coordinates()),
-        u_(scene.model.coordinates()) {
-    if (!options.states.empty()) states_.emplace(options.states, scene.model.coordinates());
+        u_(scene.model.coordinates()),
+        initial_bound_(initial_bound(scene)),
+        confidence_(empty_confidence<Stepper>(scene.model.coordinates(), contacts_)) {
+    if (!options.states.empty()) {
+      states_.emplace(options.states, scene.model.coordinates(),
+                      confidence_columns(confidence_, initial_bound_));
+    }
     if (!replay.events.empty()) events_.emplace(replay.events);
     if (states_ && !states_->good()) throw std::runtime_error(states_->error());
     if (events_ && !events_->good()) throw std::runtime_error(events_->error());
@@ -146,6 +154,8 @@ class Replay {
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
+    record_.to_json(report);
+    record_.print(std::cerr);
     report.update(to_json(time_line_.events()));
     if (states_ && !states_->close()) throw std::runtime_error(states_->error());
     if (events_ && !events_->close()) throw std::runtime_error(events_->error());
@@ -169,9 +179,14 @@ class Replay {
           if (state.tick > last_) return true;
           ++ticks_;
           refused_impacts_ = state.refused_impacts;
+          const double t = tick_instant(state.tick, stepper_.h()).hi;
+          confide(stepper_, state, time_line_.complete_to(t) ? initial_bound_ : infinity,
+                  confidence_);
+          record_.take(t, confidence_, initial_bound_, std::cerr);
           if (states_) {
             stepper_.output(state, q_, u_);
-            states_->write(state.tick, tick_instant(state.tick, stepper_.h()).hi, q_, u_);
+            to_columns(confidence_, initial_bound_, columns_);
+            states_->write(state.tick, t, q_, u_, columns_);
           }
           return true;
         });
@@ -183,6 +198,10 @@ class Replay {
   std::int64_t last_;
   double duration_;
   Eigen::VectorXd q_, u_;
+  double initial_bound_;
+  Confidence confidence_;
+  ConfidenceRecord record_;
+  std::vector<double> columns_;
   std::optional<StatesWriter> states_;
   std::optional<EventsWriter> events_;
   std::int64_t written_ = 0;
@@ -205,7 +224,7 @@ int replay_with(const Scene& scene, const ObserverOptions& options, const Replay
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report) {
   const std::optional<Key> key = key_of(common);
-  return with_stepper(options, [&]<typename Stepper>() {
+  return with_stepper(options.estimator, options.stepper, [&]<typename Stepper>() {
     return replay_with<Stepper>(scene, options, replay, key, report);
   });
 }

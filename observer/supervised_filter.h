@@ -43,7 +43,7 @@ class SupervisedFilter {
 
   double h() const { return replica_.h(); }
   const Flows& flows() const { return replica_.flows(); }
-  const Replica& replica() const { return replica_; }
+  Replica& replica() { return replica_; }
   TimingFilter& filter() { return filter_; }
 
   /// Of the first trial.

@@ -116,8 +116,10 @@ class TimeLine {
 
   bool started() const { return started_; }
   double h() const { return stepper_->h(); }
-  /// The tick at which the stepper was put at the scene's state.
-  std::int64_t first() const { return first_; }
+  /// Whether the estimate has heard of every event from t = 0 on up to t, as far as is known.
+  bool complete_to(double t) const {
+    return first_ == 0 && (events_.degraded().empty() || t <= events_.degraded().front().from);
+  }
   std::int64_t now() const { return now_; }
   /// Last tick at or before the horizon; before the first tick where there is none.
   std::int64_t settled_tick() const {

@@ -83,6 +83,7 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
   event_mean_.setZero(2 + 2 * m);
   const auto bytes = static_cast<std::size_t>(2 * f() * columns) * sizeof(double);
   no_gaps_.setZero(m);
+  largest_w_ = flows_.dynamics().W().cwiseAbs().maxCoeff();
   flows_[0].enter(Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f()), Instant{},
                   no_gaps_.head(0), now_.mean);
   sample_ = now_.mean;
@@ -651,14 +652,16 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
                               Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
   load(state, tick_instant(state.tick, h_));
   const Eigen::Index c = now_.columns;
+  const double unseen_q = rounding * state.length / largest_w_;
+  const double unseen_u = rounding * state.speed / largest_w_;
   for (Eigen::Index i = 0; i < f(); ++i) {
-    q[i] = now_.q.row(i).head(c).norm();
-    u[i] = now_.u.row(i).head(c).norm();
+    q[i] = std::hypot(now_.q.row(i).head(c).norm(), unseen_q);
+    u[i] = std::hypot(now_.u.row(i).head(c).norm(), unseen_u);
   }
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
     auto phi = phi_.head(c);
     phi.noalias() = now_.q.leftCols(c).transpose().lazyProduct(flows_.dynamics().W().col(i));
-    gap[i] = phi.norm();
+    gap[i] = std::hypot(phi.norm(), rounding * state.length);
   }
 }
 

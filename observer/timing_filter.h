@@ -166,6 +166,7 @@ class TimingFilter {
 
   Flows flows_;
   double h_;
+  double largest_w_ = 1.0;
   Uncertainty uncertainty_;
   TickedFlight flight_;
   std::vector<Functional> acceleration_;  // gamma_i' without contact forces

@@ -23,6 +23,25 @@ EstimateSample random_sample(std::mt19937_64& random, Eigen::Index f) {
   sample.u = Eigen::VectorXd::NullaryExpr(f, number);
   sample.closed = random() >> 4U;
   sample.settled_tick = static_cast<std::int64_t>(random() % 1000) - 1;
+  Confidence& confidence = sample.confidence;
+  confidence.has_replica = random() % 2 == 0;
+  confidence.has_filter = !confidence.has_replica || random() % 2 == 0;
+  if (confidence.has_replica && random() % 2 == 0) confidence.bound = std::abs(number());
+  const double t = random() % 4 == 0 ? -1.0 : std::abs(number());
+  const int contact = t < 0.0 ? 0 : static_cast<int>(random() % max_contacts);
+  confidence.replica = {t, contact, number(), 0.0};
+  confidence.filter = {t, contact, number(), std::abs(number())};
+  if (!confidence.has_filter) return sample;
+  const auto size = [&number] { return std::abs(number()); };
+  confidence.from_filter = random() % 2 == 0;
+  confidence.sigma_q = Eigen::VectorXd::NullaryExpr(f, size);
+  confidence.sigma_u = Eigen::VectorXd::NullaryExpr(f, size);
+  confidence.sigma_g =
+      Eigen::VectorXd::NullaryExpr(static_cast<Eigen::Index>(random() % max_contacts), size);
+  confidence.inconsistencies = static_cast<std::int64_t>(random() >> 1U);
+  confidence.last.t = t;
+  confidence.last.contact = contact;
+  confidence.last.suspicion = static_cast<Suspicion>(random() % 4);
   return sample;
 }
 
@@ -34,6 +53,52 @@ void expect_equal(const StateSample& a, const StateSample& b) {
   EXPECT_EQ(a.q, b.q);
   EXPECT_EQ(a.u, b.u);
   EXPECT_EQ(a.closed, b.closed);
+}
+
+void expect_equal(const Confidence& a, const Confidence& b) {
+  EXPECT_EQ(a.has_replica, b.has_replica);
+  EXPECT_EQ(a.has_filter, b.has_filter);
+  EXPECT_EQ(a.from_filter, b.from_filter);
+  EXPECT_EQ(a.bound, b.bound);
+  EXPECT_EQ(a.sigma_q, b.sigma_q);
+  EXPECT_EQ(a.sigma_u, b.sigma_u);
+  EXPECT_EQ(a.sigma_g, b.sigma_g);
+  EXPECT_EQ(a.replica.t, b.replica.t);
+  EXPECT_EQ(a.replica.contact, b.replica.contact);
+  EXPECT_EQ(a.replica.gap, b.replica.gap);
+  EXPECT_EQ(a.filter.t, b.filter.t);
+  EXPECT_EQ(a.filter.gap, b.filter.gap);
+  EXPECT_EQ(a.filter.deviation, b.filter.deviation);
+  EXPECT_EQ(a.inconsistencies, b.inconsistencies);
+  EXPECT_EQ(a.last.t, b.last.t);
+  EXPECT_EQ(a.last.contact, b.last.contact);
+  EXPECT_EQ(a.last.suspicion, b.last.suspicion);
+}
+
+estimate_t lcm_estimate(const EstimateSample& sample) {
+  const Confidence& confidence = sample.confidence;
+  const bool closed_once = confidence.replica.t >= 0.0;
+  estimate_t message{};
+  message.settled_tick = sample.settled_tick;
+  message.estimators =
+      static_cast<std::int8_t>((confidence.has_replica ? 1 : 0) | (confidence.has_filter ? 2 : 0));
+  message.from_filter = confidence.from_filter ? 1 : 0;
+  message.bound = confidence.bound;
+  message.deviations = static_cast<std::int32_t>(confidence.sigma_q.size());
+  message.sigma_q.assign(confidence.sigma_q.begin(), confidence.sigma_q.end());
+  message.sigma_u.assign(confidence.sigma_u.begin(), confidence.sigma_u.end());
+  message.gaps = static_cast<std::int32_t>(confidence.sigma_g.size());
+  message.sigma_g.assign(confidence.sigma_g.begin(), confidence.sigma_g.end());
+  message.closing = confidence.replica.t;
+  message.closing_contact = closed_once ? confidence.replica.contact + 1 : 0;
+  message.replica_gap = confidence.replica.gap;
+  message.filter_gap = confidence.filter.gap;
+  message.sigma_filter_gap = confidence.filter.deviation;
+  message.inconsistencies = confidence.inconsistencies;
+  message.suspect_t = confidence.last.t;
+  message.suspect_contact = confidence.last.t >= 0.0 ? confidence.last.contact + 1 : 0;
+  message.suspicion = static_cast<std::int8_t>(confidence.last.suspicion);
+  return message;
 }
 
 template <class Message>
@@ -57,7 +122,7 @@ std::vector<std::uint8_t> copy(std::span<const std::uint8_t> bytes) {
 
 TEST(StateCodecTest, TypeHashesAreTheOnesThatOtherProgramsKnow) {
   EXPECT_EQ(static_cast<std::uint64_t>(state_t::getHash()), 0x44a6bbc1c0625fe8U);
-  EXPECT_EQ(static_cast<std::uint64_t>(estimate_t::getHash()), 0x1df20a363a99d796U);
+  EXPECT_EQ(static_cast<std::uint64_t>(estimate_t::getHash()), 0x504509d031a6ed1U);
 }
 
 TEST(StateCodecTest, RandomSamplesComeBackAndMatchLcmsOwnBytes) {
@@ -75,12 +140,11 @@ TEST(StateCodecTest, RandomSamplesComeBackAndMatchLcmsOwnBytes) {
     ASSERT_EQ(decode(buffer, state), Refusal::none);
     expect_equal(sample, state);
 
-    estimate_t message{};
-    message.settled_tick = sample.settled_tick;
-    EXPECT_EQ(copy(encode(sample, buffer)), lcm_bytes(sample, message));
+    EXPECT_EQ(copy(encode(sample, buffer)), lcm_bytes(sample, lcm_estimate(sample)));
     ASSERT_EQ(decode(buffer, estimate), Refusal::none);
     expect_equal(sample, estimate);
     EXPECT_EQ(estimate.settled_tick, sample.settled_tick);
+    expect_equal(sample.confidence, estimate.confidence);
   }
 }
 
@@ -169,6 +233,31 @@ TEST(StateCodecTest, ImpossibleValuesAreRefusedWithTheirCause) {
   sample = good;
   sample.closed = bit(max_contacts);
   EXPECT_EQ(refusal(sample), Refusal::bad_closed);
+  sample = good;
+  sample.confidence.bound = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(refusal(sample), Refusal::none);
+  const auto spoilt = [&](auto&& spoil) {
+    EstimateSample bad = good;
+    bad.confidence.has_filter = true;
+    bad.confidence.sigma_q = bad.confidence.sigma_u = Eigen::VectorXd::Ones(2);
+    bad.confidence.sigma_g = Eigen::VectorXd::Ones(1);
+    EXPECT_EQ(refusal(bad), Refusal::none);
+    spoil(bad.confidence);
+    return refusal(bad);
+  };
+  EXPECT_EQ(spoilt([](Confidence& c) { c.bound = -1.0; }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.bound = std::nan(""); }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_q[1] = -1e-9; }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_u[0] = std::nan(""); }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_g[0] = -1.0; }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.filter.gap = std::nan(""); }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.inconsistencies = -1; }), Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.last.suspicion = static_cast<Suspicion>(4); }),
+            Refusal::bad_value);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_q = c.sigma_u = Eigen::VectorXd::Ones(1); }),
+            Refusal::bad_count);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_g = Eigen::VectorXd::Ones(max_contacts + 1); }),
+            Refusal::bad_count);
 }
 
 }  // namespace

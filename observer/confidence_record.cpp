@@ -1,0 +1,104 @@
+#include "observer/confidence_record.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <ostream>
+
+namespace sprag {
+namespace {
+
+constexpr std::int64_t most_told = 20;
+constexpr std::size_t most_kept = 1000;
+
+std::vector<double> numbers(const Eigen::VectorXd& values) {
+  return {values.begin(), values.end()};
+}
+
+// JSON has no infinity.
+nlohmann::ordered_json or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+const char* advice(Suspicion suspicion) {
+  switch (suspicion) {
+    case Suspicion::spurious_event:
+      return "no contact was near: a spurious event?";
+    case Suspicion::missing_event:
+      return "it had passed the contact before: a missing event?";
+    default:
+      return "model, uncertainty or event times?";
+  }
+}
+
+}  // namespace
+
+void ConfidenceRecord::take(double t, const Confidence& confidence, double initial,
+                            std::ostream& out) {
+  any_ = confidence.has_filter || (confidence.has_replica && std::isfinite(initial));
+  t_ = t;
+  initial_ = initial;
+  last_ = confidence;
+  ++ticks_;
+  if (confidence.from_filter) ++ticks_from_filter_;
+  take_inconsistencies(confidence, out);
+}
+
+void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::ostream& out) {
+  if (confidence.inconsistencies < seen_) seen_ = 0;  // a new session
+  const std::int64_t more = confidence.inconsistencies - seen_;
+  if (more <= 0) return;
+  seen_ = confidence.inconsistencies;
+  inconsistencies_ += more;
+  const Inconsistency& last = confidence.last;
+  if (first_.size() < most_kept) first_.push_back(last);
+  if (inconsistencies_ > most_told) return;
+  out << "t = " << last.t << ", contact " << last.contact + 1
+      << ": the timing filter does not fit, " << advice(last.suspicion)
+      << " The estimate is the replica's.\n";
+  if (inconsistencies_ == most_told) out << "more of these are only counted\n";
+}
+
+void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
+  if (!any_) return;
+  nlohmann::ordered_json& json = report["confidence"];
+  if (last_.has_replica) {
+    json["bound"] = {{"initial", or_null(initial_)}, {"final", or_null(last_.bound)}};
+  }
+  const Innovation& closing = last_.has_replica ? last_.replica : last_.filter;
+  if (closing.t >= 0.0) {
+    json["last_closing"] = {{"t", closing.t}, {"contact", closing.contact + 1}};
+    if (last_.has_replica) json["last_closing"]["replica_gap"] = last_.replica.gap;
+    if (last_.has_filter) {
+      json["last_closing"]["filter_gap"] = last_.filter.gap;
+      json["last_closing"]["sigma_filter_gap"] = last_.filter.deviation;
+    }
+  }
+  if (!last_.has_filter) return;
+  json["sigma_q"] = numbers(last_.sigma_q);
+  json["sigma_u"] = numbers(last_.sigma_u);
+  json["sigma_g"] = numbers(last_.sigma_g);
+  if (!last_.has_replica) return;
+  json["ticks_from_filter"] = ticks_from_filter_;
+  json["inconsistencies"] = inconsistencies_;
+  nlohmann::ordered_json& list = json["first_inconsistencies"] = nlohmann::ordered_json::array();
+  for (const Inconsistency& one : first_) {
+    list.push_back({{"t", one.t},
+                    {"contact", one.contact + 1},
+                    {"suspicion", name(one.suspicion)},
+                    {"square_over_variance", one.square}});
+  }
+}
+
+void ConfidenceRecord::print(std::ostream& out) const {
+  if (!any_ || ticks_ == 0) return;
+  if (last_.has_replica && std::isfinite(last_.bound)) {
+    out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
+  }
+  if (last_.has_filter && last_.has_replica) {
+    out << "timing filter: "
+        << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
+        << " % of the ticks, did not fit " << inconsistencies_ << " times\n";
+  }
+}
+
+}  // namespace sprag

@@ -1,0 +1,40 @@
+// What the settled estimates of a run said of their own error: told as it happens, summed up at the
+// end.
+#pragma once
+
+#include <cstdint>
+#include <iosfwd>
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
+#include "mechanics/confidence.h"
+
+namespace sprag {
+
+class ConfidenceRecord {
+ public:
+  /// Takes the confidence of the settled tick at t [s], in order; `initial` is B(0). A filter that
+  /// no longer fits the events is told on `out` in a line, the first 20 times.
+  void take(double t, const Confidence& confidence, double initial, std::ostream& out);
+
+  /// Adds "confidence" to a report, if there is anything to say.
+  void to_json(nlohmann::ordered_json& report) const;
+
+  /// A line or two for people.
+  void print(std::ostream& out) const;
+
+ private:
+  void take_inconsistencies(const Confidence& confidence, std::ostream& out);
+
+  bool any_ = false;
+  double t_ = 0.0;
+  double initial_ = 0.0;
+  Confidence last_;
+  std::int64_t ticks_ = 0;
+  std::int64_t ticks_from_filter_ = 0;
+  std::int64_t seen_ = 0;  // inconsistencies of the present session
+  std::int64_t inconsistencies_ = 0;
+  std::vector<Inconsistency> first_;  // a bounded number of them
+};
+
+}  // namespace sprag
