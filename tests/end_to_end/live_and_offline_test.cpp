@@ -88,6 +88,15 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheTimingFilterEqualTheReplayBitForBit)
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "timing"});
 }
 
+TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBit) {
+  expect_settled_ticks_as_in_replays("paper_beam", {"--estimator", "both"});
+  const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
+  EXPECT_EQ(header,
+            "k,t,q1,q2,q3,u1,u2,u3,B,sigma_q1,sigma_q2,sigma_q3,sigma_u1,sigma_u2,sigma_u3,"
+            "sigma_g1,closing_t,closing_contact,replica_gap,filter_gap,sigma_filter_gap,"
+            "from_filter,inconsistencies");
+}
+
 TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
   // 0.1 and the others are a little more than they read, as doubles.
   for (const auto& [tick, rows] :

@@ -109,14 +109,16 @@ INSTANTIATE_TEST_SUITE_P(
                 10}),
     [](const auto& plan) { return std::string(plan.param.name); });
 
-class TimingTest : public RelayedTest {};
+class TimingTest : public RelayedTest, public testing::WithParamInterface<const char*> {};
 
 // Six impacts for six unknowns: the sixth is at t = 3.63.
-TEST_F(TimingTest, TheTimingFilterKnowsTheBeamAfterSixImpactsWithTenPercentLost) {
+TEST_P(TimingTest, KnowsTheBeamAfterSixImpactsWithTenPercentLost) {
   const std::string machine = scene("paper_beam");
   run_through({"--loss", "0.1"}, {machine, "--duration", "20", "--tick", "0.015625"},
-              {"--estimator", "timing"}, {"--speed", "10"});
-  EXPECT_GT(json("o.json")["messages"]["lost"], 0);
+              {"--estimator", GetParam()}, {"--speed", "10"});
+  const nlohmann::json report = json("o.json");
+  EXPECT_GT(report["messages"]["lost"], 0);
+  EXPECT_LT(report["confidence"]["sigma_q"][0], 1e-13);
   for (const SyncLine& row : error_energy(machine)) {
     if (row.t < 3.4) {
       EXPECT_GT(row.v, 1e-3) << row.t;
@@ -125,6 +127,9 @@ TEST_F(TimingTest, TheTimingFilterKnowsTheBeamAfterSixImpactsWithTenPercentLost)
     }
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Estimators, TimingTest, testing::Values("timing", "both"),
+                         [](const auto& estimator) { return std::string(estimator.param); });
 
 class BlackoutTest : public RelayedTest {};
 
@@ -139,6 +144,7 @@ TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   const nlohmann::json report = json("o.json");
   EXPECT_GT(report["lost_records"], 0);
   ASSERT_EQ(report["degraded"].size(), 1U);
+  EXPECT_TRUE(report["confidence"]["bound"]["final"].is_null());  // not given after that
   const double from = report["degraded"][0]["from"];
   const double to = report["degraded"][0]["to"];
   EXPECT_GT(to, from);

@@ -56,6 +56,22 @@ TEST(ErrorEnergyTest, PartsAreNonNegativeAndSumToTheQuadraticForm) {
   }
 }
 
+// A chain of masses that is held nowhere: however far apart two of them are, V sees what they are
+// not as rigid bodies.
+TEST(ErrorEnergyTest, RigidMotionsHaveNoEnergyOfPosition) {
+  const Eigen::Index n = 50;
+  Eigen::MatrixXd K = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i + 1 < n; ++i) {
+    K.block<2, 2>(i, i) += 1e8 * (Eigen::Matrix2d() << 1.0, -1.0, -1.0, 1.0).finished();
+  }
+  const Model chain = model(Eigen::MatrixXd::Identity(n, n), K);
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
+  const Eigen::VectorXd far = Eigen::VectorXd::Constant(n, 100.0);
+  EXPECT_LT(ErrorEnergy(chain)(far, zero, zero, zero)[0], 1e-13);
+  EXPECT_EQ(natural_modes(chain).stiffness[0], 0.0);
+  EXPECT_GT(natural_modes(chain).stiffness[1], 1e4);
+}
+
 TEST(ErrorEnergyTest, ModesOfACoupledPairAreItsSumAndDifference) {
   const ErrorEnergy energy(
       model(Eigen::Matrix2d::Identity(), (Eigen::Matrix2d() << 2, -1, -1, 2).finished()));

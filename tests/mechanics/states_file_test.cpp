@@ -61,6 +61,28 @@ TEST(StatesFileTest, RandomStatesComeBackBitForBit) {
   }
 }
 
+TEST(StatesFileTest, MoreColumnsAreWrittenAndPassedOver) {
+  const TemporaryDirectory directory;
+  const auto file = directory / "states.csv";
+  StatesWriter writer(file, 1, {"B", "sigma_q1"});
+  const Eigen::VectorXd q = Eigen::VectorXd::Constant(1, 2.0);
+  const std::vector<double> more{std::numeric_limits<double>::infinity(), 0.25};
+  writer.write(0, 0.0, q, q, more);
+  EXPECT_TRUE(writer.close());
+  EXPECT_EQ(test::read_text(file), "k,t,q1,u1,B,sigma_q1\n0,0,2,2,inf,0.25\n");
+  StatesReader reader(file);
+  EXPECT_EQ(reader.coordinates(), 1);
+  StateRow row;
+  EXPECT_TRUE(reader.next(row));
+  EXPECT_EQ(row.q, q);
+  EXPECT_FALSE(reader.next(row));
+  EXPECT_FALSE(reader.damage());
+  // A row that lacks one of them is cut short.
+  StatesReader cut(write_text(file, "k,t,q1,u1,B,sigma_q1\n0,0,2,2,inf\n"));
+  EXPECT_FALSE(cut.next(row));
+  EXPECT_TRUE(cut.damage());
+}
+
 TEST(StatesFileTest, DamageNamesTheLineAndEndsTheReading) {
   const TemporaryDirectory directory;
   for (const char* bad : {"1,0.1,2\n", "1,0.1,2,3,4\n", "x,0.1,2,3\n", "1,0.1,nan,3\n",

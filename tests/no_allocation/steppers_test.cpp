@@ -7,9 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
-#include "observer/timing_filter.h"
+#include "observer/estimators.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/observer/random_events.h"
 #include "tests/support/random_model.h"
@@ -125,18 +123,42 @@ TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
   }
 }
 
+/// A scene that lets the filter do all it can.
+Uncertainty uncertain(const char* name) {
+  Scene scene = shipped_scene(name);
+  scene.drift = 1e-6;
+  scene.jitter = 1e-4;
+  return uncertainty_of(scene);
+}
+
 // All locked sets of up to four contacts are foreseen, whatever the machine.
 TEST(TimingFilterTick, NeverAllocates) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
     SCOPED_TRACE(name);
     const Drive drive = shipped(name);
-    Uncertainty uncertainty = uncertainty_of(shipped_scene(name));
-    uncertainty.jitter = 1e-4;
-    TimingFilter filter(drive.model, drive.h, uncertainty);
+    TimingFilter filter(drive.model, drive.h, uncertain(name));
     TimingFilter::State state;
     const Met met = run(filter, drive, state);
     EXPECT_EQ(met.allocations, 0);
     EXPECT_GT(met.pulses, 20);
+  }
+}
+
+// Through falling back to the replica and starting again, too.
+TEST(SupervisedFilterTick, NeverAllocatesNorDoesWhatItSaysOfItself) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
+    SCOPED_TRACE(name);
+    const Drive drive = shipped(name);
+    Model wrong = drive.model;
+    for (Contact& contact : wrong.contacts) contact.restitution *= 0.9;
+    SupervisedFilter filter(wrong, drive.h, uncertain(name));
+    SupervisedFilter::State state;
+    const Met met = run(filter, drive, state);
+    EXPECT_EQ(met.allocations, 0);
+    EXPECT_GT(state.inconsistencies, 0);
+    Confidence confidence = empty_confidence<SupervisedFilter>(
+        drive.model.coordinates(), static_cast<int>(drive.model.contacts.size()));
+    EXPECT_EQ(allocations_of([&] { confide(filter, state, 1.0, confidence); }), 0);
   }
 }
 

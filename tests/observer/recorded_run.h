@@ -74,13 +74,8 @@ Recording offline(const Model& model, const State& start, double h,
     events = events.subspan(count);
     return due;
   };
-  auto at_start = take_until(first);
-  while (!at_start.empty()) {
-    std::size_t count = 1;
-    while (count < at_start.size() && at_start[count].t == at_start[0].t) ++count;
-    stepper.apply(at_start.first(count), state);
-    at_start = at_start.subspan(count);
-  }
+  for_each_instant(take_until(first),
+                   [&](std::span<const ContactEvent> of_one) { stepper.apply(of_one, state); });
   Recording recording;
   recording.add(stepper, state, model.coordinates());
   for (std::int64_t k = first + 1; tick_instant(k, h).hi <= end; ++k) {

@@ -1,0 +1,285 @@
+// Replica and timing filter side by side: which is believed, and what is said of events that do not
+// fit.
+#include "observer/supervised_filter.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include "mechanics/energy.h"
+#include "observer/estimators.h"
+#include "observer/time_line.h"
+#include "tests/observer/recorded_run.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+constexpr double h = 1e-2;
+constexpr double length = 100.0;
+
+/// Events as a sensor reports them: edges of one contact stay in order.
+std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
+                                   std::mt19937_64& engine) {
+  std::normal_distribution<double> normal;
+  double last = 1e-9;
+  for (ContactEvent& event : events) {
+    last = event.t = std::max(last, event.t + sigma * normal(engine));
+  }
+  return events;
+}
+
+/// What befell an estimate of the paper's beam.
+struct Outcome {
+  double log_replica = 0.0, log_filter = 0.0, log_both = 0.0;  // means of log10 V from t = 10 on
+  double worse = 0.0;    // share of that time in which V is above 10 times the replica's
+  double trusted = 0.0;  // share of the time
+  std::int64_t inconsistencies = 0;
+  std::vector<Inconsistency> first;
+};
+
+Outcome outcome(const Scene& machine, const Scene& told, std::span<const ContactEvent> events) {
+  const Eigen::Index f = machine.model.coordinates();
+  SupervisedFilter both(told.model, h, uncertainty_of(told));
+  TimingFilter filter(told.model, h, uncertainty_of(told));
+  SupervisedFilter::State state;
+  TimingFilter::State alone;
+  both.start(told.replica, 0, 0, state);
+  filter.start(told.replica, 0, 0, alone);
+  Master master(machine.model, machine.master);
+  const ErrorEnergy energy(machine.model);
+  Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
+  std::vector<ContactEvent> ignored;
+  Outcome result;
+  const auto ticks = static_cast<int>(std::lround(length / h));
+  const int from = ticks / 10;
+  for (int k = 1; k <= ticks; ++k) {
+    const auto later = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+      return event.t > tick_instant(k, h).hi;
+    });
+    const auto due = events.first(static_cast<std::size_t>(later - events.begin()));
+    events = events.subspan(due.size());
+    both.tick(due, state);
+    filter.tick(due, alone);
+    if (state.inconsistencies > result.inconsistencies) {
+      result.inconsistencies = state.inconsistencies;
+      result.first.push_back(state.last);
+    }
+    if (state.trusted) result.trusted += 1.0 / ticks;
+    if (k <= from) continue;
+    master.advance(tick_instant(k, h), ignored);
+    master.state(tick_instant(k, h), q_m, u_m);
+    const auto V = [&] { return energy(q_m, u_m, q, u)[0] + 1e-40; };
+    both.replica().output(state, q, u);
+    const double of_replica = V();
+    filter.output(alone, q, u);
+    const double of_filter = V();
+    both.output(state, q, u);
+    const double of_both = V();
+    const double share = 1.0 / (ticks - from);
+    result.log_replica += share * std::log10(of_replica);
+    result.log_filter += share * std::log10(of_filter);
+    result.log_both += share * std::log10(of_both);
+    if (of_both > 10.0 * of_replica) result.worse += share;
+  }
+  return result;
+}
+
+void print(const char* what, const Outcome& o) {
+  std::cout << what << ": log10 V replica " << o.log_replica << ", filter " << o.log_filter
+            << ", both " << o.log_both << "; above 10 times the replica's " << 100 * o.worse
+            << " % of the time; trusted " << 100 * o.trusted << " %; " << o.inconsistencies
+            << " inconsistencies\n";
+}
+
+// With exact events, and right noise, nothing is found fault with, and the estimate is the
+// filter's.
+TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
+  for (const char* name :
+       {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
+        "lab_rig", "bouncing_ball", "impact_oscillator", "non_proportional"}) {
+    const Scene& scene = shipped_scene(std::string(name) + ".toml");
+    const Outcome o = outcome(scene, scene, master_events(scene, length));
+    print(name, o);
+    EXPECT_EQ(o.inconsistencies, 0) << name;
+    EXPECT_LE(o.log_both, -20.0) << name;
+  }
+  for (const double sigma : {1e-4, 1e-3, 5e-3}) {
+    std::mt19937_64 engine(11);
+    const Scene& scene = shipped_scene("paper_beam.toml");
+    Scene told = scene;
+    told.jitter = sigma;
+    for (int run = 0; run < repetitions(20); ++run) {
+      const Outcome o = outcome(scene, told, jittered(master_events(scene, length), sigma, engine));
+      EXPECT_EQ(o.inconsistencies, 0) << sigma;
+      EXPECT_LT(o.log_both, o.log_replica) << sigma;
+    }
+  }
+}
+
+TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  const auto events = master_events(scene, length);
+
+  auto spurious = events;
+  const double between = 0.5 * (events[60].t + events[61].t);
+  spurious.insert(spurious.begin() + 61, {between, 0, ContactEventKind::pulse});
+  const Outcome with = outcome(scene, scene, spurious);
+  print("one spurious event", with);
+  ASSERT_GE(with.first.size(), 1U);
+  EXPECT_EQ(with.first[0].suspicion, Suspicion::spurious_event);
+  EXPECT_EQ(with.first[0].t, between);
+
+  auto missing = events;
+  missing.erase(missing.begin() + 60);
+  const Outcome without = outcome(scene, scene, missing);
+  print("one missing event", without);
+  ASSERT_GE(without.first.size(), 1U);
+  EXPECT_EQ(without.first[0].suspicion, Suspicion::missing_event);
+  EXPECT_EQ(without.first[0].t, events[61].t);
+
+  // Both are over soon.
+  for (const Outcome* o : {&with, &without}) {
+    EXPECT_LE(o->inconsistencies, 3);
+    EXPECT_GT(o->trusted, 0.7);
+  }
+}
+
+struct Mismatch {
+  const char* name;
+  double jitter_told, jitter;
+  double restitution, damping;  // factors of what is told
+};
+void PrintTo(const Mismatch& m, std::ostream* out) { *out << m.name; }
+
+class WrongModel : public testing::TestWithParam<Mismatch> {};
+INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
+                         testing::Values(Mismatch{"restitution_2_percent_exact", 0.0, 0.0, 1.02,
+                                                  1.0},
+                                         Mismatch{"restitution_2_percent", 1e-3, 1e-3, 1.02, 1.0},
+                                         Mismatch{"restitution_10_percent", 1e-3, 1e-3, 1.1, 1.0},
+                                         Mismatch{"restitution_1_percent", 1e-4, 1e-4, 0.99, 1.0},
+                                         Mismatch{"damping_20_percent", 1e-4, 1e-4, 1.0, 1.2},
+                                         Mismatch{"jitter_not_told", 0.0, 1e-4, 1.0, 1.0},
+                                         Mismatch{"jitter_ten_times", 1e-4, 1e-3, 1.0, 1.0}),
+                         [](const auto& parameter) { return std::string(parameter.param.name); });
+
+// A replica of a wrong model stays on a floor, a filter of a wrong model can be anywhere.
+TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
+  const Mismatch& mismatch = GetParam();
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  Scene told = scene;
+  told.jitter = mismatch.jitter_told;
+  told.model.C *= mismatch.damping;
+  for (Contact& contact : told.model.contacts) contact.restitution *= mismatch.restitution;
+  std::mt19937_64 engine(5);
+  const Outcome o =
+      outcome(scene, told, jittered(master_events(scene, length), mismatch.jitter, engine));
+  print(mismatch.name, o);
+  EXPECT_GE(o.inconsistencies, 1);
+  const auto blamed = std::count_if(o.first.begin(), o.first.end(), [](const Inconsistency& one) {
+    return one.suspicion == Suspicion::model;
+  });
+  EXPECT_GE(static_cast<double>(blamed), 0.8 * static_cast<double>(o.first.size()));
+  EXPECT_LT(o.log_both, o.log_replica + 0.1);
+  EXPECT_LT(o.worse, 0.15);
+}
+
+TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  const auto exact = master_events(scene, length);
+  for (const double sigma : {0.0, 1e-3}) {
+    Scene told = scene;
+    told.jitter = sigma;
+    double gained = 0.0;
+    const int runs = repetitions(20);
+    for (int run = 0; run < runs; ++run) {
+      std::mt19937_64 engine(static_cast<std::uint64_t>(run));
+      std::uniform_real_distribution<double> uniform;
+      auto events = jittered(exact, sigma, engine);
+      std::erase_if(events, [&](const ContactEvent& event) {
+        return event.kind == ContactEventKind::pulse && uniform(engine) < 0.02;
+      });
+      for (int i = 0; i < 5; ++i) {
+        events.push_back({length * uniform(engine), 0, ContactEventKind::pulse});
+      }
+      std::stable_sort(events.begin(), events.end(),
+                       [](const auto& a, const auto& b) { return a.t < b.t; });
+      ContactSet chi = 0;
+      std::erase_if(events, [&](const ContactEvent& event) {
+        const bool fits = contains(chi, event.contact) == (event.kind == ContactEventKind::opens);
+        if (fits) chi = after(chi, event);
+        return !fits;
+      });
+      const Outcome o = outcome(scene, told, events);
+      gained += (o.log_replica - o.log_both) / runs;
+    }
+    std::cout << "sigma " << sigma << ": " << gained << " decades of V below the replica\n";
+    EXPECT_GT(gained, 0.0);
+  }
+}
+
+// In a time line: events that come late, one by one, and rollbacks for no reason.
+TEST(SupervisedFilter, RollbacksDoNotShow) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  std::mt19937_64 engine(3);
+  auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
+  events.insert(events.begin() + 20,
+                {0.5 * (events[19].t + events[20].t), 0, ContactEventKind::pulse});
+  Scene told = scene;
+  told.jitter = 1e-3;
+  const auto run = [&](bool late) {
+    SupervisedFilter filter(told.model, h, uncertainty_of(told));
+    TimeLine<SupervisedFilter> line(filter, 1, told.replica, 30);
+    line.restart(0, 0, 0, no_horizon);
+    Random random(3);
+    std::pair<Recording, std::vector<Confidence>> settled;
+    Confidence confidence = empty_confidence<SupervisedFilter>(3, 1);
+    const auto settle = [&](std::int64_t target) {
+      line.run(
+          target, [](const auto&) {},
+          [&](const auto& state) {
+            settled.first.add(filter, state, 3);
+            confide(filter, state, 0.5, confidence);
+            settled.second.push_back(confidence);
+            return true;
+          });
+    };
+    std::size_t next = 0;
+    for (std::int64_t k = 1; k <= last_tick(30.0, h); ++k) {
+      const double t = tick_instant(k, h).hi;
+      if (late) settle(k + 20);
+      for (; next < events.size() && events[next].t <= t; ++next) line.receive(events[next]);
+      line.set_horizon(t);
+      if (late) settle(k + 20);
+      if (late) line.go_back_to(line.now() - random.integer(1, 40));
+    }
+    settle(0);
+    return settled;
+  };
+  const auto once = run(false);
+  const auto again = run(true);
+  EXPECT_EQ(once.first.ticks.size(), 3001U);
+  EXPECT_EQ(difference(once.first, again.first), "");
+  ASSERT_EQ(once.second.size(), again.second.size());
+  for (std::size_t i = 0; i < once.second.size(); ++i) {
+    const Confidence& a = once.second[i];
+    const Confidence& b = again.second[i];
+    ASSERT_TRUE(same_bits(a.sigma_q, b.sigma_q)) << i;
+    ASSERT_TRUE(same_bits(a.sigma_u, b.sigma_u)) << i;
+    ASSERT_TRUE(same_bits(a.sigma_g, b.sigma_g)) << i;
+    ASSERT_EQ(a.bound, b.bound) << i;
+    ASSERT_EQ(a.replica.gap, b.replica.gap) << i;
+    ASSERT_EQ(a.filter.gap, b.filter.gap) << i;
+    ASSERT_EQ(a.from_filter, b.from_filter) << i;
+    ASSERT_EQ(a.inconsistencies, b.inconsistencies) << i;
+  }
+  EXPECT_GE(once.second.back().inconsistencies, 1);
+}
+
+}  // namespace
+}  // namespace sprag
