@@ -231,6 +231,11 @@ void TimingFilter::apply(std::span<const ContactEvent> events, TimingState& stat
   apply_group(events, state);
 }
 
+void TimingFilter::follow(std::span<const ContactEvent> events, TimingState& state) {
+  state.motion.flow->propagate(state.motion, at(events.front().t), state.motion);
+  apply_group(events, state);
+}
+
 void TimingFilter::output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                           Eigen::Ref<Eigen::VectorXd> u) const {
   state.motion.flow->state(state.motion, q, u);

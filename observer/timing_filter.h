@@ -106,6 +106,10 @@ class TimingFilter {
   void tick(std::span<const ContactEvent> events, TimingState& state);
   void apply(std::span<const ContactEvent> events, TimingState& state);
 
+  /// Moves the mean from the last instant with events, or the start, to the instant of these, and
+  /// applies them. For who needs no ticks: the tick does not count on, and outputs are of no use.
+  void follow(std::span<const ContactEvent> events, TimingState& state);
+
   /// The mean at the present tick, f entries each.
   void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
