@@ -1,0 +1,96 @@
+#include "observer/recorded_events.h"
+
+#include <span>
+#include <sstream>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "mechanics/events_file.h"
+#include "observer/event_history.h"
+#include "observer/recording.h"
+#include "observer/session_tracker.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t usual_events = 4096;
+
+RecordedEvents read_csv(const std::filesystem::path& file, int contacts) {
+  RecordedEvents recorded;
+  EventsFile of_file = read_events(file, contacts);
+  recorded.events = std::move(of_file.events);
+  const auto at_line = [&](const FileProblem& problem) {
+    return file.string() + ':' + std::to_string(problem.line) + ": ";
+  };
+  for (const FileProblem& problem : of_file.skipped) {
+    recorded.problems.push_back(at_line(problem) + "skipped: " + problem.what);
+  }
+  if (of_file.damage) {
+    recorded.whole = false;
+    recorded.problems.push_back(at_line(*of_file.damage) + of_file.damage->what +
+                                "; everything before is used");
+  }
+  return recorded;
+}
+
+RecordedEvents read_log(const std::filesystem::path& file, int contacts,
+                        const std::optional<Key>& key) {
+  RecordedEvents recorded;
+  ChannelLogReader log(file);
+  SessionTracker sessions;
+  EventHistory history(contacts, usual_events);
+  LogClock clock;
+  ChannelRecord record;
+  ContactReport report;
+  while (log.next(record)) {
+    if (record.channel != contacts_channel) continue;
+    std::span<const std::uint8_t> message(record.data);
+    if (key) {
+      if (!key->verifies(record.channel, message)) continue;
+      message = message.first(message.size() - Key::tag_size);
+    }
+    if (decode(message, report) != Refusal::none || report.contacts != contacts) continue;
+    const auto verdict = sessions.hear(report, clock.arrival(record));
+    if (verdict == SessionTracker::Verdict::ignored) continue;
+    if (verdict == SessionTracker::Verdict::starts) history.restart(0, 0, no_horizon);
+    history.add(report);
+  }
+  const std::string name = file.string() + ": ";
+  recorded.sessions = sessions.counts().sessions;
+  if (sessions.counts().received == 0) {
+    recorded.problems.push_back(name + "no message of a machine with " + std::to_string(contacts) +
+                                (contacts == 1 ? " contact" : " contacts"));
+  }
+  if (recorded.sessions > 1) {
+    recorded.problems.push_back(name + std::to_string(recorded.sessions) +
+                                " runs of a master; the last is used");
+  }
+  recorded.events = history.events();
+  if (!history.degraded().empty()) {
+    const DegradedInterval& gap = history.degraded().front();
+    std::ostringstream text;
+    text << name << "events may be missing between t = " << gap.from << " and " << gap.to
+         << "; everything before is used";
+    recorded.problems.push_back(text.str());
+    std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > gap.from; });
+  }
+  if (log.damage()) {
+    recorded.whole = false;
+    recorded.problems.push_back(name + "byte " + std::to_string(log.damage()->offset) + ": " +
+                                log.damage()->what + "; everything before is used");
+  }
+  return recorded;
+}
+
+}  // namespace
+
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    const std::optional<Key>& key) {
+  RecordedEvents recorded =
+      is_lcm_log(file) ? read_log(file, contacts, key) : read_csv(file, contacts);
+  std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
+  return recorded;
+}
+
+}  // namespace sprag

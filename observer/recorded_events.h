@@ -1,0 +1,28 @@
+// The events of a recording, an LCM log or an events CSV, as an observer that replays it hears
+// them. For programs that need them all at once, without a replica and its ticks.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/key.h"
+#include "mechanics/contact_event.h"
+
+namespace sprag {
+
+struct RecordedEvents {
+  std::vector<ContactEvent> events;   ///< times ascending, all since t = 0 up to where one may lack
+  std::vector<std::string> problems;  ///< for people; each begins with the file's name
+  bool whole = true;                  ///< false: the file is damaged; what was before is used
+  std::int64_t sessions = 0;          ///< of masters in a log; the events are those of the last
+};
+
+/// Reads the events of a machine with `contacts` contacts, up to time `end` [s]. With a key only
+/// messages that it has signed count. Throws InputError if the file cannot be opened.
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    const std::optional<Key>& key);
+
+}  // namespace sprag
