@@ -1,0 +1,159 @@
+// diagnose with the programs around it: a master that is not what the scene says.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include "lcmtypes/channel_log.h"
+#include "mechanics/csv.h"
+#include "observer/recorded_events.h"
+#include "tests/support/process.h"
+#include "tests/support/run.h"
+#include "tests/support/temporary_directory.h"
+#include "tools/import_events/contact_log.h"
+
+namespace sprag {
+namespace {
+
+using test::read_text;
+using test::write_text;
+using Arguments = std::vector<std::string>;
+
+constexpr auto patience = std::chrono::seconds(120);
+constexpr const char* paper_beam = SPRAG_SOURCE_DIR "/scenes/paper_beam.toml";
+
+class DiagnoseProgramTest : public testing::Test {
+ protected:
+  struct Ended {
+    int code;
+    std::string out, err;
+  };
+
+  std::string path(const std::string& name) const { return (directory_ / name).string(); }
+
+  Ended run(Arguments command) {
+    test::Process process(std::move(command), directory_ / "",
+                          "process_" + std::to_string(processes_++));
+    const auto code = process.wait(patience);
+    return {code.value_or(-1), process.out(), process.err()};
+  }
+
+  Ended diagnose(const Arguments& arguments) {
+    Arguments command{DIAGNOSE};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    return run(command);
+  }
+
+  /// The events of the paper's beam with another restitution.
+  std::string simulate(const std::string& restitution) {
+    std::string text = read_text(paper_beam);
+    const std::string line = "restitution = 0.7";
+    text.replace(text.find(line), line.size(), "restitution = " + restitution);
+    write_text(path("real.toml"), text);
+    const Ended ended = run({MASTER_SIM, path("real.toml"), "--duration", "60", "--speed", "max",
+                             "--no-lcm", "--events", path("events.csv")});
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return path("events.csv");
+  }
+
+  test::TemporaryDirectory directory_;
+  int processes_ = 0;
+};
+
+TEST_F(DiagnoseProgramTest, AWrongRestitutionIsNamed) {
+  const std::string events = simulate("0.65");
+  const Ended ended = diagnose({events, paper_beam, "--report", path("report.json")});
+  EXPECT_EQ(ended.code, 3) << ended.err;
+  EXPECT_NE(ended.out.find("paper_beam: restitution 0.65 instead of 0.7 explains more than 99.99 % "
+                           "of the misfit"),
+            std::string::npos)
+      << ended.out;
+  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  EXPECT_EQ(report["explanation"], "restitution");
+  EXPECT_EQ(report["fits"], false);
+  EXPECT_EQ(report["exit"], 3);
+
+  const Ended json = diagnose({events, paper_beam, "--json"});
+  EXPECT_EQ(json.code, 3);
+  const auto object = nlohmann::json::parse(json.out);
+  EXPECT_EQ(object["parameters"][0]["parameter"], "restitution");
+  EXPECT_NEAR(object["parameters"][0]["value"], 0.65, 1e-7);
+  EXPECT_EQ(object["parameters"].size(), 6U);
+
+  // The same from an LCM log.
+  std::string log = path("events.lcmlog");
+  write_contact_log(log, read_recorded_events(events, 1, 60.0, std::nullopt).events, 1, 60.0,
+                    std::nullopt);
+  EXPECT_EQ(diagnose({log, paper_beam}).out, ended.out);
+}
+
+TEST_F(DiagnoseProgramTest, TheRightModelFits) {
+  const std::string events = simulate("0.7");
+  const Ended ended = diagnose({events, paper_beam});
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_NE(ended.out.find("paper_beam: events fit the model"), std::string::npos) << ended.out;
+  // Also with a jitter that is larger than the events', and with part of them.
+  EXPECT_EQ(diagnose({events, paper_beam, "--jitter", "1e-4", "--duration", "30"}).code, 0);
+}
+
+TEST_F(DiagnoseProgramTest, ImportedImpactsAreDiagnosedToo) {
+  std::string rig = "impact\n";
+  for (const ContactEvent& event :
+       read_recorded_events(simulate("0.65"), 1, 60.0, std::nullopt).events) {
+    append_number(rig, event.t);
+    rig += '\n';
+  }
+  write_text(path("rig.csv"), rig);
+  ASSERT_EQ(run({IMPORT_EVENTS, path("rig.csv"), paper_beam, "--output", path("rig.lcmlog")}).code,
+            0);
+  const Ended ended = diagnose({path("rig.lcmlog"), paper_beam});
+  EXPECT_EQ(ended.code, 3) << ended.err;
+  EXPECT_NE(ended.out.find("restitution 0.65 instead of 0.7"), std::string::npos) << ended.out;
+}
+
+TEST_F(DiagnoseProgramTest, BadUsageAndInputExitWithTwo) {
+  const std::string events = simulate("0.7");
+  for (const Arguments& arguments :
+       {Arguments{}, Arguments{events}, Arguments{path("absent.csv"), paper_beam},
+        Arguments{events, path("absent.toml")}, Arguments{events, paper_beam, "--jitter", "-1"},
+        Arguments{events, paper_beam, "--duration", "0"}}) {
+    EXPECT_EQ(diagnose(arguments).code, 2);
+  }
+}
+
+TEST_F(DiagnoseProgramTest, DamageAndTooFewEventsFail) {
+  const std::string events = simulate("0.7");
+  const Ended few = diagnose({events, paper_beam, "--duration", "2"});
+  EXPECT_EQ(few.code, 1);
+  EXPECT_NE(few.err.find("contacts close at"), std::string::npos) << few.err;
+  write_text(path("cut.csv"), read_text(events) + "61.5,1");
+  const Ended cut = diagnose({path("cut.csv"), paper_beam});
+  EXPECT_EQ(cut.code, 1);
+  EXPECT_NE(cut.err.find("everything before is used"), std::string::npos) << cut.err;
+  EXPECT_NE(cut.out.find("events fit the model"), std::string::npos) << cut.out;
+}
+
+TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
+  const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
+  write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
+  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 1e9, std::nullopt).events, events);
+  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, std::nullopt).events.back().t,
+            std::find_if(events.rbegin(), events.rend(), [](const ContactEvent& event) {
+              return event.t <= 20.0;
+            })->t);
+  ChannelLogReader whole(path("whole.lcmlog"));
+  ChannelLogWriter part(path("part.lcmlog"));
+  ChannelRecord record;
+  for (int i = 0; whole.next(record); ++i) {
+    if (i < 100 || i > 300) part.write(record.utime, record.channel, record.data);
+  }
+  ASSERT_TRUE(part.close());
+  const RecordedEvents before = read_recorded_events(path("part.lcmlog"), 1, 1e9, std::nullopt);
+  ASSERT_FALSE(before.problems.empty());
+  EXPECT_NE(before.problems[0].find("may be missing"), std::string::npos);
+  EXPECT_NEAR(static_cast<double>(before.events.size()), 100.0, 1.0);
+  EXPECT_TRUE(std::equal(before.events.begin(), before.events.end(), events.begin()));
+}
+
+}  // namespace
+}  // namespace sprag

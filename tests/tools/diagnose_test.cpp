@@ -1,0 +1,351 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <random>
+
+#include "tests/support/repetitions.h"
+#include "tests/support/run.h"
+#include "tools/diagnose/diagnosis.h"
+#include "tools/diagnose/line_search.h"
+#include "tools/diagnose/print.h"
+
+namespace sprag {
+namespace {
+
+using test::events_of;
+using test::shipped_scene;
+
+std::string shipped_text(const std::string& name) {
+  std::ifstream file(SPRAG_SOURCE_DIR "/scenes/" + name + ".toml");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  const auto at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), by);
+}
+
+Parameter parameter_of(const Scene& scene, const std::string& name) {
+  for (const Parameter& parameter : parameters_of(scene, 0.3)) {
+    if (parameter.name == name) return parameter;
+  }
+  ADD_FAILURE() << "no parameter " << name;
+  return {};
+}
+
+/// The scene with another machine.
+Scene changed(const Scene& scene, const std::string& name, double value) {
+  Scene other = scene;
+  other.model = with(scene, parameter_of(scene, name), value);
+  return other;
+}
+
+std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
+                                   std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<double> normal;
+  double last = 0.0;
+  for (ContactEvent& event : events) {
+    event.t = std::max(last, event.t + sigma * normal(engine));
+    last = event.t;
+  }
+  return events;
+}
+
+struct Mismatch {
+  const char* scene;
+  const char* parameter;
+  double value;
+  double duration;
+  double jitter = 1e-4;
+};
+
+std::ostream& operator<<(std::ostream& out, const Mismatch& mismatch) {
+  return out << mismatch.scene << ": " << mismatch.parameter << ' ' << mismatch.value;
+}
+
+class DiagnoseMismatch : public testing::TestWithParam<Mismatch> {};
+
+TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
+  const Mismatch& mismatch = GetParam();
+  const Scene scene = shipped_scene(mismatch.scene);
+  const auto events =
+      events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration);
+  for (const double jitter : {0.0, mismatch.jitter}) {
+    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), jitter);
+    const Candidate* best = diagnosis.explanation();
+    std::cout << "seed 5, jitter " << jitter << ": " << verdict(diagnosis) << '\n';
+    ASSERT_NE(best, nullptr) << to_text(diagnosis);
+    EXPECT_FALSE(diagnosis.fits);
+    EXPECT_EQ(best->parameter.name, mismatch.parameter);
+    EXPECT_TRUE(diagnosis.ties().empty());
+    EXPECT_TRUE(best->fits);
+    EXPECT_GT(best->explained, 0.9);
+    EXPECT_NEAR(best->value, mismatch.value, 5.0 * best->deviation);
+    EXPECT_LT(best->deviation, 0.1 * std::abs(mismatch.value - best->parameter.nominal));
+    EXPECT_GT(diagnosis.misfit_before, 10.0);
+    EXPECT_LT(best->misfit, 2.0);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseMismatch,
+                         testing::Values(Mismatch{"paper_beam", "restitution", 0.65, 60.0},
+                                         Mismatch{"paper_beam", "damping", 0.2, 60.0},
+                                         Mismatch{"paper_beam", "bending stiffness", 1.02, 60.0},
+                                         Mismatch{"paper_beam", "clearance", 0.003, 60.0},
+                                         Mismatch{"paper_beam", "excitation phase", 0.1, 60.0},
+                                         Mismatch{"paper_beam_as_printed", "damping", 0.15, 60.0},
+                                         Mismatch{"lab_rig", "factor on C", 1.2, 30.0, 1e-6},
+                                         Mismatch{"non_proportional", "factor on K", 0.98, 60.0},
+                                         Mismatch{"impact_oscillator", "restitution", 0.65, 60.0,
+                                                  1e-6}));
+
+class DiagnoseExactMismatch : public testing::TestWithParam<Mismatch> {};
+
+// Bounces of a chatter, and several contacts.
+TEST_P(DiagnoseExactMismatch, IsNamedWithItsValue) {
+  const Mismatch& mismatch = GetParam();
+  const Scene scene = shipped_scene(mismatch.scene);
+  const Diagnosis diagnosis = diagnose(
+      scene, events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration), 0.0);
+  const Candidate* best = diagnosis.explanation();
+  std::cout << verdict(diagnosis) << '\n';
+  ASSERT_NE(best, nullptr) << to_text(diagnosis);
+  EXPECT_EQ(best->parameter.name, mismatch.parameter);
+  EXPECT_TRUE(diagnosis.ties().empty());
+  EXPECT_NEAR(best->value, mismatch.value, 1e-6 * std::abs(mismatch.value));
+  EXPECT_GT(best->explained, 0.9999);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, DiagnoseExactMismatch,
+    testing::Values(Mismatch{"paper_beam_chatter", "restitution", 0.68, 30.0},
+                    Mismatch{"bouncing_ball", "restitution", 0.88, 20.0},
+                    Mismatch{"steel_ruler", "restitution", 0.55, 6.0},
+                    Mismatch{"two_stops_beam", "excitation amplitude", 0.031, 12.0},
+                    Mismatch{"two_stops_beam", "restitution of contact 1", 0.65, 12.0},
+                    Mismatch{"two_stops_beam", "clearance of contact 2", 0.06, 12.0},
+                    Mismatch{"two_supports_beam", "restitution of all", 0.45, 12.0}));
+
+TEST(Diagnose, TheRightModelFits) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter", "paper_beam_frame",
+                           "paper_beam_as_printed", "non_proportional", "bouncing_ball",
+                           "impact_oscillator", "lab_rig", "two_stops_beam", "two_supports_beam"}) {
+    const Scene scene = shipped_scene(name);
+    const Diagnosis diagnosis = diagnose(
+        scene, events_of(scene, name == std::string("two_supports_beam") ? 10.0 : 20.0), 0.0);
+    EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
+    EXPECT_EQ(diagnosis.explanation(), nullptr);
+    EXPECT_EQ(verdict(diagnosis), "events fit the model");
+  }
+}
+
+// A parameter's value is off by what it is said to be, and the right model is not accused.
+TEST(Diagnose, DeviationsAreHonest) {
+  const Scene scene = shipped_scene("paper_beam");
+  const auto right = events_of(scene, 40.0);
+  const auto wrong = events_of(changed(scene, "restitution", 0.69), 40.0);
+  const int runs = std::max(repetitions(16), 2);
+  double squares = 0.0;
+  for (int seed = 1; seed <= runs; ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    const Diagnosis of_right = diagnose(scene, jittered(right, 1e-4, number), 1e-4);
+    EXPECT_TRUE(of_right.fits) << "seed " << seed << '\n' << to_text(of_right);
+    const Diagnosis of_wrong = diagnose(scene, jittered(wrong, 1e-4, number), 1e-4);
+    const Candidate* best = of_wrong.explanation();
+    ASSERT_NE(best, nullptr) << "seed " << seed << '\n' << to_text(of_wrong);
+    ASSERT_EQ(best->parameter.name, "restitution") << "seed " << seed;
+    squares += std::pow((best->value - 0.69) / best->deviation, 2);
+  }
+  std::cout << "seeds 1 to " << runs << ": mean normalized square " << squares / runs << '\n';
+  if (!sanitized) {
+    EXPECT_GT(squares / runs, 0.3);
+  }
+  EXPECT_LT(squares / runs, 2.5);
+}
+
+TEST(Diagnose, JitterThatIsNotToldIsNotBlamedOnAParameter) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Diagnosis diagnosis = diagnose(scene, jittered(events_of(scene, 100.0), 1e-4, 5), 0.0);
+  EXPECT_FALSE(diagnosis.fits);
+  EXPECT_EQ(diagnosis.explanation(), nullptr) << to_text(diagnosis);
+  EXPECT_NEAR(diagnosis.scatter, 1e-4, 3e-5);
+  EXPECT_NE(verdict(diagnosis).find("no single parameter"), std::string::npos);
+  EXPECT_NE(verdict(diagnosis).find("jitter"), std::string::npos);
+}
+
+TEST(Diagnose, TwoMistakesAreNotOne) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Scene other = changed(changed(scene, "bending stiffness", 1.02), "excitation phase", 0.3);
+  const Diagnosis diagnosis = diagnose(scene, events_of(other, 60.0), 0.0);
+  EXPECT_FALSE(diagnosis.fits);
+  EXPECT_EQ(diagnosis.explanation(), nullptr) << to_text(diagnosis);
+  EXPECT_NE(verdict(diagnosis).find("no single parameter"), std::string::npos);
+}
+
+// Without a clearance all motions grow with the excitation, and contact times stay.
+TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Diagnosis diagnosis =
+      diagnose(scene, events_of(changed(scene, "excitation amplitude", 0.031), 60.0), 0.0);
+  EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
+  for (const Candidate& candidate : diagnosis.candidates) {
+    EXPECT_EQ(candidate.told, candidate.parameter.name != "excitation amplitude");
+  }
+}
+
+// With one clearance only its ratio to the amplitude shows.
+TEST(Diagnose, WhatCannotBeToldApartIsATie) {
+  const Scene scene = shipped_scene("paper_beam_frame");
+  const auto events = events_of(changed(scene, "excitation amplitude", 0.031), 60.0);
+  for (const double jitter : {0.0, 1e-5}) {
+    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), jitter);
+    const Candidate* best = diagnosis.explanation();
+    ASSERT_NE(best, nullptr) << to_text(diagnosis);
+    const auto ties = diagnosis.ties();
+    ASSERT_EQ(ties.size(), 1U) << to_text(diagnosis);
+    const bool amplitude = best->parameter.name == "excitation amplitude";
+    const Candidate& of_amplitude = amplitude ? *best : *ties[0];
+    const Candidate& of_clearance = amplitude ? *ties[0] : *best;
+    EXPECT_EQ(of_clearance.parameter.name, "clearance");
+    EXPECT_NEAR(of_amplitude.value, 0.031, 5.0 * of_amplitude.deviation);
+    EXPECT_NEAR(of_clearance.value, 0.005 * 0.03 / 0.031, 5.0 * of_clearance.deviation);
+    EXPECT_NE(to_text(diagnosis).find("explains it as well"), std::string::npos);
+  }
+}
+
+constexpr const char* two_frequencies = R"(
+name = "two_frequencies"
+[system]
+M = [[1.0]]
+C = [[0.3]]
+K = [[40.0]]
+[[force]]
+direction = [1.0]
+amplitude = 2.0
+frequency = 9.0
+[[force]]
+direction = [1.0]
+amplitude = 1.5
+frequency = 4.1
+phase = 0.7
+[impact]
+restitution = 0.7
+[[contact]]
+direction = [1.0]
+clearance = 0.01
+[master]
+q = [0.1]
+[replica]
+q = [0.2]
+)";
+
+TEST(Diagnose, AClockThatIsOffIsFoundWhereTwoFrequenciesTellIt) {
+  const Scene scene = parse_scene(two_frequencies, "two_frequencies.toml");
+  std::vector<ContactEvent> events = events_of(scene, 60.0);
+  for (ContactEvent& event : events) event.t += 0.004;
+  const Diagnosis diagnosis = diagnose(scene, events, 0.0);
+  const Candidate* best = diagnosis.explanation();
+  ASSERT_NE(best, nullptr) << to_text(diagnosis);
+  EXPECT_EQ(best->parameter.name, "clock offset") << to_text(diagnosis);
+  EXPECT_NEAR(best->value, 0.004, 1e-7);
+  EXPECT_EQ(to_text(diagnosis).find("cannot be told from the phase"), std::string::npos);
+}
+
+TEST(Diagnose, WithOneFrequencyAClockThatIsOffIsAPhase) {
+  const Scene scene = shipped_scene("paper_beam");
+  std::vector<ContactEvent> events = events_of(scene, 60.0);
+  for (ContactEvent& event : events) event.t += 0.004;
+  const Diagnosis diagnosis = diagnose(scene, events, 0.0);
+  const Candidate* best = diagnosis.explanation();
+  ASSERT_NE(best, nullptr) << to_text(diagnosis);
+  EXPECT_EQ(best->parameter.name, "excitation phase");
+  EXPECT_NEAR(best->value, -9.5 * 0.004, 1e-6);
+  EXPECT_NE(to_text(diagnosis).find("-0.038 rad is 0.004 s"), std::string::npos)
+      << to_text(diagnosis);
+}
+
+TEST(Diagnose, TooFewEventsSayNothing) {
+  const Scene scene = shipped_scene("paper_beam");
+  EXPECT_THROW(diagnose(scene, {}, 0.0), TooFewEvents);
+  EXPECT_THROW(diagnose(scene, events_of(scene, 3.0), 0.0), TooFewEvents);
+}
+
+TEST(DiagnoseParameters, AnotherValueIsTheSceneFileWithThatValue) {
+  const std::string text = shipped_text("paper_beam");
+  const Scene scene = parse_scene(text, "x.toml");
+  const struct {
+    const char* parameter;
+    double value;
+    const char* line;
+    const char* other;
+  } cases[] = {
+      {"restitution", 0.65, "restitution = 0.7", "restitution = 0.65"},
+      {"damping", 0.2, "damping = 0.17", "damping = 0.2"},
+      {"bending stiffness", 1.02, "bending_stiffness = 1.0", "bending_stiffness = 1.02"},
+      {"clearance", 0.003, "clearance = 0.0", "clearance = 0.003"},
+      {"excitation amplitude", 0.031, "amplitude = 0.03", "amplitude = 0.031"},
+      {"excitation phase", 0.1, "frequency = 9.5", "phase = 0.1\nfrequency = 9.5"},
+  };
+  ASSERT_EQ(parameters_of(scene, 0.3).size(), std::size(cases));
+  for (const auto& of : cases) {
+    const Model expected = parse_scene(replaced(text, of.line, of.other), "x.toml").model;
+    const Model model = with(scene, parameter_of(scene, of.parameter), of.value);
+    EXPECT_TRUE(model.M.isApprox(expected.M, 1e-14)) << of.parameter;
+    EXPECT_TRUE(model.C.isApprox(expected.C, 1e-14)) << of.parameter;
+    EXPECT_TRUE(model.K.isApprox(expected.K, 1e-14)) << of.parameter;
+    const auto same = [](const Harmonic& a, const Harmonic& b) {
+      return std::abs(a.amplitude - b.amplitude) <= 1e-14 && a.frequency == b.frequency &&
+             a.phase == b.phase;
+    };
+    EXPECT_TRUE(same(model.forces[0].harmonic, expected.forces[0].harmonic)) << of.parameter;
+    EXPECT_TRUE(same(model.contacts[0].motion, expected.contacts[0].motion)) << of.parameter;
+    EXPECT_EQ(model.contacts[0].restitution, expected.contacts[0].restitution);
+    EXPECT_EQ(model.contacts[0].clearance, expected.contacts[0].clearance);
+  }
+}
+
+TEST(DiagnoseParameters, TheNominalValueIsTheMachineItself) {
+  for (const char* name : {"paper_beam", "two_stops_beam", "lab_rig", "bouncing_ball"}) {
+    const Scene scene = shipped_scene(name);
+    for (const Parameter& parameter : parameters_of(scene, 0.3)) {
+      EXPECT_LT(parameter.lowest, parameter.highest) << parameter.name;
+      EXPECT_LE(parameter.lowest, parameter.nominal) << parameter.name;
+      EXPECT_GE(parameter.highest, parameter.nominal) << parameter.name;
+      const Model model = with(scene, parameter, parameter.nominal);
+      EXPECT_TRUE(model.C.isApprox(scene.model.C, 1e-15) && model.K.isApprox(scene.model.K, 1e-15))
+          << parameter.name;
+      for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+        EXPECT_EQ(model.contacts[i].restitution, scene.model.contacts[i].restitution);
+        EXPECT_EQ(model.contacts[i].clearance, scene.model.contacts[i].clearance);
+        EXPECT_EQ(model.contacts[i].motion.phase, scene.model.contacts[i].motion.phase);
+      }
+    }
+  }
+}
+
+TEST(DiagnoseLineSearch, FindsTheLowestValueAndItsWidth) {
+  for (const double step : {1e-6, 0.1, 3.0}) {
+    const auto J = [](double x) { return 50.0 * (x - 0.3) * (x - 0.3) + std::pow(x - 0.3, 4); };
+    const Minimum minimum = descend(J, {-2.0, J(-2.0), step, 0.0}, -5.0, 5.0);
+    EXPECT_NEAR(minimum.x, 0.3, 0.02) << step;
+    EXPECT_NEAR(minimum.deviation, std::sqrt(2.0 / 100.0), 0.01) << step;
+  }
+}
+
+TEST(DiagnoseLineSearch, StopsAtTheEndAndWhereNothingChanges) {
+  const auto falls = [](double x) { return -10.0 * x; };
+  const Minimum end = descend(falls, {0.0, 0.0, 0.1, 0.0}, -1.0, 1.0);
+  EXPECT_EQ(end.x, 1.0);
+  EXPECT_NEAR(end.deviation, 0.2, 1e-6);  // of exp(5 x)
+  const Minimum flat = descend([](double) { return 1.0; }, {0.0, 1.0, 0.1, 0.0}, -1.0, 1.0);
+  EXPECT_EQ(flat.deviation, 0.0);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,97 @@
+#include "tools/diagnose/prediction.h"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "observer/timing_filter.h"
+
+namespace sprag {
+namespace {
+
+constexpr double tick = 1.0;  // the filter goes from event to event and never ticks
+
+// Below this share of its usual value a velocity of closing is not known well enough for J.
+constexpr double slow = 1e-3;
+
+struct Closing {
+  double square, variance, gamma;
+};
+
+bool closes(std::span<const ContactEvent> events) {
+  for (const ContactEvent& event : events) {
+    if (event.kind != ContactEventKind::opens) return true;
+  }
+  return false;
+}
+
+void follow(const Scene& scene, const Model& model, double jitter,
+            std::span<const ContactEvent> events, bool with_inside, Prediction& prediction) {
+  Uncertainty uncertainty = uncertainty_of(scene);
+  uncertainty.jitter = jitter;
+  TimingFilter filter(model, tick, uncertainty);
+  TimingState state;
+  filter.start(scene.replica, 0, 0, state);
+  Motion before = state.motion;
+  std::vector<Closing> closings;
+  double flights = 0.0;
+  int to_start = closings_to_start(scene);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+    const double last = state.innovation.t;
+    before = state.motion;
+    filter.follow(of_one, state);
+    const Innovation& innovation = state.innovation;
+    if (innovation.t == last || !(innovation.deviation > 0.0)) return;
+    if (to_start-- > 0) return;
+    before.flow->propagate(before, at(innovation.t), before);
+    const double gamma = value(before.flow->gap_velocity(innovation.contact), before);
+    const double variance = innovation.deviation * innovation.deviation;
+    closings.push_back({innovation.gap * innovation.gap / variance, variance, gamma * gamma});
+    if (!with_inside) return;
+    const double flight = innovation.t - last;
+    flights += flight;
+    prediction.inside += flight * filter.last_flight(innovation.contact, state).inside;
+  });
+  prediction.length = state.length;
+  prediction.unsure = state.ambiguous_impacts + state.refused_impacts;
+  prediction.count = static_cast<int>(closings.size());
+  if (closings.empty()) return;
+  double gamma = 0.0;
+  for (const Closing& closing : closings) gamma += closing.gamma;
+  const double n = prediction.count;
+  const double slowest = slow * slow * gamma / n;
+  prediction.J = 0.0;
+  for (const Closing& closing : closings) {
+    prediction.misfit += closing.square / n;
+    prediction.J += closing.square + std::log(closing.variance / (closing.gamma + slowest));
+  }
+  if (flights > 0.0) prediction.inside /= flights;
+  if (!std::isfinite(prediction.J)) prediction.J = std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+int closings_to_start(const Scene& scene) {
+  return 2 * static_cast<int>(scene.model.coordinates());
+}
+
+int closings_of(std::span<const ContactEvent> events) {
+  int count = 0;
+  for_each_instant(events, [&](auto of_one) { count += closes(of_one) ? 1 : 0; });
+  return count;
+}
+
+Prediction predict(const Scene& scene, const Model& model, double jitter,
+                   std::span<const ContactEvent> events, bool with_inside) {
+  Prediction prediction;
+  prediction.J = prediction.misfit = std::numeric_limits<double>::infinity();
+  try {
+    prediction.misfit = 0.0;
+    follow(scene, model, jitter, events, with_inside, prediction);
+  } catch (const ModelError&) {  // undamped resonance, for one
+  }
+  if (!std::isfinite(prediction.J)) prediction.misfit = prediction.J;
+  return prediction;
+}
+
+}  // namespace sprag
