@@ -199,6 +199,17 @@ TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
   }
 }
 
+// The likelihood is that of event times, whatever the length that gaps are measured by.
+TEST(DiagnosePrediction, TheSizeOfMotionsDoesNotCount) {
+  const Scene scene = shipped_scene("paper_beam");
+  const auto events = jittered(events_of(scene, 60.0), 1e-4, 5);
+  const auto J = [&](double amplitude) {
+    const Scene other = changed(scene, "excitation amplitude", amplitude);
+    return predict(scene, other.model, 1e-4, events).J;
+  };
+  EXPECT_NEAR(J(0.021), J(0.039), 5.0);
+}
+
 // With one clearance only its ratio to the amplitude shows.
 TEST(Diagnose, WhatCannotBeToldApartIsATie) {
   const Scene scene = shipped_scene("paper_beam_frame");
