@@ -1,11 +1,7 @@
 #include "observer/recorded_events.h"
 
-#include <span>
 #include <sstream>
 
-#include "lcmtypes/bus.h"
-#include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
 #include "mechanics/events_file.h"
 #include "observer/event_history.h"
 #include "observer/recording.h"
@@ -37,21 +33,13 @@ RecordedEvents read_csv(const std::filesystem::path& file, int contacts) {
 RecordedEvents read_log(const std::filesystem::path& file, int contacts,
                         const std::optional<Key>& key) {
   RecordedEvents recorded;
-  ChannelLogReader log(file);
+  RecordedReports log(file, contacts, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
-  LogClock clock;
-  ChannelRecord record;
   ContactReport report;
-  while (log.next(record)) {
-    if (record.channel != contacts_channel) continue;
-    std::span<const std::uint8_t> message(record.data);
-    if (key) {
-      if (!key->verifies(record.channel, message)) continue;
-      message = message.first(message.size() - Key::tag_size);
-    }
-    if (decode(message, report) != Refusal::none || report.contacts != contacts) continue;
-    const auto verdict = sessions.hear(report, clock.arrival(record));
+  Arrival arrival;
+  while (log.next(report, arrival)) {
+    const auto verdict = sessions.hear(report, arrival);
     if (verdict == SessionTracker::Verdict::ignored) continue;
     if (verdict == SessionTracker::Verdict::starts) history.restart(0, 0, no_horizon);
     history.add(report);

@@ -1,39 +1,42 @@
-// Recordings of a master: events CSVs, and LCM logs with the log's own clock.
+// Recordings of a master: which kind a file is, and the contact reports of an LCM log.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
-#include <limits>
+#include <optional>
 
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/key.h"
+#include "mechanics/contact_report.h"
 #include "observer/arrival.h"
 
 namespace sprag {
 
 /// By its first bytes, or by its name where it is empty or damaged from the start.
-inline bool is_lcm_log(const std::filesystem::path& file) {
-  constexpr std::array<char, 4> sync{'\xED', '\xA1', '\xDA', '\x01'};
-  std::array<char, 4> first{};
-  std::ifstream(file, std::ios::binary).read(first.data(), first.size());
-  return first == sync || file.extension() == ".lcmlog";
-}
+bool is_lcm_log(const std::filesystem::path& file);
 
-/// The log's own clock, which advances a little with every record: not every log's does.
-class LogClock {
+/// The messages on SPRAG_CONTACTS of a log that an observer would take, with the log's own clock.
+class RecordedReports {
  public:
-  Arrival arrival(const ChannelRecord& record) {
-    constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
-    const std::int64_t utime = std::clamp<std::int64_t>(record.utime, 0, latest);
-    now_ = std::max(1000 * utime, now_ + least_step);
-    return {now_, utime};
-  }
+  /// For a machine with `contacts` contacts; with a key only messages that it has signed count.
+  /// Throws InputError if the file cannot be opened.
+  RecordedReports(const std::filesystem::path& file, int contacts, const std::optional<Key>& key);
+
+  /// The next one and when it arrived; false at the end of the log or where it is damaged.
+  bool next(ContactReport& report, Arrival& arrival);
+
+  std::int64_t refused() const { return refused_; }
+  std::int64_t unauthenticated() const { return unauthenticated_; }
+  const auto& damage() const { return log_.damage(); }
 
  private:
-  static constexpr std::int64_t least_step = 1'000'000;  // ns
-  std::int64_t now_ = 0;
+  ChannelLogReader log_;
+  int contacts_;
+  const std::optional<Key>* key_;
+  ChannelRecord record_;
+  std::int64_t now_ = 0;  // ns
+  std::int64_t refused_ = 0;
+  std::int64_t unauthenticated_ = 0;
 };
 
 }  // namespace sprag

@@ -1,20 +1,16 @@
 #include "observer/replay.h"
 
 #include <algorithm>
-#include <array>
-#include <fstream>
 #include <iostream>
 #include <limits>
 #include <optional>
-#include <string_view>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/program.h"
 #include "mechanics/events_file.h"
 #include "mechanics/states_file.h"
 #include "observer/confidence_record.h"
+#include "observer/recording.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
 #include "observer/time_line.h"
@@ -26,28 +22,6 @@ namespace {
 constexpr std::int64_t replay_history = 1;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-
-bool is_lcm_log(const std::filesystem::path& file) {
-  constexpr std::array<char, 4> sync{'\xED', '\xA1', '\xDA', '\x01'};
-  std::array<char, 4> first{};
-  std::ifstream(file, std::ios::binary).read(first.data(), first.size());
-  return first == sync || file.extension() == ".lcmlog";
-}
-
-// The log's own clock, which advances a little with every record: not every log's does.
-class LogClock {
- public:
-  Arrival arrival(const ChannelRecord& record) {
-    constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
-    const std::int64_t utime = std::clamp<std::int64_t>(record.utime, 0, latest);
-    now_ = std::max(1000 * utime, now_ + least_step);
-    return {now_, utime};
-  }
-
- private:
-  static constexpr std::int64_t least_step = 1'000'000;  // ns
-  std::int64_t now_ = 0;
-};
 
 template <typename Stepper>
 class Replay {
@@ -97,28 +71,12 @@ class Replay {
 
   bool lcm_log(const std::filesystem::path& file, const std::optional<Key>& key,
                nlohmann::ordered_json& report) {
-    ChannelLogReader log(file);
+    RecordedReports log(file, contacts_, key);
     SessionTracker sessions;
-    LogClock clock;
-    ChannelRecord record;
-    std::int64_t refused = 0;
-    std::int64_t unauthenticated = 0;
     ContactReport contacts;
-    while (!done() && !stop_requested() && log.next(record)) {
-      if (record.channel != contacts_channel) continue;
-      std::span<const std::uint8_t> message(record.data);
-      if (key) {
-        if (!key->verifies(record.channel, message)) {
-          ++unauthenticated;
-          continue;
-        }
-        message = message.first(message.size() - Key::tag_size);
-      }
-      if (decode(message, contacts) != Refusal::none || contacts.contacts != contacts_) {
-        ++refused;
-        continue;
-      }
-      const auto verdict = sessions.hear(contacts, clock.arrival(record));
+    Arrival arrival;
+    while (!done() && !stop_requested() && log.next(contacts, arrival)) {
+      const auto verdict = sessions.hear(contacts, arrival);
       if (verdict == SessionTracker::Verdict::ignored) continue;
       if (verdict == SessionTracker::Verdict::starts) {
         time_line_.restart(0, 0, 0, no_horizon);
@@ -128,8 +86,8 @@ class Replay {
     }
     const MessageCounts& counts = sessions.counts();
     report["messages"] = {{"received", counts.received},
-                          {"refused", refused},
-                          {"unauthenticated", unauthenticated},
+                          {"refused", log.refused()},
+                          {"unauthenticated", log.unauthenticated()},
                           {"lost", counts.lost},
                           {"doubled", counts.doubled},
                           {"reordered", counts.reordered},
