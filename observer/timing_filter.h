@@ -31,6 +31,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -38,24 +39,10 @@
 #include "mechanics/flow.h"
 #include "mechanics/impact_law.h"
 #include "mechanics/innovation.h"
-#include "mechanics/scene.h"
 #include "mechanics/ticked_flight.h"
+#include "observer/uncertainty.h"
 
 namespace sprag {
-
-/// What is not known of a machine's start and of its events. The errors of q and u at the start are
-/// independent, with covariances q q^T and u u^T.
-struct Uncertainty {
-  Eigen::MatrixXd q, u;              ///< f x f
-  double jitter = 0.0;               ///< sigma, standard deviation of event times [s]
-  Eigen::MatrixXd drift_q, drift_u;  ///< of what the model lacks per unit of time; or empty
-};
-
-/// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
-/// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
-/// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
-/// largest length.
-Uncertainty uncertainty_of(const Scene& scene);
 
 /// How the innovations of a filter fit what it holds possible: squares over their variances, which
 /// are 1 in the mean where model, events and uncertainty are right.
@@ -134,6 +121,10 @@ class TimingFilter {
   const Flows& flows() const { return flows_; }
 
  private:
+  // A measurement whose deviation is below this share of its terms tells nothing but their
+  // rounding.
+  static constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
+
   struct Covariance {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
@@ -164,6 +155,7 @@ class TimingFilter {
   double condition(double residual, double noise, double scale, Consistency& consistency);
   void reset(ContactSet staying, ContactSet leaving, TimingState& state);
   void decide(ContactSet staying, ContactSet leaving, TimingState& state);
+  std::vector<Closing>::iterator find_closing(int contact);
   void add_event_unknowns();
   void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
   void merge_columns();

@@ -1,13 +1,17 @@
-// Cost of the core: a tick of the replica, the master per unit of time and per impact, a whole
-// replay. The studies hold a tick against the least work a tick can be.
+// Cost of the core: a tick of the replica, the master per unit of time and per impact, an event of
+// the estimators, a whole replay. The studies hold a tick against the least work a tick can be.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <chrono>
+#include <span>
 #include <vector>
 
 #include "mechanics/master.h"
 #include "mechanics/moreau.h"
 #include "mechanics/replica.h"
 #include "mechanics/scene.h"
+#include "observer/estimators.h"
 #include "observer/time_line.h"
 #include "tools/studies/study.h"
 
@@ -32,7 +36,7 @@ Scene free_beam(int n) {
 template <typename Stepper>
 void free_tick(benchmark::State& run) {
   const Scene scene = free_beam(static_cast<int>(run.range(0)));
-  Stepper stepper(scene.model, tick);
+  Stepper stepper = make_stepper<Stepper>(scene, tick);
   typename Stepper::State state;
   stepper.start(scene.master, 0, 0, state);
   for ([[maybe_unused]] auto _ : run) {
@@ -82,6 +86,46 @@ BENCHMARK_CAPTURE(master, paper_beam, "paper_beam", 60.0);
 BENCHMARK_CAPTURE(master, paper_beam_frame, "paper_beam_frame", 60.0);
 BENCHMARK_CAPTURE(master, paper_beam_chatter, "paper_beam_chatter", 60.0);
 BENCHMARK_CAPTURE(master, stiff_beam, "stiff_beam", 5.0);
+
+// Ticks with the events of 20 units of time, told over and over, less the same number of ticks
+// without any: the rest is the events'.
+template <typename Stepper>
+void events(benchmark::State& run) {
+  Scene scene = studies::paper_beam(static_cast<int>(run.range(0)));
+  scene.jitter = static_cast<double>(run.range(1)) * 1e-6;
+  Master machine(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  machine.advance(at(20.0), events);
+  constexpr double h = 1e-2;
+  constexpr int ticks = 2000;
+  Stepper stepper = make_stepper<Stepper>(scene, h);
+  typename Stepper::State state;
+  const auto seconds = [&](std::span<const ContactEvent> left) {
+    stepper.start(scene.replica, 0, 0, state);
+    const auto begin = std::chrono::steady_clock::now();
+    for (int k = 1; k <= ticks; ++k) {
+      std::size_t n = 0;
+      while (n < left.size() && left[n].t <= tick_instant(k, h).hi) ++n;
+      stepper.tick(left.first(n), state);
+      left = left.subspan(n);
+    }
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  for ([[maybe_unused]] auto _ : run) {
+    const double of_events = seconds(events) - seconds({});
+    run.SetIterationTime(std::max(of_events, 0.0) / static_cast<double>(events.size()));
+  }
+}
+BENCHMARK(events<Replica>)->Args({3, 0})->Args({50, 0})->UseManualTime()->Iterations(200);
+BENCHMARK(events<TimingFilter>)
+    ->Args({3, 0})
+    ->Args({3, 100})
+    ->Args({50, 0})
+    ->Args({50, 100})
+    ->UseManualTime()
+    ->Iterations(50);
+BENCHMARK(events<SupervisedFilter>)->Args({3, 100})->UseManualTime()->Iterations(200);
+BENCHMARK(free_tick<TimingFilter>)->Arg(3)->Arg(10)->Arg(100);
 
 // 100 units of time of the observer's time line at h = 1e-3, all events known.
 void replay(benchmark::State& run) {
