@@ -15,6 +15,8 @@
 #include "mechanics/instant.h"
 #include "mechanics/master.h"
 #include "mechanics/scene.h"
+#include "observer/time_line.h"
+#include "tests/support/random.h"
 
 namespace sprag {
 
@@ -83,6 +85,36 @@ Recording offline(const Model& model, const State& start, double h,
     recording.add(stepper, state, model.coordinates());
   }
   return recording;
+}
+
+/// A time line from t = 0 to `end` with ticks of h that hears of `events` tick by tick; with `late`
+/// after it has run ahead of them, and with rollbacks for no reason.
+template <typename Stepper, typename OnSettled>
+void run_time_line(Stepper& stepper, const Scene& scene, std::span<const ContactEvent> events,
+                   double end, bool late, const OnSettled& on_settled) {
+  TimeLine<Stepper> line(stepper, static_cast<int>(scene.model.contacts.size()), scene.replica, 30);
+  line.restart(0, 0, 0, no_horizon);
+  Random random(3);
+  const auto settle = [&](std::int64_t target) {
+    line.run(
+        target, [](const auto&) {},
+        [&](const auto& state) {
+          on_settled(state);
+          return true;
+        });
+  };
+  const double h = stepper.h();
+  for (std::int64_t k = 1; k <= last_tick(end, h); ++k) {
+    const double t = tick_instant(k, h).hi;
+    if (late) settle(k + 20);
+    for (; !events.empty() && events.front().t <= t; events = events.subspan(1)) {
+      line.receive(events.front());
+    }
+    line.set_horizon(t);
+    if (late) settle(k + 20);
+    if (late) line.go_back_to(line.now() - random.integer(1, 40));
+  }
+  settle(0);
 }
 
 inline const Scene& shipped_scene(const std::string& name) {

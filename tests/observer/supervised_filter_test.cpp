@@ -11,9 +11,7 @@
 
 #include "mechanics/energy.h"
 #include "observer/estimators.h"
-#include "observer/time_line.h"
 #include "tests/observer/recorded_run.h"
-#include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag {
@@ -234,31 +232,13 @@ TEST(SupervisedFilter, RollbacksDoNotShow) {
   told.jitter = 1e-3;
   const auto run = [&](bool late) {
     SupervisedFilter filter(told.model, h, uncertainty_of(told));
-    TimeLine<SupervisedFilter> line(filter, 1, told.replica, 30);
-    line.restart(0, 0, 0, no_horizon);
-    Random random(3);
     std::pair<Recording, std::vector<Confidence>> settled;
     Confidence confidence = empty_confidence<SupervisedFilter>(3, 1);
-    const auto settle = [&](std::int64_t target) {
-      line.run(
-          target, [](const auto&) {},
-          [&](const auto& state) {
-            settled.first.add(filter, state, 3);
-            confide(filter, state, 0.5, confidence);
-            settled.second.push_back(confidence);
-            return true;
-          });
-    };
-    std::size_t next = 0;
-    for (std::int64_t k = 1; k <= last_tick(30.0, h); ++k) {
-      const double t = tick_instant(k, h).hi;
-      if (late) settle(k + 20);
-      for (; next < events.size() && events[next].t <= t; ++next) line.receive(events[next]);
-      line.set_horizon(t);
-      if (late) settle(k + 20);
-      if (late) line.go_back_to(line.now() - random.integer(1, 40));
-    }
-    settle(0);
+    run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {
+      settled.first.add(filter, state, 3);
+      confide(filter, state, 0.5, confidence);
+      settled.second.push_back(confidence);
+    });
     return settled;
   };
   const auto once = run(false);

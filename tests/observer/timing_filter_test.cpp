@@ -13,9 +13,7 @@
 
 #include "mechanics/energy.h"
 #include "mechanics/replica.h"
-#include "observer/time_line.h"
 #include "tests/observer/recorded_run.h"
-#include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag {
@@ -113,29 +111,10 @@ TEST(TimingFilter, RollbacksDoNotShow) {
     const auto events = master_events(scene, end);
     const auto run = [&](bool late) {
       TimingFilter filter(scene.model, h, uncertainty_of(scene));
-      TimeLine<TimingFilter> line(filter, static_cast<int>(scene.model.contacts.size()),
-                                  scene.replica, 30);
-      line.restart(0, 0, 0, no_horizon);
-      Random random(3);
       Recording settled;
-      const auto settle = [&](std::int64_t target) {
-        line.run(
-            target, [](const auto&) {},
-            [&](const auto& state) {
-              settled.add(filter, state, scene.model.coordinates());
-              return true;
-            });
-      };
-      std::size_t next = 0;
-      for (std::int64_t k = 1; k <= last_tick(end, h); ++k) {
-        const double t = tick_instant(k, h).hi;
-        if (late) settle(k + 20);
-        for (; next < events.size() && events[next].t <= t; ++next) line.receive(events[next]);
-        line.set_horizon(t);
-        if (late) settle(k + 20);
-        if (late) line.go_back_to(line.now() - random.integer(1, 40));
-      }
-      settle(0);
+      run_time_line(filter, scene, events, end, late, [&](const auto& state) {
+        settled.add(filter, state, scene.model.coordinates());
+      });
       return settled;
     };
     const Recording once = run(false);
