@@ -1,6 +1,7 @@
 // tolerance: measures how the estimators bear disturbed events and wrong machines, and writes CSV
 // files for scripts/tolerance to draw.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -31,10 +32,11 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "seeds 1 to %d\n", options.runs);
     for (const Study& study : studies(scene)) {
       if (!only.empty() && std::find(only.begin(), only.end(), study.name) == only.end()) continue;
-      const auto total = static_cast<int>(study.amounts.size()) * options.runs;
+      const int runs = std::min(options.runs, study.most_runs);
+      const int total = static_cast<int>(study.amounts.size()) * runs;
       int done = 0;
       const auto progress = [&] {
-        if (++done % options.runs != 0 && done != total) return;
+        if (++done % runs != 0) return;
         std::fprintf(stderr, "\r%-12s %d of %d runs", study.name.c_str(), done, total);
       };
       all.push_back({study, measure(study, scene, options, progress)});

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <mutex>
 #include <thread>
 
@@ -15,6 +16,7 @@ namespace {
 constexpr double rounding = 1e-20;  // of V
 constexpr double saturated = 1e-3;  // V is about to become that of another motion
 constexpr double much_worse = 10.0;
+constexpr int all_runs = std::numeric_limits<int>::max();
 
 // 0, then 1, 2 and 5 times each power of ten up to `last`, and `last`.
 std::vector<double> series(int first_power, double last) {
@@ -36,18 +38,23 @@ std::vector<Method> usual_methods() {
 }
 
 void add_event_studies(const Scene& scene, std::vector<Study>& all) {
-  Study jitter{
-      "jitter", 3, true, series(-8, 1e-2), usual_methods(), [scene](double amount, double) {
-        Setting setting{scene, {}};
-        setting.believed.jitter = setting.disturbance.jitter = amount;
-        return setting;
-      }};
+  Study jitter{"jitter",
+               3,
+               all_runs,
+               true,
+               series(-8, 1e-2),
+               usual_methods(),
+               [scene](double amount, double) {
+                 Setting setting{scene, {}};
+                 setting.believed.jitter = setting.disturbance.jitter = amount;
+                 return setting;
+               }};
   jitter.methods.push_back(Method::timing_untold);
   jitter.methods.push_back(Method::both_untold);
   all.push_back(jitter);
   const auto add = [&](const char* what, std::vector<double> amounts, double Disturbance::*of,
                        bool both_ways) {
-    all.push_back({what, 3, true, std::move(amounts), usual_methods(),
+    all.push_back({what, 3, all_runs, true, std::move(amounts), usual_methods(),
                    [scene, of, both_ways](double amount, double sign) {
                      Setting setting{scene, {}};
                      setting.believed.jitter = setting.disturbance.jitter = usual_jitter;
@@ -69,7 +76,7 @@ std::vector<Method> methods_with_drift() {
 
 void add_mismatch_studies(const Scene& scene, std::vector<Study>& all) {
   const auto add = [&](const char* what, Wrong wrong, double last) {
-    all.push_back({what, 3, true, series(-5, last), methods_with_drift(),
+    all.push_back({what, 3, all_runs, true, series(-5, last), methods_with_drift(),
                    [scene, wrong](double amount, double sign) {
                      Setting setting{with_wrong(scene, wrong, sign * amount), {}};
                      setting.believed.jitter = setting.disturbance.jitter = usual_jitter;
@@ -92,8 +99,8 @@ void add_mode_studies(const Scene& scene, std::vector<Study>& all) {
     for (int n = 0; n<modes; n += modes> 10 && n >= 2 && n < modes - 4 ? 4 : 1) {
       left_out.push_back(n);
     }
-    all.push_back({"modes_" + std::to_string(modes), modes, false, left_out, methods_with_drift(),
-                   [scene, modes](double amount, double) {
+    all.push_back({"modes_" + std::to_string(modes), modes, modes > 10 ? 10 : all_runs, false,
+                   left_out, methods_with_drift(), [scene, modes](double amount, double) {
                      const int kept = modes - static_cast<int>(std::lround(amount));
                      Setting setting{with_modes(scene, kept), {}};
                      setting.believed.jitter = setting.disturbance.jitter = usual_jitter;
@@ -144,10 +151,11 @@ std::vector<Study> studies(const Scene& scene) {
 
 std::vector<Point> measure(const Study& study, const Scene& scene, const Options& options,
                            const std::function<void()>& progress) {
-  const auto runs = static_cast<std::size_t>(options.runs);
+  const int of_study = std::min(options.runs, study.most_runs);
+  const auto runs = static_cast<std::size_t>(of_study);
   const auto seed_of = [](int run) { return static_cast<std::uint64_t>(run) + 1; };
   std::vector<Truth> truths(runs);
-  in_parallel(options.threads, options.runs, [&](int run) {
+  in_parallel(options.threads, of_study, [&](int run) {
     truths[static_cast<std::size_t>(run)] =
         simulate(with_random_start(with_modes(scene, study.modes), seed_of(run)), options.sampling);
   });

@@ -21,6 +21,7 @@ struct Setting {
 struct Study {
   std::string name;
   int modes = 3;                ///< of the master
+  int most_runs = 0;            ///< fewer than Options has, where they are dear
   bool power_law = true;        ///< V may be one of the amount
   std::vector<double> amounts;  ///< ascending, the first 0: nothing is varied
   std::vector<Method> methods;  ///< the first is the replica
@@ -51,8 +52,8 @@ struct Options {
   int threads = 2;
 };
 
-/// One point for each amount. `progress` is called, by any thread but one at a time, after each run
-/// of all methods. Throws what a simulation throws.
+/// One point for each amount, of min(options.runs, study.most_runs) runs. `progress` is called, by
+/// any thread but one at a time, after each run of all methods. Throws what a simulation throws.
 std::vector<Point> measure(const Study& study, const Scene& scene, const Options& options,
                            const std::function<void()>& progress);
 
