@@ -25,7 +25,7 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState& state) {
   const Model& model = flows_.dynamics().model();
   const Instant t = state.motion.t;
-  const ContactSet before = state.chi & ~state.inside;
+  const ContactSet before = state.motion.flow->locked();
   ContactSet leaving = 0;
   closings_.clear();
   for (const ContactEvent& event : events) {
@@ -36,7 +36,8 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
       if (event.kind == ContactEventKind::opens) leaving |= bit(event.contact);
       continue;
     }
-    if (event.kind == ContactEventKind::opens) continue;
+    // What is held has g = gamma = 0, whatever else it is said to do at this instant.
+    if (event.kind == ContactEventKind::opens || contains(before, event.contact)) continue;
     const double epsilon = event.kind == ContactEventKind::closes
                                ? 0.0
                                : model.contacts[index(event.contact)].restitution;
@@ -56,7 +57,7 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
   if (leaving != 0) set_start(now_);  // what happened until then is not in the model
   state.consistency.largest = 0.0;
   if (closings_.empty()) {
-    for (const ContactEvent& event : events) measure_release(event.contact, state);
+    for_each(before & ~state.chi, [&](int contact) { measure_release(contact, state); });
   } else {
     measure_closings(state);
     reset(before & state.chi, before & ~state.chi, state);

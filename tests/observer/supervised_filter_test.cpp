@@ -11,7 +11,9 @@
 
 #include "mechanics/energy.h"
 #include "observer/estimators.h"
+#include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"
+#include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag {
@@ -218,6 +220,36 @@ TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
     }
     std::cout << "sigma " << sigma << ": " << gained << " decades of V below the replica\n";
     EXPECT_GT(gained, 0.0);
+  }
+}
+
+// Events that contradict nothing, of machines that did not make them: several contacts at an
+// instant, and one contact that opens, closes and opens again within one.
+TEST(SupervisedFilter, BearsAnyEvents) {
+  constexpr std::uint64_t seed = 31;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  for (int machine = 0; machine < repetitions(60); ++machine) {
+    const int contacts = random.integer(1, 4);
+    const Structure structure = random.chance(0.5) ? Structure::diagonal : Structure::coupled;
+    Scene scene;
+    scene.model = random_machine(random, structure, random.integer(contacts, 5));
+    add_forces(random, scene.model, 1);
+    add_contacts(random, scene.model, contacts);
+    scene.master = scene.replica = random_state(random, scene.model);
+    scene.jitter = random.chance(0.5) ? 1e-3 : 0.0;
+    std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
+    for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
+    SupervisedFilter filter(scene.model, h, uncertainty_of(scene));
+    Confidence confidence = empty_confidence<SupervisedFilter>(scene.model.coordinates(), contacts);
+    bool finite = true;
+    run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
+      Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
+      filter.output(state, q, u);
+      confide(filter, state, 1.0, confidence);
+      finite = finite && q.allFinite() && u.allFinite() && confidence.sigma_q.allFinite();
+    });
+    EXPECT_TRUE(finite) << "machine " << machine;
   }
 }
 
