@@ -31,7 +31,7 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
   event_mean_.setZero(2 + 2 * m);
   const auto bytes = static_cast<std::size_t>(2 * f() * columns) * sizeof(double);
   no_gaps_.setZero(m);
-  largest_w_ = flows_.dynamics().W().cwiseAbs().maxCoeff();
+  if (m > 0) largest_w_ = flows_.dynamics().W().cwiseAbs().maxCoeff();
   flows_[0].enter(Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f()), Instant{},
                   no_gaps_.head(0), now_.mean);
   sample_ = now_.mean;
