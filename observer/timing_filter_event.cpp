@@ -42,9 +42,7 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
                                ? 0.0
                                : model.contacts[index(event.contact)].restitution;
     // Whatever a contact is said to have done at one instant is one impact.
-    const auto known =
-        std::find_if(closings_.begin(), closings_.end(),
-                     [&](const Closing& closing) { return closing.contact == event.contact; });
+    const auto known = find_closing(event.contact);
     if (known != closings_.end()) {
       known->epsilon = epsilon;
     } else {
@@ -69,7 +67,6 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
 // lambda_i = 0, of a contact that is locked.
 void TimingFilter::measure_release(int contact, TimingState& state) {
   const Flow& flow = *state.motion.flow;
-  if (!contains(flow.locked(), contact)) return;
   const Signal& lambda = flow.force(contact);
   const Eigen::Index n = flow.modes();
   const Eigen::Index nf = flow.frequencies();
