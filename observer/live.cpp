@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <exception>
 #include <iostream>
 #include <optional>
+#include <stdexcept>
 #include <thread>
 
 #include "lcmtypes/bus.h"
@@ -20,6 +20,7 @@
 #include "observer/report.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
+#include "observer/thread_group.h"
 #include "observer/time_line.h"
 #include "observer/wake.h"
 
@@ -98,20 +99,21 @@ class LiveObserver {
     std::cerr << "listening on " << common.url << '\n';
   }
 
-  int run() {
-    std::thread receiving([this] { receive(); });
-    std::thread integrating([this] { integrate(); });
-    publish();
-    stop_ = true;
-    reports_arrived_.signal();
-    integrating.join();
-    receiving.join();
-    emit_all();
-    repeat_last();
-    if (error_) std::rethrow_exception(error_);
-    return exit_done;
+  /// Until the run is over, or a thread has failed; then finish() says so.
+  void run() {
+    threads_.run([this] {
+      threads_.start([this] { receive(); });
+      threads_.start([this] { integrate(); });
+      publish();
+    });
+    threads_.end();
+    threads_.run([this] {
+      emit_all();
+      repeat_last();
+    });
   }
 
+  /// Fills the report and closes the files. Throws what a thread has thrown, or a file's error.
   void finish(nlohmann::ordered_json& report) {
     figures_.messages = sessions_.counts();
     figures_.rollbacks = time_line_.rollbacks();
@@ -128,10 +130,27 @@ class LiveObserver {
     }
     print(figures_, std::cerr);
     record_.print(std::cerr);
-    if (states_ && !states_->close()) throw std::runtime_error(states_->error());
+    const bool states_good = !states_ || states_->close();
+    rethrow();
+    if (!states_good) throw std::runtime_error(states_->error());
   }
 
  private:
+  // Whatever it is, the input was good enough to start with: the run has failed.
+  void rethrow() const {
+    try {
+      threads_.rethrow();
+    } catch (const std::exception& e) {
+      throw std::runtime_error(e.what());
+    }
+  }
+
+  void stop() {
+    stop_ = true;
+    reports_arrived_.signal();
+    samples_ready_.signal();
+  }
+
   Sample empty_sample() const {
     Sample sample;
     sample.estimate.q.setZero(coordinates_);
@@ -158,13 +177,7 @@ class LiveObserver {
   // Receiving thread.
   void receive() {
     prepare_thread(receiving_priority);
-    try {
-      while (!stop_) bus_.handle(50ms);
-    } catch (...) {
-      error_ = std::current_exception();
-      done_ = true;
-      samples_ready_.signal();
-    }
+    while (!stop_) bus_.handle(50ms);
   }
 
   void hear(std::span<const std::uint8_t> data) {
@@ -371,7 +384,7 @@ class LiveObserver {
   // Publishing thread: the one that called run().
   void publish() {
     std::int64_t next_progress = monotonic_now() + progress_period;
-    while (!done_ && !stop_requested()) {
+    while (!done_ && !stop_ && !stop_requested()) {
       samples_ready_.wait_until(monotonic_now() + 100'000'000);
       emit_all();
       if (monotonic_now() >= next_progress) {
@@ -485,7 +498,6 @@ class LiveObserver {
   std::atomic<bool> done_{false};
 
   Bus bus_;
-  std::exception_ptr error_;  // of the receiving thread; read after it has ended
 
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
@@ -494,15 +506,17 @@ class LiveObserver {
   std::vector<std::uint8_t> last_settled_;
   int announced_ = 0;
   double last_settled_t_ = 0.0;
+
+  ThreadGroup threads_{[this] { stop(); }};  // goes first: the threads use all of the above
 };
 
 template <typename Stepper>
 int observe(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
             nlohmann::ordered_json& report) {
   LiveObserver<Stepper> observer(scene, options, common);
-  const int code = observer.run();
+  observer.run();
   observer.finish(report);
-  return code;
+  return exit_done;
 }
 
 }  // namespace

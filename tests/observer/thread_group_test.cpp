@@ -1,0 +1,76 @@
+#include "observer/thread_group.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <stdexcept>
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+
+class ThreadGroupTest : public ::testing::Test {
+ protected:
+  void until_stopped() {
+    while (!stop_) std::this_thread::sleep_for(1ms);
+    ++ended_;
+  }
+
+  std::atomic<bool> stop_ = false;
+  std::atomic<int> ended_ = 0;
+  ThreadGroup threads_{[this] { stop_ = true; }};
+};
+
+TEST_F(ThreadGroupTest, AnExceptionEndsTheOthersAndReachesTheCaller) {
+  threads_.start([this] { until_stopped(); });
+  threads_.start([] { throw std::runtime_error("no flow"); });
+  threads_.run([this] { until_stopped(); });
+  threads_.end();
+  EXPECT_EQ(ended_, 2);
+  try {
+    threads_.rethrow();
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "no flow");
+  }
+}
+
+TEST_F(ThreadGroupTest, TheFirstExceptionCounts) {
+  threads_.start([this] {
+    until_stopped();
+    throw std::runtime_error("second");
+  });
+  threads_.run([] { throw std::runtime_error("first"); });
+  threads_.end();
+  EXPECT_THROW(
+      {
+        try {
+          threads_.rethrow();
+        } catch (const std::runtime_error& error) {
+          EXPECT_STREQ(error.what(), "first");
+          throw;
+        }
+      },
+      std::runtime_error);
+}
+
+TEST_F(ThreadGroupTest, WithoutExceptionNothingIsThrown) {
+  threads_.start([this] { until_stopped(); });
+  threads_.end();
+  threads_.end();
+  EXPECT_EQ(ended_, 1);
+  EXPECT_NO_THROW(threads_.rethrow());
+}
+
+TEST_F(ThreadGroupTest, NoThreadOutlivesTheGroup) {
+  {
+    ThreadGroup inner([this] { stop_ = true; });
+    inner.start([this] { until_stopped(); });
+  }
+  EXPECT_EQ(ended_, 1);
+}
+
+}  // namespace
+}  // namespace sprag
