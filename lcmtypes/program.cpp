@@ -1,5 +1,6 @@
 #include "lcmtypes/program.h"
 
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <iostream>
@@ -41,6 +42,23 @@ CLI::Option* add_number(CLI::App& app, const std::string& name, double& value,
     value = *number;
   };
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+}
+
+/// A log that the bus itself reads or writes, file://LOG?mode=w.
+NamedFile log_of(const std::string& url) {
+  constexpr std::string_view scheme = "file://";
+  NamedFile file{.option = "--url", .path = {}, .use = NamedFile::Use::read};
+  if (!url.starts_with(scheme)) return file;
+  const std::size_t question = std::min(url.find('?'), url.size());
+  file.path = url.substr(scheme.size(), question - scheme.size());
+  if (url.find("mode=w", question) != std::string::npos) file.use = NamedFile::Use::written;
+  return file;
+}
+
+std::string overwritten_by(const CommonOptions& options) {
+  std::vector<NamedFile> files;
+  for (const auto& file : options.files) files.push_back(file());
+  return overwritten(files);
 }
 
 bool write_report(const std::filesystem::path& file, const nlohmann::ordered_json& report) {
@@ -90,10 +108,45 @@ void add_common_options(CLI::App& app, CommonOptions& options) {
           return e.what();
         }
       });
-  app.add_option("--key", options.key, "Sign all messages, and hear only signed ones")
-      ->type_name("FILE");
-  app.add_option("--report", options.report, "Write the run's figures to this file")
-      ->type_name("FILE.json");
+  options.files.emplace_back([&options] { return log_of(options.url); });
+  add_file(app, options, "--key", NamedFile::Use::read, options.key, "FILE",
+           "Sign all messages, and hear only signed ones");
+  add_file(app, options, "--report", NamedFile::Use::written, options.report, "FILE.json",
+           "Write the run's figures to this file");
+}
+
+CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,
+                      NamedFile::Use use, std::filesystem::path& file, const std::string& type,
+                      const std::string& help) {
+  options.files.emplace_back([name, use, &file] { return NamedFile{name, file, use}; });
+  return app.add_option(name, file, help)->type_name(type);
+}
+
+CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
+  return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)")
+      ->required();
+}
+
+std::string choose(const std::string& given, std::span<const std::string> choices) {
+  std::string text = given + "; choose ";
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (i > 0) text += i + 1 < choices.size() ? ", " : " or ";
+    text += choices[i];
+  }
+  return text;
+}
+
+CLI::Option* add_choice(CLI::App& app, const std::string& name, std::vector<std::string> choices,
+                        std::function<void(std::size_t)> take, const std::string& help) {
+  std::string type;
+  for (const std::string& choice : choices) type += (type.empty() ? "" : "|") + choice;
+  const auto store = [name, choices = std::move(choices),
+                      take = std::move(take)](const std::string& text) {
+    const auto found = std::find(choices.begin(), choices.end(), text);
+    if (found == choices.end()) throw CLI::ValidationError(name, choose(text, choices));
+    take(static_cast<std::size_t>(found - choices.begin()));
+  };
+  return app.add_option_function<std::string>(name, store, help)->type_name(type);
 }
 
 std::optional<Key> key_of(const CommonOptions& options) {
@@ -135,6 +188,10 @@ int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOp
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? exit_done : exit_usage;
+  }
+  if (const std::string clash = overwritten_by(options); !clash.empty()) {
+    std::cerr << app.get_name() << ": " << clash << '\n';
+    return exit_usage;
   }
   nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
   std::string error;

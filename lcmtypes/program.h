@@ -8,10 +8,14 @@
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "lcmtypes/bus.h"
+#include "lcmtypes/named_files.h"
 #include "lcmtypes/refusal.h"
 
 namespace sprag {
@@ -29,10 +33,41 @@ struct CommonOptions {
   std::string url = default_url;
   std::filesystem::path report;  ///< empty: none
   std::filesystem::path key;     ///< empty: messages are neither signed nor checked
+  /// The files that the options name, once they are parsed; run_program() sees to it that none is
+  /// written over another.
+  std::vector<std::function<NamedFile()>> files;
 };
 
 /// Adds --url, --key, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
+
+/// Adds an option, or an argument, for a file that the program reads or writes. `file` and
+/// `options` must stay in place until run_program() has returned.
+CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,
+                      NamedFile::Use use, std::filesystem::path& file, const std::string& type,
+                      const std::string& help);
+
+/// Adds the argument SCENE.
+CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
+
+/// Adds an option that takes one of the names; `take` gets the index of the one that is given.
+/// Another one is bad usage, and the message lists those that there are.
+CLI::Option* add_choice(CLI::App& app, const std::string& name, std::vector<std::string> choices,
+                        std::function<void(std::size_t)> take, const std::string& help);
+
+/// The same for names that stand for values.
+template <class Value>
+CLI::Option* add_choice(CLI::App& app, const std::string& name, Value& value,
+                        const std::vector<std::pair<std::string, Value>>& choices,
+                        const std::string& help) {
+  std::vector<std::string> names;
+  for (const auto& choice : choices) names.push_back(choice.first);
+  const auto take = [&value, choices](std::size_t i) { value = choices[i].second; };
+  return add_choice(app, name, std::move(names), take, help);
+}
+
+/// "kalman; choose replica, timing or both": what to say of a choice that is not there.
+std::string choose(const std::string& given, std::span<const std::string> choices);
 
 /// Adds an option that takes a finite number > 0, in `unit`; anything else is bad usage.
 CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
@@ -55,9 +90,11 @@ nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& r
 bool stop_requested() noexcept;
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
-/// Returns the process's exit code: 2 for a bad command line, UsageError, UrlError, InputError,
-/// SceneError or ModelError, 1 for any other exception (its what() goes to stderr) or a report that
-/// cannot be written. The report also says program, version, exit and error.
+/// Returns the process's exit code: 2 for a bad command line, also if an output would be written
+/// over another file of `options` (then nothing is opened, not even the report), UsageError,
+/// UrlError, InputError, SceneError or ModelError, 1 for any other exception (its what() goes to
+/// stderr) or a report that cannot be written. The report also says program, version, exit and
+/// error.
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run);
 

@@ -8,17 +8,18 @@ int main(int argc, char** argv) {
   CLI::App app("Simulates a scene's machine and publishes its contact events.", "master_sim");
   sprag::CommonOptions common;
   sprag::MasterOptions options;
-  std::string scene;
+  std::filesystem::path scene;
   sprag::add_common_options(app, common);
-  app.add_option("SCENE", scene, "Scene file (TOML)")->required();
+  sprag::add_scene(app, common, scene);
   sprag::add_positive(app, "--duration", options.duration, "T", "Stop at this simulated time");
   sprag::add_positive_or_max(app, "--speed", options.speed, "R",
                              "Simulated s per wall s, or max: as fast as it goes [1]");
   sprag::add_positive(app, "--tick", options.tick, "h",
                       "Tick of the states, simulated time [1e-3]");
-  app.add_option("--events", options.events, "Write the contact events here")->type_name("F.csv");
-  app.add_option("--states", options.states, "Write the state at every tick here")
-      ->type_name("F.csv");
+  sprag::add_file(app, common, "--events", sprag::NamedFile::Use::written, options.events, "F.csv",
+                  "Write the contact events here");
+  sprag::add_file(app, common, "--states", sprag::NamedFile::Use::written, options.states, "F.csv",
+                  "Write the state at every tick here");
   app.add_flag("!--no-lcm", options.lcm, "Publish nothing");
   app.add_flag("!--no-truth", options.truth, "Do not publish the true state");
 

@@ -18,7 +18,8 @@ constexpr auto patience = sanitized ? 100s : 14s;
 constexpr unsigned alarm_seconds = sanitized ? 150 : 30;
 
 const std::map<std::string, std::string> programs{
-    {"master_sim", MASTER_SIM}, {"observer", OBSERVER}, {"sync_logger", SYNC_LOGGER}};
+    {"check_scene", CHECK_SCENE}, {"diagnose", DIAGNOSE}, {"import_events", IMPORT_EVENTS},
+    {"master_sim", MASTER_SIM},   {"observer", OBSERVER}, {"sync_logger", SYNC_LOGGER}};
 
 }  // namespace
 

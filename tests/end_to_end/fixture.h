@@ -1,4 +1,4 @@
-// What the end-to-end tests share: a directory and a port of a test's own, the three programs, and
+// What the end-to-end tests share: a directory and a port of a test's own, the programs, and
 // the files that they write.
 #pragma once
 
@@ -56,7 +56,7 @@ std::size_t count_rows(const std::filesystem::path& file);
 
 class EndToEnd : public testing::Test {
  protected:
-  /// Starts one of "master_sim", "observer", "sync_logger" on this test's port.
+  /// Starts one of the six programs on this test's port.
   Process& start(const std::string& program, const Arguments& arguments);
   /// Starts any other program.
   Process& start_command(const Arguments& command);

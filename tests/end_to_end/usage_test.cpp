@@ -60,7 +60,10 @@ TEST_F(UsageTest, NumbersThatCannotBeAreRefused) {
 TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("master_sim", {beam_, "--speed", "max", "--no-lcm"}, "--duration");
   expect_refused("observer", {beam_, "--events", file("events.csv")}, "--replay");
-  expect_refused("observer", {beam_, "--stepper", "euler"}, "--stepper");
+  expect_refused("observer", {beam_, "--stepper", "euler"},
+                 "--stepper: euler; choose exact or moreau\n");
+  expect_refused("observer", {beam_, "--estimator", "kalman"},
+                 "--estimator: kalman; choose replica, timing or both\n");
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");

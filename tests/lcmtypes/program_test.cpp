@@ -22,13 +22,18 @@ struct Outcome {
 struct TestProgram {
   CommonOptions common;
   double tick = 0.001, speed = 1.0;
+  int method = 0;
+  std::filesystem::path input;
   std::function<int(nlohmann::ordered_json&)> run = [](auto&) { return exit_done; };
 
   Outcome operator()(std::vector<const char*> arguments) {
     CLI::App app("What it does.", "tester");
+    common.files.clear();
     add_common_options(app, common);
     add_positive(app, "--tick", tick, "h", "Step");
     add_positive_or_max(app, "--speed", speed, "R", "Speed");
+    add_choice<int>(app, "--method", method, {{"one", 1}, {"two", 2}, {"three", 3}}, "Method");
+    add_file(app, common, "--input", NamedFile::Use::read, input, "FILE", "Reads");
     arguments.insert(arguments.begin(), "tester");
     testing::internal::CaptureStdout();
     testing::internal::CaptureStderr();
@@ -74,6 +79,29 @@ TEST(ProgramTest, NumbersAreCheckedAndTheMessageSaysWhatIsAllowed) {
   EXPECT_EQ(program({"--tick", "2.5e-4", "--speed=max"}).code, 0);
   EXPECT_EQ(program.tick, 2.5e-4);
   EXPECT_TRUE(std::isinf(program.speed));
+}
+
+TEST(ProgramTest, AWrongChoiceIsToldWithThoseThereAre) {
+  const Outcome outcome = TestProgram{}({"--method", "kalman"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(outcome.err.starts_with("--method: kalman; choose one, two or three\n"))
+      << outcome.err;
+  EXPECT_EQ(TestProgram{}({"--method", "1"}).code, 2);
+  EXPECT_EQ(TestProgram{}({"--method", ""}).code, 2);
+  TestProgram program;
+  EXPECT_EQ(program({"--method", "two"}).code, 0);
+  EXPECT_EQ(program.method, 2);
+}
+
+TEST(ProgramTest, AReportOntoAnInputIsRefusedBeforeAnythingRuns) {
+  const test::TemporaryDirectory directory;
+  const std::string file = test::write_text(directory / "file", "precious");
+  TestProgram program;
+  program.run = [](auto&) -> int { throw std::logic_error("runs"); };
+  const Outcome outcome = program({"--input", file.c_str(), "--report", file.c_str()});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.err, "tester: --report and --input are the same file, " + file + "\n");
+  EXPECT_EQ(test::read_text(file), "precious");
 }
 
 TEST(ProgramTest, ExceptionsBecomeExitCodesAndMessages) {

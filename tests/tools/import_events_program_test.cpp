@@ -232,9 +232,10 @@ TEST_F(ImportEventsTest, BadUsageAndInputExitWithTwo) {
       {{rig, beam, "--impacts", "impact", "--unit", "min"}, "s, ms, us, ns or a number > 0"},
       {{rig, beam, "--impacts", "impact", "--offset", "nan"}, "a finite number"},
       {{rig, beam, "--impacts", "impact", "--debounce", "0"}, "finite number > 0"},
-      {{rig, beam, "--impacts", "impact", "--separator", "x"}, "comma, semicolon or tab"},
+      {{rig, beam, "--impacts", "impact", "--separator", "x"},
+       "--separator: x; choose comma, semicolon or tab\n"},
       {{rig, beam, "--impacts", "impact", "--output", "x.txt"}, ".csv or .lcmlog"},
-      {{rig, beam, "--impacts", "impact", "--output", rig}, "the file that is imported"}};
+      {{rig, beam, "--impacts", "impact", "--output", rig}, "FILE and --output are the same file"}};
   for (const auto& [arguments, said] : cases) {
     const Ended ended = import(arguments);
     EXPECT_EQ(ended.code, 2) << said;

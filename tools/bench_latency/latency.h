@@ -12,7 +12,7 @@
 namespace sprag::bench_latency {
 
 struct Options {
-  std::string scene;
+  std::filesystem::path scene;
   std::string observer;
   double tick = 1e-3;
   int events = 2000;

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   sprag::bench_latency::Options options;
   sprag::add_common_options(app, common);
-  app.add_option("SCENE", options.scene, "Scene file (TOML)")->required();
+  sprag::add_scene(app, common, options.scene);
   app.add_option("--observer", options.observer, "The observer's program")
       ->type_name("FILE")
       ->default_val(SPRAG_OBSERVER);

@@ -18,11 +18,11 @@ int main(int argc, char** argv) {
       "3: it may not.",
       "check_scene");
   sprag::CommonOptions common;
-  std::string file;
+  std::filesystem::path file;
   bool json = false;
   double tolerance = 0.0;
   sprag::add_common_options(app, common);
-  app.add_option("SCENE", file, "Scene file (TOML)")->required();
+  sprag::add_scene(app, common, file);
   app.add_flag("--json", json, "Print one JSON object");
 
   sprag::add_positive(app, "--accuracy", tolerance, "TOL",

@@ -14,8 +14,10 @@ int main(int argc, char** argv) {
   sprag::DiagnoseRun run;
   double jitter = 0.0;
   sprag::add_common_options(app, common);
-  app.add_option("LOG", run.log, "LCM log or events CSV")->required();
-  app.add_option("SCENE", run.scene, "Scene file (TOML)")->required();
+  sprag::add_file(app, common, "LOG", sprag::NamedFile::Use::read, run.log, "",
+                  "LCM log or events CSV")
+      ->required();
+  sprag::add_scene(app, common, run.scene);
   app.add_flag("--json", run.json, "Print one JSON object");
   sprag::add_positive(app, "--jitter", jitter, "SIGMA",
                       "Standard deviation of the event times [s], in place of the scene's");

@@ -46,10 +46,12 @@ int main(int argc, char** argv) {
   CLI::App app(description, "import_events");
   sprag::CommonOptions common;
   sprag::ImportRun run;
-  std::string scene;
+  std::filesystem::path scene;
   sprag::add_common_options(app, common);
-  app.add_option("FILE", run.file, "File with a header line and columns of times")->required();
-  app.add_option("SCENE", scene, "Scene file (TOML)")->required();
+  sprag::add_file(app, common, "FILE", sprag::NamedFile::Use::read, run.file, "",
+                  "File with a header line and columns of times")
+      ->required();
+  sprag::add_scene(app, common, scene);
   add_columns(app, "--impacts", sprag::ColumnRole::impacts, run.columns,
               "Column of impact times; repeatable");
   add_columns(app, "--on", sprag::ColumnRole::on, run.columns,
@@ -70,16 +72,15 @@ int main(int argc, char** argv) {
   sprag::add_positive(app, "--duration", run.import.duration, "T",
                       "Leave out events after this time [s]; a log ends there");
   const auto set_separator = [&run](const std::string& text) {
+    const std::vector<std::string> choices{"comma", "semicolon", "tab"};
     run.separator = sprag::parse_separator(text);
-    if (!run.separator)
-      throw CLI::ValidationError("--separator",
-                                 text + " is not allowed; must be comma, semicolon or tab");
+    if (!run.separator) throw CLI::ValidationError("--separator", sprag::choose(text, choices));
   };
   app.add_option_function<std::string>("--separator", set_separator,
                                        "comma, semicolon or tab, if the header does not show it")
       ->type_name("NAME");
-  app.add_option("--output", run.output, "Write an events CSV or an LCM log here, not to stdout")
-      ->type_name("F.csv|F.lcmlog");
+  sprag::add_file(app, common, "--output", sprag::NamedFile::Use::written, run.output,
+                  "F.csv|F.lcmlog", "Write an events CSV or an LCM log here, not to stdout");
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const auto contacts = sprag::read_scene(scene).model.contacts.size();

@@ -35,9 +35,6 @@ void check_output(const ImportRun& run) {
   if (run.output.empty()) return;
   if (extension != ".csv" && extension != ".lcmlog")
     throw UsageError("--output is " + run.output.string() + "; must end in .csv or .lcmlog");
-  std::error_code absent;
-  if (std::filesystem::equivalent(run.output, run.file, absent))
-    throw UsageError("--output is the file that is imported");
 }
 
 void print_problems(const std::string& file, const std::vector<RowProblem>& problems) {

@@ -33,7 +33,11 @@ int main(int argc, char** argv) {
   app.add_option("--out", out, "Directory of the CSVs")->capture_default_str();
   std::vector<std::string> known;
   for (const Study& study : all) known.emplace_back(study.name);
-  app.add_option("STUDY", names, "Which ones; all if none is named")->check(CLI::IsMember(known));
+  app.add_option("STUDY", names, "Which ones; all if none is named")
+      ->check([&known](const std::string& name) {
+        const bool is_known = std::find(known.begin(), known.end(), name) != known.end();
+        return is_known ? std::string{} : sprag::choose(name, known);
+      });
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json&) {
     std::filesystem::create_directories(out);

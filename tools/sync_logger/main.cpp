@@ -7,26 +7,30 @@
 #include "tools/sync_logger/offline.h"
 
 int main(int argc, char** argv) {
+  using Use = sprag::NamedFile::Use;
   CLI::App app("Logs how far an observer is from its master: error energy V and its parts V_i.",
                "sync_logger");
   sprag::CommonOptions common;
-  std::string scene;
+  std::filesystem::path scene;
   sprag::LiveOptions live;
   sprag::OfflineOptions offline;
   sprag::add_common_options(app, common);
-  app.add_option("SCENE", scene, "Scene file (TOML)")->required();
+  sprag::add_scene(app, common, scene);
   auto* duration =
       sprag::add_positive(app, "--duration", live.duration, "T", "Stop at this simulated time");
-  auto* csv = app.add_option("--csv", live.csv, "Write k,t,V,V1,...,Vf here, not to stdout")
-                  ->type_name("F.csv");
-  auto* record = app.add_option("--record", live.record, "Record all SPRAG_* channels as LCM log")
-                     ->type_name("F.lcmlog");
+  auto* csv = sprag::add_file(app, common, "--csv", Use::written, live.csv, "F.csv",
+                              "Write k,t,V,V1,...,Vf here, not to stdout");
+  auto* record = sprag::add_file(app, common, "--record", Use::written, live.record, "F.lcmlog",
+                                 "Record all SPRAG_* channels as LCM log");
   auto* now =
       app.add_flag("--now", live.now, "Also log V of the provisional estimates")->needs(csv);
-  auto* truth = app.add_option("--truth", offline.truth, "Offline: states CSV of the master")
-                    ->type_name("F.csv");
-  auto* estimate =
-      app.add_option("--estimate", offline.estimate, "Offline: the observer's")->type_name("F.csv");
+  common.files.emplace_back([&live] {
+    return sprag::NamedFile{"--now", live.now ? sprag::now_file(live.csv) : "", Use::written};
+  });
+  auto* truth = sprag::add_file(app, common, "--truth", Use::read, offline.truth, "F.csv",
+                                "Offline: states CSV of the master");
+  auto* estimate = sprag::add_file(app, common, "--estimate", Use::read, offline.estimate, "F.csv",
+                                   "Offline: the observer's");
   truth->needs(estimate)->needs(csv)->excludes(duration)->excludes(record)->excludes(now);
   estimate->needs(truth);
 

@@ -22,12 +22,10 @@ struct Options {
 
 /// Which of `all` the user asked for, in the order of `all`; all if none.
 std::vector<std::string> chosen(const std::vector<std::string>& asked,
-                                const std::vector<std::string>& all, const std::string& what) {
-  std::string known;
-  for (const std::string& name : all) known += (known.empty() ? "" : ", ") + name;
+                                const std::vector<std::string>& all, const std::string& option) {
   for (const std::string& name : asked) {
     if (std::find(all.begin(), all.end(), name) == all.end()) {
-      throw sprag::UsageError("no " + what + " " + name + "; there are: " + known);
+      throw sprag::UsageError(option + ": " + sprag::choose(name, all));
     }
   }
   if (asked.empty()) return all;
@@ -128,10 +126,10 @@ int main(int argc, char** argv) {
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     if (options.quick) options.limits.timing = 0.03;
     const auto known = wp::reference_scenes();
-    const auto scenes = chosen(options.scenes, {known.begin(), known.end()}, "scene");
+    const auto scenes = chosen(options.scenes, {known.begin(), known.end()}, "--scene");
     std::vector<std::string> names;
     for (const wp::Method& method : wp::methods()) names.emplace_back(method.name);
-    const auto methods = chosen(options.methods, names, "method");
+    const auto methods = chosen(options.methods, names, "--method");
     std::filesystem::create_directories(options.out);
     wp::Results results(options.out);
     for (const std::string& scene : scenes) {

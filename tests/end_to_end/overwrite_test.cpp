@@ -1,0 +1,133 @@
+// No output of any program destroys one of its inputs, or another output.
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+class OverwriteTest : public EndToEnd {
+ protected:
+  void SetUp() override {
+    EndToEnd::SetUp();
+    beam_ = write_text(file("beam.toml"), read_text(scene("paper_beam")));
+    events_ = simulate(beam_, "5", "0.1");
+    truth_ = file("truth.csv");
+    key_ = write_text(file("key"), std::string(64, 'a') + "\n");
+    rig_ = write_text(file("rig.csv"), "t\n0.5\n1\n");
+    before_ = contents();
+  }
+
+  std::vector<std::string> contents() const {
+    return {read_text(beam_), read_text(events_), read_text(truth_), read_text(key_),
+            read_text(rig_)};
+  }
+
+  /// The two options name one file, by two names or by one.
+  void expect_refused(const std::string& program, const Arguments& arguments,
+                      const std::string& first, const std::string& second) {
+    SCOPED_TRACE(program + ' ' + testing::PrintToString(arguments));
+    const Ended ended = run(program, arguments);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_NE(ended.err.find(first), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find(second), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find("same file"), std::string::npos) << ended.err;
+    EXPECT_EQ(contents(), before_);
+  }
+
+  std::string beam_, events_, truth_, key_, rig_;
+  std::vector<std::string> before_;
+};
+
+TEST_F(OverwriteTest, TheMasterDestroysNothing) {
+  const Arguments run{beam_, "--no-lcm", "--speed", "max", "--duration", "1"};
+  for (const std::string option : {"--events", "--states", "--report"}) {
+    expect_refused("master_sim", run + Arguments{option, beam_}, "SCENE", option);
+    expect_refused("master_sim", run + Arguments{"--key", key_, option, key_}, "--key", option);
+  }
+  const std::string out = file("out.csv");
+  expect_refused("master_sim", run + Arguments{"--events", out, "--states", out}, "--events",
+                 "--states");
+  expect_refused("master_sim", run + Arguments{"--states", out, "--report", out}, "--states",
+                 "--report");
+  EXPECT_FALSE(std::filesystem::exists(out));
+  set_url("file://" + out + "?mode=w");
+  expect_refused("master_sim", {beam_, "--duration", "1", "--events", out}, "--url", "--events");
+}
+
+TEST_F(OverwriteTest, TheObserverDestroysNothing) {
+  const Arguments run{beam_, "--replay", events_};
+  for (const std::string option : {"--states", "--events", "--report"}) {
+    expect_refused("observer", run + Arguments{option, events_}, "--replay", option);
+    expect_refused("observer", run + Arguments{option, beam_}, "SCENE", option);
+    expect_refused("observer", run + Arguments{"--key", key_, option, key_}, "--key", option);
+  }
+  const std::string out = file("out.csv");
+  expect_refused("observer", run + Arguments{"--states", out, "--events", out}, "--states",
+                 "--events");
+  EXPECT_FALSE(std::filesystem::exists(out));
+  expect_refused("observer", {beam_, "--states", beam_}, "SCENE", "--states");
+}
+
+TEST_F(OverwriteTest, TheLoggerDestroysNothing) {
+  const std::string estimate = write_text(file("estimate.csv"), read_text(truth_));
+  const Arguments offline{beam_, "--truth", truth_, "--estimate", estimate};
+  expect_refused("sync_logger", offline + Arguments{"--csv", truth_}, "--truth", "--csv");
+  expect_refused("sync_logger", offline + Arguments{"--csv", estimate}, "--estimate", "--csv");
+  expect_refused("sync_logger", offline + Arguments{"--csv", beam_}, "SCENE", "--csv");
+  EXPECT_EQ(read_text(estimate), read_text(truth_));
+  const std::string out = file("out.csv");
+  expect_refused("sync_logger", {beam_, "--csv", out, "--record", out}, "--csv", "--record");
+  expect_refused("sync_logger", {beam_, "--record", key_, "--key", key_}, "--record", "--key");
+  // F_now.csv is written as well.
+  const std::string now = file("out_now.csv");
+  expect_refused("sync_logger", {beam_, "--csv", out, "--now", "--record", now}, "--now",
+                 "--record");
+  expect_refused("sync_logger", {beam_, "--csv", out, "--now", "--report", now}, "--now",
+                 "--report");
+  EXPECT_FALSE(std::filesystem::exists(out));
+  EXPECT_FALSE(std::filesystem::exists(now));
+}
+
+TEST_F(OverwriteTest, TheToolsDestroyNothing) {
+  expect_refused("check_scene", {beam_, "--report", beam_}, "SCENE", "--report");
+  expect_refused("diagnose", {events_, beam_, "--report", events_}, "LOG", "--report");
+  expect_refused("diagnose", {events_, beam_, "--report", beam_}, "SCENE", "--report");
+  expect_refused("import_events", {rig_, beam_, "--output", rig_}, "FILE", "--output");
+  expect_refused("import_events", {rig_, beam_, "--report", rig_}, "FILE", "--report");
+  const std::string out = file("out.csv");
+  expect_refused("import_events", {rig_, beam_, "--output", out, "--report", out}, "--output",
+                 "--report");
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST_F(OverwriteTest, LinksHideNothing) {
+  std::filesystem::create_symlink(events_, file("soft.csv"));
+  std::filesystem::create_hard_link(events_, file("hard.csv"));
+  std::filesystem::create_symlink("new.csv", file("dangling.csv"));
+  for (const char* link : {"soft.csv", "hard.csv"}) {
+    expect_refused("observer", {beam_, "--replay", events_, "--events", file(link)}, "--replay",
+                   "--events");
+    expect_refused("observer", {beam_, "--replay", file(link), "--states", events_}, "--replay",
+                   "--states");
+  }
+  expect_refused(
+      "observer",
+      {beam_, "--replay", events_, "--events", file("dangling.csv"), "--states", file("new.csv")},
+      "--events", "--states");
+  EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
+}
+
+TEST_F(OverwriteTest, WhatIsNoRegularFileMayBeGivenTwice) {
+  const Ended ended = run("observer", {beam_, "--replay", events_, "--states", "/dev/null",
+                                       "--events", "/dev/null", "--report", "/dev/null"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  const Ended piped = end_of(start_command(
+      {"sh", "-c", R"("$0" "$1" --replay "$2" --states /dev/stdout --events /dev/stdout | cat)",
+       OBSERVER, beam_, events_}));
+  EXPECT_EQ(piped.code, 0) << piped.err;
+  EXPECT_NE(piped.out.find("t,contact,closed"), std::string::npos);
+  EXPECT_NE(piped.out.find("k,t,q1"), std::string::npos);
+  EXPECT_EQ(contents(), before_);
+}
+
+}  // namespace
+}  // namespace sprag::test
