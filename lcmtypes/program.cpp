@@ -1,13 +1,12 @@
 #include "lcmtypes/program.h"
 
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "lcmtypes/signals.h"
 #include "mechanics/csv.h"
 #include "mechanics/model.h"
 #include "mechanics/output_file.h"
@@ -16,19 +15,6 @@
 namespace sprag {
 
 namespace {
-
-std::atomic<bool> stop_flag = false;
-static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
-
-void catch_signals() {
-  stop_flag = false;
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_flag = true; };
-  action.sa_flags = SA_RESTART;  // poll() and sleeps return all the same
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write that fails, and is reported
-}
 
 CLI::Option* add_number(CLI::App& app, const std::string& name, double& value,
                         const std::string& unit, const std::string& help, bool max_allowed) {
@@ -70,10 +56,14 @@ bool write_report(const std::filesystem::path& file, const nlohmann::ordered_jso
 }
 
 /// Runs and turns exceptions into an exit code and a message.
-int guarded(const std::function<int(nlohmann::ordered_json&)>& run, nlohmann::ordered_json& report,
-            std::string& error) {
+int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const CommonOptions& options,
+            nlohmann::ordered_json& report, std::string& error) {
   try {
     return run(report);
+  } catch (const Interrupted& e) {
+    if (options.runs_until_signal) return exit_done;
+    error = e.what();
+    return exit_failed;
   } catch (const UsageError& e) {
     error = e.what();
   } catch (const UrlError& e) {
@@ -92,8 +82,6 @@ int guarded(const std::function<int(nlohmann::ordered_json&)>& run, nlohmann::or
 }
 
 }  // namespace
-
-bool stop_requested() noexcept { return stop_flag; }
 
 void add_common_options(CLI::App& app, CommonOptions& options) {
   app.set_version_flag("--version", app.get_name() + " " SPRAG_VERSION);
@@ -183,7 +171,7 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run) {
-  catch_signals();
+  const Signals signals(app.get_name());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -195,7 +183,7 @@ int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOp
   }
   nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
   std::string error;
-  int code = guarded(run, report, error);
+  int code = guarded(run, options, report, error);
   if (!error.empty()) {
     std::cerr << app.get_name() << ": " << error << '\n';
     report["error"] = error;

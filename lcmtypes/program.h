@@ -17,6 +17,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/named_files.h"
 #include "lcmtypes/refusal.h"
+#include "mechanics/interrupt.h"
 
 namespace sprag {
 
@@ -31,8 +32,9 @@ struct UsageError : std::runtime_error {
 
 struct CommonOptions {
   std::string url = default_url;
-  std::filesystem::path report;  ///< empty: none
-  std::filesystem::path key;     ///< empty: messages are neither signed nor checked
+  std::filesystem::path report;    ///< empty: none
+  std::filesystem::path key;       ///< empty: messages are neither signed nor checked
+  bool runs_until_signal = false;  ///< a signal is no failure, whatever the program is at
   /// The files that the options name, once they are parsed; run_program() sees to it that none is
   /// written over another.
   std::vector<std::function<NamedFile()>> files;
@@ -85,9 +87,9 @@ std::optional<Key> key_of(const CommonOptions& options);
 nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
                                 const BusCounts& bus);
 
-/// Whether SIGINT or SIGTERM has arrived since run_program() began. They interrupt poll() and
-/// sleeps.
-bool stop_requested() noexcept;
+/// Whether SIGINT, SIGTERM or SIGHUP has arrived since run_program() began. They interrupt poll()
+/// and sleeps.
+inline bool stop_requested() noexcept { return interrupted(); }
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
 /// Returns the process's exit code: 2 for a bad command line, also if an output would be written

@@ -7,6 +7,7 @@
 int main(int argc, char** argv) {
   CLI::App app("Simulates a scene's machine and publishes its contact events.", "master_sim");
   sprag::CommonOptions common;
+  common.runs_until_signal = true;
   sprag::MasterOptions options;
   std::filesystem::path scene;
   sprag::add_common_options(app, common);

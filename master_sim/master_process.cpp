@@ -32,8 +32,8 @@ constexpr int last_message_repeats = 20;
 // Simulated time that an unpaced master covers between two looks at the clock.
 constexpr double unpaced_stride = 1.0;
 
-// Events that the master finds between two looks at the request to stop.
-constexpr std::size_t events_between_looks = 1000;
+// Events that the master finds before they are written.
+constexpr std::size_t events_at_once = 1000;
 
 std::int64_t random_session() {
   std::random_device device;
@@ -65,20 +65,14 @@ class MasterProcess {
     sample_.u.setZero(scene.model.coordinates());
   }
 
-  /// The main loop.
+  /// Runs to the end or to a signal, also in the midst of a computation, and says goodbye.
   void run() {
-    start_ = next_heartbeat_ = Clock::now();
-    auto next_progress = start_ + progress_period;
-    while (!stop_requested()) {
-      const double t = std::min(due(), options_.duration);
-      advance(t);
-      publish(reached_);
-      if (t >= options_.duration) break;
-      if (Clock::now() >= next_progress) {
-        progress(t);
-        next_progress += progress_period;
-      }
-      if (!std::isinf(options_.speed)) std::this_thread::sleep_until(next_wake());
+    try {
+      loop();
+    } catch (const Interrupted&) {
+    } catch (const SimulationError&) {
+      say_goodbye();
+      throw;
     }
     say_goodbye();
   }
@@ -101,6 +95,23 @@ class MasterProcess {
   }
 
  private:
+  /// The main loop.
+  void loop() {
+    start_ = next_heartbeat_ = Clock::now();
+    auto next_progress = start_ + progress_period;
+    while (!stop_requested()) {
+      const double t = std::min(due(), options_.duration);
+      advance(t);
+      publish(reached_);
+      if (t >= options_.duration) break;
+      if (Clock::now() >= next_progress) {
+        progress(t);
+        next_progress += progress_period;
+      }
+      if (!std::isinf(options_.speed)) std::this_thread::sleep_until(next_wake());
+    }
+  }
+
   double due() const {
     if (std::isinf(options_.speed)) return reached_ + unpaced_stride;
     return options_.speed * std::chrono::duration<double>(Clock::now() - start_).count();
@@ -120,37 +131,31 @@ class MasterProcess {
   }
 
   void advance(double t) {
-    try {
-      const std::int64_t ticks =
-          wants_states_ ? std::min(last_tick(t, options_.tick), last_tick_) : -1;
-      while (next_tick_ <= ticks) {
-        const Instant instant = tick_instant(next_tick_, options_.tick);
-        if (!find_events(instant)) return;
-        write_state(instant);
-        ++next_tick_;
-      }
-      if (!find_events(at(t))) return;
-    } catch (const SimulationError&) {
-      say_goodbye();
-      throw;
+    const std::int64_t ticks =
+        wants_states_ ? std::min(last_tick(t, options_.tick), last_tick_) : -1;
+    while (next_tick_ <= ticks) {
+      const Instant instant = tick_instant(next_tick_, options_.tick);
+      find_events(instant);
+      write_state(instant);
+      ++next_tick_;
     }
+    find_events(at(t));
     reached_ = t;
   }
 
-  /// False if a stop was requested before t.
-  bool find_events(Instant t) {
+  void find_events(Instant t) {
     bool arrived = false;
-    while (!arrived && !stop_requested()) {
+    while (!arrived) {
+      check_interrupt();
       found_.clear();
       try {
-        arrived = master_.advance(t, found_, events_between_looks);
-      } catch (const SimulationError&) {
+        arrived = master_.advance(t, found_, events_at_once);
+      } catch (...) {
         take_events();
         throw;
       }
       take_events();
     }
-    return arrived;
   }
 
   void take_events() {

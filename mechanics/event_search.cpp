@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <limits>
 
+#include "mechanics/interrupt.h"
+
 namespace sprag {
 namespace {
 
@@ -468,7 +470,11 @@ void EventSearch::expand() {
 }
 
 void EventSearch::advance(double tau) {
-  while (!found_ && certified_ <= tau) expand();
+  constexpr int expansions_between_looks = 64;  // a few microseconds each
+  for (int i = 1; !found_ && certified_ <= tau; ++i) {
+    expand();
+    if (i % expansions_between_looks == 0) check_interrupt();
+  }
 }
 
 }  // namespace sprag

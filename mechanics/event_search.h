@@ -35,7 +35,8 @@ class EventSearch {
   void begin(const Motion& start, std::span<const Watch> watches);
 
   /// Goes on until an event is found or every signal is known to stay positive for at least tau
-  /// after the start. The points where it stops to look do not depend on tau.
+  /// after the start. The points where it stops to look do not depend on tau. Throws Interrupted
+  /// (interrupt.h) in a long search.
   void advance(double tau);
 
   bool found() const { return found_; }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "mechanics/interrupt.h"
+
 namespace sprag {
 namespace {
 
@@ -107,6 +109,7 @@ bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t e
     watch();
   }
   while (true) {
+    check_interrupt();
     const double completion =
         completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
     search_.advance(std::min(t - motion_.t, completion - now()));

@@ -37,7 +37,8 @@ class Master {
 
   /// Simulates every event up to and including t and appends them to `events` in order. Gives up
   /// before t, with false, after `enough` of them; call again to go on. Throws SimulationError (no
-  /// progress, dependent directions); events found until then are kept.
+  /// progress, dependent directions) or Interrupted (interrupt.h); events found until then are
+  /// kept, and the master is not to be advanced any more.
   bool advance(Instant t, std::vector<ContactEvent>& events,
                std::size_t enough = std::numeric_limits<std::size_t>::max());
 

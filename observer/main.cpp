@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
   using Use = sprag::NamedFile::Use;
   CLI::App app("Reconstructs a machine's state from its contact events.", "observer");
   sprag::CommonOptions common;
+  common.runs_until_signal = true;
   sprag::ObserverOptions options;
   sprag::ReplayOptions replay;
   std::filesystem::path scene;

@@ -75,14 +75,18 @@ class Replay {
     SessionTracker sessions;
     ContactReport contacts;
     Arrival arrival;
-    while (!done() && !stop_requested() && log.next(contacts, arrival)) {
-      const auto verdict = sessions.hear(contacts, arrival);
-      if (verdict == SessionTracker::Verdict::ignored) continue;
-      if (verdict == SessionTracker::Verdict::starts) {
-        time_line_.restart(0, 0, 0, no_horizon);
+    try {
+      while (!done() && log.next(contacts, arrival)) {
+        check_interrupt();
+        const auto verdict = sessions.hear(contacts, arrival);
+        if (verdict == SessionTracker::Verdict::ignored) continue;
+        if (verdict == SessionTracker::Verdict::starts) {
+          time_line_.restart(0, 0, 0, no_horizon);
+        }
+        time_line_.receive(contacts);
+        settle();
       }
-      time_line_.receive(contacts);
-      settle();
+    } catch (const Interrupted&) {  // what was settled until then counts
     }
     const MessageCounts& counts = sessions.counts();
     report["messages"] = {{"received", counts.received},
@@ -133,7 +137,7 @@ class Replay {
     time_line_.run(
         0, [](const auto&) {},
         [&](const typename Stepper::State& state) {
-          if (stop_requested()) return false;
+          check_interrupt();
           if (state.tick > last_) return true;
           ++ticks_;
           refused_impacts_ = state.refused_impacts;
@@ -171,8 +175,12 @@ template <typename Stepper>
 int replay_with(const Scene& scene, const ObserverOptions& options, const ReplayOptions& options_of,
                 const std::optional<Key>& key, nlohmann::ordered_json& report) {
   Replay<Stepper> replay(scene, options, options_of);
-  const bool whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, key, report)
-                                                 : replay.events_csv(options_of.file, report);
+  bool whole = true;
+  try {
+    whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, key, report)
+                                        : replay.events_csv(options_of.file, report);
+  } catch (const Interrupted&) {
+  }
   replay.finish(report);
   return whole ? exit_done : exit_failed;
 }

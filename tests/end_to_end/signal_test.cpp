@@ -1,7 +1,12 @@
-// SIGINT and SIGTERM end every program at once, with complete files.
+// SIGINT, SIGTERM and SIGHUP end every program at once, with complete files and a report.
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <csignal>
 #include <fstream>
+#include <random>
 
 #include "lcmtypes/channel_log.h"
 #include "mechanics/events_file.h"
@@ -12,12 +17,31 @@ namespace {
 
 constexpr auto at_once = sanitized ? 20s : 2s;
 
+using HangUpTest = EndToEnd;
+
 class SignalTest : public EndToEnd, public testing::WithParamInterface<int> {
  protected:
-  void expect_clean_end(Process& process) {
+  void expect_clean_end(Process& process) { expect_end(process, 0); }
+
+  Ended expect_end(Process& process, int code) {
     EXPECT_TRUE(process.running()) << process.label();
     process.signal(GetParam());
-    EXPECT_EQ(end_of(process, at_once).code, 0) << process.label();
+    const Ended ended = end_of(process, at_once);
+    EXPECT_EQ(ended.code, code) << process.label() << '\n' << ended.err;
+    return ended;
+  }
+
+  /// Waits until the program is at its long work.
+  void expect_still_at_work(Process& process) {
+    EXPECT_FALSE(eventually([&] { return !process.running(); }, sanitized ? 3s : 500ms));
+  }
+
+  /// The paper's beam, whose excitation is so fast that its contact is searched for without end.
+  std::string endless_beam() {
+    std::string text = read_text(scene("paper_beam"));
+    const std::string frequency = "frequency = 9.5";
+    text.replace(text.find(frequency), frequency.size(), "frequency = 1e12");
+    return write_text(file("endless.toml"), text);
   }
 };
 
@@ -97,6 +121,73 @@ q = [1.0]
   EXPECT_GT(read_events(file("events.csv"), 1).events.size(), 100U);
 }
 
+TEST_P(SignalTest, EndsAMasterInItsEventSearch) {
+  Process& master = start_master({endless_beam(), "--events", file("events.csv"), "--states",
+                                  file("truth.csv"), "--report", file("report.json")});
+  expect_still_at_work(master);
+  expect_clean_end(master);
+  EXPECT_FALSE(read_events(file("events.csv"), 1).damage);
+  (void)read_states_file(file("truth.csv"));
+  EXPECT_EQ(json("report.json").value("exit", -1), 0);
+}
+
+TEST_P(SignalTest, EndsAReplayInItsEventSearch) {
+  const std::string events =
+      write_text(file("events.csv"), "t,contact,closed\n0.5,1,1\n0.6,1,0\n1,1,1\n");
+  Process& observer =
+      start("observer", {endless_beam(), "--replay", events, "--duration", "10", "--states",
+                         file("states.csv"), "--report", file("report.json")});
+  expect_still_at_work(observer);
+  expect_clean_end(observer);
+  (void)read_states_file(file("states.csv"));
+  EXPECT_EQ(json("report.json").value("exit", -1), 0);
+}
+
+TEST_P(SignalTest, EndsACheckOfAScene) {
+  Process& check = start("check_scene", {endless_beam(), "--report", file("report.json")});
+  expect_still_at_work(check);
+  const Ended ended = expect_end(check, 1);
+  EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
+  EXPECT_EQ(json("report.json").value("exit", -1), 1);
+}
+
+TEST_P(SignalTest, EndsADiagnosis) {
+  std::mt19937_64 random(7);
+  std::exponential_distribution<double> flight(1.0);
+  EventsWriter events(file("random.csv"));
+  double t = 0.0;
+  for (int i = 0; i < 20000; ++i) events.write({t += flight(random), 0, ContactEventKind::pulse});
+  ASSERT_TRUE(events.close());
+  Process& diagnose =
+      start("diagnose", {file("random.csv"), scene("paper_beam"), "--report", file("report.json")});
+  expect_still_at_work(diagnose);
+  const Ended ended = expect_end(diagnose, 1);
+  EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
+  EXPECT_EQ(json("report.json").value("error", ""), "interrupted");
+}
+
+TEST_P(SignalTest, EndsAProgramThatCannotLookAtIt) {
+  const std::string events = simulate(scene("paper_beam"), "5", "0.1");
+  ASSERT_EQ(::mkfifo(file("states.csv").c_str(), 0600), 0);
+  const int nobody_reads = ::open(file("states.csv").c_str(), O_RDWR | O_CLOEXEC);
+  Process& observer = start("observer", {scene("paper_beam"), "--replay", events, "--duration",
+                                         "1e8", "--states", file("states.csv")});
+  expect_still_at_work(observer);
+  const Ended ended = expect_end(observer, 1);
+  EXPECT_NE(ended.err.find("does not end by itself"), std::string::npos) << ended.err;
+  ::close(nobody_reads);
+}
+
+TEST_F(HangUpTest, NohupIsObeyed) {
+  Process& observer = start_command({"sh", "-c", R"(trap '' HUP; exec "$0" "$1" --url "$2")",
+                                     OBSERVER, scene("paper_beam"), url()});
+  EXPECT_TRUE(in_time([&] { return observer.err().find("listening") != std::string::npos; }));
+  observer.signal(SIGHUP);
+  EXPECT_FALSE(eventually([&] { return !observer.running(); }, 500ms));
+  observer.signal(SIGTERM);
+  EXPECT_EQ(end_of(observer, at_once).code, 0);
+}
+
 TEST_P(SignalTest, EndsAReplay) {
   simulate(scene("paper_beam"), "5", "0.1");
   Process& observer = start("observer", {scene("paper_beam"), "--replay", file("events.csv"),
@@ -109,9 +200,12 @@ TEST_P(SignalTest, EndsAReplay) {
   EXPECT_GT(read_states_file(file("states.csv")).size(), 10U);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, SignalTest, testing::Values(SIGINT, SIGTERM), [](const auto& number) {
-  return std::string(number.param == SIGINT ? "SIGINT" : "SIGTERM");
-});
+std::string name_of(const testing::TestParamInfo<int>& number) {
+  if (number.param == SIGINT) return "SIGINT";
+  return number.param == SIGTERM ? "SIGTERM" : "SIGHUP";
+}
+
+INSTANTIATE_TEST_SUITE_P(All, SignalTest, testing::Values(SIGINT, SIGTERM, SIGHUP), name_of);
 
 }  // namespace
 }  // namespace sprag::test

@@ -152,8 +152,27 @@ TEST(ProgramTest, ReportThatCannotBeWrittenIsAFailure) {
   EXPECT_NE(full.err.find("/dev/full: No space left"), std::string::npos);
 }
 
+TEST(ProgramTest, AnInterruptedProgramHasFailedUnlessItRunsUntilASignal) {
+  TestProgram program;
+  program.run = [](auto&) -> int {
+    std::raise(SIGTERM);
+    check_interrupt();
+    return exit_done;
+  };
+  const Outcome failed = program({});
+  EXPECT_EQ(failed.code, 1);
+  EXPECT_EQ(failed.err, "tester: interrupted\n");
+  program.common.runs_until_signal = true;
+  EXPECT_EQ(program({}).code, 0);
+  program.run = [](auto&) {
+    check_interrupt();  // a new run begins without a request
+    return exit_done;
+  };
+  EXPECT_EQ(program({}).code, 0);
+}
+
 TEST(ProgramTest, SignalsSetTheStopFlag) {
-  for (const int signal : {SIGINT, SIGTERM}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     TestProgram program;
     program.run = [signal](nlohmann::ordered_json&) {
       EXPECT_FALSE(stop_requested());

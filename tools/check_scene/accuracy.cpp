@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numbers>
 
+#include "mechanics/interrupt.h"
 #include "mechanics/master.h"
 #include "mechanics/replica.h"
 #include "tools/check_scene/reduction.h"
@@ -25,6 +26,7 @@ Eigen::MatrixXd follow(const ModalMachine& machine, const std::vector<ContactEve
   Eigen::VectorXd u(f);
   auto next = events.begin();
   for (std::int64_t k = 0; k <= ticks; ++k) {
+    check_interrupt();
     const auto first = next;
     const double t = tick_instant(k, tick).hi;
     while (next != events.end() && next->t <= t) ++next;

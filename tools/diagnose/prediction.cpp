@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "mechanics/interrupt.h"
 #include "observer/timing_filter.h"
 
 namespace sprag {
@@ -37,6 +38,7 @@ void follow(const Scene& scene, const Model& model, double jitter,
   double flights = 0.0;
   int to_start = closings_to_start(scene);
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+    check_interrupt();
     const double last = state.innovation.t;
     before = state.motion;
     filter.follow(of_one, state);

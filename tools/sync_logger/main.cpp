@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
   CLI::App app("Logs how far an observer is from its master: error energy V and its parts V_i.",
                "sync_logger");
   sprag::CommonOptions common;
+  common.runs_until_signal = true;
   std::filesystem::path scene;
   sprag::LiveOptions live;
   sprag::OfflineOptions offline;

@@ -63,7 +63,7 @@ int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ord
 
   Pairing pairing(model);
   SyncWriter csv(options.csv, model.coordinates());
-  while (truth.head() != nullptr || estimate.head() != nullptr) {
+  while (!stop_requested() && (truth.head() != nullptr || estimate.head() != nullptr)) {
     const bool truth_next = estimate.head() == nullptr ||
                             (truth.head() != nullptr && truth.head()->t <= estimate.head()->t);
     Source& next = truth_next ? truth : estimate;
@@ -78,7 +78,7 @@ int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ord
   const bool estimate_damaged = estimate.report_damage(report);
   if (!csv.close()) throw std::runtime_error(csv.error());
   if (truth_damaged || estimate_damaged) return exit_failed;
-  if (pairing.figures().rows == 0)
+  if (pairing.figures().rows == 0 && !stop_requested())
     throw InputError(options.truth.string() + " and " + options.estimate.string() +
                      ": no time is in both");
   return exit_done;
