@@ -1,5 +1,6 @@
 #include "lcmtypes/program.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
 #include <limits>

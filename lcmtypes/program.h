@@ -1,7 +1,6 @@
 // What every Sprag executable shares: common options, exit codes, a stop flag, the JSON report.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +17,11 @@
 #include "lcmtypes/named_files.h"
 #include "lcmtypes/refusal.h"
 #include "mechanics/interrupt.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
 
 namespace sprag {
 

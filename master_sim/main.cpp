@@ -1,5 +1,7 @@
 // master_sim: simulates an impacting machine and publishes when its contacts close and open. The
 // main loop is MasterProcess::run() in master_process.cpp.
+#include <CLI/CLI.hpp>
+
 #include "lcmtypes/program.h"
 #include "master_sim/master_process.h"
 #include "mechanics/scene.h"

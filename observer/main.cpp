@@ -1,5 +1,7 @@
 // observer: a machine's full state, live, from nothing but the times at which its contacts close
 // and open. The real-time loop is LiveObserver::integrate() in live.cpp.
+#include <CLI/CLI.hpp>
+
 #include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 #include "observer/live.h"

@@ -11,7 +11,7 @@ class OverwriteTest : public EndToEnd {
     beam_ = write_text(file("beam.toml"), read_text(scene("paper_beam")));
     events_ = simulate(beam_, "5", "0.1");
     truth_ = file("truth.csv");
-    key_ = write_text(file("key"), std::string(64, 'a') + "\n");
+    key_ = write_text(file("key"), std::string(64, 'a').append("\n"));
     rig_ = write_text(file("rig.csv"), "t\n0.5\n1\n");
     before_ = contents();
   }

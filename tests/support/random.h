@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -34,26 +33,13 @@ class Random {
   bool chance(double probability) { return uniform(0.0, 1.0) < probability; }
 
   /// Entries in [-1, 1).
-  Eigen::MatrixXd matrix(Eigen::Index rows, Eigen::Index columns) {
-    Eigen::MatrixXd A(rows, columns);
-    for (double& entry : A.reshaped()) entry = uniform(-1.0, 1.0);
-    return A;
-  }
+  Eigen::MatrixXd matrix(Eigen::Index rows, Eigen::Index columns);
+  Eigen::VectorXd vector(Eigen::Index n);
 
-  Eigen::VectorXd vector(Eigen::Index n) { return matrix(n, 1); }
-
-  Eigen::MatrixXd orthogonal(Eigen::Index n) {
-    return Eigen::HouseholderQR<Eigen::MatrixXd>(matrix(n, n)).householderQ();
-  }
+  Eigen::MatrixXd orthogonal(Eigen::Index n);
 
   /// Symmetric positive definite, eigenvalues in [low, high].
-  Eigen::MatrixXd positive_definite(Eigen::Index n, double low, double high) {
-    const Eigen::MatrixXd Q = orthogonal(n);
-    Eigen::VectorXd values(n);
-    for (double& value : values) value = uniform(low, high);
-    const Eigen::MatrixXd A = Q * values.asDiagonal() * Q.transpose();
-    return 0.5 * (A + A.transpose());
-  }
+  Eigen::MatrixXd positive_definite(Eigen::Index n, double low, double high);
 
  private:
   std::mt19937_64 engine_;

@@ -1,4 +1,5 @@
 // bench_latency: how long an observer takes to show an event, beside bare LCM and UDP pings.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 

@@ -1,4 +1,5 @@
 // check_scene: whether the replica of a scene will synchronize with its master, and why.
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/program.h"

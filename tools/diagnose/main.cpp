@@ -1,4 +1,5 @@
 // diagnose: whether recorded contact events fit a scene's machine, and which parameter is wrong.
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/program.h"

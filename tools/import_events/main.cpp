@@ -1,5 +1,6 @@
 // import_events: turns time stamps of contacts, as spreadsheets and loggers export them, into what
 // observer --replay reads. import.h says what is measured.
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/program.h"

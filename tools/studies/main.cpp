@@ -1,4 +1,5 @@
 // studies: the figures behind the charts that compare Sprag with itself.
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
 

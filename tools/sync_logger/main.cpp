@@ -1,4 +1,5 @@
 // sync_logger: the synchronization error energy V(t) of a master and its observer, as CSV.
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/program.h"

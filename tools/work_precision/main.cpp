@@ -1,5 +1,6 @@
 // work_precision: what accuracy each method buys with how much work, on scenes whose motion is
 // known.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
