@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,6 +40,9 @@ struct EventsFile {
   std::vector<ContactEvent> events;   ///< times ascending; equal times in the file's order
   std::vector<FileProblem> skipped;   ///< rows that contradict the rest, left out
   std::optional<FileProblem> damage;  ///< where reading stopped: nothing after it is used
+  /// Times between which events may be missing, by what was skipped or damaged; none: from > to.
+  double missing_from = std::numeric_limits<double>::infinity();
+  double missing_to = 0.0;  ///< +infinity: up to the end
 };
 
 /// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that

@@ -2,6 +2,7 @@
 
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <string>
 
 #include "lcmtypes/program.h"
@@ -29,7 +30,7 @@ Json all_refusals(const LiveFigures& figures) {
     if (count > 0) refused[cause] = count;
   };
   add("other_machine", figures.reception.other_machine);
-  add("implausible_time", figures.integration.implausible);
+  add("implausible", figures.messages.implausible);
   return refused;
 }
 
@@ -72,6 +73,7 @@ void to_json(const LiveFigures& figures, Json& report) {
                         {"of_past_sessions", messages.of_past_sessions},
                         {"of_other_masters", messages.of_other_masters},
                         {"stale", messages.stale},
+                        {"resumed", messages.resumed},
                         {"overflowed", reception.overflowed + reception.bus.overflowed},
                         {"unsent", figures.unsent}};
   report["sessions"] = messages.sessions;
@@ -92,7 +94,10 @@ void print(const LiveFigures& figures, std::ostream& out) {
   out << "messages " << messages.received << ": lost " << messages.lost << ", doubled "
       << messages.doubled << ", reordered " << messages.reordered << ", refused "
       << total(all_refusals(figures)) << "; events repaired " << integration.repaired_events
-      << ", lost for good " << figures.events.lost_records << '\n';
+      << ", lost for good " << figures.events.lost_records << ", skipped "
+      << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
+                         std::int64_t{0})
+      << '\n';
   out << "rollbacks " << figures.rollbacks.rollbacks << ", deepest "
       << figures.rollbacks.depth.largest() << " ticks; sessions " << messages.sessions << '\n';
   if (messages.of_other_masters > 0) {

@@ -25,7 +25,6 @@ struct IntegrationFigures {
   std::int64_t real_time_losses = 0;
   std::int64_t real_time_lost = 0;   ///< in all
   std::int64_t repaired_events = 0;  ///< that came by the repeats behind a lost message
-  std::int64_t implausible = 0;      ///< messages whose time cannot be
   std::int64_t estimates_dropped = 0;
   std::int64_t unsettled_ticks = 0;  ///< at the end
 };

@@ -8,7 +8,6 @@ namespace {
 
 constexpr std::int64_t window = 2'000'000'000;
 constexpr std::int64_t largest_delay = 1'000'000;  // us
-constexpr double largest_lead = 10.0;              // s
 
 // Local time at which the report was sent, as far as the wall clocks tell.
 std::int64_t sent(const ContactReport& report, const Arrival& arrival) {
@@ -37,11 +36,6 @@ void MasterClock::observe(const ContactReport& report, const Arrival& arrival) {
     window_start_ = arrival.monotonic;
   }
   best_ = std::max(best_, origin);
-}
-
-bool MasterClock::plausible(const ContactReport& report, const Arrival& arrival) const {
-  if (!heard_ || std::isinf(speed_) || report.speed != speed_) return true;
-  return report.horizon <= simulated(arrival.monotonic) + largest_lead * speed_;
 }
 
 double MasterClock::origin() const { return std::max(best_, previous_best_); }

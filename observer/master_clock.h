@@ -21,9 +21,6 @@ class MasterClock {
 
   void observe(const ContactReport& report, const Arrival& arrival);
 
-  /// False if a paced master cannot be as far as the report says: 10 s or more ahead of its pace.
-  bool plausible(const ContactReport& report, const Arrival& arrival) const;
-
   bool running() const { return heard_; }
   /// Simulated s per local s; infinite for an unpaced master.
   double speed() const { return speed_; }

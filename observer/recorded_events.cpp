@@ -1,5 +1,6 @@
 #include "observer/recorded_events.h"
 
+#include <limits>
 #include <sstream>
 
 #include "mechanics/events_file.h"
@@ -41,7 +42,16 @@ RecordedEvents read_log(const std::filesystem::path& file, int contacts,
   while (log.next(report, arrival)) {
     const auto verdict = sessions.hear(report, arrival);
     if (verdict == SessionTracker::Verdict::ignored) continue;
-    if (verdict == SessionTracker::Verdict::starts) history.restart(0, 0, no_horizon);
+    if (verdict == SessionTracker::Verdict::starts) {
+      history.restart(0, 0, no_horizon);
+      // A recording that begins later has events before that nobody knows.
+      if (report.records_total > report.records) {
+        history.restart(report.records_total, report.closed, report.horizon);
+        recorded.begins = report.horizon;
+      } else {
+        recorded.begins = 0.0;
+      }
+    }
     history.add(report);
   }
   const std::string name = file.string() + ": ";
@@ -55,13 +65,18 @@ RecordedEvents read_log(const std::filesystem::path& file, int contacts,
                                 " runs of a master; the last is used");
   }
   recorded.events = history.events();
-  if (!history.degraded().empty()) {
-    const DegradedInterval& gap = history.degraded().front();
+  if (recorded.begins > 0.0) {
     std::ostringstream text;
-    text << name << "events may be missing between t = " << gap.from << " and " << gap.to
-         << "; everything before is used";
+    text << name << "begins at t = " << recorded.begins << ": what was before is not known";
     recorded.problems.push_back(text.str());
-    std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > gap.from; });
+  }
+  if (history.complete_to() < std::numeric_limits<double>::infinity()) {
+    std::ostringstream text;
+    text << name << "events may be missing from t = " << history.complete_to()
+         << " on; everything before is used";
+    recorded.problems.push_back(text.str());
+    std::erase_if(recorded.events,
+                  [&](const ContactEvent& event) { return event.t > history.complete_to(); });
   }
   if (log.damage()) {
     recorded.whole = false;

@@ -10,10 +10,12 @@
 #include "mechanics/events_file.h"
 #include "mechanics/states_file.h"
 #include "observer/confidence_record.h"
+#include "observer/notices.h"
 #include "observer/recording.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
 #include "observer/time_line.h"
+#include "observer/wake.h"
 
 namespace sprag {
 namespace {
@@ -30,6 +32,7 @@ class Replay {
       : contacts_(static_cast<int>(scene.model.contacts.size())),
         stepper_(make_stepper<Stepper>(scene, options.tick)),
         time_line_(stepper_, contacts_, scene.replica, replay_history),
+        h_(options.tick),
         last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                            : last_tick(options.duration, options.tick)),
         duration_(options.duration),
@@ -61,10 +64,16 @@ class Replay {
     double end = 0.0;
     for (const ContactEvent& event : recorded.events) {
       if (event.t > duration_) break;
+      const EventCounts before = time_line_.events().counts();
       time_line_.receive(event);
+      raise_skipped(time_line_.events(), before, notices_);
       end = event.t;
     }
-    time_line_.set_horizon(std::isinf(duration_) ? end : duration_);
+    const double until = std::isinf(duration_) ? end : duration_;
+    if (recorded.missing_from <= until) {
+      time_line_.degrade(recorded.missing_from, std::min(recorded.missing_to, until));
+    }
+    time_line_.set_horizon(until);
     if (!recorded.events.empty() || !std::isinf(duration_)) settle();
     return !recorded.damage;
   }
@@ -72,18 +81,15 @@ class Replay {
   bool lcm_log(const std::filesystem::path& file, const std::optional<Key>& key,
                nlohmann::ordered_json& report) {
     RecordedReports log(file, contacts_, key);
-    SessionTracker sessions;
+    // Recordings are as old as they are.
+    SessionTracker sessions(Freshness::any, h_);
     ContactReport contacts;
     Arrival arrival;
     try {
       while (!done() && log.next(contacts, arrival)) {
         check_interrupt();
-        const auto verdict = sessions.hear(contacts, arrival);
-        if (verdict == SessionTracker::Verdict::ignored) continue;
-        if (verdict == SessionTracker::Verdict::starts) {
-          time_line_.restart(0, 0, 0, no_horizon);
-        }
-        time_line_.receive(contacts);
+        take(contacts, arrival, sessions);
+        notices_.tell(monotonic_now(), std::cerr);
         settle();
       }
     } catch (const Interrupted&) {  // what was settled until then counts
@@ -96,12 +102,11 @@ class Replay {
                           {"doubled", counts.doubled},
                           {"reordered", counts.reordered},
                           {"of_other_masters", counts.of_other_masters},
+                          {"implausible", counts.implausible},
+                          {"resumed", counts.resumed},
                           {"sessions", counts.sessions}};
     if (counts.received == 0) {
       std::cerr << file.string() << ": no message on " << contacts_channel << '\n';
-    }
-    for (const DegradedInterval& gap : time_line_.events().degraded()) {
-      std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
     }
     if (log.damage()) {
       std::cerr << file.string() << ": byte " << log.damage()->offset << ": " << log.damage()->what
@@ -112,6 +117,10 @@ class Replay {
   }
 
   void finish(nlohmann::ordered_json& report) {
+    notices_.tell_rest(std::cerr);
+    for (const DegradedInterval& gap : time_line_.events().degraded()) {
+      std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
+    }
     report["ticks"] = ticks_;
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
@@ -125,6 +134,26 @@ class Replay {
 
  private:
   bool done() const { return time_line_.started() && time_line_.handed_out() >= last_; }
+
+  void take(const ContactReport& report, const Arrival& arrival, SessionTracker& sessions) {
+    const EventCounts before = time_line_.events().counts();
+    switch (sessions.hear(report, arrival)) {
+      case SessionTracker::Verdict::ignored:
+        raise_odd(sessions.oddity(), report, time_line_.events().horizon(), notices_);
+        break;
+      case SessionTracker::Verdict::starts:
+        time_line_.restart(report);
+        break;
+      case SessionTracker::Verdict::resumes:
+        notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), report.horizon);
+        time_line_.resume(report);
+        break;
+      case SessionTracker::Verdict::continues:
+        time_line_.receive(report);
+        break;
+    }
+    raise_skipped(time_line_.events(), before, notices_);
+  }
 
   void settle() {
     if (events_) {
@@ -157,6 +186,7 @@ class Replay {
   int contacts_;
   Stepper stepper_;
   TimeLine<Stepper> time_line_;
+  double h_;
   std::int64_t last_;
   double duration_;
   Eigen::VectorXd q_, u_;
@@ -166,6 +196,7 @@ class Replay {
   std::vector<double> columns_;
   std::optional<StatesWriter> states_;
   std::optional<EventsWriter> events_;
+  Notices notices_;
   std::int64_t written_ = 0;
   std::int64_t ticks_ = 0;
   std::int64_t refused_impacts_ = 0;

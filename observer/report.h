@@ -12,17 +12,17 @@ inline nlohmann::ordered_json to_json(const EventHistory& history) {
   const EventCounts& counts = history.counts();
   nlohmann::ordered_json degraded = nlohmann::ordered_json::array();
   for (const DegradedInterval& interval : history.degraded()) {
-    degraded.push_back({{"from", interval.from}, {"to", interval.to}});
+    degraded.push_back({{"from", interval.from}, {"to", interval.to}, {"start", interval.start}});
   }
   return {{"events", counts.events},
           {"made_up_events", counts.made_up},
           {"lost_records", counts.lost_records},
           {"degraded", degraded},
           {"skipped",
-           {{"backwards", counts.backwards},
-            {"beyond_horizon", counts.beyond_horizon},
-            {"unknown_contact", counts.unknown_contact},
-            {"contradicting", counts.contradicting}}}};
+           {{"backwards", counts.of(Skip::backwards)},
+            {"beyond_horizon", counts.of(Skip::beyond_horizon)},
+            {"unknown_contact", counts.of(Skip::unknown_contact)},
+            {"contradicting", counts.of(Skip::contradicting)}}}};
 }
 
 inline nlohmann::ordered_json to_json(const RollbackCounts& counts) {

@@ -1,7 +1,8 @@
 // Which master is being heard, and what became of its messages on the way. While a master is heard
 // another one on the same channel is not. A restarted master has a new session; it is followed as
 // soon as the old one is silent and three messages in a row show that somebody is there: single
-// messages with any session may come from anybody.
+// messages with any session may come from anybody. Silence does not count while messages are being
+// dropped on their way here.
 #pragma once
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 
 #include "mechanics/contact_report.h"
 #include "observer/arrival.h"
+#include "observer/continuity.h"
 
 namespace sprag {
 
@@ -22,6 +24,8 @@ struct MessageCounts {
   std::int64_t of_past_sessions = 0;
   std::int64_t of_other_masters = 0;  ///< beside the one that is heard
   std::int64_t stale = 0;             ///< began a session too late to be what it says
+  std::int64_t implausible = 0;       ///< cannot be, or did not go on from those before
+  std::int64_t resumed = 0;           ///< times that a session went on elsewhere
   std::int64_t sessions = 0;
 };
 
@@ -31,21 +35,21 @@ enum class Freshness { any, required };
 
 class SessionTracker {
  public:
-  explicit SessionTracker(Freshness freshness = Freshness::any)
-      : freshness_(freshness), candidates_(max_candidates) {
+  /// `h`: the observer's tick [s].
+  explicit SessionTracker(Freshness freshness = Freshness::any, double h = 1e-6)
+      : freshness_(freshness), continuity_(h), candidates_(max_candidates) {
     past_.reserve(max_past);
   }
 
-  enum class Verdict { starts, continues, ignored };
+  /// `resumes`: the session goes on, but its clock or its counts have jumped.
+  enum class Verdict { starts, continues, resumes, ignored };
 
-  /// Does not allocate. `ignored`: doubled, or not of the master that is heard.
+  /// Does not allocate. `ignored`: doubled, implausible, or not of the master that is heard.
   Verdict hear(const ContactReport& report, const Arrival& arrival) {
     ++counts_.received;
-    if (counts_.sessions > 0 && report.session == session_) {
-      const Verdict verdict = continue_session(report.sequence);
-      if (verdict == Verdict::continues) note(report, arrival);
-      return verdict;
-    }
+    oddity_ = continuity_.impossible(report);
+    if (oddity_ != Oddity::none) return refuse();
+    if (counts_.sessions > 0 && report.session == session_) return hear_followed(report, arrival);
     if (freshness_ == Freshness::required && !fresh(report, arrival)) {
       ++counts_.stale;
       return Verdict::ignored;
@@ -60,8 +64,15 @@ class SessionTracker {
     first_ = last_ = report.sequence;
     seen_ = 1;
     note(report, arrival);
+    continuity_.restart(report, arrival);
     return Verdict::starts;
   }
+
+  /// Messages were dropped at this monotonic time [ns]: the master may have been among them.
+  void note_drop(std::int64_t monotonic) { dropped_ = std::max(dropped_, monotonic); }
+
+  /// What was implausible in the last message; `none` if it was ignored for something else.
+  Oddity oddity() const { return oddity_; }
 
   std::int64_t session() const { return session_; }
   /// Session of the last other master.
@@ -85,10 +96,36 @@ class SessionTracker {
     int messages = 0;        // with rising numbers; 0: a free place
   };
 
+  Verdict refuse() {
+    ++counts_.implausible;
+    return Verdict::ignored;
+  }
+
+  Verdict hear_followed(const ContactReport& report, const Arrival& arrival) {
+    switch (continuity_.hear(report, arrival)) {
+      case Continuity::Verdict::odd:
+        oddity_ = continuity_.oddity();
+        return refuse();
+      case Continuity::Verdict::resumes:
+        oddity_ = continuity_.oddity();
+        ++counts_.resumed;
+        first_ = last_ = report.sequence;
+        seen_ = 1;
+        note(report, arrival);
+        return Verdict::resumes;
+      case Continuity::Verdict::fits:
+        break;
+    }
+    const Verdict verdict = continue_session(report.sequence);
+    if (verdict == Verdict::continues) note(report, arrival);
+    return verdict;
+  }
+
+  // A master's clock that is ahead must not make all later sessions stale.
   void note(const ContactReport& report, const Arrival& arrival) {
     paced_ = report.speed < std::numeric_limits<double>::infinity();
     heard_ = arrival.monotonic;
-    last_utime_ = std::max(last_utime_, report.utime);
+    last_utime_ = std::max(last_utime_, std::min(report.utime, arrival.wall + largest_age));
   }
 
   bool fresh(const ContactReport& report, const Arrival& arrival) const {
@@ -113,7 +150,7 @@ class SessionTracker {
   }
 
   bool silent(const Arrival& arrival) const {
-    return !paced_ || arrival.monotonic - heard_ >= silence;
+    return !paced_ || arrival.monotonic - std::max(heard_, dropped_) >= silence;
   }
 
   // Counts this one.
@@ -153,6 +190,8 @@ class SessionTracker {
   }
 
   Freshness freshness_;
+  Continuity continuity_;
+  Oddity oddity_ = Oddity::none;
   std::int64_t session_ = 0;
   std::int64_t first_ = 0;
   std::int64_t last_ = 0;
@@ -162,6 +201,7 @@ class SessionTracker {
   std::size_t next_candidate_ = 0;
   bool paced_ = false;
   std::int64_t heard_ = 0;  // monotonic [ns]
+  std::int64_t dropped_ = std::numeric_limits<std::int64_t>::min() / 2;
   std::int64_t last_utime_ = 0;
   std::int64_t other_ = 0;
   MessageCounts counts_;

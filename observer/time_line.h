@@ -53,21 +53,43 @@ class TimeLine {
   }
 
   /// Starts from the first report of a session: at t = 0 if it still carries every event since
-  /// then, else at the first tick after its horizon.
+  /// then and its horizon is not far, else at the first tick after its horizon. A machine's clock
+  /// may start anywhere.
   void restart(const ContactReport& report) {
-    if (report.records_total == report.records) {
+    const bool whole = report.records_total == report.records;
+    if (whole && last_tick(report.horizon, h()) <= far) {
       restart(0, 0, 0, no_horizon);
+      receive(report);
     } else {
-      restart(last_tick(report.horizon, h()) + 1, report.records_total, report.closed,
-              report.horizon);
+      restart_behind(report);
     }
-    receive(report);
   }
 
   /// Takes what is new in a report, and goes back if it is older than now. run() goes forward.
-  void receive(const ContactReport& report) {
+  /// Behind a long gap of which nothing is known it starts again, at the first tick after the
+  /// report's horizon: then true.
+  bool receive(const ContactReport& report) {
+    const bool gap = report.records_total - report.records > events_.next_record();
+    if (gap && is_far(report.horizon)) {
+      events_.lose(report);
+      restart_behind(report);
+      return true;
+    }
     const std::size_t known = events_.events().size();
     if (events_.add(report) > 0) go_back(known);
+    return false;
+  }
+
+  /// The same when the machine's clock or its counts have jumped: starts again too where the report
+  /// does not go on from those before, or is far ahead of them.
+  bool resume(const ContactReport& report) {
+    if (report.horizon >= events_.horizon() && !is_far(report.horizon) &&
+        report.records_total >= events_.next_record()) {
+      return receive(report);
+    }
+    events_.lose(report);
+    restart_behind(report);
+    return true;
   }
 
   /// Takes one event from a file.
@@ -78,6 +100,9 @@ class TimeLine {
 
   /// Every event up to t is known.
   void set_horizon(double t) { events_.set_horizon(t); }
+
+  /// Events may be missing between these times.
+  void degrade(double from, double to) { events_.degrade(from, to); }
 
   /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
   void go_back_to(std::int64_t k) {
@@ -117,10 +142,14 @@ class TimeLine {
   bool started() const { return started_; }
   double h() const { return stepper_->h(); }
   /// Whether the estimate has heard of every event from t = 0 on up to t, as far as is known.
-  bool complete_to(double t) const {
-    return first_ == 0 && (events_.degraded().empty() || t <= events_.degraded().front().from);
-  }
+  bool complete_to(double t) const { return first_ == 0 && t <= events_.complete_to(); }
   std::int64_t now() const { return now_; }
+  /// The state at tick now().
+  const ReplicaState& present() const { return saved(now_); }
+  /// The first tick that contains all events that are known.
+  std::int64_t tick_of_last_event() const {
+    return events_.events().empty() ? first_ : tick_of(events_.events().back());
+  }
   /// Last tick at or before the horizon; before the first tick where there is none.
   std::int64_t settled_tick() const {
     if (events_.horizon() < 0.0) return first_ - 1;
@@ -133,9 +162,20 @@ class TimeLine {
 
  private:
   static constexpr std::size_t event_capacity = 1U << 16U;
+  // Ticks that are run through at a start or behind a gap: some tenths of a second.
+  static constexpr std::int64_t far = 100'000;
 
-  ReplicaState& saved(std::int64_t k) {
-    return saved_[static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()))];
+  bool is_far(double horizon) const { return last_tick(horizon, h()) - settled_tick() > far; }
+
+  void restart_behind(const ContactReport& report) {
+    restart(last_tick(report.horizon, h()) + 1, report.records_total, report.closed,
+            report.horizon);
+  }
+
+  ReplicaState& saved(std::int64_t k) { return saved_[slot(k)]; }
+  const ReplicaState& saved(std::int64_t k) const { return saved_[slot(k)]; }
+  std::size_t slot(std::int64_t k) const {
+    return static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()));
   }
 
   // First tick at or after the event.

@@ -27,7 +27,11 @@ class PlayedMaster {
         builder_(session, speed, contacts),
         speed_(speed),
         start_(start),
-        began_(Clock::now()) {}
+        began_(Clock::now()) {
+    last_.session = session;
+    last_.speed = speed;
+    last_.contacts = contacts;
+  }
 
   double now() const {
     return start_ + speed_ * std::chrono::duration<double>(Clock::now() - began_).count();

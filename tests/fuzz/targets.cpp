@@ -125,7 +125,7 @@ void message(Input input) {
   static Replica replica(model, 1e-2);
   const State start{Eigen::VectorXd::Constant(1, 0.3), Eigen::VectorXd::Zero(1)};
   TimeLine<Replica> line(replica, 2, start, 16);
-  SessionTracker sessions;
+  SessionTracker sessions(Freshness::any, 1e-2);
   MasterClock clock;
   Reader reader(input);
   Arrival arrival{1'000'000'000, 1'700'000'000'000'000};
@@ -147,7 +147,6 @@ void message(Input input) {
       continue;
     }
     if (report.contacts != 2) continue;
-    if (report.session == sessions.session() && !clock.plausible(report, arrival)) continue;
     switch (sessions.hear(report, arrival)) {
       case SessionTracker::Verdict::ignored:
         continue;
@@ -159,7 +158,12 @@ void message(Input input) {
         break;
       case SessionTracker::Verdict::continues:
         clock.observe(report, arrival);
-        line.receive(report);
+        if (line.receive(report)) next_settled = line.handed_out() + 1;
+        break;
+      case SessionTracker::Verdict::resumes:
+        clock.restart();
+        clock.observe(report, arrival);
+        if (line.resume(report)) next_settled = line.handed_out() + 1;
         break;
     }
     const double now = clock.simulated(arrival.monotonic);

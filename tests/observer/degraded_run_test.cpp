@@ -79,7 +79,7 @@ void expect_convergence(const char* name, double lost_from, double lost_to) {
   const Lossy lossy{80.0, lost_from, lost_to, 2};
   const auto V = error_energy<Stepper>(scene, h, lossy, counts, degraded);
   EXPECT_GT(counts.lost_records, 0);
-  EXPECT_EQ(counts.contradicting, 0);
+  EXPECT_EQ(counts.of(Skip::contradicting), 0);
   ASSERT_EQ(degraded.size(), 1U);
   EXPECT_GE(degraded[0].from, lost_from - 0.05);
   EXPECT_GT(degraded[0].to, degraded[0].from);

@@ -56,8 +56,8 @@ TEST(EventHistory, TakesEveryRecordOnceHoweverReportsAreLostDoubledAndReordered)
     EXPECT_EQ(appended, events.size());
     EXPECT_EQ(history.counts().events, static_cast<std::int64_t>(events.size()));
     EXPECT_EQ(history.counts().lost_records, 0);
-    EXPECT_EQ(history.counts().backwards, 0);
-    EXPECT_EQ(history.counts().contradicting, 0);
+    EXPECT_EQ(history.counts().of(Skip::backwards), 0);
+    EXPECT_EQ(history.counts().of(Skip::contradicting), 0);
     EXPECT_TRUE(history.degraded().empty());
     EXPECT_EQ(history.horizon(), reports.back().horizon);
   }
@@ -128,7 +128,7 @@ TEST(EventHistory, AfterAGapEveryCarriedRecordIsTaken) {
   const Events carried{{2.0, 0, pulse}, {3.0, 0, pulse}, {4.0, 0, closes}};
   history.add(report_of(carried, 5, 5.0, 1));
   EXPECT_EQ(history.counts().lost_records, 1);
-  EXPECT_EQ(history.counts().contradicting, 0);
+  EXPECT_EQ(history.counts().of(Skip::contradicting), 0);
   ASSERT_GE(history.events().size(), carried.size());
   EXPECT_TRUE(std::equal(carried.begin(), carried.end(), history.events().end() - 3));
   EXPECT_EQ(chi_of(history), 1U);
@@ -152,7 +152,7 @@ TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
     ASSERT_GT(lost, 0);
     history.add(after_gap);
     EXPECT_EQ(history.counts().lost_records, lost);
-    EXPECT_EQ(history.counts().contradicting, 0);
+    EXPECT_EQ(history.counts().of(Skip::contradicting), 0);
     EXPECT_EQ(chi_of(history), after_gap.closed);
     ASSERT_EQ(history.degraded().size(), 1U);
     EXPECT_GE(history.degraded()[0].from, horizon);
@@ -163,7 +163,7 @@ TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
     const Events later(events.begin() + static_cast<std::ptrdiff_t>(from), events.end());
     ASSERT_GE(history.events().size(), later.size());
     EXPECT_TRUE(std::equal(later.rbegin(), later.rend(), history.events().rbegin()));
-    EXPECT_EQ(history.counts().contradicting, 0);
+    EXPECT_EQ(history.counts().of(Skip::contradicting), 0);
     EXPECT_TRUE(std::is_sorted(history.events().begin(), history.events().end(),
                                [](const auto& a, const auto& b) { return a.t < b.t; }));
   }
@@ -183,7 +183,7 @@ TEST(EventHistory, AnEventEarlierThanTheOneBeforeIsSkipped) {
   EXPECT_TRUE(history.add(ContactEvent{2.0, 0, pulse}));
   EXPECT_FALSE(history.add(ContactEvent{1.0, 0, pulse}));
   EXPECT_TRUE(history.add(ContactEvent{2.0, 1, pulse}));
-  EXPECT_EQ(history.counts().backwards, 1);
+  EXPECT_EQ(history.counts().of(Skip::backwards), 1);
   EXPECT_EQ(history.counts().events, 2);
 }
 
@@ -193,19 +193,19 @@ TEST(EventHistory, AnEventNotAfterADeclaredHorizonIsSkipped) {
   EXPECT_FALSE(history.add(ContactEvent{0.5, 0, pulse}));
   EXPECT_FALSE(history.add(ContactEvent{1.0, 0, pulse}));
   EXPECT_TRUE(history.add(ContactEvent{1.0000001, 0, pulse}));
-  EXPECT_EQ(history.counts().backwards, 2);
+  EXPECT_EQ(history.counts().of(Skip::backwards), 2);
 }
 
 TEST(EventHistory, ANotANumberIsSkipped) {
   EventHistory history = started();
   EXPECT_FALSE(history.add(ContactEvent{std::numeric_limits<double>::quiet_NaN(), 0, pulse}));
-  EXPECT_EQ(history.counts().backwards, 1);
+  EXPECT_EQ(history.counts().of(Skip::backwards), 1);
 }
 
 TEST(EventHistory, ARecordBeyondItsReportsHorizonIsSkippedForGood) {
   EventHistory history = started();
   EXPECT_EQ(history.add(report_of({{1.0, 0, pulse}, {3.0, 0, pulse}}, 2, 2.0, 0)), 1U);
-  EXPECT_EQ(history.counts().beyond_horizon, 1);
+  EXPECT_EQ(history.counts().of(Skip::beyond_horizon), 1);
   EXPECT_EQ(history.add(report_of({{1.0, 0, pulse}, {3.0, 0, pulse}}, 2, 4.0, 0)), 0U);
   EXPECT_EQ(history.events(), (Events{{1.0, 0, pulse}}));
 }
@@ -215,21 +215,21 @@ TEST(EventHistory, AnUnknownContactIsSkipped) {
   EXPECT_FALSE(history.add(ContactEvent{1.0, 2, pulse}));
   EXPECT_FALSE(history.add(ContactEvent{1.0, -1, pulse}));
   EXPECT_TRUE(history.add(ContactEvent{1.0, 1, pulse}));
-  EXPECT_EQ(history.counts().unknown_contact, 2);
+  EXPECT_EQ(history.counts().of(Skip::unknown_contact), 2);
 }
 
 TEST(EventHistory, AnEventThatContradictsChiIsSkipped) {
   EventHistory history = started();
   EXPECT_FALSE(history.add(ContactEvent{1.0, 0, opens}));
-  EXPECT_EQ(history.counts().contradicting, 1);
+  EXPECT_EQ(history.counts().of(Skip::contradicting), 1);
   EXPECT_TRUE(history.add(ContactEvent{2.0, 0, closes}));
   EXPECT_FALSE(history.add(ContactEvent{3.0, 0, closes}));
-  EXPECT_EQ(history.counts().contradicting, 2);
+  EXPECT_EQ(history.counts().of(Skip::contradicting), 2);
   EXPECT_FALSE(history.add(ContactEvent{3.0, 0, pulse}));
-  EXPECT_EQ(history.counts().contradicting, 3);
+  EXPECT_EQ(history.counts().of(Skip::contradicting), 3);
   EXPECT_TRUE(history.add(ContactEvent{3.0, 1, pulse}));
   EXPECT_TRUE(history.add(ContactEvent{4.0, 0, opens}));
-  EXPECT_EQ(history.counts().contradicting, 3);
+  EXPECT_EQ(history.counts().of(Skip::contradicting), 3);
   EXPECT_EQ(history.counts().events, 3);
 }
 
@@ -243,6 +243,53 @@ TEST(EventHistory, ARestartForgetsEventsAndKeepsCounts) {
   EXPECT_EQ(history.add(report_of({{0.5, 0, closes}, {2.0, 1, opens}}, 101, 3.0, 1)), 1U);
   EXPECT_EQ(history.events(), (Events{{2.0, 1, opens}}));
   EXPECT_EQ(history.counts().lost_records, 7);
+}
+
+TEST(EventHistory, WhatWasSkippedIsAGap) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const auto complete_to = [](double horizon, const Events& events) {
+    EventHistory history = started();
+    EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
+    for (const ContactEvent& event : events) history.add(event);
+    history.set_horizon(horizon);
+    EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
+    return history;
+  };
+  // Not after the horizon: settled ticks keep their word.
+  EventHistory late = complete_to(3.0, {{1.0, 0, closes}});
+  late.add(ContactEvent{2.0, 1, pulse});
+  EXPECT_EQ(late.complete_to(), 3.0);
+  // Backwards, before any horizon: from its own time.
+  EventHistory backwards = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
+  backwards.add(ContactEvent{2.0, 1, pulse});
+  EXPECT_EQ(backwards.complete_to(), 2.0);
+  // Contradicting: since the contact's last event.
+  EventHistory again = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
+  again.add(ContactEvent{5.0, 0, closes});
+  EXPECT_EQ(again.complete_to(), 1.0);
+  ASSERT_EQ(again.degraded().size(), 1U);
+  EXPECT_EQ(again.degraded()[0].to, 5.0);
+  EXPECT_EQ(again.last_skipped(Skip::contradicting), (ContactEvent{5.0, 0, closes}));
+  EventHistory unknown = complete_to(no_horizon, {{1.0, 0, closes}});
+  unknown.add(ContactEvent{5.0, 7, closes});
+  EXPECT_EQ(unknown.complete_to(), 5.0);
+  EventHistory beyond = started();
+  beyond.add(report_of({{1.0, 0, pulse}, {3.0, 0, pulse}}, 2, 2.0, 0));
+  EXPECT_EQ(beyond.complete_to(), 0.0);
+  beyond.restart(0, 0, no_horizon);
+  EXPECT_EQ(beyond.complete_to(), infinity);
+}
+
+// The gap of an earlier session must not answer for a later one.
+TEST(EventHistory, AGapBelongsToItsSession) {
+  EventHistory history = started();
+  history.add(report_of({{4.0, 0, pulse}}, 8, 6.0, 0));
+  history.restart(0, 0, no_horizon);
+  history.add(report_of({{1.0, 0, pulse}}, 1, 1.0, 0));
+  EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
+  history.add(report_of({{1.0, 0, pulse}, {2.0, 0, pulse}}, 9, 2.5, 0));
+  EXPECT_EQ(history.complete_to(), 1.0);
+  EXPECT_EQ(history.degraded().size(), 2U);
 }
 
 TEST(EventHistory, DropsTheOldestEvents) {

@@ -225,6 +225,56 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   }
 }
 
+TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
+  SessionTracker tracker(Freshness::required);
+  ContactReport report = message(7, 0);
+  report.utime = after_ms(0).wall;
+  EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
+  report.sequence = 1;
+  report.utime += std::int64_t{31'536'000} * 1'000'000;
+  EXPECT_EQ(tracker.hear(report, after_ms(10)), Verdict::continues);
+  for (std::int64_t i = 0; i < 3; ++i) {
+    ContactReport next = message(8, i);
+    next.utime = after_ms(20'000).wall;
+    EXPECT_EQ(tracker.hear(next, after_ms(20'000)), i < 2 ? Verdict::ignored : Verdict::starts);
+  }
+  EXPECT_EQ(tracker.counts().stale, 0);
+}
+
+// The master's messages may be among those that were dropped.
+TEST(SessionTracker, SilenceDoesNotCountWhileMessagesAreDropped) {
+  SessionTracker tracker;
+  tracker.hear(message(7, 0), after_ms(0));
+  for (std::int64_t i = 1; i < 100; ++i) {
+    tracker.note_drop(after_ms(10 * i - 90).monotonic);
+    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i)), Verdict::ignored);
+  }
+  EXPECT_EQ(tracker.hear(message(8, 100), after_ms(1000)), Verdict::starts);
+}
+
+TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
+  SessionTracker tracker;
+  const auto at_time = [](std::int64_t sequence, double horizon) {
+    ContactReport report = message(7, sequence);
+    report.horizon = horizon;
+    return report;
+  };
+  EXPECT_EQ(tracker.hear(at_time(0, 5.0), after_ms(0)), Verdict::starts);
+  EXPECT_EQ(tracker.hear(at_time(1, 500.0), after_ms(10)), Verdict::ignored);
+  EXPECT_EQ(tracker.oddity(), Oddity::time);
+  EXPECT_EQ(tracker.hear(at_time(std::int64_t{1} << 53, 5.0), after_ms(10)), Verdict::ignored);
+  EXPECT_EQ(tracker.oddity(), Oddity::number);
+  EXPECT_EQ(tracker.hear(at_time(2, 5.02), after_ms(20)), Verdict::continues);
+  EXPECT_EQ(tracker.oddity(), Oddity::none);
+  EXPECT_EQ(tracker.hear(at_time(3, 70.03), after_ms(30)), Verdict::ignored);
+  EXPECT_EQ(tracker.hear(at_time(4, 70.04), after_ms(40)), Verdict::ignored);
+  EXPECT_EQ(tracker.hear(at_time(5, 70.05), after_ms(50)), Verdict::resumes);
+  EXPECT_EQ(tracker.hear(at_time(6, 70.06), after_ms(60)), Verdict::continues);
+  EXPECT_EQ(tracker.counts().implausible, 4);
+  EXPECT_EQ(tracker.counts().resumed, 1);
+  EXPECT_EQ(tracker.counts().sessions, 1);
+}
+
 TEST(SessionTracker, SessionZeroIsASession) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.hear(message(0, 1), later()), Verdict::starts);

@@ -74,6 +74,9 @@ class NetworkTest : public ::testing::Test {
         case SessionTracker::Verdict::continues:
           line.receive(*delivery.report);
           break;
+        case SessionTracker::Verdict::resumes:
+          ADD_FAILURE() << "nothing has jumped";
+          break;
         case SessionTracker::Verdict::ignored:
           break;
       }

@@ -409,6 +409,66 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenTheFirstReportDoesNotCarryEver
   }
 }
 
+// A machine's clock may start anywhere.
+TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
+  const double h = 1e-3;
+  for (const double t : {99.9995, 100.0005, 100.0015, 1e5, 1e7, 1.7e9}) {
+    typename TestFixture::Run run(h, 30);
+    run.line.restart(reports_at({t}, {}, 2).front());
+    EXPECT_EQ(run.line.now(), t < 100.001 ? 0 : last_tick(t, h) + 1) << t;
+    EXPECT_EQ(run.line.complete_to(t + 1.0), t < 100.001);
+  }
+}
+
+// Nothing is known of what was in a long gap: it is not worth the time to run through.
+TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
+  const double h = 1e-2;
+  const auto report = [](std::int64_t total, double horizon) {
+    ContactReport made;
+    made.contacts = 2;
+    made.records_total = total;
+    made.horizon = horizon;
+    return made;
+  };
+  typename TestFixture::Run run(h, 30);
+  run.line.restart(report(0, 1.0));
+  run.to(0);
+  EXPECT_FALSE(run.line.receive(report(3, 900.0)));
+  run.to(0);
+  EXPECT_EQ(run.line.handed_out(), 90000);
+  EXPECT_TRUE(run.line.receive(report(6, 2000.0)));
+  EXPECT_EQ(run.line.now(), 200001);
+  EXPECT_EQ(run.line.events().counts().lost_records, 6);
+  EXPECT_FALSE(run.line.receive(report(6, 9000.0)));  // nothing was lost
+  EXPECT_EQ(run.line.now(), 200001);
+}
+
+TYPED_TEST(TimeLineTest, GoesOnWhereAMachinesClockWasTurnedAheadAndStartsAgainWhereBack) {
+  const double h = 1e-2;
+  const auto report = [](double horizon, std::int64_t total) {
+    ContactReport made;
+    made.contacts = 2;
+    made.horizon = horizon;
+    made.records_total = total;
+    made.closed = total > 0 ? 1 : 0;
+    return made;
+  };
+  typename TestFixture::Run run(h, 30);
+  run.line.restart(report(5.0, 0));
+  run.to(0);
+  EXPECT_FALSE(run.line.resume(report(30.0, 0)));
+  run.to(0);
+  EXPECT_EQ(run.line.handed_out(), 3000);
+  EXPECT_TRUE(run.line.complete_to(30.0));
+  EXPECT_TRUE(run.line.resume(report(10.0, 1)));
+  EXPECT_EQ(run.line.now(), 1001);
+  EXPECT_EQ(run.line.events().horizon(), 10.0);
+  EXPECT_FALSE(run.line.complete_to(10.5));
+  EXPECT_TRUE(run.line.resume(report(1e6, 1)));
+  EXPECT_TRUE(run.line.resume(report(1e6, 0)));
+  EXPECT_EQ(run.line.now(), 100'000'001);
+}
+
 TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
   const double h = 1.0 / 64;
   typename TestFixture::Run run(h, 40);

@@ -1,0 +1,114 @@
+// Whether a master's messages go on from one another. One message that does not fit is refused: it
+// may be anybody's, or an accident. Three in a row that fit one another are the master's after all:
+// its clock was turned, a host was suspended, or the first message heard was the odd one.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+
+#include "mechanics/contact_report.h"
+#include "mechanics/instant.h"
+#include "observer/arrival.h"
+
+namespace sprag {
+
+/// What does not fit in a message.
+enum class Oddity { none, time, speed, number, records };
+
+class Continuity {
+ public:
+  /// `h`: the observer's tick [s]; a time that is not a number of ticks can be nobody's.
+  explicit Continuity(double h) : latest_(static_cast<double>(max_tick / 2) * h) {}
+
+  enum class Verdict { fits, odd, resumes };
+
+  /// What can be in no message.
+  Oddity impossible(const ContactReport& report) const {
+    if (!(report.horizon <= latest_)) return Oddity::time;
+    if (report.speed > fastest && report.speed < infinity) return Oddity::speed;
+    if (report.sequence > largest_number) return Oddity::number;
+    if (report.records_total > largest_number) return Oddity::records;
+    return Oddity::none;
+  }
+
+  /// Takes the first message of a session.
+  void restart(const ContactReport& report, const Arrival& arrival) {
+    known_ = of(report, arrival);
+    agreeing_ = 0;
+  }
+
+  /// Judges a later one of the same session. `resumes`: this one and those before it, which were
+  /// odd, fit one another; it is the first of what is right now.
+  Verdict hear(const ContactReport& report, const Arrival& arrival) {
+    oddity_ = between(known_, report, arrival);
+    if (oddity_ == Oddity::none) {
+      if (report.sequence > known_.number) {
+        const double horizon = std::max(known_.horizon, report.horizon);
+        known_ = of(report, arrival);
+        known_.horizon = horizon;
+        agreeing_ = 0;
+      }
+      return Verdict::fits;
+    }
+    const bool agrees = agreeing_ > 0 && report.sequence > candidate_.number &&
+                        between(candidate_, report, arrival) == Oddity::none;
+    agreeing_ = agrees ? agreeing_ + 1 : 1;
+    candidate_ = of(report, arrival);
+    if (agreeing_ < enough) return Verdict::odd;
+    known_ = candidate_;
+    agreeing_ = 0;
+    return Verdict::resumes;
+  }
+
+  /// What did not fit in the last message.
+  Oddity oddity() const { return oddity_; }
+
+ private:
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  static constexpr int enough = 3;
+  static constexpr double fastest = 1e9;           // simulated s per s
+  static constexpr double largest_step = 10.0;     // s, of a master's clock
+  static constexpr double most_at_once = 1e6;      // messages or records
+  static constexpr double most_in_a_second = 1e7;  // of them
+  static constexpr std::int64_t largest_number = std::int64_t{1} << 52;
+
+  struct Known {
+    std::int64_t number = 0, records = 0;
+    double horizon = 0.0, speed = 1.0;
+    std::int64_t monotonic = 0;
+  };
+
+  static Known of(const ContactReport& report, const Arrival& arrival) {
+    return {report.sequence, report.records_total, report.horizon, report.speed, arrival.monotonic};
+  }
+
+  static Oddity between(const Known& known, const ContactReport& report, const Arrival& arrival) {
+    if (report.speed != known.speed) return Oddity::speed;
+    const double elapsed =
+        1e-9 * static_cast<double>(std::max<std::int64_t>(arrival.monotonic - known.monotonic, 0));
+    const double most = most_at_once + most_in_a_second * elapsed;
+    const auto further = static_cast<double>(report.sequence - known.number);
+    if (further > most || further < -most_at_once) return Oddity::number;
+    if (static_cast<double>(report.records_total - known.records) > most) return Oddity::records;
+    const bool paced = known.speed < infinity;
+    if (paced && report.horizon > known.horizon + known.speed * (elapsed + largest_step)) {
+      return Oddity::time;
+    }
+    if (report.sequence <= known.number) {
+      // An old number is that of an old message.
+      return report.horizon > known.horizon ? Oddity::number : Oddity::none;
+    }
+    const double back = paced ? known.speed * largest_step : 0.0;
+    if (report.horizon < known.horizon - back) return Oddity::time;
+    return report.records_total < known.records ? Oddity::records : Oddity::none;
+  }
+
+  double latest_;
+  Known known_;
+  Known candidate_;   // the last odd message
+  int agreeing_ = 0;  // odd messages in a row that fit one another
+  Oddity oddity_ = Oddity::none;
+};
+
+}  // namespace sprag
