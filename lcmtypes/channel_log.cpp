@@ -1,71 +1,137 @@
 #include "lcmtypes/channel_log.h"
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <system_error>
+#include <utility>
 
 #include "lcmtypes/big_endian.h"
-#include "mechanics/csv.h"
 
 namespace sprag {
 
 namespace {
 
 constexpr std::uint32_t sync_word = 0xEDA1DA01;
+constexpr std::string_view sync_bytes = "\xED\xA1\xDA\x01";
 constexpr std::size_t head_size = 4 + 8 + 8 + 4 + 4;
 constexpr std::int32_t longest_channel = 999;  // liblcm's own limits
 constexpr std::int32_t longest_message = 1 << 28;
-constexpr std::size_t piece = 65536;  // a garbage length must not make us allocate it
+constexpr std::size_t piece = 65536;
 
 }  // namespace
 
+struct ChannelLogReader::Head {
+  std::int64_t number = 0, utime = 0;
+  std::size_t channel_length = 0, data_length = 0;
+
+  std::size_t record_size() const { return head_size + channel_length + data_length; }
+};
+
 ChannelLogReader::ChannelLogReader(const std::filesystem::path& file)
-    : stream_(file, std::ios::binary) {
-  if (!stream_) throw InputError(file.string() + ": " + std::generic_category().message(errno));
-  if (std::filesystem::is_directory(file)) throw InputError(file.string() + ": is a directory");
+    : ChannelLogReader(InputFile(file)) {}
+
+ChannelLogReader::ChannelLogReader(InputFile file) : file_(std::move(file)) {}
+
+// What is wrong with the record at `place` of what is ahead; empty if it is whole.
+std::string ChannelLogReader::examine(std::size_t place, Head& head) {
+  const std::string_view bytes = from(place, head_size);
+  if (bytes.size() >= sync_bytes.size() && !bytes.starts_with(sync_bytes))
+    return "sync word missing";
+  if (bytes.size() < head_size) return "truncated record";
+  const auto* field = reinterpret_cast<const std::uint8_t*>(bytes.data()) + sync_bytes.size();
+  head.number = take<std::int64_t>(field);
+  head.utime = take<std::int64_t>(field);
+  const auto channel_length = take<std::int32_t>(field);
+  const auto data_length = take<std::int32_t>(field);
+  if (channel_length < 1 || channel_length > longest_channel)
+    return "channel length " + std::to_string(channel_length) + " is not in 1 to 999";
+  if (data_length < 0 || data_length > longest_message)
+    return "data length " + std::to_string(data_length) + " is not in 0 to 2^28";
+  head.channel_length = static_cast<std::size_t>(channel_length);
+  head.data_length = static_cast<std::size_t>(data_length);
+  if (from(place, head.record_size()).size() < head.record_size()) return "truncated record";
+  return {};
 }
 
-template <class Bytes>
-bool ChannelLogReader::read(Bytes& bytes, std::size_t count) {
-  bytes.clear();
-  while (bytes.size() < count) {
-    const std::size_t begin = bytes.size();
-    bytes.resize(std::min(count, begin + piece));
-    stream_.read(reinterpret_cast<char*>(bytes.data()) + begin,
-                 static_cast<std::streamsize>(bytes.size() - begin));
-    bytes.resize(begin + static_cast<std::size_t>(stream_.gcount()));
-    if (!stream_) return bytes.size() == count;
+// At least `count` bytes from `place` on, unless the file has no more.
+std::string_view ChannelLogReader::from(std::size_t place, std::size_t count) {
+  const std::string_view bytes = file_.ahead(place + count);
+  return bytes.substr(std::min(place, bytes.size()));
+}
+
+// Whether another record follows, whole or not, or nothing.
+bool ChannelLogReader::is_followed(std::size_t place) {
+  const std::string_view next = from(place, sync_bytes.size()).substr(0, sync_bytes.size());
+  return next == sync_bytes.substr(0, next.size());
+}
+
+// Whether the record that is next leads to the one that was logged after it.
+bool ChannelLogReader::leads_on(const Head& head) {
+  const std::size_t size = head.record_size();
+  const std::string_view next = from(size, head_size);
+  if (next.size() < head_size) return is_followed(size);
+  const auto* number = reinterpret_cast<const std::uint8_t*>(next.data()) + sync_bytes.size();
+  const auto step = take<std::uint64_t>(number) - static_cast<std::uint64_t>(head.number);
+  return is_followed(size) && step == 1;
+}
+
+// Whether a record stands at `place` that is more than a sync word by chance.
+bool ChannelLogReader::is_record(std::size_t place) {
+  Head head;
+  return examine(place, head).empty() && is_followed(place + head.record_size());
+}
+
+// A place in the next `size` bytes at which a record stands; `size` if there is none.
+std::size_t ChannelLogReader::find_record(std::size_t size) {
+  for (std::size_t place = 1; place < size; ++place) {
+    place = from(0, size).substr(0, size).find(sync_bytes, place);
+    if (place == std::string_view::npos) break;
+    if (is_record(place)) return place;
   }
-  return true;
+  return size;
 }
 
-bool ChannelLogReader::stop(std::string what) {
-  damage_ = LogDamage{offset_, stream_.bad() ? "cannot be read" : std::move(what)};
-  return false;
+// Leaves out what is ahead up to the next record.
+void ChannelLogReader::pass_over(std::string what) {
+  const std::uint64_t begin = file_.offset();
+  bool ended = false;
+  file_.skip(1);
+  while (!ended && !is_record(0)) {
+    const std::string_view bytes = file_.ahead(piece);
+    ended = bytes.size() < piece;
+    const std::size_t next = bytes.find(sync_bytes, 1);
+    if (next != std::string_view::npos) {
+      ended = false;
+      file_.skip(next);
+    } else {  // a sync word may have begun
+      file_.skip(ended ? bytes.size() : bytes.size() - sync_bytes.size() + 1);
+    }
+  }
+  if (file_.failed()) what = "cannot be read";
+  damages_.push_back({begin, file_.offset(), ended, std::move(what)});
 }
 
 bool ChannelLogReader::next(ChannelRecord& record) {
-  if (damage_) return false;
-  const bool whole = read(head_, head_size);
-  if (head_.empty() && !stream_.bad()) return false;
-  const std::uint8_t* from = head_.data();
-  if (head_.size() >= sizeof sync_word && take<std::uint32_t>(from) != sync_word)
-    return stop("sync word missing");
-  if (!whole) return stop("truncated record");
-  record.number = take<std::int64_t>(from);
-  record.utime = take<std::int64_t>(from);
-  const auto channel_length = take<std::int32_t>(from);
-  const auto data_length = take<std::int32_t>(from);
-  if (channel_length < 1 || channel_length > longest_channel)
-    return stop("channel length " + std::to_string(channel_length) + " is not in 1 to 999");
-  if (data_length < 0 || data_length > longest_message)
-    return stop("data length " + std::to_string(data_length) + " is not in 0 to 2^28");
-  if (!read(record.channel, static_cast<std::size_t>(channel_length)) ||
-      !read(record.data, static_cast<std::size_t>(data_length)))
-    return stop("truncated record");
-  offset_ += head_size + record.channel.size() + record.data.size();
-  return true;
+  while (!file_.ahead(1).empty()) {
+    Head head;
+    std::string fault = examine(0, head);
+    const std::size_t size = head.record_size();
+    // A wrong length leads somewhere else, past records that are whole.
+    if (fault.empty() && !leads_on(head) && find_record(size) < size) fault = "wrong length";
+    if (!fault.empty()) {
+      pass_over(std::move(fault));
+      continue;
+    }
+    const std::string_view bytes = file_.ahead(size);
+    const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data()) + head_size;
+    record.number = head.number;
+    record.utime = head.utime;
+    record.channel = bytes.substr(head_size, head.channel_length);
+    record.data.assign(data + head.channel_length, data + head.channel_length + head.data_length);
+    file_.skip(size);
+    return true;
+  }
+  if (file_.failed() && (damages_.empty() || !damages_.back().to_the_end))
+    damages_.push_back({file_.offset(), file_.offset(), true, "cannot be read"});
+  return false;
 }
 
 ChannelLogWriter::ChannelLogWriter(const std::filesystem::path& file) : file_(file) {}

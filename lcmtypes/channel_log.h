@@ -5,13 +5,12 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "mechanics/input_file.h"
 #include "mechanics/output_file.h"
 
 namespace sprag {
@@ -23,34 +22,45 @@ struct ChannelRecord {
   std::vector<std::uint8_t> data;
 };
 
+/// Bytes of a log that are no records.
 struct LogDamage {
-  std::uint64_t offset;  ///< where the damaged record begins [bytes]
+  std::uint64_t begin, end;  ///< from the first of them to behind the last one
+  bool to_the_end;           ///< no record follows
   std::string what;
 };
 
-/// Reads a log record by record, up to its end or the first damage. liblcm's reader does not tell
-/// the two apart and loses the rest of the file to one bad length.
+/// Reads a log record by record. What is damaged is left out, up to the next place where a whole
+/// record stands that ends where another one begins, or with the file: a sync word alone may be
+/// part of a message. liblcm's reader loses the rest of the file to one bad length, and does not
+/// tell damage from the end.
 class ChannelLogReader {
  public:
-  /// Throws InputError (mechanics/csv.h) if the file cannot be opened.
+  /// Throws InputError (mechanics/input_file.h) if the file cannot be opened.
   explicit ChannelLogReader(const std::filesystem::path& file);
+  explicit ChannelLogReader(InputFile file);
 
-  /// Reads the next record. Returns false at the end of the log or at damage.
+  /// Reads the next record. Returns false at the end of the log.
   bool next(ChannelRecord& record);
 
-  /// Set once next() has met damage: everything before it has been delivered.
-  const std::optional<LogDamage>& damage() const { return damage_; }
+  /// What next() has left out.
+  const std::vector<LogDamage>& damages() const { return damages_; }
+
+  /// Whether there is nothing in the file; for use after next() has come to its end.
+  bool empty() const { return file_.offset() == 0; }
 
  private:
-  /// Appends up to `count` bytes to `bytes`; false if there are fewer.
-  template <class Bytes>
-  bool read(Bytes& bytes, std::size_t count);
-  bool stop(std::string what);
+  struct Head;
 
-  std::ifstream stream_;
-  std::uint64_t offset_ = 0;
-  std::vector<std::uint8_t> head_;
-  std::optional<LogDamage> damage_;
+  std::string_view from(std::size_t place, std::size_t count);
+  std::string examine(std::size_t place, Head& head);
+  bool is_followed(std::size_t place);
+  bool leads_on(const Head& head);
+  bool is_record(std::size_t place);
+  std::size_t find_record(std::size_t size);
+  void pass_over(std::string what);
+
+  InputFile file_;
+  std::vector<LogDamage> damages_;
 };
 
 /// Writes a log that liblcm (lcm-logplayer) and ChannelLogReader read. Never throws while it

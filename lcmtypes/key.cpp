@@ -3,11 +3,10 @@
 #include <sodium.h>
 
 #include <cctype>
-#include <fstream>
 #include <stdexcept>
 #include <string>
 
-#include "mechanics/csv.h"
+#include "mechanics/input_file.h"
 
 namespace sprag {
 namespace {
@@ -23,9 +22,7 @@ void prepare() {
 
 Key::Key(const std::filesystem::path& file) {
   prepare();
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw InputError(file.string() + ": cannot be opened");
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  const std::string text = read_whole(file);
   std::size_t length = 0;
   const char* end = nullptr;
   const auto is_space = [](char c) { return std::isspace(static_cast<unsigned char>(c)) != 0; };

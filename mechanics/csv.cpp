@@ -1,10 +1,10 @@
 #include "mechanics/csv.h"
 
+#include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <system_error>
+#include <utility>
 
 namespace sprag {
 
@@ -63,22 +63,24 @@ void split_fields(std::string_view line, std::vector<std::string_view>& fields) 
   fields.push_back(line);
 }
 
-LineReader::LineReader(const std::filesystem::path& file)
-    : stream_(file, std::ios::binary),
-      buffer_(std::make_unique_for_overwrite<char[]>(longest_line)) {
-  if (!stream_) throw InputError(file.string() + ": " + std::generic_category().message(errno));
-  if (std::filesystem::is_directory(file)) throw InputError(file.string() + ": is a directory");
-}
-
 LineReader::Result LineReader::next(std::string_view& line) {
-  stream_.getline(buffer_.get(), longest_line);
-  const auto count = static_cast<std::size_t>(stream_.gcount());
-  if (stream_.bad()) return Result::unreadable;
-  if (stream_.eof() && count == 0) return Result::end;
+  file_.skip(std::exchange(shown_, 0));
+  std::string_view bytes = file_.ahead(1);
+  std::size_t end = bytes.find('\n');
+  while (end == std::string_view::npos) {
+    const std::size_t seen = bytes.size();
+    if (seen >= longest_line) break;
+    bytes = file_.ahead(seen + 1);
+    if (bytes.size() == seen) break;
+    end = bytes.find('\n', seen);
+  }
+  if (file_.failed() && end == std::string_view::npos) return Result::unreadable;
+  if (bytes.empty()) return Result::end;
   ++number_;
-  if (stream_.eof()) return Result::truncated;
-  if (stream_.fail()) return Result::too_long;
-  line = {buffer_.get(), count - 1};  // gcount counts the newline that getline took off
+  if (std::min(end, bytes.size()) >= longest_line) return Result::too_long;
+  if (end == std::string_view::npos) return Result::truncated;
+  shown_ = end + 1;
+  line = bytes.substr(0, end);
   if (line.ends_with('\r')) line.remove_suffix(1);
   return Result::line;
 }

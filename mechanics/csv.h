@@ -4,20 +4,14 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
-#include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
-namespace sprag {
+#include "mechanics/input_file.h"
 
-/// An input file that cannot be opened or is of another kind. what() reads "FILE: reason".
-struct InputError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
+namespace sprag {
 
 /// A place in a text file where something is wrong.
 struct FileProblem {
@@ -39,7 +33,8 @@ void split_fields(std::string_view line, std::vector<std::string_view>& fields);
 class LineReader {
  public:
   /// Throws InputError if the file cannot be opened.
-  explicit LineReader(const std::filesystem::path& file);
+  explicit LineReader(const std::filesystem::path& file) : LineReader(InputFile(file)) {}
+  explicit LineReader(InputFile file) : file_(std::move(file)) {}
 
   /// truncated: a last line without an end, which may have been cut in the middle of a number.
   enum class Result { line, end, truncated, too_long, unreadable };
@@ -51,8 +46,8 @@ class LineReader {
   std::size_t number() const { return number_; }
 
  private:
-  std::ifstream stream_;
-  std::unique_ptr<char[]> buffer_;
+  InputFile file_;
+  std::size_t shown_ = 0;  // bytes of the line that next() returned last
   std::size_t number_ = 0;
 };
 

@@ -101,7 +101,11 @@ void EventsWriter::write_row(double t, int contact, char closed) noexcept {
 }
 
 EventsFile read_events(const std::filesystem::path& file, int contacts) {
-  LineReader reader(file);
+  return read_events(InputFile(file), contacts);
+}
+
+EventsFile read_events(InputFile file, int contacts) {
+  LineReader reader(std::move(file));
   EventsFile result;
   std::string_view line;
   LineReader::Result got = reader.next(line);

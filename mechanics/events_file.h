@@ -51,5 +51,6 @@ struct EventsFile {
 /// contact that closes while closed or opens while open. Empty lines are passed over. Throws
 /// InputError if the file cannot be opened.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
+EventsFile read_events(InputFile file, int contacts);
 
 }  // namespace sprag

@@ -13,12 +13,13 @@ namespace {
 
 constexpr std::size_t usual_events = 4096;
 
-RecordedEvents read_csv(const std::filesystem::path& file, int contacts) {
+RecordedEvents read_csv(InputFile file, int contacts) {
   RecordedEvents recorded;
-  EventsFile of_file = read_events(file, contacts);
+  const std::string name = file.path().string();
+  EventsFile of_file = read_events(std::move(file), contacts);
   recorded.events = std::move(of_file.events);
   const auto at_line = [&](const FileProblem& problem) {
-    return file.string() + ':' + std::to_string(problem.line) + ": ";
+    return name + ':' + std::to_string(problem.line) + ": ";
   };
   for (const FileProblem& problem : of_file.skipped) {
     recorded.problems.push_back(at_line(problem) + "skipped: " + problem.what);
@@ -31,10 +32,10 @@ RecordedEvents read_csv(const std::filesystem::path& file, int contacts) {
   return recorded;
 }
 
-RecordedEvents read_log(const std::filesystem::path& file, int contacts,
-                        const std::optional<Key>& key) {
+RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& key) {
   RecordedEvents recorded;
-  RecordedReports log(file, contacts, key);
+  const std::string name = file.path().string() + ": ";
+  RecordedReports log(std::move(file), contacts, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
   ContactReport report;
@@ -54,9 +55,8 @@ RecordedEvents read_log(const std::filesystem::path& file, int contacts,
     }
     history.add(report);
   }
-  const std::string name = file.string() + ": ";
   recorded.sessions = sessions.counts().sessions;
-  if (sessions.counts().received == 0) {
+  if (sessions.counts().received == 0 && !log.empty()) {
     recorded.problems.push_back(name + "no message of a machine with " + std::to_string(contacts) +
                                 (contacts == 1 ? " contact" : " contacts"));
   }
@@ -78,11 +78,8 @@ RecordedEvents read_log(const std::filesystem::path& file, int contacts,
     std::erase_if(recorded.events,
                   [&](const ContactEvent& event) { return event.t > history.complete_to(); });
   }
-  if (log.damage()) {
-    recorded.whole = false;
-    recorded.problems.push_back(name + "byte " + std::to_string(log.damage()->offset) + ": " +
-                                log.damage()->what + "; everything before is used");
-  }
+  recorded.whole = log.damages().empty();
+  for (std::string& problem : log.problems()) recorded.problems.push_back(std::move(problem));
   return recorded;
 }
 
@@ -90,8 +87,10 @@ RecordedEvents read_log(const std::filesystem::path& file, int contacts,
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
                                     const std::optional<Key>& key) {
+  InputFile input(file);
+  const bool is_log = is_lcm_log(input);
   RecordedEvents recorded =
-      is_lcm_log(file) ? read_log(file, contacts, key) : read_csv(file, contacts);
+      is_log ? read_log(std::move(input), contacts, key) : read_csv(std::move(input), contacts);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
   return recorded;
 }

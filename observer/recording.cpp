@@ -1,10 +1,10 @@
 #include "observer/recording.h"
 
 #include <algorithm>
-#include <array>
-#include <fstream>
 #include <limits>
 #include <span>
+#include <string_view>
+#include <utility>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
@@ -18,16 +18,33 @@ constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
 
 }  // namespace
 
-bool is_lcm_log(const std::filesystem::path& file) {
-  constexpr std::array<char, 4> sync{'\xED', '\xA1', '\xDA', '\x01'};
-  std::array<char, 4> first{};
-  std::ifstream(file, std::ios::binary).read(first.data(), first.size());
-  return first == sync || file.extension() == ".lcmlog";
+bool is_lcm_log(InputFile& file) {
+  constexpr std::string_view sync = "\xED\xA1\xDA\x01";
+  return file.ahead(sync.size()).starts_with(sync) || file.path().extension() == ".lcmlog";
 }
 
-RecordedReports::RecordedReports(const std::filesystem::path& file, int contacts,
-                                 const std::optional<Key>& key)
-    : log_(file), contacts_(contacts), key_(&key) {}
+RecordedReports::RecordedReports(InputFile file, int contacts, const std::optional<Key>& key)
+    : name_(file.path().string()), log_(std::move(file)), contacts_(contacts), key_(&key) {}
+
+std::vector<std::string> RecordedReports::problems() const {
+  constexpr std::size_t most = 20;
+  std::vector<std::string> lines;
+  const std::vector<LogDamage>& damages = log_.damages();
+  for (const LogDamage& damage : damages) {
+    if (lines.size() == most) {
+      lines.push_back(name_ + ": " + std::to_string(damages.size() - most) + " more damages");
+      break;
+    }
+    const std::string begin = std::to_string(damage.begin);
+    lines.push_back(name_ + ": " +
+                    (damage.to_the_end
+                         ? "from byte " + begin + ": " + damage.what + "; everything before is used"
+                         : "bytes " + begin + " to " + std::to_string(damage.end - 1) + ": " +
+                               damage.what + "; left out, the rest is used"));
+  }
+  if (empty()) lines.push_back(name_ + ": is empty");
+  return lines;
+}
 
 bool RecordedReports::next(ContactReport& report, Arrival& arrival) {
   while (log_.next(record_)) {

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/key.h"
@@ -12,24 +13,30 @@
 
 namespace sprag {
 
-/// By its first bytes, or by its name where it is empty or damaged from the start.
-bool is_lcm_log(const std::filesystem::path& file);
+/// By its first bytes, which stay ahead, or by its name where it is empty or damaged from the
+/// start.
+bool is_lcm_log(InputFile& file);
 
 /// The messages on SPRAG_CONTACTS of a log that an observer would take, with the log's own clock.
 class RecordedReports {
  public:
   /// For a machine with `contacts` contacts; with a key only messages that it has signed count.
-  /// Throws InputError if the file cannot be opened.
-  RecordedReports(const std::filesystem::path& file, int contacts, const std::optional<Key>& key);
+  RecordedReports(InputFile file, int contacts, const std::optional<Key>& key);
 
-  /// The next one and when it arrived; false at the end of the log or where it is damaged.
+  /// The next one and when it arrived; false at the end of the log.
   bool next(ContactReport& report, Arrival& arrival);
 
   std::int64_t refused() const { return refused_; }
   std::int64_t unauthenticated() const { return unauthenticated_; }
-  const auto& damage() const { return log_.damage(); }
+  bool empty() const { return log_.empty(); }
+  const std::vector<LogDamage>& damages() const { return log_.damages(); }
+
+  /// What is wrong with the log, once next() has come to its end: a line for people about each of
+  /// the first 20 damages and one about the others, or that the log is empty.
+  std::vector<std::string> problems() const;
 
  private:
+  std::string name_;
   ChannelLogReader log_;
   int contacts_;
   const std::optional<Key>* key_;

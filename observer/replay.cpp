@@ -49,13 +49,14 @@ class Replay {
     if (events_ && !events_->good()) throw std::runtime_error(events_->error());
   }
 
-  bool events_csv(const std::filesystem::path& file, nlohmann::ordered_json& report) {
-    const EventsFile recorded = read_events(file, contacts_);
+  bool events_csv(InputFile file, nlohmann::ordered_json& report) {
+    const std::string name = file.path().string();
+    const EventsFile recorded = read_events(std::move(file), contacts_);
     for (const FileProblem& problem : recorded.skipped) {
-      std::cerr << file.string() << ':' << problem.line << ": skipped: " << problem.what << '\n';
+      std::cerr << name << ':' << problem.line << ": skipped: " << problem.what << '\n';
     }
     if (recorded.damage) {
-      std::cerr << file.string() << ':' << recorded.damage->line << ": " << recorded.damage->what
+      std::cerr << name << ':' << recorded.damage->line << ": " << recorded.damage->what
                 << "; everything before is used\n";
       report["damage"] = {{"line", recorded.damage->line}, {"what", recorded.damage->what}};
     }
@@ -78,9 +79,9 @@ class Replay {
     return !recorded.damage;
   }
 
-  bool lcm_log(const std::filesystem::path& file, const std::optional<Key>& key,
-               nlohmann::ordered_json& report) {
-    RecordedReports log(file, contacts_, key);
+  bool lcm_log(InputFile file, const std::optional<Key>& key, nlohmann::ordered_json& report) {
+    const std::string name = file.path().string();
+    RecordedReports log(std::move(file), contacts_, key);
     // Recordings are as old as they are.
     SessionTracker sessions(Freshness::any, h_);
     ContactReport contacts;
@@ -105,15 +106,15 @@ class Replay {
                           {"implausible", counts.implausible},
                           {"resumed", counts.resumed},
                           {"sessions", counts.sessions}};
-    if (counts.received == 0) {
-      std::cerr << file.string() << ": no message on " << contacts_channel << '\n';
+    if (counts.received == 0 && !log.empty()) {
+      std::cerr << name << ": no message on " << contacts_channel << '\n';
     }
-    if (log.damage()) {
-      std::cerr << file.string() << ": byte " << log.damage()->offset << ": " << log.damage()->what
-                << "; everything before is used\n";
-      report["damage"] = {{"byte", log.damage()->offset}, {"what", log.damage()->what}};
+    for (const std::string& problem : log.problems()) std::cerr << problem << '\n';
+    for (const LogDamage& damage : log.damages()) {
+      report["damage"].push_back(
+          {{"from", damage.begin}, {"to", damage.end}, {"what", damage.what}});
     }
-    return !log.damage();
+    return log.damages().empty();
   }
 
   void finish(nlohmann::ordered_json& report) {
@@ -208,8 +209,10 @@ int replay_with(const Scene& scene, const ObserverOptions& options, const Replay
   Replay<Stepper> replay(scene, options, options_of);
   bool whole = true;
   try {
-    whole = is_lcm_log(options_of.file) ? replay.lcm_log(options_of.file, key, report)
-                                        : replay.events_csv(options_of.file, report);
+    InputFile file(options_of.file);
+    const bool is_log = is_lcm_log(file);
+    whole = is_log ? replay.lcm_log(std::move(file), key, report)
+                   : replay.events_csv(std::move(file), report);
   } catch (const Interrupted&) {
   }
   replay.finish(report);

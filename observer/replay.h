@@ -14,7 +14,8 @@ struct ReplayOptions {
 };
 
 /// Replays from t = 0 up to `duration`, else up to the recording's last horizon (log) or event
-/// (CSV). Returns 1 if the file is damaged (everything before the damage is used), else 0. Throws
+/// (CSV). Returns 1 if the file is damaged (of a CSV everything before the damage is used, of a
+/// log what is readable), else 0. Throws
 /// InputError, ModelError.
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report);

@@ -1,8 +1,10 @@
-// Damaged and contradictory recordings: everything before the damage counts, and it is said where.
+// Damaged and contradictory recordings: what is readable counts, and it is said what is not.
 #include <algorithm>
 #include <cstring>
 
 #include "lcmtypes/channel_log.h"
+#include "mechanics/csv.h"
+#include "mechanics/events_file.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -45,15 +47,34 @@ class DamagedInputTest : public EndToEnd {
     return offsets;
   }
 
-  /// `damaged` is whole.lcmlog with damage in the record that begins at `offset`.
+  /// `damaged` is whole.lcmlog with damage from `begin` to before `end` that costs few messages.
+  void expect_left_out(std::size_t begin, std::size_t end, const std::string& damaged) {
+    ASSERT_EQ(replay_file(file("whole.lcmlog")).code, 0);
+    const std::string all = text("states.csv");
+    const Ended ended = replay_file(write_text(file("damaged.lcmlog"), damaged));
+    EXPECT_EQ(ended.code, 1);
+    EXPECT_NE(ended.err.find(file("damaged.lcmlog") + ": bytes " + std::to_string(begin) + " to " +
+                             std::to_string(end - 1) + ": "),
+              std::string::npos)
+        << ended.err;
+    const auto damage = json("report.json")["damage"];
+    ASSERT_EQ(damage.size(), 1U);
+    EXPECT_EQ(damage[0].value("from", std::size_t{0}), begin);
+    EXPECT_EQ(damage[0].value("to", std::size_t{0}), end);
+    // Each message repeats what those before it have said.
+    EXPECT_TRUE(text("states.csv") == all);
+  }
+
+  /// `damaged` is whole.lcmlog up to a cut in the record that begins at `offset`.
   void expect_used_up_to(std::size_t offset, const std::string& damaged) {
     const std::string whole = file("whole.lcmlog");
     ASSERT_EQ(replay_file(whole).code, 0);
     const std::string all = text("states.csv");
     const Ended ended = replay_file(write_text(file("damaged.lcmlog"), damaged));
     EXPECT_EQ(ended.code, 1);
-    EXPECT_NE(ended.err.find("byte " + std::to_string(offset)), std::string::npos) << ended.err;
-    EXPECT_EQ(json("report.json")["damage"].value("byte", std::size_t{0}), offset);
+    EXPECT_NE(ended.err.find("from byte " + std::to_string(offset)), std::string::npos)
+        << ended.err;
+    EXPECT_EQ(json("report.json")["damage"][0].value("from", std::size_t{0}), offset);
     const std::string used = text("states.csv");
     EXPECT_GT(used.size(), all.size() / 4);
     EXPECT_LT(used.size(), all.size());
@@ -94,22 +115,67 @@ TEST_F(DamagedInputTest, LogCutWithinARecordsHeadIsUsedUpToTheCut) {
   expect_used_up_to(offset, log.substr(0, offset + 1));
 }
 
-TEST_F(DamagedInputTest, LogWithGarbledSyncWordIsUsedUpToIt) {
+TEST_F(DamagedInputTest, AGarbledSyncWordCostsOneMessage) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
-  const std::size_t offset = offsets[offsets.size() / 2];
-  log.replace(offset, 4, "\x01\x02\x03\x04");
-  expect_used_up_to(offset, log);
+  const std::size_t i = offsets.size() / 2;
+  log.replace(offsets[i], 4, "\x01\x02\x03\x04");
+  expect_left_out(offsets[i], offsets[i + 1], log);
 }
 
-TEST_F(DamagedInputTest, LogWithAnImpossibleLengthIsUsedUpToIt) {
+TEST_F(DamagedInputTest, AnImpossibleLengthCostsOneMessage) {
+  std::string log = record();
+  const std::vector<std::size_t> offsets = record_offsets(log);
+  ASSERT_GT(offsets.size(), 20U);
+  const std::size_t i = offsets.size() / 2;
+  log.replace(offsets[i] + 24, 4, "\x7F\xFF\xFF\xFF");
+  expect_left_out(offsets[i], offsets[i + 1], log);
+}
+
+TEST_F(DamagedInputTest, StrayBytesCostWhatTheyCover) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
   const std::size_t offset = offsets[offsets.size() / 2];
-  log.replace(offset + 24, 4, "\x7F\xFF\xFF\xFF");
-  expect_used_up_to(offset, log);
+  log.insert(offset, std::string(1000, '\xED'));
+  expect_left_out(offset, offset + 1000, log);
+}
+
+TEST_F(DamagedInputTest, DiagnosisUsesWhatIsReadable) {
+  const std::string events = simulate(scene("paper_beam"), "60", "1");
+  std::string impacts = "t\n";
+  for (const ContactEvent& event : read_events(events, 1).events) {
+    append_number(impacts, event.t);
+    impacts += '\n';
+  }
+  ASSERT_EQ(run("import_events", {write_text(file("impacts.csv"), impacts), scene("paper_beam"),
+                                  "--output", file("whole.lcmlog")})
+                .code,
+            0);
+  ASSERT_EQ(run("diagnose", {file("whole.lcmlog"), scene("paper_beam")}).code, 0);
+  std::string log = text("whole.lcmlog");
+  const std::vector<std::size_t> offsets = record_offsets(log);
+  const std::size_t i = offsets.size() / 2;
+  log.replace(offsets[i], 1000, std::string(1000, '\xED'));
+  const Ended ended = run("diagnose", {write_text(file("damaged.lcmlog"), log), scene("paper_beam"),
+                                       "--report", file("report.json")});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find(": bytes " + std::to_string(offsets[i]) + " to " +
+                           std::to_string(offsets[i + 1] - 1) + ": "),
+            std::string::npos)
+      << ended.err;
+  EXPECT_TRUE(json("report.json").value("fits", false));
+  EXPECT_GT(json("report.json").value("to", 0.0), 55.0);
+}
+
+TEST_F(DamagedInputTest, AnEmptyLogIsSaid) {
+  const Ended ended = replay_file(write_text(file("empty.lcmlog"), ""));
+  EXPECT_EQ(ended.code, 0);
+  EXPECT_NE(ended.err.find(file("empty.lcmlog") + ": is empty\n"), std::string::npos) << ended.err;
+  const Ended diagnosis = run("diagnose", {file("empty.lcmlog"), scene("paper_beam")});
+  EXPECT_EQ(diagnosis.code, 1);
+  EXPECT_NE(diagnosis.err.find(": is empty\n"), std::string::npos) << diagnosis.err;
 }
 
 TEST_F(DamagedInputTest, MessageOfAnotherTypeInALogIsCountedAndPassedOver) {

@@ -1,4 +1,6 @@
 // Runs are recorded, replayed and played again, always with the same bits.
+#include <sys/stat.h>
+
 #include <cmath>
 #include <csignal>
 #include <thread>
@@ -87,6 +89,34 @@ TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
       }
     }
   }
+}
+
+TEST_F(RecordingTest, PipesAreReadAsFilesAre) {
+  const std::string events = simulate(beam_, "40", "0.1");
+  const std::string impacts = write_text(file("impacts.csv"), "t\n0.5\n1\n");
+  ASSERT_EQ(run("import_events", {impacts, beam_, "--output", file("impacts.lcmlog")}).code, 0);
+  const auto piped = [&](const char* script, const Arguments& arguments) {
+    const Ended ended = end_of(start_command(Arguments{"sh", "-c", script} + arguments));
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return ended.out;
+  };
+  for (const std::string& recording : {events, file("impacts.lcmlog")}) {
+    const std::string from_file = read_text(replay(beam_, recording, {}));
+    for (const char* script : {R"(cat "$3" | "$0" "$1" --replay /dev/stdin --states "$2")",
+                               R"("$0" "$1" --replay /dev/stdin --states "$2" < "$3")"}) {
+      piped(script, {OBSERVER, beam_, file("piped.csv"), recording});
+      EXPECT_TRUE(text("piped.csv") == from_file) << recording << ' ' << script;
+    }
+    ASSERT_EQ(::mkfifo(file("pipe").c_str(), 0600), 0);
+    piped(R"(cat "$3" > "$4" & "$0" "$1" --replay "$4" --states "$2")",
+          {OBSERVER, beam_, file("piped.csv"), recording, file("pipe")});
+    EXPECT_TRUE(text("piped.csv") == from_file) << recording;
+    std::filesystem::remove(file("pipe"));
+  }
+  EXPECT_EQ(piped(R"(cat "$2" | "$0" /dev/stdin "$1")", {DIAGNOSE, beam_, events}),
+            run("diagnose", {events, beam_}).out);
+  EXPECT_EQ(piped(R"(cat "$2" | "$0" /dev/stdin "$1")", {IMPORT_EVENTS, beam_, impacts}),
+            run("import_events", {impacts, beam_}).out);
 }
 
 }  // namespace

@@ -72,7 +72,7 @@ TEST_P(SignalTest, EndsARunningProgramWithCompleteFiles) {
   ChannelRecord record;
   int records = 0;
   while (log.next(record)) ++records;
-  EXPECT_FALSE(log.damage());
+  EXPECT_TRUE(log.damages().empty());
   EXPECT_GT(records, 100);
   for (const char* report : {"logger.json", "observer.json", "master.json"}) {
     EXPECT_TRUE(text(report).ends_with('\n')) << report;
@@ -186,6 +186,25 @@ TEST_F(HangUpTest, NohupIsObeyed) {
   EXPECT_FALSE(eventually([&] { return !observer.running(); }, 500ms));
   observer.signal(SIGTERM);
   EXPECT_EQ(end_of(observer, at_once).code, 0);
+}
+
+TEST_P(SignalTest, EndsAProgramThatWaitsForItsInput) {
+  const std::string pipe = file("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const int nobody_writes = ::open(pipe.c_str(), O_RDWR | O_CLOEXEC);
+  const std::string beam = scene("paper_beam");
+  Process& observer = start("observer", {beam, "--replay", pipe, "--states", file("states.csv")});
+  Process& logger =
+      start("sync_logger", {beam, "--truth", pipe, "--estimate", pipe, "--csv", file("sync.csv")});
+  Process& diagnose = start("diagnose", {pipe, beam});
+  Process& import = start("import_events", {pipe, beam});
+  expect_still_at_work(observer);
+  expect_clean_end(observer);
+  EXPECT_TRUE(read_states_file(file("states.csv")).empty());
+  expect_clean_end(logger);
+  expect_end(diagnose, 1);
+  expect_end(import, 1);
+  ::close(nobody_writes);
 }
 
 TEST_P(SignalTest, EndsAReplay) {

@@ -108,6 +108,18 @@ TEST_F(UsageTest, AbsentInputFilesAreRefused) {
                  "absent.csv");
 }
 
+TEST_F(UsageTest, AKeyThatIsNoneIsRefused) {
+  const std::string folder = file("");
+  const std::string empty = write_text(file("empty"), "");
+  for (const std::string program : programs_) {
+    expect_refused(program, {beam_, "--duration", "1", "--key", folder},
+                   folder + ": is a directory");
+    expect_refused(program, {beam_, "--duration", "1", "--key", empty}, empty + ": is no key");
+    expect_refused(program, {beam_, "--duration", "1", "--key", file("absent")}, "absent");
+  }
+  expect_refused("observer", {beam_, "--replay", empty, "--key", folder}, folder);
+}
+
 TEST_F(UsageTest, OutputThatCannotBeWrittenIsAFailure) {
   const std::string bad = file("no_such_folder/out");
   simulate(beam_, "1", "0.1");

@@ -200,7 +200,7 @@ void log(Input input) {
   require(writer.close(), "what was read can be written");
   ChannelLogReader again(copy.path());
   while (again.next(record)) --records;
-  require(records == 0 && !again.damage(), "what was written is read again");
+  require(records == 0 && again.damages().empty(), "what was written is read again");
 }
 
 void events(Input input) {

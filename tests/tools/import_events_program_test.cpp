@@ -284,7 +284,7 @@ class ContactLogTest : public ImportEventsTest {
       sent.push_back({record.utime, {}});
       EXPECT_EQ(decode(record.data, sent.back().report), Refusal::none);
     }
-    EXPECT_FALSE(reader.damage());
+    EXPECT_TRUE(reader.damages().empty());
     EXPECT_EQ(std::ssize(sent), count);
     return sent;
   }

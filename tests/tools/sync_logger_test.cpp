@@ -472,7 +472,7 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
     if (record.channel != contacts_channel) continue;
     EXPECT_TRUE(std::equal(message.begin(), message.end(), record.data.begin()));
   }
-  EXPECT_FALSE(reader.damage());
+  EXPECT_TRUE(reader.damages().empty());
   EXPECT_EQ(channels, (std::vector<std::string>{contacts_channel, estimate_channel, "SPRAG_OTHER",
                                                 truth_channel, settled_channel, truth_channel,
                                                 settled_channel}));
