@@ -213,6 +213,25 @@ TEST_F(ImportEventsTest, AClockThatWasNotSetToZeroIsNoticed) {
             std::string::npos);
 }
 
+TEST_F(ImportEventsTest, TheHeaderSaysTheUnit) {
+  write_text(path("rig.csv"), "Impact [ms];other [us]\r500,0;1\r1000;2\r");
+  const std::string expected = "t,contact,closed\n0.5,1,1\n0.5,1,0\n1,1,1\n1,1,0\n";
+  const Arguments arguments{path("rig.csv"), scene("paper_beam"), "--impacts", "Impact [ms]"};
+  const Ended ended = import(arguments);
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(ended.out, expected);
+  Arguments contradicted = arguments;
+  contradicted.insert(contradicted.end(), {"--unit", "s"});
+  const Ended in_seconds = import(contradicted);
+  EXPECT_EQ(in_seconds.out, "t,contact,closed\n500,1,1\n500,1,0\n1000,1,1\n1000,1,0\n");
+  EXPECT_NE(in_seconds.err.find("says ms; --unit says something else"), std::string::npos)
+      << in_seconds.err;
+  const Ended asked =
+      import({path("rig.csv"), scene("paper_beam"), "--on", "Impact [ms]", "--off", "other [us]"});
+  EXPECT_EQ(asked.code, 2);
+  EXPECT_NE(asked.err.find("--unit s, ms, us, ns or a number"), std::string::npos) << asked.err;
+}
+
 TEST_F(ImportEventsTest, BadUsageAndInputExitWithTwo) {
   const std::string rig = write_text(path("rig.csv"), "impact,on,off\n1,2,3\n").string();
   const std::string beam = scene("paper_beam");
@@ -229,7 +248,8 @@ TEST_F(ImportEventsTest, BadUsageAndInputExitWithTwo) {
       {{rig, beam, "--impacts", "impcat"}, "did you mean 'impact'?"},
       {{rig, beam, "--impacts", "2=impact"}, "the scene has 1 contact"},
       {{rig, beam, "--on", "on"}, "--on without --off"},
-      {{rig, beam, "--impacts", "impact", "--unit", "min"}, "s, ms, us, ns or a number > 0"},
+      {{rig, beam, "--impacts", "impact", "--unit", "min"},
+       "--unit: min; choose s, ms, us, ns or a number of seconds > 0\n"},
       {{rig, beam, "--impacts", "impact", "--offset", "nan"}, "a finite number"},
       {{rig, beam, "--impacts", "impact", "--debounce", "0"}, "finite number > 0"},
       {{rig, beam, "--impacts", "impact", "--separator", "x"},
@@ -326,6 +346,27 @@ TEST_F(ContactLogTest, NoneOfManyEventsIsLostEvenWithEveryOtherMessage) {
   }
   EXPECT_EQ(last, 2000);
   EXPECT_EQ(sent.back().report.horizon, events.back().t);
+}
+
+TEST_F(ContactLogTest, CloseEventsShareAMessageThatComesAHeartbeatLateAtMost) {
+  std::vector<ContactEvent> events;
+  for (int i = 0; i < 3000; ++i) events.push_back({1.0 + 3e-3 * i, 0, pulse});
+  const auto sent = write(events, 0.0);
+  EXPECT_LT(sent.size(), 1000U);
+  std::size_t known = 0;
+  for (const Sent& message : sent) {
+    const auto now = static_cast<std::size_t>(message.report.records_total);
+    for (std::size_t i = known; i < now; ++i) {
+      EXPECT_LE(events[i].t, message.report.horizon);
+      EXPECT_LE(message.report.horizon - events[i].t, 0.010000001);
+    }
+    // Not sent before its last event, and nothing that has happened by then is left for later.
+    EXPECT_GE(1e-6 * static_cast<double>(message.utime), message.report.horizon - 1e-9);
+    EXPECT_LE(1e-6 * static_cast<double>(message.utime), message.report.horizon + 1.1e-6);
+    EXPECT_EQ(message.report.horizon, now > 0 ? events[now - 1].t : 0.0);
+    known = now;
+  }
+  EXPECT_EQ(known, events.size());
 }
 
 TEST_F(ContactLogTest, AnInstantIsNeverSplit) {

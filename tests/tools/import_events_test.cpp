@@ -10,6 +10,7 @@
 #include "tools/import_events/column_file.h"
 #include "tools/import_events/decimal.h"
 #include "tools/import_events/import.h"
+#include "tools/import_events/unit.h"
 
 namespace sprag {
 namespace {
@@ -93,6 +94,59 @@ TEST(DecimalTest, TermsThatDifferTooMuchForExactDigitsAreNearlyRight) {
       12345678901234567890.1234567890123456 * 1.2345678901234567890123);
   EXPECT_TRUE(std::isinf(in_unit("1e300", "0", "1e300")));
   EXPECT_EQ(in_unit("1e-300", "0", "1e-300"), 0.0);
+}
+
+TEST(UnitTest, AColumnsNameMaySayIt) {
+  const struct {
+    const char* name;
+    const char* unit;
+  } cases[] = {{"Impact [ms]", "ms"},   {"Impact (ms)", "ms"},    {"impact [ s ]", "s"},
+               {"[us] off", "us"},      {"t in ms", "ms"},        {"t / ns", "ns"},
+               {"Zeit/ms", "ms"},       {"on_ms", "ms"},          {"t [\xC2\xB5s]", "us"},
+               {"t (\xCE\xBCs)", "us"}, {"t [rig 2] [ms]", "ms"}, {"t (seconds)", "s"}};
+  for (const auto& [name, unit] : cases) {
+    const auto found = unit_in(name);
+    ASSERT_TRUE(found && found->seconds) << name;
+    EXPECT_EQ(found->seconds->exponent, parse_unit(unit)->exponent) << name;
+  }
+  for (const char* name : {"t", "ms", "impacts", "hits", "t [rig A]", "t [m]", "off (2)", "in",
+                           "a_b", "[", "(]", ""}) {
+    EXPECT_FALSE(unit_in(name)) << name;
+  }
+  for (const char* name : {"t [min]", "t (h)", "t in ticks"}) {
+    ASSERT_TRUE(unit_in(name)) << name;
+    EXPECT_FALSE(unit_in(name)->seconds) << name;
+  }
+}
+
+TEST(UnitTest, IsTakenFromTheHeaderOrAskedFor) {
+  const ColumnFile file = parse_columns("a [ms],b [ms],c [us],d,e [min]\n", "f");
+  const auto pair = [](std::size_t on, std::size_t off) {
+    return std::vector<ContactColumns>{{.contact = 0, .impacts = {}, .on = on, .off = off}};
+  };
+  const auto exponent = [&](std::optional<Decimal> given, std::size_t on, std::size_t off) {
+    return choose_unit(given, file, pair(on, off), "f").seconds.exponent;
+  };
+  EXPECT_EQ(exponent({}, 0, 1), -3);
+  EXPECT_EQ(exponent({}, 2, 2), -6);
+  EXPECT_EQ(exponent({}, 3, 3), 0);
+  EXPECT_EQ(exponent(Decimal{1, -9}, 0, 2), -9);
+  EXPECT_EQ(choose_unit({}, file, pair(0, 1), "f").remark,
+            "f: times in ms, as column 'a [ms]' says");
+  EXPECT_EQ(choose_unit(parse_unit("0.001"), file, pair(0, 3), "f").remark, "");
+  EXPECT_EQ(choose_unit(parse_unit("s"), file, pair(0, 3), "f").remark,
+            "f: column 'a [ms]' says ms; --unit says something else, and counts");
+  const std::string asked = "--unit s, ms, us, ns or a number of seconds";
+  for (const auto& [on, off] : {std::pair(0, 2), std::pair(0, 3), std::pair(3, 0), std::pair(0, 4)})
+    EXPECT_TRUE(what_of([&] { exponent({}, std::size_t(on), std::size_t(off)); }).ends_with(asked));
+}
+
+TEST(ColumnFileTest, LinesMayEndWithCarriageReturnsAlone) {
+  const ColumnFile file = parse_columns("# a Mac\rt,u\r1,2\r\r3\r5,6\r", "f");
+  ASSERT_EQ(file.columns.size(), 2U);
+  EXPECT_EQ(texts(file.columns[0]), (Texts{"1", "5"}));
+  EXPECT_EQ(texts(file.columns[1]), (Texts{"2", "6"}));
+  EXPECT_EQ(lines(file.problems), Texts{"5: has 1 field; the header has 2"});
 }
 
 TEST(ColumnFileTest, SeparatorIsRecognizedFromTheHeader) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mechanics/csv.h"
+#include "mechanics/interrupt.h"
 #include "mechanics/nearest_word.h"
 #include "tools/import_events/decimal.h"
 
@@ -26,13 +27,14 @@ std::string located(const std::string& file, std::size_t line, const std::string
 /// The lines that say something, one by one.
 class Lines {
  public:
-  explicit Lines(std::string_view text) : rest_(text) {
+  explicit Lines(std::string_view text)
+      : rest_(text), end_(text.find('\n') == std::string_view::npos ? '\r' : '\n') {
     if (rest_.starts_with(byte_order_mark)) rest_.remove_prefix(byte_order_mark.size());
   }
 
   std::optional<std::string_view> next() {
     while (!rest_.empty()) {
-      const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+      const std::size_t end = std::min(rest_.find(end_), rest_.size());
       const std::string_view line = rest_.substr(0, end);
       rest_.remove_prefix(std::min(end + 1, rest_.size()));
       ++number_;
@@ -47,6 +49,7 @@ class Lines {
 
  private:
   std::string_view rest_;
+  char end_;  // of a line: CR in a file without any LF
   std::size_t number_ = 0;
 };
 
@@ -160,6 +163,7 @@ ColumnFile parse_columns(std::string_view text, const std::string& file,
   for (const std::string_view name : fields) result.columns.push_back({unquoted(name), {}});
 
   while (const auto line = lines.next()) {
+    check_interrupt();
     if (!split(*line, result.separator, fields)) {
       result.problems.push_back({lines.number(), "", "a quote is not closed"});
       continue;

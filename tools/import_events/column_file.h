@@ -1,6 +1,6 @@
 // Text files with columns, as spreadsheets, loggers and scripts export them: CSV or TSV with a
-// header line of names. Quoted fields, CRLF, a UTF-8 byte order mark, blanks around fields, empty
-// cells, empty lines and lines that start with # are ordinary.
+// header line of names. Quoted fields, CRLF or CR, a UTF-8 byte order mark, blanks around fields,
+// empty cells, empty lines and lines that start with # are ordinary.
 #pragma once
 
 #include <cstddef>

@@ -17,7 +17,7 @@ namespace {
 
 // Half of what a message holds: each record is in two messages or more.
 constexpr std::size_t most_events = max_records / 2;
-constexpr double longest_wait = 1e-3;  // s, of an event that is sent with later ones
+constexpr double longest_wait = 1e-2;  // s, a heartbeat: of an event that is sent with later ones
 
 std::int64_t session_of(std::span<const ContactEvent> events) {
   std::uint64_t hash = 0xcbf29ce484222325;  // FNV-1a

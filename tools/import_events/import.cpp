@@ -191,16 +191,6 @@ class Importer {
 
 }  // namespace
 
-std::optional<Decimal> parse_unit(std::string_view text) {
-  constexpr std::array<std::pair<std::string_view, int>, 4> names{
-      {{"s", 0}, {"ms", -3}, {"us", -6}, {"ns", -9}}};
-  for (const auto& [name, exponent] : names) {
-    if (text == name) return Decimal{1, exponent};
-  }
-  const auto number = parse_decimal(text);
-  return number && number->mantissa > 0 ? number : std::nullopt;
-}
-
 Import import_events(const ColumnFile& columns, const std::vector<ContactColumns>& chosen,
                      const ImportOptions& options) {
   Importer importer(columns, options);

@@ -31,9 +31,6 @@ struct ImportOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
 };
 
-/// "s", "ms", "us", "ns" or a finite number > 0, in seconds; nothing for anything else.
-std::optional<Decimal> parse_unit(std::string_view text);
-
 struct ContactFigures {
   int contact = 0;             ///< from 0
   std::int64_t pulses = 0;     ///< that are imported

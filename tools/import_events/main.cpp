@@ -6,6 +6,7 @@
 #include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 #include "tools/import_events/run.h"
+#include "tools/import_events/unit.h"
 
 namespace {
 
@@ -30,17 +31,6 @@ void add_columns(CLI::App& app, const std::string& name, sprag::ColumnRole role,
       ->type_name("[CONTACT=]NAME");
 }
 
-void add_decimal(CLI::App& app, const std::string& name, sprag::Decimal& value,
-                 std::optional<sprag::Decimal> (*parse)(std::string_view),
-                 const std::string& allowed, const std::string& type, const std::string& help) {
-  const auto store = [&value, name, parse, allowed](const std::string& text) {
-    const auto number = parse(text);
-    if (!number) throw CLI::ValidationError(name, text + " is not allowed; must be " + allowed);
-    value = *number;
-  };
-  app.add_option_function<std::string>(name, store, help)->type_name(type);
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -59,13 +49,25 @@ int main(int argc, char** argv) {
               "Column of times at which a contact closes; repeatable, each with an --off");
   add_columns(app, "--off", sprag::ColumnRole::off, run.columns,
               "Column of times at which it opens");
-  add_decimal(app, "--unit", run.import.unit, sprag::parse_unit,
-              "s, ms, us, ns or a number > 0, in seconds", "U",
-              "Unit of the file's times: s, ms, us, ns or its length in seconds [s]");
-  add_decimal(
-      app, "--offset", run.import.offset,
-      [](std::string_view text) { return sprag::parse_decimal(text); }, "a finite number", "T",
-      "Time that is the machine's t = 0, in the file's unit and on its clock [0]");
+  const auto set_unit = [&run](const std::string& text) {
+    const std::vector<std::string> choices{"s", "ms", "us", "ns", "a number of seconds > 0"};
+    run.unit = sprag::parse_unit(text);
+    if (!run.unit) throw CLI::ValidationError("--unit", sprag::choose(text, choices));
+  };
+  app.add_option_function<std::string>("--unit", set_unit,
+                                       "Unit of the file's times: s, ms, us, ns or its length in "
+                                       "seconds [as the columns' names say, else s]")
+      ->type_name("U");
+  const auto set_offset = [&run](const std::string& text) {
+    const auto number = sprag::parse_decimal(text);
+    if (!number)
+      throw CLI::ValidationError("--offset", text + " is not allowed; must be a finite number");
+    run.import.offset = *number;
+  };
+  app.add_option_function<std::string>(
+         "--offset", set_offset,
+         "Time that is the machine's t = 0, in the file's unit and on its clock [0]")
+      ->type_name("T");
   sprag::add_positive(app, "--debounce", run.import.debounce, "T",
                       "Merge closings of a contact that follow within T [s]");
   sprag::add_positive(app, "--pulse-shorter-than", run.import.pulse_shorter_than, "T",

@@ -1,18 +1,15 @@
 #include "tools/import_events/run.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <system_error>
 
-#include "mechanics/csv.h"
 #include "mechanics/events_file.h"
+#include "mechanics/input_file.h"
 #include "tools/import_events/contact_log.h"
+#include "tools/import_events/unit.h"
 
 namespace sprag {
 
@@ -20,15 +17,6 @@ namespace {
 
 constexpr std::size_t most_problems_shown = 20;
 constexpr double hardly_a_run = 1e7;  // s; clocks that count from 1970 are far beyond it
-
-std::string read_text(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw InputError(file.string() + ": " + std::generic_category().message(errno));
-  if (std::filesystem::is_directory(file)) throw InputError(file.string() + ": is a directory");
-  std::string text(std::istreambuf_iterator<char>(stream), {});
-  if (stream.bad()) throw InputError(file.string() + ": cannot be read");
-  return text;
-}
 
 void check_output(const ImportRun& run) {
   const auto extension = run.output.extension();
@@ -88,10 +76,14 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   check_output(run);
   const std::optional<Key> key = key_of(common);
   const std::string file = run.file.string();
-  const std::string text = read_text(run.file);
+  const std::string text = read_whole(run.file);
   const ColumnFile columns = parse_columns(text, file, run.separator);
-  const Import import =
-      import_events(columns, choose_columns(run.columns, columns, contacts, file), run.import);
+  const auto chosen = choose_columns(run.columns, columns, contacts, file);
+  const ChosenUnit unit = choose_unit(run.unit, columns, chosen, file);
+  if (!unit.remark.empty()) std::cerr << unit.remark << '\n';
+  ImportOptions options = run.import;
+  options.unit = unit.seconds;
+  const Import import = import_events(columns, chosen, options);
   print_problems(file, import.problems);
   print_summary(import);
   fill(import, report);

@@ -17,7 +17,8 @@ struct ImportRun {
   std::filesystem::path file;
   std::optional<char> separator;  ///< none: recognized
   std::vector<ColumnOption> columns;
-  ImportOptions import;
+  std::optional<Decimal> unit;   ///< seconds; none: as the columns' names say, else 1
+  ImportOptions import;          ///< its unit is found in the file
   std::filesystem::path output;  ///< .csv or .lcmlog; empty: CSV to standard output
 };
 

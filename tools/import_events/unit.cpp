@@ -1,0 +1,129 @@
+#include "tools/import_events/unit.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "lcmtypes/program.h"
+
+namespace sprag {
+
+namespace {
+
+struct Word {
+  std::string_view text;
+  int exponent;
+};
+
+constexpr Word words[] = {{"s", 0},
+                          {"sec", 0},
+                          {"second", 0},
+                          {"seconds", 0},
+                          {"ms", -3},
+                          {"msec", -3},
+                          {"millisecond", -3},
+                          {"milliseconds", -3},
+                          {"us", -6},
+                          {"usec", -6},
+                          {"\xC2\xB5s", -6},  // micro sign
+                          {"\xCE\xBCs", -6},  // mu
+                          {"microsecond", -6},
+                          {"microseconds", -6},
+                          {"ns", -9},
+                          {"nsec", -9},
+                          {"nanosecond", -9},
+                          {"nanoseconds", -9}};
+
+constexpr std::string_view without_a_name[] = {"min",  "minutes", "h",      "hours",   "d",
+                                               "days", "ticks",   "counts", "samples", "cycles"};
+
+constexpr std::string_view blanks = " \t";
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(blanks);
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
+}
+
+bool same(const Decimal& a, const Decimal& b) {
+  return a.mantissa == b.mantissa && a.exponent == b.exponent;
+}
+
+std::optional<NamedUnit> as_unit(std::string_view text) {
+  text = trimmed(text);
+  for (const Word& word : words) {
+    if (text == word.text) return NamedUnit{std::string(text), Decimal{1, word.exponent}};
+  }
+  if (std::ranges::find(without_a_name, text) != std::ranges::end(without_a_name))
+    return NamedUnit{std::string(text), std::nullopt};
+  return std::nullopt;
+}
+
+std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
+
+}  // namespace
+
+std::optional<Decimal> parse_unit(std::string_view text) {
+  constexpr std::array<std::pair<std::string_view, int>, 4> names{
+      {{"s", 0}, {"ms", -3}, {"us", -6}, {"ns", -9}}};
+  for (const auto& [name, exponent] : names) {
+    if (text == name) return Decimal{1, exponent};
+  }
+  const auto number = parse_decimal(text);
+  return number && number->mantissa > 0 ? number : std::nullopt;
+}
+
+std::optional<NamedUnit> unit_in(std::string_view column) {
+  for (const auto& [open, close] : {std::pair('[', ']'), std::pair('(', ')')}) {
+    for (std::size_t begin = column.find(open); begin != std::string_view::npos;
+         begin = column.find(open, begin + 1)) {
+      const std::size_t end = column.find(close, begin);
+      if (end == std::string_view::npos) break;
+      if (auto unit = as_unit(column.substr(begin + 1, end - begin - 1))) return unit;
+    }
+  }
+  for (const std::string_view before : {" in ", "/", "_"}) {
+    const std::size_t place = column.rfind(before);
+    if (place == std::string_view::npos) continue;
+    if (auto unit = as_unit(column.substr(place + before.size()))) return unit;
+  }
+  return std::nullopt;
+}
+
+ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
+                       const std::vector<ContactColumns>& chosen, const std::string& file) {
+  const std::string allowed = "--unit s, ms, us, ns or a number of seconds";
+  std::string first;  // column
+  std::optional<NamedUnit> unit;
+  for (const ContactColumns& contact : chosen) {
+    for (const auto& index : {contact.impacts, contact.on, contact.off}) {
+      if (!index) continue;
+      const std::string& name = columns.columns[*index].name;
+      const auto of_column = unit_in(name);
+      if (given) {
+        if (!of_column || (of_column->seconds && same(*of_column->seconds, *given))) continue;
+        return {*given, file + ": column " + in_quotes(name) + " says " + of_column->text +
+                            "; --unit says something else, and counts"};
+      }
+      if (of_column && !of_column->seconds)
+        throw UsageError(file + ": column " + in_quotes(name) + " is in " + of_column->text +
+                         "; say what that is: " + allowed);
+      const bool is_first = first.empty();
+      const bool agrees = is_first || (of_column.has_value() == unit.has_value() &&
+                                       (!unit || same(*unit->seconds, *of_column->seconds)));
+      if (!agrees)
+        throw UsageError(file + ": columns " + in_quotes(first) + " and " + in_quotes(name) +
+                         " do not say the same unit; say which one it is: " + allowed);
+      if (is_first) {
+        first = name;
+        unit = of_column;
+      }
+    }
+  }
+  if (given) return {*given, ""};
+  if (!unit) return {};
+  return {*unit->seconds,
+          file + ": times in " + unit->text + ", as column " + in_quotes(first) + " says"};
+}
+
+}  // namespace sprag
