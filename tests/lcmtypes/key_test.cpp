@@ -51,6 +51,26 @@ TEST(KeyTest, TheNameIsKeptApartFromTheMessage) {
   EXPECT_NE(key.tag("AB", Bytes{'C'}), key.tag("A", Bytes{'B', 'C'}));
 }
 
+std::string hexadecimal(std::span<const std::uint8_t> bytes) {
+  std::string text;
+  for (const std::uint8_t byte : bytes) {
+    text += "0123456789abcdef"[byte >> 4U];
+    text += "0123456789abcdef"[byte & 15U];
+  }
+  return text;
+}
+
+// What a program of somebody else's is written by.
+TEST(KeyTest, TheTestVectorOfTheDocumentationIsRight) {
+  const std::string page = test::read_text(SPRAG_SOURCE_DIR "/docs/real_time.md");
+  std::array<std::uint8_t, Key::size> bytes{};
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i);
+  const Bytes message{1, 2, 3, 4};
+  const Bytes sent = tagged(Key(bytes), "SPRAG_CONTACTS", message);
+  for (const std::string& text : {hexadecimal(bytes), hexadecimal(message), hexadecimal(sent)})
+    EXPECT_NE(page.find("`" + text + "`"), std::string::npos) << text;
+}
+
 class KeyFile : public testing::Test {
  protected:
   std::string write(const std::string& text) {
@@ -80,6 +100,7 @@ TEST_F(KeyFile, AnythingElseIsRefused) {
     EXPECT_THROW(Key{write(text)}, InputError) << text;
   }
   EXPECT_THROW(Key{std::filesystem::path("/nowhere/key")}, InputError);
+  EXPECT_THROW(Key{std::filesystem::path("/tmp")}, InputError);
 }
 
 TEST(KeyTest, ABusWithAKeyHearsOnlyItsOwn) {
