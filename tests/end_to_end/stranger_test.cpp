@@ -2,6 +2,7 @@
 // was recorded before. Nobody dies, every refusal is counted by its cause, the estimates are
 // unharmed.
 #include <atomic>
+#include <csignal>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -10,7 +11,10 @@
 #include <thread>
 
 #include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/key.h"
+#include "lcmtypes/state_codec.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/support/random.h"
 
@@ -246,6 +250,53 @@ TEST_F(KeyTest, WithAKeyOnlyItsOwnersAreHeardAndNoRecordingOfThem) {
   EXPECT_GT(messages["refused"]["unauthenticated"], 50);
   EXPECT_GT(messages["stale"], 20);
   EXPECT_GT(json("sync.json")["refused"]["unauthenticated"], 50);
+}
+
+TEST_F(KeyTest, TheLoggerRefusesARecordingOfItsOwnMaster) {
+  const Arguments key{"--key", key_file("key", 'a')};
+  const Arguments common = Arguments{scene("paper_beam"), "--tick", "0.015625"} + key;
+  Process& recorder =
+      start_listening("sync_logger", Arguments{scene("paper_beam"), "--csv", file("first.csv"),
+                                               "--record", file("run.lcmlog"), "--duration", "20"} +
+                                         key);
+  Process& observer = start_listening("observer", common + Arguments{"--duration", "20"});
+  Process& master = start_master(common + Arguments{"--duration", "20", "--speed", "20"});
+  EXPECT_EQ(end_of(master).code, 0);
+  EXPECT_EQ(end_of(observer).code, 0);
+  EXPECT_EQ(end_of(recorder).code, 0);
+  EXPECT_GT(read_sync(file("first.csv")).size(), 1000U);
+
+  // As it would be if it had been made a minute ago.
+  const Key secret{std::filesystem::path(file("key"))};
+  ChannelLogReader reader(file("run.lcmlog"));
+  ChannelLogWriter writer(file("old.lcmlog"));
+  ChannelRecord record;
+  StateSample state;
+  std::vector<std::uint8_t> message;
+  while (reader.next(record)) {
+    if (record.channel == truth_channel) {
+      const auto without_tag = std::span(record.data).first(record.data.size() - Key::tag_size);
+      ASSERT_EQ(decode(without_tag, state), Refusal::none);
+      state.utime -= 60'000'000;
+      const auto encoded = encode(state, message);
+      const Key::Tag tag = secret.tag(record.channel, encoded);
+      record.data.assign(encoded.begin(), encoded.end());
+      record.data.insert(record.data.end(), tag.begin(), tag.end());
+    }
+    writer.write(record.utime, record.channel, record.data);
+  }
+  ASSERT_TRUE(writer.close());
+  Process& logger = start_listening(
+      "sync_logger",
+      Arguments{scene("paper_beam"), "--csv", file("again.csv"), "--report", file("again.json")} +
+          key);
+  end_of(start_command({LCM_LOGPLAYER, "--lcm-url=" + url(), file("old.lcmlog")}));
+  logger.signal(SIGTERM);
+  const Ended ended = end_of(logger);
+  EXPECT_EQ(ended.code, 0);
+  EXPECT_TRUE(read_sync(file("again.csv")).empty());
+  EXPECT_GT(json("again.json").value("stale", 0), 1000);
+  EXPECT_NE(ended.err.find("recordings"), std::string::npos) << ended.err;
 }
 
 TEST_F(KeyTest, ARecordingIsReplayedWithItsKeyAlone) {

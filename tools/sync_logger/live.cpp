@@ -13,6 +13,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/freshness.h"
 #include "lcmtypes/program.h"
 #include "lcmtypes/state_codec.h"
 #include "tools/sync_logger/logger.h"
@@ -80,6 +81,7 @@ class Live {
         csv_(options.csv, model.coordinates()),
         coordinates_(model.coordinates()),
         to_stdout_(options.csv.empty()),
+        only_fresh_(!common.key.empty()),
         finish_(options.duration) {
     if (options.now) {
       now_pairing_.emplace(model, window_for(model.coordinates()));
@@ -128,6 +130,7 @@ class Live {
     report["refused"] = refusals(refused_, bus_.counts());
     report["overflowed"] = bus_.counts().overflowed;
     report["of_other_masters"] = of_other_masters_;
+    report["stale"] = stale_;
     check_files();
   }
 
@@ -136,7 +139,7 @@ class Live {
     if (record_) record_->write(utime, channel, bus_.as_sent(data));
     if (finish_.paired()) return;
     if (channel == truth_channel) {
-      if (accepted(decode(data, state_))) truth();
+      if (accepted(decode(data, state_))) truth(utime);
     } else if (channel == settled_channel) {
       if (accepted(decode(data, estimate_))) settled();
     } else if (channel == estimate_channel && now_pairing_) {
@@ -149,18 +152,28 @@ class Live {
     return refusal == Refusal::none;
   }
 
-  void truth() {
+  void truth(std::int64_t arrival) {
     if (state_.q.size() != coordinates_ && !warned_) {
       std::cerr << "the master has " << state_.q.size() << " coordinates, the scene has "
                 << coordinates_ << ": its states are refused\n";
       warned_ = true;
     }
+    const bool is_another = pairing_.session() != state_.session;
+    if (only_fresh_ && is_another && !freshness_.fresh(state_.utime, arrival)) {
+      if (stale_++ == 0) {
+        std::cerr
+            << "a master is not heard: its messages are recordings, or its clock is more than "
+               "10 s off\n";
+      }
+      return;
+    }
     const auto now = Clock::now();
-    if (pairing_.session() && *pairing_.session() != state_.session) {
+    if (pairing_.session() && is_another) {
       another_master(now);
     } else {
       drop_held();
       truth_heard_ = now;
+      freshness_.note(state_.utime);
       pair(state_);
     }
   }
@@ -183,7 +196,10 @@ class Live {
     // A single state may come from anybody; one that is alone after a second is all there is.
     if (held_.size() < enough_states && silent < 10 * silence) return;
     truth_heard_ = now;
-    for (const StateSample& state : std::exchange(held_, {})) pair(state);
+    for (const StateSample& state : std::exchange(held_, {})) {
+      freshness_.note(state.utime);
+      pair(state);
+    }
   }
 
   void pair(const StateSample& state) {
@@ -262,11 +278,14 @@ class Live {
   std::optional<ChannelLogWriter> record_;
   Eigen::Index coordinates_;
   bool to_stdout_;
+  bool only_fresh_;
   bool warned_ = false;
   bool told_csv_ = false, told_now_ = false, told_record_ = false;
   Clock::time_point truth_heard_;
   std::vector<StateSample> held_;  // of another session than the one that is paired
   std::int64_t of_other_masters_ = 0;
+  Freshness freshness_;
+  std::int64_t stale_ = 0;  // began a session, but were not sent just then
   Finish finish_;
   StateSample state_;
   EstimateSample estimate_;
