@@ -10,6 +10,7 @@
 #include <limits>
 #include <vector>
 
+#include "lcmtypes/freshness.h"
 #include "mechanics/contact_report.h"
 #include "observer/arrival.h"
 #include "observer/continuity.h"
@@ -29,10 +30,6 @@ struct MessageCounts {
   std::int64_t sessions = 0;
 };
 
-/// Whether a message that begins a session must have been sent just now, by the wall clocks of both
-/// hosts, and after all that was heard before. With a key this keeps out what somebody recorded.
-enum class Freshness { any, required };
-
 class SessionTracker {
  public:
   /// `h`: the observer's tick [s].
@@ -50,7 +47,7 @@ class SessionTracker {
     oddity_ = continuity_.impossible(report);
     if (oddity_ != Oddity::none) return refuse();
     if (counts_.sessions > 0 && report.session == session_) return hear_followed(report, arrival);
-    if (freshness_ == Freshness::required && !fresh(report, arrival)) {
+    if (!freshness_.allows(report.utime, arrival.wall)) {
       ++counts_.stale;
       return Verdict::ignored;
     }
@@ -83,9 +80,8 @@ class SessionTracker {
   static constexpr std::size_t max_past = 64;
   // More than anybody sends between two heartbeats of a master, short of a flood.
   static constexpr std::size_t max_candidates = 1024;
-  static constexpr std::int64_t silence = 100'000'000;     // ns, ten heartbeats: the master is gone
-  static constexpr int enough_messages = 3;                // of a new one
-  static constexpr std::int64_t largest_age = 10'000'000;  // us
+  static constexpr std::int64_t silence = 100'000'000;  // ns, ten heartbeats: the master is gone
+  static constexpr int enough_messages = 3;             // of a new one
 
   struct Past {
     std::int64_t session, last;
@@ -121,16 +117,10 @@ class SessionTracker {
     return verdict;
   }
 
-  // A master's clock that is ahead must not make all later sessions stale.
   void note(const ContactReport& report, const Arrival& arrival) {
     paced_ = report.speed < std::numeric_limits<double>::infinity();
     heard_ = arrival.monotonic;
-    last_utime_ = std::max(last_utime_, std::min(report.utime, arrival.wall + largest_age));
-  }
-
-  bool fresh(const ContactReport& report, const Arrival& arrival) const {
-    const std::int64_t age = delay(report.utime, arrival);
-    return age >= -largest_age && age <= largest_age && report.utime >= last_utime_;
+    freshness_.note(report.utime);
   }
 
   // Whether the report's master takes the place of the one that was heard.
@@ -189,7 +179,7 @@ class SessionTracker {
     return Verdict::continues;
   }
 
-  Freshness freshness_;
+  FreshnessRule freshness_;
   Continuity continuity_;
   Oddity oddity_ = Oddity::none;
   std::int64_t session_ = 0;
@@ -202,7 +192,6 @@ class SessionTracker {
   bool paced_ = false;
   std::int64_t heard_ = 0;  // monotonic [ns]
   std::int64_t dropped_ = std::numeric_limits<std::int64_t>::min() / 2;
-  std::int64_t last_utime_ = 0;
   std::int64_t other_ = 0;
   MessageCounts counts_;
 };

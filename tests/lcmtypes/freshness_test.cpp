@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+
 namespace sprag {
 namespace {
 
@@ -10,30 +12,31 @@ constexpr std::int64_t now = 1'700'000'000 * second;
 constexpr std::int64_t year = 365 * 86400 * second;
 
 TEST(FreshnessTest, AMessageMustHaveBeenSentJustNow) {
-  const Freshness freshness;
-  EXPECT_TRUE(freshness.fresh(now, now));
-  EXPECT_TRUE(freshness.fresh(now - 10 * second, now));
-  EXPECT_TRUE(freshness.fresh(now + 10 * second, now));
-  EXPECT_FALSE(freshness.fresh(now - 11 * second, now));
-  EXPECT_FALSE(freshness.fresh(now + 11 * second, now));
-  EXPECT_FALSE(freshness.fresh(0, now));
-  EXPECT_FALSE(freshness.fresh(INT64_MIN, now));
-  EXPECT_FALSE(freshness.fresh(INT64_MAX, now));
+  const FreshnessRule freshness(Freshness::required);
+  EXPECT_TRUE(freshness.allows(now, now));
+  EXPECT_TRUE(freshness.allows(now - 10 * second, now));
+  EXPECT_TRUE(freshness.allows(now + 10 * second, now));
+  EXPECT_FALSE(freshness.allows(now - 11 * second, now));
+  EXPECT_FALSE(freshness.allows(now + 11 * second, now));
+  EXPECT_FALSE(freshness.allows(0, now));
+  EXPECT_FALSE(freshness.allows(INT64_MIN, now));
+  EXPECT_FALSE(freshness.allows(INT64_MAX, now));
+  EXPECT_TRUE(FreshnessRule(Freshness::any).allows(0, now));
 }
 
 TEST(FreshnessTest, AMessageMustBeLaterThanWhatWasHeard) {
-  Freshness freshness;
+  FreshnessRule freshness(Freshness::required);
   freshness.note(now);
   freshness.note(now - second);
-  EXPECT_FALSE(freshness.fresh(now - 1, now + second));
-  EXPECT_TRUE(freshness.fresh(now + 1, now + second));
+  EXPECT_FALSE(freshness.allows(now - 1, now + second));
+  EXPECT_TRUE(freshness.allows(now + 1, now + second));
 }
 
 TEST(FreshnessTest, AClockThatWasAYearAheadDoesNoHarm) {
-  Freshness freshness;
+  FreshnessRule freshness(Freshness::required);
   freshness.note(now + year);
-  EXPECT_TRUE(freshness.fresh(now, now));
-  EXPECT_FALSE(freshness.fresh(now - 11 * second, now));
+  EXPECT_TRUE(freshness.allows(now, now));
+  EXPECT_FALSE(freshness.allows(now - 11 * second, now));
 }
 
 }  // namespace

@@ -81,7 +81,7 @@ class Live {
         csv_(options.csv, model.coordinates()),
         coordinates_(model.coordinates()),
         to_stdout_(options.csv.empty()),
-        only_fresh_(!common.key.empty()),
+        freshness_(common.key.empty() ? Freshness::any : Freshness::required),
         finish_(options.duration) {
     if (options.now) {
       now_pairing_.emplace(model, window_for(model.coordinates()));
@@ -159,7 +159,7 @@ class Live {
       warned_ = true;
     }
     const bool is_another = pairing_.session() != state_.session;
-    if (only_fresh_ && is_another && !freshness_.fresh(state_.utime, arrival)) {
+    if (is_another && !freshness_.allows(state_.utime, arrival)) {
       if (stale_++ == 0) {
         std::cerr
             << "a master is not heard: its messages are recordings, or its clock is more than "
@@ -278,13 +278,12 @@ class Live {
   std::optional<ChannelLogWriter> record_;
   Eigen::Index coordinates_;
   bool to_stdout_;
-  bool only_fresh_;
+  FreshnessRule freshness_;
   bool warned_ = false;
   bool told_csv_ = false, told_now_ = false, told_record_ = false;
   Clock::time_point truth_heard_;
   std::vector<StateSample> held_;  // of another session than the one that is paired
   std::int64_t of_other_masters_ = 0;
-  Freshness freshness_;
   std::int64_t stale_ = 0;  // began a session, but were not sent just then
   Finish finish_;
   StateSample state_;
