@@ -38,6 +38,12 @@ struct Inconsistency {
   double square = 0.0;  ///< of the innovation, over the variance that it should have
 };
 
+/// Contacts that were reported closed while others already held their directions.
+struct Redundancy {
+  std::int64_t closings = 0;
+  int contact = 0;  ///< the last of them, from 0: it carries no force of its own
+};
+
 struct Confidence {
   bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
   bool has_filter = false;   ///< a timing filter runs: all the rest is its own
@@ -48,6 +54,7 @@ struct Confidence {
   Innovation replica, filter;        ///< of the same closing
   std::int64_t inconsistencies = 0;  ///< how often the filter started again from the replica
   Inconsistency last;
+  Redundancy redundancy;
 };
 
 }  // namespace sprag

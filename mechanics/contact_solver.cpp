@@ -9,12 +9,16 @@ namespace {
 
 // Velocities and accelerations below this share of what they are the difference of are zero.
 constexpr double zero_share = 1e-12;
+// Rounding of gamma, as a share of its terms, and what is clearly more.
+constexpr double rounding = 4.0 * std::numeric_limits<double>::epsilon();
+constexpr double pressed_share = 1e-9;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-ContactSolver::ContactSolver(const Flows& flows) : flows_(&flows) {
+ContactSolver::ContactSolver(const Flows& flows, DependentContacts dependent)
+    : flows_(&flows), dependent_(dependent) {
   const Dynamics& dynamics = flows.dynamics();
   const int m = dynamics.contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics.free_acceleration(i));
@@ -34,6 +38,24 @@ double ContactSolver::gap(int contact, const Motion& motion) const {
 double ContactSolver::gap_velocity(int contact, const Motion& motion) const {
   if (contains(motion.flow->locked(), contact)) return 0.0;
   return value(motion.flow->gap_velocity(contact), motion);
+}
+
+ContactSet ContactSolver::parting(ContactSet contacts, const Motion& motion) const {
+  ContactSet parting = 0;
+  for_each(contacts, [&](int i) {
+    const Signal& gamma = motion.flow->gap_velocity(i);
+    const Oscillators& o = motion.flow->oscillators();
+    const auto& [z, v] = motion.x;
+    const double scale = ((gamma.p * v).abs() + (gamma.r * motion.alpha).abs() +
+                          (gamma.r * o.delta() * v).abs() + (gamma.r * o.kappa() * z).abs())
+                             .sum();
+    if (std::abs(gap_velocity(i, motion)) <= pressed_share * velocity_scale(i, motion) &&
+        std::abs(rate(gamma, motion)) <= pressed_share * scale &&
+        second_rate(gamma, motion) > 0.0) {
+      parting |= bit(i);
+    }
+  });
+  return parting;
 }
 
 double ContactSolver::acceleration(int contact, const Motion& motion, double& magnitude) const {
@@ -66,11 +88,43 @@ double ContactSolver::free_acceleration(int contact, const Motion& motion) {
   return acceleration(contact, motion, magnitude);
 }
 
+// The flow with these contacts locked; where there is none, with fewer of them.
+const Flow& ContactSolver::flow_of(ContactSet locked) {
+  if (dependent_ == DependentContacts::refuse) return (*flows_)[locked];
+  const Flow* flow = flows_->find(locked);
+  while (flow == nullptr) {
+    const ContactSet last = std::bit_floor(locked);
+    unsatisfied_ |= last;
+    locked &= ~last;
+    flow = flows_->find(locked);
+  }
+  return *flow;
+}
+
 void ContactSolver::enter(ContactSet locked, ContactSet geometric, Motion& motion) {
+  const Flow& flow = flow_of(locked);
   Eigen::Index count = 0;
-  for_each(locked,
+  for_each(flow.locked(),
            [&](int i) { held_locked_[count++] = contains(geometric, i) ? 0.0 : gap(i, motion); });
-  (*flows_)[locked].enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
+  flow.enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
+}
+
+// 0 <= x _|_ y = A x + b >= 0, row by row for `contacts`.
+Solved ContactSolver::solve(const ContactMatrix& A, const ContactVector& b,
+                            const ContactVector& noise, ContactVector& x, ContactVector& y,
+                            ContactSet contacts) {
+  if (dependent_ == DependentContacts::refuse) return solve_lcp(A, b, x, y);
+  ContactSet rows = 0;
+  const Solved solved = solve_semidefinite_lcp(A, b, noise, x, y, rows);
+  leave_out(rows, contacts);
+  return solved;
+}
+
+void ContactSolver::leave_out(ContactSet rows, ContactSet contacts) {
+  int row = 0;
+  for_each(contacts, [&](int i) {
+    if (contains(rows, row++)) unsatisfied_ |= bit(i);
+  });
 }
 
 // Uses state_ as q, u at motion.t; motion still carries the phases and the gaps.
@@ -88,30 +142,45 @@ Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, 
     });
     ContactVector lambda;
     ContactVector rate;
-    if (solve_lcp(of_contacts(flows_->dynamics().G(), candidates), a, lambda, rate) != Solved::yes)
+    if (solve(of_contacts(flows_->dynamics().G(), candidates), a, zero_share * magnitude, lambda,
+              rate, candidates) != Solved::yes) {
       return Solved::dependent;
+    }
     row = 0;
     // Neither pressed nor pulled apart: what touches goes on touching.
     for_each(candidates, [&](int i) {
       const double noise = zero_share * magnitude[row];
-      if (rate[row] <= noise) {
+      if (rate[row] <= noise && !contains(unsatisfied_, i)) {
         locked |= bit(i);
         if (lambda[row] * flows_->dynamics().G()(i, i) <= noise) unloaded_ |= bit(i);
       }
       ++row;
     });
+    if (dependent_ == DependentContacts::share) {
+      const ContactSet pressed = locked & ~unloaded_;
+      locked = pressed | independent_of(flows_->dynamics().G(), pressed, unloaded_);
+      unloaded_ &= locked;
+    }
   }
   enter(locked, geometric, motion);
   return Solved::yes;
 }
 
-// Rounding of gamma_i.
-double ContactSolver::velocity_noise(int contact, const Motion& motion) const {
+// Sum of the terms of gamma_i.
+double ContactSolver::velocity_scale(int contact, const Motion& motion) const {
   const Flow& flow = *motion.flow;
   if (contains(flow.locked(), contact)) return 0.0;
   const Signal& gamma = flow.gap_velocity(contact);
-  return 4.0 * std::numeric_limits<double>::epsilon() *
-         ((gamma.p * motion.x.z).abs().sum() + (gamma.r * motion.x.v).abs().sum());
+  return (gamma.p * motion.x.z).abs().sum() + (gamma.r * motion.x.v).abs().sum();
+}
+
+ContactSet ContactSolver::pressed_in(ContactSet contacts, const Motion& motion) const {
+  ContactSet pressed = 0;
+  for_each(contacts, [&](int i) {
+    const double noise = pressed_share * velocity_scale(i, motion);
+    if (gap_velocity(i, motion) < -noise) pressed |= bit(i);
+  });
+  return pressed;
 }
 
 Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
@@ -119,24 +188,33 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
   const Dynamics& dynamics = flows_->dynamics();
   const auto n = static_cast<Eigen::Index>(std::popcount(closed));
   ContactVector gamma_minus(n);
+  ContactVector noise(n);
   ContactVector epsilon_A(n);
   Eigen::Index row = 0;
   for_each(closed, [&](int i) {
     gamma_minus[row] = gap_velocity(i, motion);
+    noise[row] = rounding * velocity_scale(i, motion);
     epsilon_A[row++] = epsilon[index(i)];
   });
+  unsatisfied_ = unloaded_ = 0;
   ContactVector Lambda;
   ContactVector gamma_plus;
-  if (impact(dynamics.model().law, of_contacts(dynamics.G(), closed), epsilon_A, gamma_minus,
-             Lambda, gamma_plus) != Solved::yes) {
-    return Solved::dependent;
-  }
+  const ContactMatrix G = of_contacts(dynamics.G(), closed);
+  ContactSet rows = 0;
+  const Solved solved =
+      dependent_ == DependentContacts::refuse
+          ? impact(dynamics.model().law, G, epsilon_A, gamma_minus, Lambda, gamma_plus)
+          : semidefinite_impact(dynamics.model().law, G, epsilon_A, gamma_minus, noise, Lambda,
+                                gamma_plus, rows);
+  if (solved != Solved::yes) return solved;
+  leave_out(rows, closed);
   const double scale = gamma_minus.cwiseAbs().maxCoeff();
   resting_ = 0;
   struck_ = 0;
   row = 0;
   for_each(closed, [&](int i) {
-    if (std::abs(gamma_plus[row]) <= std::max(zero_share * scale, velocity_noise(i, motion))) {
+    if (std::abs(gamma_plus[row]) <=
+        std::max(zero_share * scale, rounding * velocity_scale(i, motion))) {
       gamma_plus[row] = 0.0;
       resting_ |= bit(i);
     }
@@ -193,18 +271,17 @@ Solved ContactSolver::hold(ContactSet contacts, ContactSet closed, ContactSet ge
 }
 
 Solved ContactSolver::lock(ContactSet candidates, ContactSet geometric, Motion& motion) {
+  unsatisfied_ = 0;
   read_state(motion);
   return enter_locked(candidates, geometric, motion);
 }
 
 void ContactSolver::release(ContactSet leaving, Motion& motion) {
+  unsatisfied_ = 0;
   const ContactSet locked = motion.flow->locked();
   if ((locked & leaving) == 0) return;
   read_state(motion);
-  ContactSet remaining = locked & ~leaving;
-  Eigen::Index count = 0;
-  for_each(remaining, [&](int i) { held_locked_[count++] = gap(i, motion); });
-  (*flows_)[remaining].enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
+  enter(locked & ~leaving, 0, motion);
 }
 
 void ContactSolver::start(const State& state, Instant t, Motion& motion) {

@@ -4,7 +4,7 @@
 //   0 <= lambda_S  _|_  gamma_S' = a_S + G_SS lambda_S >= 0,   S = closed contacts with gamma = 0,
 //
 // the rate of (4) in Baumann & Leine 2014. Master and replica share all of it; they differ in what
-// closes a contact. Nothing here allocates once every locked set that occurs has been met.
+// closes a contact. Nothing here allocates, but for flows that are built at first use (flow.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -16,13 +16,25 @@
 
 namespace sprag {
 
+/// What to do where the directions of closed contacts depend on each other.
+enum class DependentContacts {
+  refuse,  ///< no motion: which of them carries what is a guess
+  share    ///< independent ones carry it all; what cannot be satisfied beside them is left out
+};
+
 class ContactSolver {
  public:
-  explicit ContactSolver(const Flows& flows);
+  /// `flows` must outlive this.
+  ContactSolver(const Flows& flows, DependentContacts dependent);
 
   /// g_i and gamma_i of a motion.
   double gap(int contact, const Motion& motion) const;
   double gap_velocity(int contact, const Motion& motion) const;
+  /// Those of `contacts` with gamma < 0 beyond all roundings.
+  ContactSet pressed_in(ContactSet contacts, const Motion& motion) const;
+  /// Those of `contacts`, none of them locked, with gamma = gamma' = 0 up to roundings and
+  /// gamma'' > 0.
+  ContactSet parting(ContactSet contacts, const Motion& motion) const;
 
   /// Impact on the contacts `closed` with restitution epsilon (indexed by contact, m entries), then
   /// a new locked set among those of `staying` whose gamma+ is zero. Contacts in `geometric` are
@@ -53,17 +65,26 @@ class ContactSolver {
   ContactSet resting() const { return resting_; }
   /// After any of these: locked contacts whose force starts from zero, within rounding.
   ContactSet unloaded() const { return unloaded_; }
+  /// After any of these: contacts that cannot be satisfied beside the others, or together with
+  /// which the machine has no flow. They have no force. None where dependent directions are
+  /// refused.
+  ContactSet unsatisfied() const { return unsatisfied_; }
   /// gamma_i' without contact forces, at (q, u, t) of a motion.
   double free_acceleration(int contact, const Motion& motion);
 
  private:
   Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
+  Solved solve(const ContactMatrix& A, const ContactVector& b, const ContactVector& noise,
+               ContactVector& x, ContactVector& y, ContactSet contacts);
+  void leave_out(ContactSet rows, ContactSet contacts);
+  const Flow& flow_of(ContactSet locked);
   void enter(ContactSet locked, ContactSet geometric, Motion& motion);
   void read_state(const Motion& motion);
-  double velocity_noise(int contact, const Motion& motion) const;
+  double velocity_scale(int contact, const Motion& motion) const;
   double acceleration(int contact, const Motion& motion, double& magnitude) const;
 
   const Flows* flows_;
+  DependentContacts dependent_;
   std::vector<Functional> acceleration_;
   State state_;  // scratch: q, u at the instant
   std::vector<double> gamma_plus_;
@@ -72,6 +93,7 @@ class ContactSolver {
   ContactSet resting_ = 0;
   ContactSet struck_ = 0;
   ContactSet unloaded_ = 0;
+  ContactSet unsatisfied_ = 0;
 };
 
 }  // namespace sprag

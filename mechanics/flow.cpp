@@ -15,6 +15,11 @@ using namespace modal;
 
 // Beyond this many contacts, locked sets of three and more are built when they first occur.
 constexpr int foreseeable_contacts = 4;
+// A flow takes work in proportion to the cube of the coordinates' number: this much is some 50 ms.
+constexpr double foreseeable_work = 2e6;
+
+constexpr std::size_t flow_slots = 1 << 14;
+constexpr std::size_t most_flows = flow_slots / 4 * 3;
 
 std::vector<int> members(ContactSet set) {
   std::vector<int> list;
@@ -68,6 +73,10 @@ Flow::Flow(const Dynamics& dynamics, ContactSet locked)
   } else {
     build_on_nullspace();
   }
+  const ContactSet others = locked == 0 ? 0 : (bit(dynamics.contacts()) - 1) & ~locked;
+  for_each(others, [&](int i) {
+    if (independent_of(dynamics.G(), locked, bit(i)) == 0) tied_ |= bit(i);
+  });
   build_signals();
 }
 
@@ -276,7 +285,8 @@ void Flow::build_signals() {
   for (int i = 0; i < m; ++i) {
     if (contains(locked_, i)) continue;
     gap_[static_cast<std::size_t>(i)] = signal(dynamics_->gap(i));
-    gap_velocity_[static_cast<std::size_t>(i)] = signal(dynamics_->gap_velocity(i));
+    gap_velocity_[static_cast<std::size_t>(i)] =
+        contains(tied_, i) ? tied_gap_velocity(i) : signal(dynamics_->gap_velocity(i));
   }
 
   // lambda_L = -G_L^-1 (gamma_L' without contact forces).
@@ -297,6 +307,27 @@ void Flow::build_signals() {
     force_[static_cast<std::size_t>(locked_contacts_[static_cast<std::size_t>(i)])] =
         signal(lambda);
   }
+}
+
+// Of a contact that L moves gamma is what its support moves otherwise than those of L: nothing, not
+// even rounding, where they move alike.
+Signal Flow::tied_gap_velocity(int contact) const {
+  constexpr double nothing = 1e-12;  // of the terms
+  const Functional gamma = dynamics_->gap_velocity(contact);
+  Signal s = signal(gamma);
+  const Eigen::VectorXd b = gamma.b.cwiseAbs();
+  const Eigen::VectorXd p = u_forced_.cos.cwiseAbs().transpose() * b + gamma.h.real().cwiseAbs();
+  const Eigen::VectorXd r = u_forced_.sin.cwiseAbs().transpose() * b +
+                            gamma.h.imag().cwiseAbs().cwiseQuotient(dynamics_->frequencies());
+  for (Eigen::Index j = 0; j < nf_; ++j) {
+    if (std::abs(s.p[j]) <= nothing * p[j]) s.p[j] = 0.0;
+    if (std::abs(s.r[j]) <= nothing * r[j]) s.r[j] = 0.0;
+  }
+  s.p.tail(size() - nf_).setZero();
+  s.r.tail(size() - nf_).setZero();
+  s.constant = 0.0;
+  s.held.setZero();
+  return s;
 }
 
 Signal Flow::signal(const Functional& functional) const {
@@ -458,29 +489,80 @@ void Flow::kick(int contact, double Lambda, Motion& motion) const {
   motion.x.v.segment(nf_, modes()) += Lambda * kick_.col(contact).array();
 }
 
+struct Flows::Entry {
+  ContactSet locked;
+  std::unique_ptr<const Flow> flow;
+  std::string why_not;
+};
+
+Flows::Flows(Model model) : dynamics_(std::move(model)), slots_(flow_slots) { (void)(*this)[0]; }
+
+Flows::~Flows() = default;
+
+// The slot of this set, or the free one where it belongs.
+std::atomic<const Flows::Entry*>& Flows::slot(ContactSet locked) const {
+  // Fibonacci hashing: sets of few contacts are spread over all slots.
+  std::size_t i = static_cast<std::size_t>((locked * 0x9E3779B97F4A7C15U) >> 32U) % flow_slots;
+  while (true) {
+    const Entry* entry = slots_[i].load(std::memory_order_acquire);
+    if (entry == nullptr || entry->locked == locked) return slots_[i];
+    i = (i + 1) % flow_slots;
+  }
+}
+
+const Flows::Entry* Flows::entry(ContactSet locked) const {
+  return slot(locked).load(std::memory_order_acquire);
+}
+
+const Flows::Entry* Flows::entry_when_built(ContactSet locked) const {
+  if (const Entry* known = entry(locked)) return known;
+  if (missing_) {
+    missing_(locked);
+  } else {
+    build(locked);
+  }
+  return entry(locked);
+}
+
+void Flows::build(ContactSet locked) const {
+  if (built(locked) || entries_.size() >= most_flows) return;
+  Entry entry{locked, nullptr, {}};
+  try {
+    entry.flow = std::make_unique<const Flow>(dynamics_, locked);
+  } catch (const ModelError& error) {
+    entry.why_not = error.what();
+  }
+  entries_.push_back(std::make_unique<const Entry>(std::move(entry)));
+  slot(locked).store(entries_.back().get(), std::memory_order_release);
+}
+
+const Flow* Flows::find(ContactSet locked) const {
+  const Entry* known = entry_when_built(locked);
+  return known == nullptr ? nullptr : known->flow.get();
+}
+
 const Flow& Flows::operator[](ContactSet locked) const {
-  auto& flow = flows_[locked];
-  if (!flow) flow = std::make_unique<Flow>(*dynamics_, locked);
-  return *flow;
+  const Entry* known = entry_when_built(locked);
+  if (known == nullptr) throw ModelError("too many sets of locked contacts");
+  if (known->flow == nullptr) throw ModelError(known->why_not);
+  return *known->flow;
 }
 
 void build_foreseeable(const Flows& flows) {
   const int m = flows.dynamics().contacts();
+  const auto f = static_cast<double>(flows.dynamics().coordinates());
+  double work = 0.0;
   const auto build = [&](ContactSet locked) {
-    try {
-      (void)flows[locked];
-    } catch (const ModelError&) {
-      // Dependent directions never lock together; a resonance shows when it is met.
-      if (std::popcount(locked) < 2) throw;
-    }
+    work += f * f * f;
+    if (work > foreseeable_work) return;
+    flows.build(locked);
   };
+  for (int i = 0; i < m; ++i) build(bit(i));
   if (m <= foreseeable_contacts) {
     for (ContactSet locked = 0; locked < bit(m); ++locked) build(locked);
     return;
   }
-  build(0);
-  for (int i = 0; i < m; ++i) {
-    build(bit(i));
+  for (int i = 0; i < m && work <= foreseeable_work; ++i) {
     for (int j = 0; j < i; ++j) build(bit(i) | bit(j));
   }
 }

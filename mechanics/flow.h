@@ -9,9 +9,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
+#include <functional>
 #include <memory>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "mechanics/instant.h"
@@ -105,6 +106,8 @@ class Flow {
   Flow(const Dynamics& dynamics, ContactSet locked);
 
   ContactSet locked() const { return locked_; }
+  /// Contacts outside L whose directions depend on those of L: L moves them.
+  ContactSet tied() const { return tied_; }
   FlowPath path() const { return path_; }
   /// Oscillators, the same for all flows of a model: frequencies, modes, then idle ones.
   Eigen::Index size() const { return oscillators_.size(); }
@@ -160,9 +163,11 @@ class Flow {
   void set_bank(const modal::VectorR& delta, const modal::VectorR& kappa,
                 const modal::MatrixR& alpha);
   void build_signals();
+  Signal tied_gap_velocity(int contact) const;
 
   const Dynamics* dynamics_;
   ContactSet locked_;
+  ContactSet tied_ = 0;
   FlowPath path_ = FlowPath::diagonal;
   Eigen::Index nf_ = 0;
   Eigen::Index modes_ = 0;
@@ -194,23 +199,48 @@ class Flow {
   std::vector<Signal> gap_, gap_velocity_, force_;
 };
 
-/// Flows of one model by locked set, built at first use and kept.
+/// Flows of one model by locked set, each built once and kept: at first use by who asks for it, or
+/// by another thread (on_missing()). One thread may ask while another builds.
 class Flows {
  public:
-  explicit Flows(Model model) : dynamics_(std::make_unique<Dynamics>(std::move(model))) {}
+  /// Builds free flight. Throws ModelError.
+  explicit Flows(Model model);
+  Flows(const Flows&) = delete;
+  Flows& operator=(const Flows&) = delete;
+  ~Flows();
 
-  const Dynamics& dynamics() const { return *dynamics_; }
+  const Dynamics& dynamics() const { return dynamics_; }
   /// Throws ModelError as Flow does.
   const Flow& operator[](ContactSet locked) const;
+  /// Null where Flow throws. Neither allocates nor throws where the flow is there already, or
+  /// where another thread builds it.
+  const Flow* find(ContactSet locked) const;
+
+  /// Builds what is not there yet. Not by two threads at a time.
+  void build(ContactSet locked) const;
+  bool built(ContactSet locked) const { return entry(locked) != nullptr; }
+
+  /// Whoever asks for a flow that is not there calls `build_elsewhere`, which must return when
+  /// build() has been called for it; with none it is built at once, by who asks.
+  void on_missing(std::function<void(ContactSet)> build_elsewhere) {
+    missing_ = std::move(build_elsewhere);
+  }
 
  private:
-  std::unique_ptr<Dynamics> dynamics_;
-  mutable std::unordered_map<ContactSet, std::unique_ptr<Flow>> flows_;
+  struct Entry;
+  const Entry* entry(ContactSet locked) const;
+  const Entry* entry_when_built(ContactSet locked) const;
+  std::atomic<const Entry*>& slot(ContactSet locked) const;
+
+  Dynamics dynamics_;
+  // Open addressing; entries are added, never moved or removed.
+  mutable std::vector<std::atomic<const Entry*>> slots_;
+  mutable std::vector<std::unique_ptr<const Entry>> entries_;
+  std::function<void(ContactSet)> missing_;
 };
 
-/// Builds the flows that a machine driven by contact events can be expected to meet: of all locked
-/// sets of up to four contacts, of single ones and pairs among more. Throws ModelError as Flow
-/// does, except for sets of dependent directions.
+/// Builds the flows that a machine driven by contact events is likely to meet, as far as that is
+/// cheap: those of few locked contacts first.
 void build_foreseeable(const Flows& flows);
 
 /// Value of a signal, and its first two time derivatives, at a point of the motion's flow.

@@ -1,8 +1,9 @@
 #include "mechanics/impact_law.h"
 
-#include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 namespace sprag {
@@ -13,6 +14,7 @@ constexpr double dependent_pivot = 1e-12;
 
 constexpr int max_patience = 8;
 constexpr int max_pivots = 1 << 16;
+constexpr int max_exchanges = 1 << 10;
 
 using Basis = std::array<bool, max_contacts>;
 
@@ -69,6 +71,32 @@ bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y
 }
 
 }  // namespace
+
+ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest) {
+  // Cholesky's factorization, row by row; a row without a pivot is not kept.
+  std::array<int, max_contacts> index{};
+  ContactMatrix L(max_contacts, max_contacts);
+  int n = 0;
+  const auto add = [&](int contact) {
+    double pivot = G(contact, contact);
+    for (int j = 0; j < n; ++j) {
+      double sum = G(contact, index[static_cast<std::size_t>(j)]);
+      for (int l = 0; l < j; ++l) sum -= L(n, l) * L(j, l);
+      L(n, j) = sum / L(j, j);
+      pivot -= L(n, j) * L(n, j);
+    }
+    if (!(pivot > dependent_pivot * G(contact, contact))) return false;
+    L(n, n) = std::sqrt(pivot);
+    index[static_cast<std::size_t>(n++)] = contact;
+    return true;
+  };
+  for_each(first, [&](int contact) { add(contact); });
+  ContactSet independent = 0;
+  for_each(rest & ~first, [&](int contact) {
+    if (add(contact)) independent |= bit(contact);
+  });
+  return independent;
+}
 
 ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts) {
   const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
@@ -136,6 +164,87 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
   return Solved::dependent;
 }
 
+Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
+                              const ContactVector& noise, ContactVector& x, ContactVector& y,
+                              ContactSet& unsatisfied) {
+  unsatisfied = 0;
+  if (solve_lcp(A, b, x, y) == Solved::yes) return Solved::yes;
+  // Active sets for min x^T A x / 2 + b^T x, x >= 0 (Lawson & Hanson 1974, ch. 23). The basic rows
+  // are independent all the time. A row that depends on them takes the place of one of them, along
+  // a direction in which A x does not change; where nothing stops it there, no x satisfies it.
+  const auto n = static_cast<int>(b.size());
+  x.setZero(n);
+  Basis basic{};
+  const auto k = [](int i) { return static_cast<std::size_t>(i); };
+  ContactVector target(n);
+  for (int step = 0; step < max_exchanges; ++step) {
+    y = b + A * x;
+    int entering = -1;
+    for (int i = 0; i < n; ++i) {
+      const double tolerance = 16.0 * std::numeric_limits<double>::epsilon() *
+                               (std::abs(b[i]) + A.row(i).cwiseAbs().dot(x));
+      if (basic[k(i)]) {
+        y[i] = 0.0;
+      } else if (!contains(unsatisfied, i) && y[i] < -std::max(tolerance, noise[i]) &&
+                 (entering < 0 || y[i] < y[entering]) &&
+                 // The least index is finite where the steepest is not.
+                 (entering < 0 || step < max_exchanges / 2)) {
+        entering = i;
+      }
+    }
+    if (entering < 0) {
+      for (int i = 0; i < n; ++i) {
+        if (!contains(unsatisfied, i)) y[i] = std::max(y[i], 0.0);
+      }
+      return Solved::yes;
+    }
+    basic[k(entering)] = true;
+    if (solve_basic(A, b, basic, target) != Solved::yes) {
+      basic[k(entering)] = false;
+      ContactVector column = A.col(entering);
+      if (solve_basic(A, column, basic, target) != Solved::yes) return Solved::dependent;
+      int leaving = -1;
+      double length = std::numeric_limits<double>::infinity();
+      for (int i = 0; i < n; ++i) {
+        if (!basic[k(i)] || !(target[i] < 0.0) || !(x[i] / -target[i] < length)) continue;
+        length = x[i] / -target[i];
+        leaving = i;
+      }
+      if (leaving < 0) {
+        unsatisfied |= bit(entering);
+        continue;
+      }
+      x += length * target;
+      x[entering] = length;
+      x[leaving] = 0.0;
+      basic[k(leaving)] = false;
+      basic[k(entering)] = true;
+      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
+    }
+    // To the target, or to where the first of the basic rows is no longer pressed, again and again.
+    for (int exchange = 0; exchange < n; ++exchange) {
+      double length = 1.0;
+      for (int i = 0; i < n; ++i) {
+        if (basic[k(i)] && target[i] <= 0.0) {
+          length = std::min(length, x[i] / (x[i] - target[i]));
+        }
+      }
+      if (length == 1.0) break;
+      for (int i = 0; i < n; ++i) {
+        if (!basic[k(i)]) continue;
+        const bool leaves = target[i] <= 0.0 && x[i] / (x[i] - target[i]) <= length;
+        x[i] += length * (target[i] - x[i]);
+        if (!leaves) continue;
+        x[i] = 0.0;
+        basic[k(i)] = false;
+      }
+      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
+    }
+    x = target;
+  }
+  return Solved::dependent;
+}
+
 Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector& Lambda) {
   Basis all;
   all.fill(true);
@@ -143,23 +252,50 @@ Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector&
   return solve_basic(G, gamma, all, Lambda);
 }
 
-Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
-              const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus) {
+namespace {
+
+/// solve(A, b, x, y) is one of the two solvers above.
+template <typename Solve>
+Solved impact_by(const Solve& solve, ImpactLaw law, const ContactMatrix& G,
+                 const ContactVector& epsilon, const ContactVector& gamma_minus,
+                 ContactVector& Lambda, ContactVector& gamma_plus) {
   ContactVector y;
   if (law == ImpactLaw::newton) {
     const ContactVector b = gamma_minus + epsilon.cwiseProduct(gamma_minus);
-    const Solved solved = solve_lcp(G, b, Lambda, y);
+    const Solved solved = solve(G, b, Lambda, y);
     if (solved == Solved::yes) gamma_plus = y - epsilon.cwiseProduct(gamma_minus);
     return solved;
   }
   ContactVector gamma_C;
-  if (solve_lcp(G, gamma_minus, Lambda, gamma_C) != Solved::yes) return Solved::dependent;
+  if (solve(G, gamma_minus, Lambda, gamma_C) != Solved::yes) return Solved::dependent;
   const ContactVector restitution = epsilon.cwiseProduct(Lambda);
   const ContactVector b = gamma_C + G * restitution;
   ContactVector nu;
-  const Solved solved = solve_lcp(G, b, nu, gamma_plus);
+  const Solved solved = solve(G, b, nu, gamma_plus);
   Lambda += restitution + nu;
   return solved;
+}
+
+}  // namespace
+
+Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+              const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus) {
+  return impact_by(solve_lcp, law, G, epsilon, gamma_minus, Lambda, gamma_plus);
+}
+
+Solved semidefinite_impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+                           const ContactVector& gamma_minus, const ContactVector& noise,
+                           ContactVector& Lambda, ContactVector& gamma_plus,
+                           ContactSet& unsatisfied) {
+  unsatisfied = 0;
+  const auto solve = [&](const ContactMatrix& A, const ContactVector& b, ContactVector& x,
+                         ContactVector& y) {
+    ContactSet left_out = 0;
+    const Solved solved = solve_semidefinite_lcp(A, b, noise, x, y, left_out);
+    unsatisfied |= left_out;
+    return solved;
+  };
+  return impact_by(solve, law, G, epsilon, gamma_minus, Lambda, gamma_plus);
 }
 
 }  // namespace sprag

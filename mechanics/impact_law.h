@@ -27,6 +27,10 @@ enum class Solved {
   dependent  ///< G is singular within rounding: the contacts' directions are linearly dependent
 };
 
+/// Those of `rest` whose directions do not depend on those of `first`, which must be independent,
+/// and of each other; the lower index goes first. G of all contacts, m x m.
+ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest);
+
 /// Rows and columns of G that belong to these contacts, in their order.
 ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts);
 
@@ -34,6 +38,16 @@ ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts);
 /// `dependent` x is meaningless. y is exactly zero where x is basic.
 Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
                  ContactVector& y);
+
+/// The same for A positive semidefinite, as of contacts whose directions depend on each other; the
+/// same x where solve_lcp has one. `noise` >= 0 is the rounding of b, row by row: y >= -noise
+/// counts as zero. y is unique, x is not: at most rank(A) entries are positive here, those of rows
+/// that are independent. Where no x >= 0 satisfies all rows, some are left out, with x = 0 and
+/// y < 0: bit i of `unsatisfied` for row i. Solved::dependent only if it does not come to an end
+/// (not seen to happen).
+Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
+                              const ContactVector& noise, ContactVector& x, ContactVector& y,
+                              ContactSet& unsatisfied);
 
 /// Impulses Lambda [N s], of either sign, that take the gap velocities gamma of n contacts to zero:
 /// G Lambda = -gamma.
@@ -43,5 +57,13 @@ Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector&
 /// one instant; epsilon in [0, 1]^n.
 Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
               const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus);
+
+/// The same where directions may depend on each other: independent ones take the impulses. What
+/// cannot be satisfied ends with gamma+ < 0 and is in `unsatisfied`; that and `noise`, the rounding
+/// of gamma-, as of solve_semidefinite_lcp.
+Solved semidefinite_impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+                           const ContactVector& gamma_minus, const ContactVector& noise,
+                           ContactVector& Lambda, ContactVector& gamma_plus,
+                           ContactSet& unsatisfied);
 
 }  // namespace sprag

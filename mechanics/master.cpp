@@ -24,7 +24,7 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 Master::Master(Model model, const State& start)
-    : flows_(std::move(model)), solver_(flows_), start_(start) {
+    : flows_(std::move(model)), solver_(flows_, DependentContacts::refuse), start_(start) {
   const int m = flows_.dynamics().contacts();
   order_.assign(index(m), 0);
   completion_.assign(index(m), infinity);

@@ -98,8 +98,9 @@ void MoreauReplica::tick(std::span<const ContactEvent> events, MoreauState& stat
     });
     ContactVector P;
     ContactVector gamma_plus;
-    if (impact(model.law, of_contacts(G_hat_, active), epsilon, gamma, P, gamma_plus) ==
-        Solved::yes) {
+    ContactSet unsatisfied = 0;
+    if (semidefinite_impact(model.law, of_contacts(G_hat_, active), epsilon, gamma, 0.0 * gamma, P,
+                            gamma_plus, unsatisfied) == Solved::yes) {
       row = 0;
       for_each(active, [&](int i) { u_new_ += P[row++] * minv_hat_W_.col(i); });
     } else {

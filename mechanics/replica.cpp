@@ -1,6 +1,7 @@
 #include "mechanics/replica.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -14,21 +15,28 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-Replica::Replica(Model model, double h)
-    : flows_(std::move(model)), h_(h), solver_(flows_), error_bound_(flows_) {
-  build_foreseeable(flows_);
-  flight_ = TickedFlight(flows_[0], h);
-  const auto m = index(flows_.dynamics().contacts());
+Replica::Replica(Model model, double h) : Replica(std::make_shared<Flows>(std::move(model)), h) {}
+
+Replica::Replica(std::shared_ptr<Flows> flows, double h)
+    : flows_(std::move(flows)),
+      h_(h),
+      solver_(*flows_, DependentContacts::share),
+      error_bound_(*flows_) {
+  build_foreseeable(*flows_);
+  flight_ = TickedFlight((*flows_)[0], h);
+  const auto m = index(flows_->dynamics().contacts());
   order_.assign(m, 0);
   epsilon_.assign(m, 0.0);
   watches_.reserve(m);
-  search_.reserve(m, flows_[0].size());
+  search_.reserve(m, (*flows_)[0].size());
 }
 
 void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                     ReplicaState& state) {
   state.tick = k;
   state.chi = chi;
+  state.idle = 0;
+  state.redundancy = {};
   state.refused_impacts = 0;
   state.innovation = {};
   solver_.start(start, tick_instant(k, h_), state.motion);
@@ -38,6 +46,7 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
     if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
       ++state.refused_impacts;
     }
+    note_idle(chi, state);
   }
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
@@ -67,7 +76,7 @@ void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
 
 // Events of one instant: one impact of the contacts that close, pulse or are closed already.
 void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& state) {
-  const Model& model = flows_.dynamics().model();
+  const Model& model = flows_->dynamics().model();
   const ContactSet before = state.chi;
   ContactSet closing = 0;
   for (std::size_t i = 0; i < epsilon_.size(); ++i) epsilon_[i] = model.contacts[i].restitution;
@@ -81,21 +90,50 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
   if (before == 0) error_bound_.land(state.motion, state.error_bound);
   if (state.chi == 0) error_bound_.take_off(state.motion.t, state.error_bound);
   if (closing == 0) {
-    solver_.release(before & ~state.chi, state.motion);
+    release(before & ~state.chi, 0, state);
     return;
   }
   note_innovation(closing, state);
   error_bound_.strike(before | closing, state.chi, epsilon_, state.motion, state.error_bound);
   if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
     ++state.refused_impacts;
-    solver_.release(before & ~state.chi, state.motion);
+    release(before & ~state.chi, 0, state);
     return;
   }
+  note_idle(closing, state);
   const ContactSet locked = state.motion.flow->locked();
   const ContactSet from_zero = (solver_.resting() & ~locked) | solver_.unloaded();
   for (std::size_t i = 0; i < order_.size(); ++i) {
     order_[i] = contains(from_zero, static_cast<int>(i)) ? 1 : 0;
   }
+}
+
+// Takes `leaving`, which open, and `unlocking`, which stay closed, out of the locked set. What they
+// held together with others is then held by itself.
+void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& state) {
+  ContactSet carried = state.motion.flow->tied() & state.chi;
+  solver_.release(leaving | unlocking, state.motion);
+  carried &= ~state.motion.flow->tied();
+  const ContactSet parting = solver_.parting(carried, state.motion);
+  const ContactSet closed = state.chi & ~(unlocking | parting);
+  for_each(unlocking | parting, [&](int i) { order_[index(i)] = 2; });
+  if ((carried & ~parting) != 0 || solver_.pressed_in(closed & state.idle, state.motion) != 0) {
+    std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
+    if (solver_.collide(closed, epsilon_, closed, 0, state.motion) != Solved::yes) {
+      ++state.refused_impacts;
+    }
+  }
+  note_idle(0, state);
+}
+
+// `closing`: contacts that have just closed.
+void Replica::note_idle(ContactSet closing, ReplicaState& state) const {
+  if (solver_.unsatisfied() != 0) ++state.refused_impacts;
+  const ContactSet tied = state.motion.flow->tied() & state.chi;
+  state.idle = tied | (solver_.unsatisfied() & state.chi);
+  if ((tied & closing) == 0) return;
+  ++state.redundancy.closings;
+  state.redundancy.contact = std::countr_zero(tied & closing);
 }
 
 void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
@@ -122,7 +160,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
     const ContactSet locked = motion.flow->locked();
     watches_.clear();
     for (int i = 0; i < static_cast<int>(order_.size()); ++i) {
-      if (!contains(state.chi, i)) continue;
+      if (!contains(state.chi & ~state.idle, i)) continue;
       if (contains(locked, i)) {
         watches_.push_back({&motion.flow->force(i), 1.0, order_[index(i)], i});
       } else {
@@ -142,15 +180,17 @@ void Replica::advance(Instant t, ReplicaState& state) {
     }
     motion.flow->propagate(motion, motion.t + search_.tau(), motion);
     std::fill(order_.begin(), order_.end(), 0);
-    solver_.release(unlocking, motion);
-    for (std::size_t i = 0; i < order_.size(); ++i) {
-      if (contains(unlocking, static_cast<int>(i))) order_[i] = 2;
-    }
+    if (unlocking != 0) release(0, unlocking, state);
     if (locking != 0 && solver_.lock(motion.flow->locked() | locking, 0, motion) != Solved::yes) {
       ++state.refused_impacts;
       break;
     }
     if (locking == 0) continue;
+    note_idle(0, state);
+    // What is pressed in and not to be held is let be until something else happens.
+    const ContactSet free = locking & ~motion.flow->locked();
+    state.idle |= solver_.pressed_in(free, motion);
+    for_each(free & ~state.idle, [&](int i) { order_[index(i)] = 1; });
     for (std::size_t i = 0; i < order_.size(); ++i) {
       if (contains(solver_.unloaded(), static_cast<int>(i))) order_[i] = 1;
     }

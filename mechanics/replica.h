@@ -6,9 +6,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "mechanics/confidence.h"
 #include "mechanics/contact_event.h"
 #include "mechanics/contact_solver.h"
 #include "mechanics/error_bound.h"
@@ -25,7 +27,11 @@ struct ReplicaState {
   ContactSet chi = 0;
   Motion motion;  ///< in free flight its t is that of the anchor
   TickedFlight::Anchor anchor;
-  std::int64_t refused_impacts = 0;  ///< impacts whose contacts' directions are linearly dependent
+  /// Closed contacts without a force of their own: their directions depend on those of the locked
+  /// ones, or nothing satisfies them beside these.
+  ContactSet idle = 0;
+  Redundancy redundancy;
+  std::int64_t refused_impacts = 0;  ///< contradictory contacts: no motion satisfies them all
   ErrorBoundState error_bound;       ///< since the start
   Innovation innovation;
 };
@@ -34,8 +40,10 @@ class Replica {
  public:
   using State = ReplicaState;
 
-  /// Tick h > 0. Builds the flows of the locked sets it can foresee. Throws ModelError.
+  /// Tick h > 0. Builds the flows of the locked sets that it can foresee. Throws ModelError.
   Replica(Model model, double h);
+  /// The same with flows that others use as well.
+  Replica(std::shared_ptr<Flows> flows, double h);
   Replica(const Replica&) = delete;
   Replica& operator=(const Replica&) = delete;
 
@@ -55,7 +63,8 @@ class Replica {
               Eigen::Ref<Eigen::VectorXd> u) const;
 
   double h() const { return h_; }
-  const Flows& flows() const { return flows_; }
+  const Flows& flows() const { return *flows_; }
+  Flows& flows() { return *flows_; }
 
   /// Upper bound on the error energy V, if it was at most `initial` at the start and the events are
   /// exact and complete; +infinity where the machine's law is not monotone.
@@ -65,8 +74,10 @@ class Replica {
   void advance(Instant t, ReplicaState& state);
   void note_innovation(ContactSet closing, ReplicaState& state) const;
   void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
+  void release(ContactSet leaving, ContactSet unlocking, ReplicaState& state);
+  void note_idle(ContactSet closing, ReplicaState& state) const;
 
-  Flows flows_;
+  std::shared_ptr<Flows> flows_;
   double h_;
   ContactSolver solver_;
   ErrorBound error_bound_;

@@ -41,6 +41,21 @@ void ConfidenceRecord::take(double t, const Confidence& confidence, double initi
   ++ticks_;
   if (confidence.from_filter) ++ticks_from_filter_;
   take_inconsistencies(confidence, out);
+  take_redundancy(confidence.redundancy, out);
+}
+
+void ConfidenceRecord::take_redundancy(const Redundancy& redundancy, std::ostream& out) {
+  if (redundancy.closings < redundancy_seen_) redundancy_seen_ = 0;  // a new session
+  const std::int64_t more = redundancy.closings - redundancy_seen_;
+  if (more <= 0) return;
+  redundancy_seen_ = redundancy.closings;
+  redundant_closings_ += more;
+  if (redundant_closings_ > most_told) return;
+  out << "t = " << t_ << ", contact " << redundancy.contact + 1
+      << " is reported closed beside others that hold its direction already: it carries no force "
+         "of "
+         "its own\n";
+  if (redundant_closings_ == most_told) out << "more of these are only counted\n";
 }
 
 void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::ostream& out) {
@@ -59,6 +74,7 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
 }
 
 void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
+  report["redundant_closings"] = redundant_closings_;
   if (!any_) return;
   nlohmann::ordered_json& json = report["confidence"];
   if (last_.has_replica) {

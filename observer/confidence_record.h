@@ -14,10 +14,11 @@ namespace sprag {
 class ConfidenceRecord {
  public:
   /// Takes the confidence of the settled tick at t [s], in order; `initial` is B(0). A filter that
-  /// no longer fits the events is told on `out` in a line, the first 20 times.
+  /// no longer fits the events is told on `out` in a line, the first 20 times; a contact that
+  /// others hold already, likewise.
   void take(double t, const Confidence& confidence, double initial, std::ostream& out);
 
-  /// Adds "confidence" to a report, if there is anything to say.
+  /// Adds "redundant_closings" to a report, and "confidence", if there is anything to say.
   void to_json(nlohmann::ordered_json& report) const;
 
   /// A line or two for people.
@@ -25,6 +26,7 @@ class ConfidenceRecord {
 
  private:
   void take_inconsistencies(const Confidence& confidence, std::ostream& out);
+  void take_redundancy(const Redundancy& redundancy, std::ostream& out);
 
   bool any_ = false;
   double t_ = 0.0;
@@ -35,6 +37,8 @@ class ConfidenceRecord {
   std::int64_t seen_ = 0;  // inconsistencies of the present session
   std::int64_t inconsistencies_ = 0;
   std::vector<Inconsistency> first_;  // a bounded number of them
+  std::int64_t redundancy_seen_ = 0;  // of the present session
+  std::int64_t redundant_closings_ = 0;
 };
 
 }  // namespace sprag

@@ -42,6 +42,7 @@ double initial_bound(const Scene& scene) {
 void confide(Replica& replica, const ReplicaState& state, double initial, Confidence& confidence) {
   confidence.bound = std::isfinite(initial) ? replica.error_bound(state, initial) : infinity;
   confidence.replica = state.innovation;
+  confidence.redundancy = state.redundancy;
 }
 
 void confide(MoreauReplica&, const MoreauState&, double, Confidence&) {}
@@ -49,12 +50,13 @@ void confide(MoreauReplica&, const MoreauState&, double, Confidence&) {}
 void confide(TimingFilter& filter, const TimingState& state, double, Confidence& confidence) {
   filter.deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
   confidence.filter = state.innovation;
+  confidence.redundancy = state.redundancy;
 }
 
 void confide(SupervisedFilter& filter, const SupervisedState& state, double initial,
              Confidence& confidence) {
-  confide(filter.replica(), state, initial, confidence);
   confide(filter.filter(), state.filter, initial, confidence);
+  confide(filter.replica(), state, initial, confidence);
   confidence.from_filter = state.trusted;
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;

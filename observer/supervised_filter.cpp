@@ -24,7 +24,9 @@ constexpr std::int64_t forgiven_after = 8;
 }  // namespace
 
 SupervisedFilter::SupervisedFilter(const Model& model, double h, Uncertainty uncertainty)
-    : replica_(model, h), filter_(model, h, std::move(uncertainty)) {
+    : flows_(std::make_shared<Flows>(model)),
+      replica_(flows_, h),
+      filter_(flows_, h, std::move(uncertainty)) {
   q_.setZero(model.coordinates());
   u_.setZero(model.coordinates());
 }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "mechanics/confidence.h"
@@ -42,7 +43,8 @@ class SupervisedFilter {
               Eigen::Ref<Eigen::VectorXd> u) const;
 
   double h() const { return replica_.h(); }
-  const Flows& flows() const { return replica_.flows(); }
+  const Flows& flows() const { return *flows_; }
+  Flows& flows() { return *flows_; }
   Replica& replica() { return replica_; }
   TimingFilter& filter() { return filter_; }
 
@@ -53,6 +55,7 @@ class SupervisedFilter {
   void supervise(std::int64_t believed, SupervisedState& state);
   Suspicion suspicion(const SupervisedState& state);
 
+  std::shared_ptr<Flows> flows_;
   Replica replica_;
   TimingFilter filter_;
   Eigen::VectorXd q_, u_;  // scratch

@@ -18,24 +18,34 @@ constexpr double least_share = 1e-12;
 }  // namespace
 
 TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
-    : flows_(std::move(model)), h_(h), uncertainty_(std::move(uncertainty)) {
-  build_foreseeable(flows_);
-  flight_ = TickedFlight(flows_[0], h);
-  const int m = flows_.dynamics().contacts();
-  for (int i = 0; i < m; ++i) acceleration_.push_back(flows_.dynamics().free_acceleration(i));
+    : TimingFilter(std::make_shared<Flows>(std::move(model)), h, std::move(uncertainty)) {}
+
+TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty)
+    : flows_(std::move(flows)), h_(h), uncertainty_(std::move(uncertainty)) {
+  build_foreseeable(*flows_);
+  flight_ = TickedFlight((*flows_)[0], h);
+  const int m = flows_->dynamics().contacts();
+  for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
   const Eigen::Index columns = 4 * f() + of_drift + 2 + 2 * m + 1;
   now_.q.setZero(f(), columns);
   now_.u.setZero(f(), columns);
   event_.setZero(2 + 2 * m, columns);
   event_mean_.setZero(2 + 2 * m);
-  const auto bytes = static_cast<std::size_t>(2 * f() * columns) * sizeof(double);
   no_gaps_.setZero(m);
-  if (m > 0) largest_w_ = flows_.dynamics().W().cwiseAbs().maxCoeff();
-  flows_[0].enter(Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f()), Instant{},
-                  no_gaps_.head(0), now_.mean);
+  if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
+  (*flows_)[0].enter(Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f()), Instant{},
+                     no_gaps_.head(0), now_.mean);
   sample_ = now_.mean;
-  covariances_.assign(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024), now_);
+  // As many columns as merge_columns() leaves. Not initialized: memory that is never used stays
+  // the system's.
+  const auto bytes = static_cast<std::size_t>(8 * f() * f()) * sizeof(double);
+  covariances_.resize(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024));
+  for (Covariance& S : covariances_) {
+    S.q.resize(f(), 4 * f());
+    S.u.resize(f(), 4 * f());
+    S.mean = now_.mean;
+  }
   q_.setZero(f());
   u_.setZero(f());
   u_before_.setZero(f());
@@ -44,7 +54,7 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
   on_u_.setZero(f());
   first_on_q_.setZero(f());
   first_on_u_.setZero(f());
-  const Model& of = flows_.dynamics().model();
+  const Model& of = flows_->dynamics().model();
   MinvC_ = of.M.llt().solve(of.C);
   MinvK_ = of.M.llt().solve(of.K);
   from_start_q_ = uncertainty_.q.inverse();
@@ -54,7 +64,7 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
   z_.setZero(f(), columns);
   v_.setZero(f(), columns);
   directions_.setZero(f(), m);
-  const Eigen::Index n = flows_[0].size();
+  const Eigen::Index n = (*flows_)[0].size();
   unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
   unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
   from_z_ = unit_z_;
@@ -77,6 +87,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.chi = chi;
   state.instants = 0;
   state.inside = 0;
+  state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
   state.innovation = {};
@@ -84,7 +95,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.length = state.speed = 0.0;
   q_ = start.q;
   u_ = start.u;
-  enter(chi, tick_instant(k, h_), state);
+  enter(independent_of(flows_->dynamics().G(), 0, chi), tick_instant(k, h_), state);
   state.covariance_time = state.motion.t;
   slot(0).instants = 0;
   slot(0).mean = state.motion;
@@ -140,19 +151,19 @@ void TimingFilter::go_on(TimingState& state) {
   S.q.leftCols(S.columns) = now_.q.leftCols(S.columns);
   S.u.leftCols(S.columns) = now_.u.leftCols(S.columns);
   state.covariance_time = t;
-  enter(state.chi & ~state.inside, t, state);
+  const ContactSet closed = state.chi & ~state.inside;
+  const ContactSet kept = state.motion.flow->locked() & closed;
+  enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   S.mean = state.motion;
 }
 
 // The mean (q_, u_) goes on from t with these contacts locked at g = 0.
 void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
-  const Flow* flow = nullptr;
-  try {
-    flow = &flows_[locked];
-  } catch (const ModelError&) {  // dependent directions: no machine closes them all
+  const Flow* flow = flows_->find(locked);
+  if (flow == nullptr) {
     ++state.refused_impacts;
     locked = 0;
-    flow = &flows_[0];
+    flow = &(*flows_)[0];
   }
   flow->enter(q_, u_, t, no_gaps_.head(std::popcount(locked)), state.motion);
   TickedFlight::set_anchor(state.motion, state.anchor);
@@ -254,7 +265,7 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
   }
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
     auto phi = phi_.head(c);
-    phi.noalias() = now_.q.leftCols(c).transpose().lazyProduct(flows_.dynamics().W().col(i));
+    phi.noalias() = now_.q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
     gap[i] = std::hypot(phi.norm(), rounding * state.length);
   }
 }

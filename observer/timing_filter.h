@@ -32,9 +32,11 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "mechanics/confidence.h"
 #include "mechanics/contact_event.h"
 #include "mechanics/flow.h"
 #include "mechanics/impact_law.h"
@@ -61,7 +63,8 @@ struct TimingState {
   TickedFlight::Anchor anchor;
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
   std::int64_t instants = 0;  ///< instants with events since the start
-  std::int64_t refused_impacts = 0;
+  Redundancy redundancy;
+  std::int64_t refused_impacts = 0;    ///< sets of closed contacts without a flow
   std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
   Innovation innovation;
   Consistency consistency;
@@ -76,6 +79,8 @@ class TimingFilter {
   /// machines (64 MiB in all), so that a time line can go back behind as many; further back it
   /// would start from the uncertainty of a start. Throws ModelError.
   TimingFilter(Model model, double h, Uncertainty uncertainty);
+  /// The same with flows that others use as well.
+  TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty);
   TimingFilter(const TimingFilter&) = delete;
   TimingFilter& operator=(const TimingFilter&) = delete;
 
@@ -118,7 +123,8 @@ class TimingFilter {
   Eigen::MatrixXd covariance(const TimingState& state);
 
   double h() const { return h_; }
-  const Flows& flows() const { return flows_; }
+  const Flows& flows() const { return *flows_; }
+  Flows& flows() { return *flows_; }
 
  private:
   // A measurement whose deviation is below this share of its terms tells nothing but their
@@ -141,7 +147,7 @@ class TimingFilter {
     return covariances_[static_cast<std::size_t>(instants %
                                                  static_cast<std::int64_t>(covariances_.size()))];
   }
-  Eigen::Index f() const { return flows_.dynamics().coordinates(); }
+  Eigen::Index f() const { return flows_->dynamics().coordinates(); }
   void set_start(Covariance& S) const;
   void go_on(TimingState& state);
   void add_drift(double tau);
@@ -150,6 +156,7 @@ class TimingFilter {
   void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
   void apply_group(std::span<const ContactEvent> events, TimingState& state);
+  void drop_redundant(ContactSet held, TimingState& state);
   void measure_release(int contact, TimingState& state);
   void measure_closings(TimingState& state);
   double condition(double residual, double noise, double scale, Consistency& consistency);
@@ -160,7 +167,7 @@ class TimingFilter {
   void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
   void merge_columns();
 
-  Flows flows_;
+  std::shared_ptr<Flows> flows_;
   double h_;
   double largest_w_ = 1.0;
   Uncertainty uncertainty_;

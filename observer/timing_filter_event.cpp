@@ -23,7 +23,7 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState& state) {
-  const Model& model = flows_.dynamics().model();
+  const Model& model = flows_->dynamics().model();
   const Instant t = state.motion.t;
   const ContactSet before = state.motion.flow->locked();
   ContactSet leaving = 0;
@@ -49,6 +49,7 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
       closings_.push_back({event.contact, epsilon, 0.0, 0.0, 0.0});
     }
   }
+  drop_redundant(before & state.chi, state);
   load(state, t);
   state.motion.flow->state(state.motion, q_, u_);
   state.inside &= ~leaving;
@@ -62,6 +63,17 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
   }
   merge_columns();
   go_on(state);
+}
+
+// What is held already takes no impulse of its own.
+void TimingFilter::drop_redundant(ContactSet held, TimingState& state) {
+  ContactSet closing = 0;
+  for (const Closing& of : closings_) closing |= bit(of.contact);
+  const ContactSet redundant = closing & ~independent_of(flows_->dynamics().G(), held, closing);
+  if (redundant == 0) return;
+  std::erase_if(closings_, [&](const Closing& of) { return contains(redundant, of.contact); });
+  ++state.redundancy.closings;
+  state.redundancy.contact = std::countr_zero(redundant);
 }
 
 // lambda_i = 0, of a contact that is locked.
@@ -100,7 +112,7 @@ void TimingFilter::add_event_unknowns() {
   event_mean_.setZero();
   event_mean_[1] = sigma * sigma;
   for (Eigen::Index k = 0; k < n; ++k) {
-    const auto w = flows_.dynamics().W().col(closings_[static_cast<std::size_t>(k)].contact);
+    const auto w = flows_->dynamics().W().col(closings_[static_cast<std::size_t>(k)].contact);
     const Functional& a = acceleration_[index(closings_[static_cast<std::size_t>(k)].contact)];
     double gamma = 0.0;
     double gamma_rate = 0.0;
@@ -115,7 +127,7 @@ void TimingFilter::add_event_unknowns() {
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
 void TimingFilter::measure_closings(TimingState& state) {
-  const Model& model = flows_.dynamics().model();
+  const Model& model = flows_->dynamics().model();
   const double t = state.motion.t.hi;
   for (std::size_t k = 0; k < closings_.size(); ++k) {
     closings_[k].gamma = gap_velocity(model.contacts[index(closings_[k].contact)], u_, t);
@@ -208,7 +220,7 @@ double TimingFilter::condition(double residual, double noise, double scale,
 // The impact of the contacts that close, with those of `staying` held; those of `leaving` were
 // closed before it and are not after it.
 void TimingFilter::reset(ContactSet staying, ContactSet leaving, TimingState& state) {
-  const Dynamics& dynamics = flows_.dynamics();
+  const Dynamics& dynamics = flows_->dynamics();
   const Model& model = dynamics.model();
   const auto n = static_cast<Eigen::Index>(closings_.size());
   const ContactMatrix G_staying = of_contacts(dynamics.G(), staying);
@@ -307,7 +319,7 @@ std::vector<TimingFilter::Closing>::iterator TimingFilter::find_closing(int cont
 // The impact law itself on the mean, in place of the branch that took it to u_, where it agrees
 // with what was reported; the difference is one more unknown.
 void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& state) {
-  const Dynamics& dynamics = flows_.dynamics();
+  const Dynamics& dynamics = flows_->dynamics();
   const Model& model = dynamics.model();
   ContactSet closing = 0;
   for (const Closing& of : closings_) closing |= bit(of.contact);

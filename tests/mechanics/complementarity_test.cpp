@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <bit>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -237,6 +238,70 @@ TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
     EXPECT_NEAR(gamma_plus[0], reversed[1], 1e-15);
     EXPECT_NEAR(gamma_plus[1], reversed[0], 1e-15);
   }
+}
+
+// Directions that depend on each other, loads of all signs: y is the one solution whatever the
+// order, and those that carry are independent.
+TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
+  const std::uint64_t seed = 106;
+  Random random(seed);
+  int dependent = 0;
+  for (int i = 0; i < repetitions(4000); ++i) {
+    SCOPED_TRACE("seed " + std::to_string(seed) + ", case " + std::to_string(i));
+    const int rank = random.integer(1, 5);
+    const int n = rank + random.integer(0, 3);
+    MatrixXd W = random.matrix(rank, n);
+    for (int k = rank; k < n; ++k) {
+      const int twin = random.integer(0, rank - 1);
+      if (random.chance(0.7)) W.col(k) = (random.chance(0.5) ? -1.0 : 1.0) * W.col(twin);
+    }
+    // All directions have a part along u0, so that some motion satisfies them all.
+    const VectorXd u0 = random.vector(rank);
+    for (int k = 0; k < n; ++k) {
+      if (W.col(k).dot(u0) < 0.0) W.col(k) *= -1.0;
+    }
+    const ContactMatrix G = W.transpose() * W;
+    const ContactVector b = W.transpose() * random.vector(rank) * 2.0;
+    const ContactVector noise = ContactVector::Zero(n);
+    ContactVector x, y;
+    ContactSet unsatisfied = 0;
+    ASSERT_EQ(solve_semidefinite_lcp(G, b, noise, x, y, unsatisfied), Solved::yes);
+    ASSERT_EQ(unsatisfied, 0U);
+    ASSERT_GE(x.minCoeff(), 0.0);
+    ASSERT_GE(y.minCoeff(), 0.0);
+    const double size = 1.0 + x.cwiseAbs().maxCoeff();
+    ASSERT_LE((VectorXd(G * x + b) - VectorXd(y)).cwiseAbs().maxCoeff(), 1e-11 * size);
+    ASSERT_LE(std::abs(x.dot(y)), 1e-11 * size);
+    ContactSet carrying = 0;
+    for (int k = 0; k < n; ++k) carrying |= x[k] > 0.0 ? bit(k) : 0;
+    ASSERT_EQ(independent_of(G, 0, carrying), carrying);
+    if (independent_of(G, 0, bit(n) - 1) != bit(n) - 1) ++dependent;
+
+    const ContactMatrix G_reversed = G.reverse();
+    const ContactVector b_reversed = b.reverse();
+    ContactVector x_reversed, y_reversed;
+    ASSERT_EQ(
+        solve_semidefinite_lcp(G_reversed, b_reversed, noise, x_reversed, y_reversed, unsatisfied),
+        Solved::yes);
+    ASSERT_LE((VectorXd(y) - VectorXd(y_reversed.reverse())).cwiseAbs().maxCoeff(), 1e-11 * size);
+  }
+  EXPECT_GT(dependent, repetitions(4000) / 3);
+}
+
+// Two opposite walls that approach: no motion satisfies both.
+TEST(DependentDirections, WhatNothingSatisfiesIsLeftOut) {
+  ContactMatrix A(2, 2);
+  A << 1.0, -1.0, -1.0, 1.0;
+  ContactVector x, y;
+  ContactSet unsatisfied = 0;
+  ASSERT_EQ(solve_semidefinite_lcp(A, Eigen::Vector2d(-1.0, -0.5), Eigen::Vector2d::Zero(), x, y,
+                                   unsatisfied),
+            Solved::yes);
+  ASSERT_EQ(std::popcount(unsatisfied), 1);
+  const int out = std::countr_zero(unsatisfied);
+  EXPECT_EQ(x[out], 0.0);
+  EXPECT_LT(y[out], 0.0);
+  EXPECT_EQ(y[1 - out], 0.0);
 }
 
 }  // namespace
