@@ -17,6 +17,7 @@
 #include "mechanics/states_file.h"
 #include "observer/confidence_record.h"
 #include "observer/figures.h"
+#include "observer/flow_builder.h"
 #include "observer/master_clock.h"
 #include "observer/notices.h"
 #include "observer/real_time.h"
@@ -35,7 +36,9 @@ using namespace std::chrono_literals;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t report_slots = 1024;
 constexpr std::size_t strangers_per_turn = 256;
-constexpr std::size_t sample_slots = 16384;
+constexpr std::size_t most_sample_slots = 16384;
+constexpr std::size_t least_sample_slots = 1024;
+constexpr std::size_t sample_bytes = 8 << 20;
 constexpr std::int64_t max_history_bytes = 256 << 20;
 constexpr int last_sample_repeats = 5;
 constexpr std::int64_t longest_wait = 2'000'000;         // ns
@@ -75,6 +78,13 @@ std::int64_t history_ticks(const Scene& scene, const ObserverOptions& options) {
   const std::int64_t most = std::max<std::int64_t>(16, max_history_bytes / bytes);
   return wanted < static_cast<double>(most) ? std::max<std::int64_t>(16, std::llround(wanted))
                                             : most;
+}
+
+std::size_t sample_slots(const Scene& scene) {
+  const auto numbers =
+      4 * scene.model.coordinates() + static_cast<Eigen::Index>(scene.model.contacts.size());
+  const std::size_t bytes = sizeof(Sample) + sizeof(double) * static_cast<std::size_t>(numbers);
+  return std::clamp(sample_bytes / bytes, least_sample_slots, most_sample_slots);
 }
 
 using Kind = Sample::Kind;
@@ -124,7 +134,7 @@ class LiveObserver {
         sessions_(common.key.empty() ? Freshness::any : Freshness::required, options.tick),
         heard_(report_slots, Heard{}),
         strangers_(report_slots, Heard{}),
-        samples_(sample_slots, empty_sample()),
+        samples_(sample_slots(scene), empty_sample()),
         bus_(common.url, key_of(common)) {
     new_events_due_.reserve(most_new_events);
     if (!options.states.empty()) {
@@ -134,6 +144,7 @@ class LiveObserver {
     }
     bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
                                             std::int64_t utime) { hear(data, utime); });
+    if constexpr (requires { stepper_.flows(); }) flow_builder_.emplace(stepper_.flows());
     if (real_time_) claim_real_time();
     std::cerr << "listening on " << common.url << '\n';
   }
@@ -142,6 +153,7 @@ class LiveObserver {
   void run() {
     threads_.run([this] {
       threads_.start([this] { receive(); });
+      if (flow_builder_) threads_.start([this] { flow_builder_->run(); });
       threads_.start([this] { integrate(); });
       publish();
     });
@@ -163,6 +175,7 @@ class LiveObserver {
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
     report["refused_impacts"] = refused_impacts_;
+    report["flows_awaited"] = flow_builder_ ? flow_builder_->awaited() : 0;
     record_.to_json(report);
     report.update(to_json(time_line_.events()));
     for (const DegradedInterval& gap : time_line_.events().degraded()) {
@@ -187,6 +200,7 @@ class LiveObserver {
 
   void stop() {
     stop_ = true;
+    if (flow_builder_) flow_builder_->stop();
     reports_arrived_.signal();
     samples_ready_.signal();
   }
@@ -673,6 +687,7 @@ class LiveObserver {
   double initial_bound_;
   bool real_time_;
   Stepper stepper_;
+  std::optional<FlowBuilder> flow_builder_;  // of the stepper's flows
   TimeLine<Stepper> time_line_;
   double duration_;
   std::int64_t last_;

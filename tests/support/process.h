@@ -47,6 +47,7 @@ class Process {
   std::string err() const;
 
   const std::string& label() const { return label_; }
+  pid_t id() const { return pid_; }
 
  private:
   std::string label_;

@@ -1,0 +1,113 @@
+// A live observer of machines with contacts that depend on each other, and with very many.
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <fstream>
+#include <sstream>
+
+#include "tests/end_to_end/fixture.h"
+#include "tests/end_to_end/played_master.h"
+
+namespace sprag::test {
+namespace {
+
+using enum ContactEventKind;
+
+class ContactsTest : public EndToEnd, public testing::WithParamInterface<const char*> {
+ protected:
+  Arguments estimator() const { return {"--estimator", GetParam()}; }
+
+  /// Plays `events` to a live observer, which must do as its replay of the same events does.
+  nlohmann::json observe(const std::string& machine, int contacts,
+                         const std::vector<ContactEvent>& events, double end, std::string& err) {
+    EventsWriter writer(file("events.csv"));
+    for (const ContactEvent& event : events) writer.write(event);
+    EXPECT_TRUE(writer.close());
+    Process& observer =
+        start_listening("observer", Arguments{machine, "--states", file("live.csv"), "--report",
+                                              file("live.json"), "--duration", "2"} +
+                                        estimator());
+    PlayedMaster master(url(), contacts);
+    master.add(events);
+    master.play_until(end);
+    const Ended ended = end_of(observer);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    err = ended.err;
+    const std::string offline =
+        replay(machine, file("events.csv"), Arguments{"--duration", "2"} + estimator());
+    EXPECT_TRUE(text("live.csv") == read_text(offline)) << "live differs from the replay";
+    return json("live.json");
+  }
+};
+
+// Both stops of the beam are reported closed: w and -w.
+TEST_P(ContactsTest, ThatHoldEachOtherAreAnOrdinaryCase) {
+  std::string err;
+  const nlohmann::json report = observe(scene("two_stops_beam"), 2,
+                                        {{0.1, 1, closes},
+                                         {0.2, 0, closes},
+                                         {0.5, 1, opens},
+                                         {0.6, 1, closes},
+
+                                         {0.8, 0, opens},
+                                         {1.0, 1, opens}},
+                                        2.5, err);
+  EXPECT_GE(report["redundant_closings"], 1);
+  EXPECT_EQ(report["refused_impacts"], 0);
+  EXPECT_NE(err.find("contact 1 is reported closed beside others that hold its direction"),
+            std::string::npos)
+      << err;
+}
+
+std::string sixty_contacts() {
+  std::ostringstream text;
+  text << "[beam]\nmodes = 60\nlength = 1.0\nbending_stiffness = 1.0\nmass_per_length = 1.0\n"
+          "damping = 0.17\n[excitation]\namplitude = 0.03\nfrequency = 9.5\n"
+          "[impact]\nlaw = \"poisson\"\nrestitution = 0.7\n";
+  for (int i = 1; i <= 60; ++i) {
+    text << "[[contact]]\nposition = " << 0.3 + 0.7 * i / 60 << "\nclearance = 0.05\n";
+  }
+  text << "[master]\nq = [-0.05]\nu = [0.0]\n[replica]\nq = [0.1]\nu = [0.0]\n";
+  return text.str();
+}
+
+/// CPU time [s] and largest resident memory [MB] of a process until now.
+std::pair<double, double> spent(const Process& process) {
+  const std::string proc = "/proc/" + std::to_string(process.id()) + "/";
+  std::istringstream stat(read_text(proc + "stat"));
+  std::string word;
+  double ticks = 0.0;
+  for (int i = 1; i <= 15 && stat >> word; ++i) {
+    if (i >= 14) ticks += std::stod(word);
+  }
+  const std::string status = read_text(proc + "status");
+  const double kB = std::stod(status.substr(status.find("VmHWM:") + 6));
+  return {ticks / static_cast<double>(sysconf(_SC_CLK_TCK)), kB / 1024.0};
+}
+
+TEST_P(ContactsTest, SixtyOfABeamWithSixtyModesCostLittleAtTheStart) {
+  if (sanitized) GTEST_SKIP() << "a sanitizer takes its own time and memory";
+  std::ofstream(file("sixty.toml")) << sixty_contacts();
+  Process& observer = start_listening("observer", Arguments{file("sixty.toml")} + estimator());
+  EXPECT_LE(spent(observer).first, 0.3);
+  std::this_thread::sleep_for(1s);
+  EXPECT_LE(spent(observer).second, 64.0);
+}
+
+// Sets of locked contacts that nobody has foreseen: built beside the loop, with the same result.
+TEST_P(ContactsTest, SixtyInAnyCombinationDoAsTheReplay) {
+  std::ofstream(file("sixty.toml")) << sixty_contacts();
+  std::vector<ContactEvent> events;
+  for (int i = 0; i < 12; ++i) events.push_back({0.1 + 0.01 * i, (7 * i) % 60, closes});
+  for (int i = 0; i < 12; ++i) events.push_back({0.5 + 0.01 * i, (7 * i) % 60, opens});
+  std::string err;
+  const nlohmann::json report = observe(file("sixty.toml"), 60, events, 2.5, err);
+  EXPECT_GT(report["flows_awaited"], 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Estimators, ContactsTest, testing::Values("replica", "timing", "both"),
+                         [](const auto& info) { return std::string(info.param); });
+
+}  // namespace
+}  // namespace sprag::test
