@@ -438,6 +438,8 @@ TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
   Process process(arguments({"--csv", path("sync.csv"), "--now", "--duration", "1"}));
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k <= 10; ++k) {
+    publish_estimate(estimate_channel, sample(k, 0.1 * k, 7.0));
+    // Corrected by a late event: the last word counts.
     publish_estimate(estimate_channel, sample(k, 0.1 * k, 1.0));
     publish_pair(k, 2.0);
   }

@@ -122,6 +122,7 @@ class Live {
 
   /// Closes the files and fills the report.
   void close(nlohmann::ordered_json& report) {
+    if (last_word_) write_now(now_pairing_->add_estimate(*last_word_));
     csv_.close();
     if (now_csv_) now_csv_->close();
     if (record_) record_->close();
@@ -143,7 +144,7 @@ class Live {
     } else if (channel == settled_channel) {
       if (accepted(decode(data, estimate_))) settled();
     } else if (channel == estimate_channel && now_pairing_) {
-      if (accepted(decode(data, estimate_))) write_now(now_pairing_->add_estimate(estimate_));
+      if (accepted(decode(data, estimate_))) estimate_for_now();
     }
   }
 
@@ -230,6 +231,21 @@ class Live {
     if (pairing_.session() == sample.session) finish_.sample(sample.t, Clock::now());
   }
 
+  // An estimate is corrected as late events come, until the next tick's is there: the last word on a
+  // tick counts.
+  void estimate_for_now() {
+    if (last_word_ && last_word_->session == estimate_.session &&
+        estimate_.tick < last_word_->tick) {
+      write_now(now_pairing_->add_estimate(estimate_));
+      return;
+    }
+    if (last_word_ &&
+        (last_word_->session != estimate_.session || last_word_->tick != estimate_.tick)) {
+      write_now(now_pairing_->add_estimate(*last_word_));
+    }
+    last_word_ = estimate_;
+  }
+
   void write_now(const SyncRow* row) {
     if (row != nullptr) now_csv_->write(*row);
   }
@@ -288,6 +304,7 @@ class Live {
   Finish finish_;
   StateSample state_;
   EstimateSample estimate_;
+  std::optional<EstimateSample> last_word_;  // for now, on the latest tick
   std::array<std::int64_t, refusal_kinds> refused_{};
 };
 
