@@ -337,8 +337,8 @@ class LiveObserver {
     }
     // Past the last tick, or while the publishing thread is behind, there is nothing to be late
     // for.
-    const bool idle = time_line_.now() >= last_ || at_end() ||
-                      time_line_.handed_out() < time_line_.settled_tick();
+    const bool idle =
+        time_line_.now() >= last_ || time_line_.handed_out() < time_line_.settled_tick();
     const double next = tick_instant(time_line_.now() + 1, stepper_.h()).hi;
     reports_arrived_.wait_until(idle ? latest : std::min(clock_.local(next), latest));
   }
@@ -446,7 +446,8 @@ class LiveObserver {
 
   bool paced() const { return !std::isinf(clock_.speed()); }
 
-  // The machine says that its time has come to an end: there is no later "now".
+  // The machine says that its time has come to an end: nothing is late then, and silence is no
+  // news.
   bool at_end() const { return stands_still_ >= messages_at_the_end && paced(); }
 
   // Runs to the tick that is due; false if there was more to do than a turn may take. What is for
@@ -469,7 +470,7 @@ class LiveObserver {
   // The tick that is due; the one behind it where an event falls between the two: it is not late
   // then, but early by less than a tick.
   std::int64_t tick_for_now(std::int64_t now) const {
-    const double simulated = at_end() ? time_line_.events().horizon() : clock_.simulated(now);
+    const double simulated = clock_.simulated(now);
     const std::int64_t due = simulated > 0.0 ? last_tick(simulated, stepper_.h()) : 0;
     return std::max(due, std::min(time_line_.tick_of_last_event(), due + 1));
   }
@@ -654,7 +655,9 @@ class LiveObserver {
         std::cerr << "the master is silent at t = " << t << "; the estimate goes on without it\n";
         return;
       case Kind::end_of_run:
-        std::cerr << "the machine's time stands at t = " << t << ": its run is over\n";
+        std::cerr << "the machine's time stands at t = " << t
+                  << ": its run is over; the estimate goes on "
+                     "without it\n";
         return;
       case Kind::real_time_lost:
         std::cerr << "real time lost at t = " << t << '\n';

@@ -12,6 +12,9 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t usual_events = 4096;
+// A session whose first message is from later began elsewhere: a machine's clock may start
+// anywhere. As an observer with ticks of 1e-3 has it.
+constexpr double near = 100.0;  // s
 
 RecordedEvents read_csv(InputFile file, int contacts) {
   RecordedEvents recorded;
@@ -46,11 +49,13 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
     if (verdict == SessionTracker::Verdict::starts) {
       history.restart(0, 0, no_horizon);
       // A recording that begins later has events before that nobody knows.
-      if (report.records_total > report.records) {
+      if (report.records_total > report.records || report.horizon > near) {
         history.restart(report.records_total, report.closed, report.horizon);
         recorded.begins = report.horizon;
+        recorded.closed = report.closed;
       } else {
         recorded.begins = 0.0;
+        recorded.closed = 0;
       }
     }
     history.add(report);

@@ -15,8 +15,9 @@ namespace sprag {
 
 struct RecordedEvents {
   std::vector<ContactEvent>
-      events;           ///< times ascending, all since `begins` up to where one may lack
-  double begins = 0.0;  ///< 0 where every event since t = 0 is known [s]
+      events;             ///< times ascending, all since `begins` up to where one may lack
+  double begins = 0.0;    ///< 0 where every event since t = 0 is known [s]
+  ContactSet closed = 0;  ///< there
   std::vector<std::string> problems;  ///< for people; each begins with the file's name
   bool whole = true;                  ///< false: the file is damaged; what is readable is used
   std::int64_t sessions = 0;          ///< of masters in a log; the events are those of the last

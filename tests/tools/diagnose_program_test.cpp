@@ -155,5 +155,25 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   EXPECT_TRUE(std::equal(before.events.begin(), before.events.end(), events.begin()));
 }
 
+// The machine had run for long before, by a clock of its own.
+TEST_F(DiagnoseProgramTest, ARecordingThatBeginsMidRunIsDiagnosedFromThere) {
+  const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
+  write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
+  ChannelLogReader whole(path("whole.lcmlog"));
+  ChannelLogWriter part(path("part.lcmlog"));
+  ChannelRecord record;
+  for (int i = 0; whole.next(record); ++i) {
+    if (i >= 200) part.write(record.utime, record.channel, record.data);
+  }
+  ASSERT_TRUE(part.close());
+  const RecordedEvents later = read_recorded_events(path("part.lcmlog"), 1, 1e9, std::nullopt);
+  EXPECT_GT(later.begins, 100.0);
+  ASSERT_EQ(later.problems.size(), 1U);
+  EXPECT_NE(later.problems[0].find("begins at t = "), std::string::npos) << later.problems[0];
+  EXPECT_TRUE(std::equal(later.events.rbegin(), later.events.rend(), events.rbegin()));
+  const Ended ended = diagnose({path("part.lcmlog"), paper_beam});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+}
+
 }  // namespace
 }  // namespace sprag

@@ -52,11 +52,12 @@ std::span<const ContactEvent> first_closings(std::span<const ContactEvent> event
 class Search {
  public:
   /// Scatters from `least` to `most` are tried.
-  Search(const Scene& scene, std::span<const ContactEvent> events, double least, double most)
-      : scene_(scene), events_(events), least_(least), widest_(most) {}
+  Search(const Scene& scene, std::span<const ContactEvent> events, const Beginning& beginning,
+         double least, double most)
+      : scene_(scene), events_(events), beginning_(beginning), least_(least), widest_(most) {}
 
   Prediction at(const Model& model, double scatter) const {
-    return predict(scene_, model, scatter, events_);
+    return predict(scene_, model, scatter, events_, false, beginning_);
   }
 
   /// The smallest scatter with which the model's misfit is at most 1, below a larger one near
@@ -95,7 +96,8 @@ class Search {
     // negative in between.
     for (const auto& [J, value] : found) {
       const Model model = with(scene_, parameter, value);
-      if (predict(scene_, model, scatter, events_, true).inside < mirrored) return value;
+      if (predict(scene_, model, scatter, events_, true, beginning_).inside < mirrored)
+        return value;
     }
     return parameter.nominal;
   }
@@ -129,6 +131,7 @@ class Search {
 
   const Scene& scene_;
   std::span<const ContactEvent> events_;
+  Beginning beginning_;
   double least_, widest_;
 };
 
@@ -203,7 +206,8 @@ std::vector<const Candidate*> Diagnosis::ties() const {
   return ties;
 }
 
-Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter) {
+Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
+                   const Beginning& beginning) {
   const int to_start = closings_to_start(scene);
   const int closings = closings_of(events);
   if (closings - to_start < least_closings) {
@@ -222,8 +226,8 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.resolved = least;
   const double most = std::max(widest * flight, least);
   const auto some = first_closings(events, to_start + searched_closings);
-  const Search on_all(scene, events, least, most);
-  const Search on_some(scene, some, least, most);
+  const Search on_all(scene, events, beginning, least, most);
+  const Search on_some(scene, some, beginning, least, most);
 
   const Prediction own = on_all.at(scene.model, least);
   diagnosis.closings = own.count;

@@ -65,6 +65,7 @@ struct TooFewEvents : std::runtime_error {
 
 /// `jitter` >= 0 [s]. Throws TooFewEvents, and ModelError if the scene's own machine has no exact
 /// flow.
-Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter);
+Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
+                   const Beginning& beginning = {});
 
 }  // namespace sprag

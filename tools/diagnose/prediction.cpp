@@ -27,12 +27,13 @@ bool closes(std::span<const ContactEvent> events) {
 }
 
 void follow(const Scene& scene, const Model& model, double jitter,
-            std::span<const ContactEvent> events, bool with_inside, Prediction& prediction) {
+            std::span<const ContactEvent> events, bool with_inside, const Beginning& beginning,
+            Prediction& prediction) {
   Uncertainty uncertainty = uncertainty_of(scene);
   uncertainty.jitter = jitter;
   TimingFilter filter(model, tick, uncertainty);
   TimingState state;
-  filter.start(scene.replica, 0, 0, state);
+  filter.start(scene.replica, last_tick(beginning.t, tick), beginning.closed, state);
   Motion before = state.motion;
   std::vector<Closing> closings;
   double flights = 0.0;
@@ -84,12 +85,13 @@ int closings_of(std::span<const ContactEvent> events) {
 }
 
 Prediction predict(const Scene& scene, const Model& model, double jitter,
-                   std::span<const ContactEvent> events, bool with_inside) {
+                   std::span<const ContactEvent> events, bool with_inside,
+                   const Beginning& beginning) {
   Prediction prediction;
   prediction.J = prediction.misfit = std::numeric_limits<double>::infinity();
   try {
     prediction.misfit = 0.0;
-    follow(scene, model, jitter, events, with_inside, prediction);
+    follow(scene, model, jitter, events, with_inside, beginning, prediction);
   } catch (const ModelError&) {  // undamped resonance, for one
   }
   if (!std::isfinite(prediction.J)) prediction.misfit = prediction.J;

@@ -16,6 +16,12 @@
 
 namespace sprag {
 
+/// Where the events begin: all since t [s] are known, and which contacts were closed then.
+struct Beginning {
+  double t = 0.0;
+  ContactSet closed = 0;
+};
+
 struct Prediction {
   double J = 0.0;           ///< -2 log likelihood, up to a constant; infinity where there is none
   double misfit = 0.0;      ///< mean of r^2 / S; 1 where model and jitter are right
@@ -31,10 +37,11 @@ int closings_to_start(const Scene& scene);
 /// Instants at which contacts close.
 int closings_of(std::span<const ContactEvent> events);
 
-/// Runs the filter over the events from the scene's replica start, with the scene's uncertainty,
-/// with `model` and event times that jitter by `jitter` > 0 [s]. `inside` takes longer and is found
-/// on demand. A machine that has no exact flow gives J = infinity.
+/// Runs the filter over the events from the scene's replica start (at the beginning), with the
+/// scene's uncertainty, with `model` and event times that jitter by `jitter` > 0 [s]. `inside`
+/// takes longer and is found on demand. A machine that has no exact flow gives J = infinity.
 Prediction predict(const Scene& scene, const Model& model, double jitter,
-                   std::span<const ContactEvent> events, bool with_inside = false);
+                   std::span<const ContactEvent> events, bool with_inside = false,
+                   const Beginning& beginning = {});
 
 }  // namespace sprag

@@ -19,7 +19,8 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
       run.log, static_cast<int>(scene.model.contacts.size()), run.duration, key_of(common));
   for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
   report["problems"] = recorded.problems;
-  const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter));
+  const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),
+                                       {recorded.begins, recorded.closed});
   to_json(diagnosis, report);
   OutputFile out = OutputFile::standard_output();
   if (run.json) {
