@@ -56,7 +56,7 @@ void SupervisedFilter::apply(std::span<const ContactEvent> events, SupervisedSta
 // `believed`: the filter's last instant before this tick.
 void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) {
   const Consistency& consistency = state.filter.consistency;
-  if (!(consistency.largest > largest_square) && !(consistency.mean > largest_mean)) {
+  if (consistency.largest <= largest_square && consistency.mean <= largest_mean) {
     if (consistency.count >= 2 * q_.size() + state.trial) state.trusted = true;
     if (consistency.count >= forgiven_after * state.trial) state.trial = trial_events;
     return;

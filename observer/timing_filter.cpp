@@ -90,9 +90,11 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
+  state.lost = 0;
   state.innovation = {};
   state.consistency = {};
   state.length = state.speed = 0.0;
+  start_ = start;
   q_ = start.q;
   u_ = start.u;
   enter(independent_of(flows_->dynamics().G(), 0, chi), tick_instant(k, h_), state);

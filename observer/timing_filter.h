@@ -66,6 +66,7 @@ struct TimingState {
   Redundancy redundancy;
   std::int64_t refused_impacts = 0;    ///< sets of closed contacts without a flow
   std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
+  std::int64_t lost = 0;               ///< how often it was no longer a number and began again
   Innovation innovation;
   Consistency consistency;
   double length = 0.0, speed = 0.0;  ///< largest terms of gaps and of their velocities so far
@@ -156,6 +157,8 @@ class TimingFilter {
   void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
   void apply_group(std::span<const ContactEvent> events, TimingState& state);
+  bool is_sane() const;
+  void begin_again(TimingState& state);
   void drop_redundant(ContactSet held, TimingState& state);
   void measure_release(int contact, TimingState& state);
   void measure_closings(TimingState& state);
@@ -171,6 +174,7 @@ class TimingFilter {
   double h_;
   double largest_w_ = 1.0;
   Uncertainty uncertainty_;
+  sprag::State start_;
   TickedFlight flight_;
   std::vector<Functional> acceleration_;  // gamma_i' without contact forces
   Eigen::MatrixXd MinvC_, MinvK_;

@@ -62,7 +62,28 @@ void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState
     reset(before & state.chi, before & ~state.chi, state);
   }
   merge_columns();
+  if (!is_sane()) begin_again(state);
   go_on(state);
+}
+
+// Whether mean and covariance are numbers that can be gone on with.
+bool TimingFilter::is_sane() const {
+  constexpr double largest = 1e100;
+  const Eigen::Index c = now_.columns;
+  return q_.cwiseAbs().maxCoeff() < largest && u_.cwiseAbs().maxCoeff() < largest &&
+         now_.q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         q_.allFinite() && u_.allFinite();
+}
+
+// As if the machine were started now. No event fits less than one after which nothing is known.
+void TimingFilter::begin_again(TimingState& state) {
+  q_ = start_.q;
+  u_ = start_.u;
+  set_start(now_);
+  state.consistency = {};
+  state.consistency.largest = std::numeric_limits<double>::infinity();
+  ++state.lost;
 }
 
 // What is held already takes no impulse of its own.
