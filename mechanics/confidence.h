@@ -55,6 +55,7 @@ struct Confidence {
   std::int64_t inconsistencies = 0;  ///< how often the filter started again from the replica
   Inconsistency last;
   Redundancy redundancy;
+  std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
 };
 
 }  // namespace sprag

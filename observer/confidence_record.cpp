@@ -41,40 +41,46 @@ void ConfidenceRecord::take(double t, const Confidence& confidence, double initi
   ++ticks_;
   if (confidence.from_filter) ++ticks_from_filter_;
   take_inconsistencies(confidence, out);
-  take_redundancy(confidence.redundancy, out);
+  take_contacts(confidence, out);
 }
 
-void ConfidenceRecord::take_redundancy(const Redundancy& redundancy, std::ostream& out) {
-  if (redundancy.closings < redundancy_seen_) redundancy_seen_ = 0;  // a new session
-  const std::int64_t more = redundancy.closings - redundancy_seen_;
-  if (more <= 0) return;
-  redundancy_seen_ = redundancy.closings;
-  redundant_closings_ += more;
-  if (redundant_closings_ > most_told) return;
-  out << "t = " << t_ << ", contact " << redundancy.contact + 1
-      << " is reported closed beside others that hold its direction already: it carries no force "
-         "of "
-         "its own\n";
-  if (redundant_closings_ == most_told) out << "more of these are only counted\n";
+void ConfidenceRecord::take_contacts(const Confidence& confidence, std::ostream& out) {
+  if (redundant_.more(confidence.redundancy.closings, out)) {
+    out << "t = " << t_ << ", contact " << confidence.redundancy.contact + 1
+        << " is reported closed beside others that hold its direction already: it carries no force "
+           "of its own\n";
+  }
+  if (refused_.more(confidence.refused_impacts, out)) {
+    out << "t = " << t_
+        << ": contacts reported closed cannot be held together: they contradict each other, or "
+           "resound undamped; the estimate may be wrong from here on\n";
+  }
+}
+
+// A count of the present session rises; true if people are to be told.
+bool ConfidenceRecord::Told::more(std::int64_t now, std::ostream& out) {
+  if (now < seen) seen = 0;  // a new session
+  if (now == seen) return false;
+  total += now - seen;
+  seen = now;
+  if (++lines == most_told + 1) out << "more of these are only counted\n";
+  return lines <= most_told;
 }
 
 void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::ostream& out) {
-  if (confidence.inconsistencies < seen_) seen_ = 0;  // a new session
-  const std::int64_t more = confidence.inconsistencies - seen_;
-  if (more <= 0) return;
-  seen_ = confidence.inconsistencies;
-  inconsistencies_ += more;
+  const std::int64_t before = inconsistencies_.total;
+  const bool told = inconsistencies_.more(confidence.inconsistencies, out);
   const Inconsistency& last = confidence.last;
-  if (first_.size() < most_kept) first_.push_back(last);
-  if (inconsistencies_ > most_told) return;
+  if (inconsistencies_.total > before && first_.size() < most_kept) first_.push_back(last);
+  if (!told) return;
   out << "t = " << last.t << ", contact " << last.contact + 1
       << ": the timing filter does not fit, " << advice(last.suspicion)
       << " The estimate is the replica's.\n";
-  if (inconsistencies_ == most_told) out << "more of these are only counted\n";
 }
 
 void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
-  report["redundant_closings"] = redundant_closings_;
+  report["redundant_closings"] = redundant_.total;
+  report["refused_impacts"] = refused_.total;
   if (!any_) return;
   nlohmann::ordered_json& json = report["confidence"];
   if (last_.has_replica) {
@@ -95,7 +101,7 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
   json["sigma_g"] = numbers(last_.sigma_g);
   if (!last_.has_replica) return;
   json["ticks_from_filter"] = ticks_from_filter_;
-  json["inconsistencies"] = inconsistencies_;
+  json["inconsistencies"] = inconsistencies_.total;
   nlohmann::ordered_json& list = json["first_inconsistencies"] = nlohmann::ordered_json::array();
   for (const Inconsistency& one : first_) {
     list.push_back({{"t", one.t},
@@ -113,7 +119,7 @@ void ConfidenceRecord::print(std::ostream& out) const {
   if (last_.has_filter && last_.has_replica) {
     out << "timing filter: "
         << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
-        << " % of the ticks, did not fit " << inconsistencies_ << " times\n";
+        << " % of the ticks, did not fit " << inconsistencies_.total << " times\n";
   }
 }
 

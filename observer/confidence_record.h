@@ -14,11 +14,12 @@ namespace sprag {
 class ConfidenceRecord {
  public:
   /// Takes the confidence of the settled tick at t [s], in order; `initial` is B(0). A filter that
-  /// no longer fits the events is told on `out` in a line, the first 20 times; a contact that
-  /// others hold already, likewise.
+  /// no longer fits the events is told on `out` in a line, the first 20 times; so are contacts that
+  /// others hold already, or that cannot be held together.
   void take(double t, const Confidence& confidence, double initial, std::ostream& out);
 
-  /// Adds "redundant_closings" to a report, and "confidence", if there is anything to say.
+  /// Adds "redundant_closings" and "refused_impacts" to a report, and "confidence" if there is
+  /// anything to say.
   void to_json(nlohmann::ordered_json& report) const;
 
   /// A line or two for people.
@@ -26,7 +27,14 @@ class ConfidenceRecord {
 
  private:
   void take_inconsistencies(const Confidence& confidence, std::ostream& out);
-  void take_redundancy(const Redundancy& redundancy, std::ostream& out);
+  void take_contacts(const Confidence& confidence, std::ostream& out);
+
+  struct Told {
+    std::int64_t seen = 0;   // of the present session
+    std::int64_t total = 0;  // of all
+    std::int64_t lines = 0;
+    bool more(std::int64_t now, std::ostream& out);
+  };
 
   bool any_ = false;
   double t_ = 0.0;
@@ -34,11 +42,8 @@ class ConfidenceRecord {
   Confidence last_;
   std::int64_t ticks_ = 0;
   std::int64_t ticks_from_filter_ = 0;
-  std::int64_t seen_ = 0;  // inconsistencies of the present session
-  std::int64_t inconsistencies_ = 0;
   std::vector<Inconsistency> first_;  // a bounded number of them
-  std::int64_t redundancy_seen_ = 0;  // of the present session
-  std::int64_t redundant_closings_ = 0;
+  Told inconsistencies_, redundant_, refused_;
 };
 
 }  // namespace sprag

@@ -43,14 +43,18 @@ void confide(Replica& replica, const ReplicaState& state, double initial, Confid
   confidence.bound = std::isfinite(initial) ? replica.error_bound(state, initial) : infinity;
   confidence.replica = state.innovation;
   confidence.redundancy = state.redundancy;
+  confidence.refused_impacts = state.refused_impacts;
 }
 
-void confide(MoreauReplica&, const MoreauState&, double, Confidence&) {}
+void confide(MoreauReplica&, const MoreauState& state, double, Confidence& confidence) {
+  confidence.refused_impacts = state.refused_impacts;
+}
 
 void confide(TimingFilter& filter, const TimingState& state, double, Confidence& confidence) {
   filter.deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
   confidence.filter = state.innovation;
   confidence.redundancy = state.redundancy;
+  confidence.refused_impacts = state.refused_impacts;
 }
 
 void confide(SupervisedFilter& filter, const SupervisedState& state, double initial,

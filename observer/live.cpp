@@ -174,7 +174,6 @@ class LiveObserver {
     to_json(figures_, report);
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
-    report["refused_impacts"] = refused_impacts_;
     report["flows_awaited"] = flow_builder_ ? flow_builder_->awaited() : 0;
     record_.to_json(report);
     report.update(to_json(time_line_.events()));
@@ -543,7 +542,6 @@ class LiveObserver {
 
   bool on_settled(const typename Stepper::State& state) {
     if (state.tick > last_) return true;
-    refused_impacts_ = state.refused_impacts;
     return send(Kind::settled, state);
   }
 
@@ -706,7 +704,6 @@ class LiveObserver {
   Pace pace_ = Pace::catching_up;
   std::int64_t lost_since_ = 0;
   bool silent_ = false;
-  std::int64_t refused_impacts_ = 0;
   LiveFigures figures_;  // each thread writes its own part
 
   SpscQueue<Heard> heard_;

@@ -125,7 +125,6 @@ class Replay {
     report["ticks"] = ticks_;
     report["settled_tick"] = time_line_.handed_out();
     report["flow_path"] = flow_path(stepper_);
-    report["refused_impacts"] = refused_impacts_;
     record_.to_json(report);
     record_.print(std::cerr);
     report.update(to_json(time_line_.events()));
@@ -170,7 +169,6 @@ class Replay {
           check_interrupt();
           if (state.tick > last_) return true;
           ++ticks_;
-          refused_impacts_ = state.refused_impacts;
           const double t = tick_instant(state.tick, stepper_.h()).hi;
           confide(stepper_, state, time_line_.complete_to(t) ? initial_bound_ : infinity,
                   confidence_);
@@ -200,7 +198,6 @@ class Replay {
   Notices notices_;
   std::int64_t written_ = 0;
   std::int64_t ticks_ = 0;
-  std::int64_t refused_impacts_ = 0;
 };
 
 template <typename Stepper>

@@ -60,6 +60,43 @@ TEST_P(ContactsTest, ThatHoldEachOtherAreAnOrdinaryCase) {
       << err;
 }
 
+// Locked together they leave a mode that the force drives at its own frequency, undamped: no exact
+// flow. One of them is not held, which is told.
+TEST_P(ContactsTest, ThatCannotBeHeldTogetherAreTold) {
+  std::ofstream(file("resonant.toml")) << R"([system]
+M = [[1.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]
+C = [[0.0,0.0,0.0],[0.0,0.0,0.0],[0.0,0.0,0.0]]
+K = [[5.0,-1.0,-1.0],[-1.0,5.0,-1.0],[-1.0,-1.0,4.0]]
+[[force]]
+direction = [-1.0,-1.0,1.0]
+constant = 3.0
+amplitude = 0.3
+frequency = 2.0
+[[contact]]
+direction = [1.0,0.0,0.0]
+clearance = 0.2
+[[contact]]
+direction = [0.0,1.0,0.0]
+clearance = 0.2
+[impact]
+restitution = 0.0
+[master]
+q = [0.0,0.0,0.0]
+[replica]
+q = [0.1,0.1,0.0]
+uncertainty = 1.0
+)";
+  std::string err;
+  const nlohmann::json report =
+      observe(file("resonant.toml"), 2,
+              {{0.1, 0, closes}, {0.2, 1, closes}, {1.0, 0, opens}, {1.0, 1, opens}}, 2.5, err);
+  EXPECT_GE(report["refused_impacts"], 1);
+  EXPECT_NE(err.find("cannot be held together"), std::string::npos) << err;
+  if (report["confidence"].contains("bound")) {
+    EXPECT_TRUE(report["confidence"]["bound"]["final"].is_null());
+  }
+}
+
 std::string sixty_contacts() {
   std::ostringstream text;
   text << "[beam]\nmodes = 60\nlength = 1.0\nbending_stiffness = 1.0\nmass_per_length = 1.0\n"
