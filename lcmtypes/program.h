@@ -67,6 +67,7 @@ CLI::Option* add_choice(CLI::App& app, const std::string& name, Value& value,
                         const std::vector<std::pair<std::string, Value>>& choices,
                         const std::string& help) {
   std::vector<std::string> names;
+  names.reserve(choices.size());
   for (const auto& choice : choices) names.push_back(choice.first);
   const auto take = [&value, choices](std::size_t i) { value = choices[i].second; };
   return add_choice(app, name, std::move(names), take, help);

@@ -77,6 +77,7 @@ Signals::Signals(const std::string& program) {
 Signals::~Signals() {
   if (has_last_resort) ::timer_delete(last_resort);
   has_last_resort = false;
+  clear_interrupt();
 }
 
 }  // namespace sprag

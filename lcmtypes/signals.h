@@ -13,7 +13,7 @@ namespace sprag {
 class Signals {
  public:
   explicit Signals(const std::string& program);
-  /// From here on nothing ends the process any more.
+  /// From here on nothing ends the process any more, and no stop is requested.
   ~Signals();
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;

@@ -61,6 +61,10 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
 
 std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
 
+[[noreturn]] void ask(const std::string& why) {
+  throw UsageError(why + "; say which it is: --unit s, ms, us, ns or a number of seconds");
+}
+
 }  // namespace
 
 std::optional<Decimal> parse_unit(std::string_view text) {
@@ -92,8 +96,7 @@ std::optional<NamedUnit> unit_in(std::string_view column) {
 
 ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
                        const std::vector<ContactColumns>& chosen, const std::string& file) {
-  const std::string allowed = "--unit s, ms, us, ns or a number of seconds";
-  std::string first;  // column
+  const std::string* first = nullptr;  // column
   std::optional<NamedUnit> unit;
   for (const ContactColumns& contact : chosen) {
     for (const auto& index : {contact.impacts, contact.on, contact.off}) {
@@ -106,16 +109,15 @@ ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& co
                             "; --unit says something else, and counts"};
       }
       if (of_column && !of_column->seconds)
-        throw UsageError(file + ": column " + in_quotes(name) + " is in " + of_column->text +
-                         "; say what that is: " + allowed);
-      const bool is_first = first.empty();
-      const bool agrees = is_first || (of_column.has_value() == unit.has_value() &&
-                                       (!unit || same(*unit->seconds, *of_column->seconds)));
+        ask(file + ": column " + in_quotes(name) + " is in " + of_column->text);
+      const bool agrees =
+          first == nullptr || (of_column.has_value() == unit.has_value() &&
+                               (!unit || same(*unit->seconds, *of_column->seconds)));
       if (!agrees)
-        throw UsageError(file + ": columns " + in_quotes(first) + " and " + in_quotes(name) +
-                         " do not say the same unit; say which one it is: " + allowed);
-      if (is_first) {
-        first = name;
+        ask(file + ": columns " + in_quotes(*first) + " and " + in_quotes(name) +
+            " do not say the same unit");
+      if (first == nullptr) {
+        first = &name;
         unit = of_column;
       }
     }
@@ -123,7 +125,7 @@ ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& co
   if (given) return {*given, ""};
   if (!unit) return {};
   return {*unit->seconds,
-          file + ": times in " + unit->text + ", as column " + in_quotes(first) + " says"};
+          file + ": times in " + unit->text + ", as column " + in_quotes(*first) + " says"};
 }
 
 }  // namespace sprag
