@@ -6,6 +6,7 @@
 #include <fstream>
 #include <functional>
 #include <sprag/contacts_t.hpp>
+#include <utility>
 
 #include "lcmtypes/state_codec.h"
 #include "tests/end_to_end/fixture.h"
@@ -36,13 +37,31 @@ class LiveTroubleTest : public EndToEnd {
     std::this_thread::sleep_for(200ms);
   }
   void expect_live_as_replay(const std::string& machine, const Arguments& more = {}) {
-    std::this_thread::sleep_for(500ms);
+    std::uintmax_t size = 0;
+    EXPECT_TRUE(in_time([&] {  // what is still on its way on a busy machine
+      std::this_thread::sleep_for(700ms);
+      const std::uintmax_t before =
+          std::exchange(size, std::filesystem::file_size(file("run.lcmlog")));
+      return before == size && size > 0;
+    }));
     recorder_->signal(SIGINT);
     end_of(*recorder_);
     const std::string offline = read_text(replay(machine, file("run.lcmlog"), more));
     const std::string live = text("live.csv");
     EXPECT_GT(std::ranges::count(live, '\n'), 100);
-    EXPECT_TRUE(live == offline) << "live differs from the replay";
+    EXPECT_TRUE(live == offline) << "live differs from the replay: " << difference(live, offline);
+  }
+
+  /// The first line that two texts do not share.
+  static std::string difference(const std::string& one, const std::string& other) {
+    const auto [a, b] = std::ranges::mismatch(one, other);
+    const auto line = [](const std::string& text, auto at) {
+      const auto from = static_cast<std::size_t>(at - text.begin());
+      const std::size_t begin = from == 0 ? 0 : text.rfind('\n', from - 1) + 1;
+      return text.substr(begin, text.find('\n', from) - begin);
+    };
+    return "line " + std::to_string(std::count(one.begin(), a, '\n') + 1) + ": " + line(one, a) +
+           " | " + line(other, b);
   }
 
   /// Lets the observer hear everything, then ends it.
@@ -120,7 +139,7 @@ TEST_F(LiveTroubleTest, SkippedEventsAreToldAtOnceAndCountAsAGap) {
   EXPECT_EQ(report["skipped"]["beyond_horizon"], 1);
   ASSERT_GE(report["degraded"].size(), 1U);
   EXPECT_GE(report["degraded"][0]["from"], 0.9);
-  EXPECT_LT(report["degraded"][0]["from"], 1.3);
+  EXPECT_LT(report["degraded"][0]["from"], 1.6);
   EXPECT_TRUE(report["confidence"]["bound"]["final"].is_null());
   expect_live_as_replay(scene("paper_beam"));
 }
