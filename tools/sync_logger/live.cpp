@@ -231,8 +231,8 @@ class Live {
     if (pairing_.session() == sample.session) finish_.sample(sample.t, Clock::now());
   }
 
-  // An estimate is corrected as late events come, until the next tick's is there: the last word on a
-  // tick counts.
+  // An estimate is corrected as late events come, until the next tick's is there: the last word on
+  // a tick counts.
   void estimate_for_now() {
     if (last_word_ && last_word_->session == estimate_.session &&
         estimate_.tick < last_word_->tick) {
