@@ -144,7 +144,7 @@ TEST_P(ContactsTest, SixtyInAnyCombinationDoAsTheReplay) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Estimators, ContactsTest, testing::Values("replica", "timing", "both"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& of) { return std::string(of.param); });
 
 }  // namespace
 }  // namespace sprag::test

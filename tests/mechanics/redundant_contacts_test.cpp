@@ -28,7 +28,7 @@ struct Motions {
 };
 
 Motions run(const Model& model, const State& start, double h, std::int64_t ticks,
-        const std::vector<ContactEvent>& events) {
+            const std::vector<ContactEvent>& events) {
   Replica replica(model, h);
   Motions motions;
   replica.start(start, 0, 0, motions.state);
