@@ -92,7 +92,7 @@ TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
 }
 
 TEST_F(RecordingTest, PipesAreReadAsFilesAre) {
-  const std::string events = simulate(beam_, "40", "0.1");
+  const std::string events = simulate(beam_, "15", "0.1");
   const std::string impacts = write_text(file("impacts.csv"), "t\n0.5\n1\n");
   ASSERT_EQ(run("import_events", {impacts, beam_, "--output", file("impacts.lcmlog")}).code, 0);
   const auto piped = [&](const char* script, const Arguments& arguments) {
