@@ -185,6 +185,9 @@ TEST_F(StrangerTest, AHundredThousandRandomPacketsDoNoHarm) {
 
 TEST_F(StrangerTest, AFloodOfFiftyThousandPacketsASecondDoesNoHarm) {
   start_programs("90", "15");
+  // Who is heard first is followed first, whoever it is.
+  ASSERT_TRUE(
+      in_time([&] { return observer_->err().find("observing from") != std::string::npos; }));
   const auto good = encoded(good_message(99));
   const std::string other = "LC02\0\0\0\0SPRAG_CONTACTS\0"s + std::string(good.begin(), good.end());
   const std::string rubbish(100, 'x');
