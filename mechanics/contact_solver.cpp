@@ -213,8 +213,7 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
   struck_ = 0;
   row = 0;
   for_each(closed, [&](int i) {
-    if (std::abs(gamma_plus[row]) <=
-        std::max(zero_share * scale, rounding * velocity_scale(i, motion))) {
+    if (std::abs(gamma_plus[row]) <= std::max(zero_share * scale, noise[row])) {
       gamma_plus[row] = 0.0;
       resting_ |= bit(i);
     }
