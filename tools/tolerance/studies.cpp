@@ -1,13 +1,11 @@
 #include "tools/tolerance/studies.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <limits>
 #include <mutex>
-#include <thread>
 
+#include "tools/tolerance/in_parallel.h"
 #include "tools/tolerance/machines.h"
 
 namespace sprag::tolerance {
@@ -107,28 +105,6 @@ void add_mode_studies(const Scene& scene, std::vector<Study>& all) {
                      return setting;
                    }});
   }
-}
-
-// work(i) for i = 0, ..., count - 1, by as many threads.
-template <typename Work>
-void in_parallel(int threads, int count, const Work& work) {
-  std::atomic<int> next = 0;
-  std::exception_ptr failure;
-  std::mutex mutex;
-  const auto take = [&] {
-    try {
-      for (int i = next++; i < count; i = next++) work(i);
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = std::current_exception();
-      next = count;
-    }
-  };
-  std::vector<std::thread> others;
-  for (int i = 1; i < threads; ++i) others.emplace_back(take);
-  take();
-  for (std::thread& other : others) other.join();
-  if (failure) std::rethrow_exception(failure);
 }
 
 double share_worse(const std::vector<double>& V, const std::vector<double>& V_replica) {

@@ -1,0 +1,280 @@
+// The calibration study counts right, where the answer is known, and its machines are of use.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "mechanics/energy.h"
+#include "mechanics/master.h"
+#include "tests/support/process.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/temporary_directory.h"
+#include "tools/calibration/machines.h"
+#include "tools/calibration/study.h"
+#include "tools/tolerance/random.h"
+
+namespace sprag::calibration {
+namespace {
+
+using Words = std::vector<std::string>;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+
+// Errors that are what they are said to be: a mean square of 1, and erfc(3 / sqrt 2) beyond 3.
+TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
+  constexpr int n = 200000;
+  for (const double boast : {1.0, 2.0}) {
+    tolerance::Random random(1);
+    NormalizedErrors errors;
+    for (int i = 0; i < n; ++i) {
+      const double sigma = std::pow(10.0, -3.0 * random.uniform());
+      errors.add(sigma * random.normal(), sigma / boast);
+    }
+    EXPECT_EQ(errors.count(), n);
+    EXPECT_NEAR(errors.mean_square(), boast * boast, 5.0 * boast * boast * std::sqrt(2.0 / n));
+    const double expected = std::erfc(3.0 / boast / std::sqrt(2.0));
+    EXPECT_NEAR(errors.beyond(), expected, 5.0 * std::sqrt(expected / n));
+  }
+}
+
+TEST(CalibrationStatistics, WhatIsNotKnownAndWhatIsNoNumberIsToldApart) {
+  NormalizedErrors errors;
+  errors.add(2.0, 1.0);
+  errors.add(-4.0, 1.0);
+  errors.add(0.0, 0.0);
+  errors.add(1e300, infinity);
+  errors.add(not_a_number, 1.0);
+  errors.add(1.0, not_a_number);
+  errors.add(infinity, 1.0);
+  errors.add(infinity, infinity);
+  EXPECT_EQ(errors.count(), 3);
+  EXPECT_EQ(errors.unknown(), 1);
+  EXPECT_EQ(errors.not_numbers(), 4);
+  EXPECT_DOUBLE_EQ(errors.mean_square(), 20.0 / 3.0);
+  EXPECT_DOUBLE_EQ(errors.beyond(), 1.0 / 3.0);
+  NormalizedErrors twice = errors;
+  twice.add(errors);
+  EXPECT_EQ(twice.count(), 6);
+  EXPECT_EQ(twice.not_numbers(), 8);
+  EXPECT_DOUBLE_EQ(twice.mean_square(), 20.0 / 3.0);
+  // Certain, and wrong.
+  errors.add(1e-9, 0.0);
+  EXPECT_EQ(errors.mean_square(), infinity);
+  EXPECT_TRUE(std::isnan(NormalizedErrors{}.mean_square()));
+}
+
+Trial trial(double z, double V) {
+  Trial one;
+  one.state.add(z, 1.0);
+  one.gaps.add(2.0 * z, 1.0);
+  one.V = V;
+  one.V_largest = 2.0 * V;
+  one.V_replica = 10.0 * V;
+  one.V_replica_largest = 20.0 * V;
+  one.innovations = 3.0;
+  one.innovation_count = 2;
+  one.inconsistencies = 1;
+  one.from_filter = 0.5;
+  one.worse = V;
+  return one;
+}
+
+TEST(CalibrationStatistics, TrialsAreSummarized) {
+  const Summary all = summarize(std::vector{trial(1.0, 0.1), trial(3.0, 0.2), trial(2.0, 0.6)});
+  EXPECT_DOUBLE_EQ(all.state.mean_square(), 14.0 / 3.0);
+  EXPECT_DOUBLE_EQ(all.gaps.mean_square(), 56.0 / 3.0);
+  EXPECT_NEAR(all.deviation, std::sqrt((121.0 + 169.0 + 4.0) / 9.0 / 6.0), 1e-12);
+  EXPECT_EQ(all.V, 0.2);
+  EXPECT_EQ(all.V_replica, 2.0);
+  EXPECT_EQ(all.V_largest, 1.2);
+  EXPECT_EQ(all.V_replica_largest, 12.0);
+  EXPECT_EQ(all.J, 1.5);
+  EXPECT_EQ(all.inconsistencies, 3);
+  EXPECT_DOUBLE_EQ(all.from_filter, 0.5);
+  EXPECT_DOUBLE_EQ(all.worse, 0.3);
+  EXPECT_EQ(all.worse_largest, 0.6);
+}
+
+TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
+  tolerance::Random random(1);
+  NormalizedErrors honest, sure, rough;
+  for (int i = 0; i < 100000; ++i) {
+    const double z = random.normal();
+    honest.add(z, 1.0);
+    sure.add(1.1 * z, 1.0);
+    rough.add(0.4 * z, 1.0);
+  }
+  Summary right;
+  right.state = honest;
+  right.V_replica = right.V_replica_largest = 1.0;
+  right.V = right.V_largest = 0.5;
+  right.J = 1.0;
+  EXPECT_EQ(missed_bars(right, 0.01), Words{});
+  const auto with = [&](const auto& change) {
+    Summary other = right;
+    change(other);
+    return other;
+  };
+  const Summary too_sure = with([&](Summary& of) { of.state = sure; });
+  EXPECT_EQ(missed_bars(too_sure, 0.01), (Words{"z2", "3s"}));
+  EXPECT_EQ(missed_bars(too_sure, 1.0), Words{});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.state = rough; }), 1.0), Words{"z2"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.state = {}; }), 1.0), (Words{"z2", "3s"}));
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.J = 2.0; }), 1.0), Words{"J"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.J = not_a_number; }), 1.0), Words{"J"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.V = 0.9; }), 1.0), Words{"V"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.V = infinity; }), 1.0), Words{"V"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.V_largest = 3.0; }), 1.0), Words{"Vmax"});
+  EXPECT_EQ(missed_bars(with([&](Summary& of) { of.gaps.add(not_a_number, 1.0); }), 1.0),
+            Words{"nan"});
+}
+
+TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
+  const int count = repetitions(40);
+  std::cout << "seeds 1 to " << count << '\n';
+  const auto all = machines("random:1-" + std::to_string(count));
+  ASSERT_EQ(all.size(), static_cast<std::size_t>(count));
+  for (const Scene& scene : all) {
+    Master master(scene.model, scene.master);
+    std::vector<ContactEvent> events;
+    const double T = usual_duration(scene.model);
+    master.advance(at(T), events, 30);
+    EXPECT_GE(events.size(), 30U) << scene.name;
+    const double V = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
+                                              scene.replica.u)[0];
+    EXPECT_NEAR(scene.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
+  }
+  EXPECT_NE(random_scene(1), random_scene(3));
+  EXPECT_EQ(random_scene(2), random_scene(2));
+}
+
+TEST(CalibrationMachines, ModesAreThoseOfThePapersBeam) {
+  const auto eight = machines("modes:8");
+  ASSERT_EQ(eight.size(), 1U);
+  EXPECT_EQ(eight[0].model.coordinates(), 8);
+  EXPECT_NEAR(highest_frequency(eight[0].model), std::pow(wavenumber(8), 2), 1e-9);
+  EXPECT_EQ(usual_duration(eight[0].model), 210.0);
+  for (const char* wrong :
+       {"modes:0", "modes:x", "modes:201", "random:", "random:0", "random:2-"}) {
+    EXPECT_THROW(machines(wrong), std::invalid_argument) << wrong;
+  }
+}
+
+TEST(CalibrationMachines, NumbersAreRoundedToDigits) {
+  EXPECT_EQ(to_digits(0.0107, 1), 0.01);
+  EXPECT_EQ(to_digits(214.4, 2), 210.0);
+  EXPECT_EQ(to_digits(9.6, 1), 10.0);
+}
+
+// A filter that is known to be right, on the paper's beam, and started out of its own uncertainty.
+TEST(CalibrationStudy, TellsWhatAFilterIsWorth) {
+  Options options;
+  options.seeds = repetitions(60);
+  options.duration = 64.0;
+  options.tick = 0.01;
+  options.start = Start::prior;
+  const Scene scene = machines(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml").front();
+  std::vector<Row> rows;
+  study(scene, {1e-4}, {EstimatorKind::timing, EstimatorKind::both}, options,
+        [&](const Row& row) { rows.push_back(row); });
+  ASSERT_EQ(rows.size(), 2U);
+  for (const Row& row : rows) {
+    const Summary& of = row.summary;
+    std::cout << "seeds 1 to " << row.seeds << ": z2 " << of.state.mean_square() << " +- "
+              << of.deviation << ", V " << of.V << " against " << of.V_replica << '\n';
+    EXPECT_EQ(row.seeds, options.seeds);
+    EXPECT_EQ(of.state.count(), static_cast<std::int64_t>(row.seeds) * 400 * 6);
+    EXPECT_EQ(of.gaps.count(), static_cast<std::int64_t>(row.seeds) * 400);
+    EXPECT_NEAR(row.omega_sigma, 61.7e-4, 1e-5);
+    EXPECT_LT(of.V, of.V_replica);
+    EXPECT_LE(of.V, of.V_largest);
+    if (!sanitized) {
+      EXPECT_NEAR(of.state.mean_square(), 1.0, 0.3);
+      EXPECT_NEAR(of.J, 1.0, 0.3);
+    }
+    EXPECT_EQ(of.state.not_numbers() + of.state.unknown(), 0);
+    EXPECT_NEAR(of.from_filter, 1.0, 1e-12);
+  }
+}
+
+TEST(CalibrationStudy, TroubleShows) {
+  Options options;
+  options.seeds = 4;
+  options.duration = 40.0;
+  options.tick = 0.01;
+  const Scene scene = machines(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml").front();
+  const auto row_with = [&](Trouble trouble, EstimatorKind estimator) {
+    options.trouble = trouble;
+    Row row;
+    study(scene, {1e-4}, {estimator}, options, [&](const Row& one) { row = one; });
+    EXPECT_TRUE(row.missed.empty() || trouble == Trouble::none);
+    return row.summary;
+  };
+  EXPECT_EQ(row_with(Trouble::none, EstimatorKind::both).inconsistencies, 0);
+  for (const Trouble trouble :
+       {Trouble::spurious, Trouble::missing, Trouble::mixed, Trouble::wrong}) {
+    EXPECT_GT(row_with(trouble, EstimatorKind::both).inconsistencies, 0);
+  }
+  // The filter alone knows nothing of a loss.
+  EXPECT_GT(row_with(Trouble::missing, EstimatorKind::timing).worse, 0.1);
+}
+
+TEST(CalibrationStudy, AReplicaIsFollowedAtTheSamples) {
+  Options options;
+  options.duration = 20.0;
+  options.tick = 0.01;
+  options.samples = 200;
+  const Scene scene = machines(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml").front();
+  const Truth truth = simulate(scene, options);
+  EXPECT_EQ(truth.stride, 10);
+  EXPECT_EQ(truth.q.cols(), 200);
+  const auto V = follow_replica(scene, scene, truth.events, truth);
+  ASSERT_EQ(V.size(), 200U);
+  EXPECT_TRUE(std::is_sorted(V.rbegin(), V.rend()));  // it never grows
+  Scene same = scene;
+  same.replica = same.master;
+  for (const double of : follow_replica(same, same, truth.events, truth)) EXPECT_LT(of, 1e-20);
+}
+
+std::vector<std::string> lines(const std::string& text) {
+  std::vector<std::string> all;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) all.push_back(line);
+  return all;
+}
+
+TEST(CalibrationProgram, PrintsATableCsvAndJson) {
+  const test::TemporaryDirectory directory;
+  const auto run = [&](const Words& arguments) {
+    Words command{CALIBRATION, "modes:2",    "--jitter", "1e-4,1e-3",   "--seeds",
+                  "2",         "--duration", "10",       "--estimator", "timing,both"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    test::Process program(command, directory / "", "calibration");
+    EXPECT_EQ(program.wait(std::chrono::seconds(60)), 0) << program.err();
+    return program.out();
+  };
+  const std::string csv = (directory / "rows.csv").string();
+  EXPECT_EQ(lines(run({"--csv", csv})).size(), 5U);
+  const Words rows = lines(test::read_text(csv));
+  ASSERT_EQ(rows.size(), 5U);
+  const auto commas = std::count(rows[0].begin(), rows[0].end(), ',');
+  for (const std::string& row : rows) {
+    EXPECT_EQ(std::count(row.begin(), row.end(), ','), commas) << row;
+  }
+  const auto json = nlohmann::json::parse(run({"--json", "--threads", "1"}));
+  ASSERT_EQ(json.size(), 4U);
+  EXPECT_EQ(json[0]["scene"], "modes:2");
+  EXPECT_EQ(json[3]["estimator"], "both");
+  EXPECT_EQ(json[3]["jitter"], 1e-3);
+  EXPECT_EQ(json[3]["seeds"], 2);
+  // Whatever the number of threads.
+  EXPECT_EQ(json, nlohmann::json::parse(run({"--json", "--threads", "2"})));
+}
+
+}  // namespace
+}  // namespace sprag::calibration
