@@ -84,6 +84,10 @@ int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const Common
 
 }  // namespace
 
+std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name) {
+  return std::make_shared<CLI::App>(description, name);
+}
+
 void add_common_options(CLI::App& app, CommonOptions& options) {
   app.set_version_flag("--version", app.get_name() + " " SPRAG_VERSION);
   app.add_option("--url", options.url, "LCM address")
@@ -108,13 +112,21 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
                       NamedFile::Use use, std::filesystem::path& file, const std::string& type,
                       const std::string& help) {
   options.files.emplace_back([name, use, &file] { return NamedFile{name, file, use}; });
-  return app.add_option(name, file, help)->type_name(type);
+  return app.add_option(name, file, help)->type_name(type)->required(!name.starts_with('-'));
 }
 
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
-  return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)")
-      ->required();
+  return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)");
 }
+
+CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value,
+                      const std::string& help) {
+  return app.add_flag(name, value, help);
+}
+
+void needs(CLI::Option* option, CLI::Option* other) { option->needs(other); }
+
+void excludes(CLI::Option* option, CLI::Option* other) { option->excludes(other); }
 
 std::string choose(const std::string& given, std::span<const std::string> choices) {
   std::string text = given + "; choose ";

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
@@ -44,17 +45,28 @@ struct CommonOptions {
   std::vector<std::function<NamedFile()>> files;
 };
 
+/// An empty command line. CLI11 takes longer to compile than most of the rest: a program whose
+/// options are of the kinds below does without its headers.
+std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name);
+
 /// Adds --url, --key, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
 
-/// Adds an option, or an argument, for a file that the program reads or writes. `file` and
-/// `options` must stay in place until run_program() has returned.
+/// Adds an option, or an argument, which is required, for a file that the program reads or writes.
+/// `file` and `options` must stay in place until run_program() has returned.
 CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,
                       NamedFile::Use use, std::filesystem::path& file, const std::string& type,
                       const std::string& help);
 
 /// Adds the argument SCENE.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
+
+/// Adds a flag that sets `value`, or clears it if the name begins with '!'.
+CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value, const std::string& help);
+
+/// An option that can be given only with another one, or only without it.
+void needs(CLI::Option* option, CLI::Option* other);
+void excludes(CLI::Option* option, CLI::Option* other);
 
 /// Adds an option that takes one of the names; `take` gets the index of the one that is given.
 /// Another one is bad usage, and the message lists those that there are.

@@ -1,32 +1,31 @@
 // master_sim: simulates an impacting machine and publishes when its contacts close and open. The
 // main loop is MasterProcess::run() in master_process.cpp.
-#include <CLI/CLI.hpp>
-
 #include "lcmtypes/program.h"
 #include "master_sim/master_process.h"
 #include "mechanics/scene.h"
 
 int main(int argc, char** argv) {
-  CLI::App app("Simulates a scene's machine and publishes its contact events.", "master_sim");
+  const auto app = sprag::command_line(
+      "Simulates a scene's machine and publishes its contact events.", "master_sim");
   sprag::CommonOptions common;
   common.runs_until_signal = true;
   sprag::MasterOptions options;
   std::filesystem::path scene;
-  sprag::add_common_options(app, common);
-  sprag::add_scene(app, common, scene);
-  sprag::add_positive(app, "--duration", options.duration, "T", "Stop at this simulated time");
-  sprag::add_positive_or_max(app, "--speed", options.speed, "R",
+  sprag::add_common_options(*app, common);
+  sprag::add_scene(*app, common, scene);
+  sprag::add_positive(*app, "--duration", options.duration, "T", "Stop at this simulated time");
+  sprag::add_positive_or_max(*app, "--speed", options.speed, "R",
                              "Simulated s per wall s, or max: as fast as it goes [1]");
-  sprag::add_positive(app, "--tick", options.tick, "h",
+  sprag::add_positive(*app, "--tick", options.tick, "h",
                       "Tick of the states, simulated time [1e-3]");
-  sprag::add_file(app, common, "--events", sprag::NamedFile::Use::written, options.events, "F.csv",
+  sprag::add_file(*app, common, "--events", sprag::NamedFile::Use::written, options.events, "F.csv",
                   "Write the contact events here");
-  sprag::add_file(app, common, "--states", sprag::NamedFile::Use::written, options.states, "F.csv",
+  sprag::add_file(*app, common, "--states", sprag::NamedFile::Use::written, options.states, "F.csv",
                   "Write the state at every tick here");
-  app.add_flag("!--no-lcm", options.lcm, "Publish nothing");
-  app.add_flag("!--no-truth", options.truth, "Do not publish the true state");
+  sprag::add_flag(*app, "!--no-lcm", options.lcm, "Publish nothing");
+  sprag::add_flag(*app, "!--no-truth", options.truth, "Do not publish the true state");
 
-  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     return sprag::run_master(sprag::read_scene(scene), options, common, report);
   });
 }

@@ -1,7 +1,5 @@
 // observer: a machine's full state, live, from nothing but the times at which its contacts close
 // and open. The real-time loop is LiveObserver::integrate() in live.cpp.
-#include <CLI/CLI.hpp>
-
 #include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 #include "observer/live.h"
@@ -9,41 +7,43 @@
 
 int main(int argc, char** argv) {
   using Use = sprag::NamedFile::Use;
-  CLI::App app("Reconstructs a machine's state from its contact events.", "observer");
+  const auto app =
+      sprag::command_line("Reconstructs a machine's state from its contact events.", "observer");
   sprag::CommonOptions common;
   common.runs_until_signal = true;
   sprag::ObserverOptions options;
   sprag::ReplayOptions replay;
   std::filesystem::path scene;
-  sprag::add_common_options(app, common);
-  sprag::add_scene(app, common, scene);
-  sprag::add_positive(app, "--duration", options.duration, "T",
+  sprag::add_common_options(*app, common);
+  sprag::add_scene(*app, common, scene);
+  sprag::add_positive(*app, "--duration", options.duration, "T",
                       "Stop when this simulated time has settled");
-  sprag::add_positive(app, "--tick", options.tick, "h", "Tick, simulated time [1e-3]");
+  sprag::add_positive(*app, "--tick", options.tick, "h", "Tick, simulated time [1e-3]");
   auto* stepper = sprag::add_choice<sprag::StepperKind>(
-      app, "--stepper", options.stepper,
+      *app, "--stepper", options.stepper,
       {{"exact", sprag::StepperKind::exact}, {"moreau", sprag::StepperKind::moreau}},
       "exact (events at their own times) or moreau");
-  sprag::add_choice<sprag::EstimatorKind>(
-      app, "--estimator", options.estimator,
+  auto* estimator = sprag::add_choice<sprag::EstimatorKind>(
+      *app, "--estimator", options.estimator,
       {{"replica", sprag::EstimatorKind::replica},
        {"timing", sprag::EstimatorKind::timing},
        {"both", sprag::EstimatorKind::both}},
       "replica (clutches switched by the events), timing (event times as measurements) or both "
-      "(timing as long as it fits, else replica)")
-      ->excludes(stepper);
-  sprag::add_file(app, common, "--states", Use::written, options.states, "F.csv",
+      "(timing as long as it fits, else replica)");
+  sprag::excludes(estimator, stepper);
+  sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
                   "Write the settled ticks here");
-  sprag::add_positive(app, "--history", options.history, "T",
+  sprag::add_positive(*app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");
-  app.add_flag("--realtime", options.real_time, "SCHED_FIFO and locked memory, where permitted");
-  auto* file = sprag::add_file(app, common, "--replay", Use::read, replay.file, "FILE",
+  sprag::add_flag(*app, "--realtime", options.real_time,
+                  "SCHED_FIFO and locked memory, where permitted");
+  auto* file = sprag::add_file(*app, common, "--replay", Use::read, replay.file, "FILE",
                                "Replay an LCM log or an events CSV, offline");
-  sprag::add_file(app, common, "--events", Use::written, replay.events, "F.csv",
-                  "With --replay: write the events used here")
-      ->needs(file);
+  auto* events = sprag::add_file(*app, common, "--events", Use::written, replay.events, "F.csv",
+                                 "With --replay: write the events used here");
+  sprag::needs(events, file);
 
-  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene parsed = sprag::read_scene(scene);
     return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
                                : sprag::run_replay(parsed, options, replay, common, report);

@@ -1,5 +1,4 @@
 // check_scene: whether the replica of a scene will synchronize with its master, and why.
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/program.h"
@@ -14,7 +13,7 @@ constexpr int exit_may_not = 3;  // a verdict, not a failure
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  const auto app = sprag::command_line(
       "Tells whether a scene's observer will synchronize, with the reasons. Exit code 0: it will, "
       "3: it may not.",
       "check_scene");
@@ -22,14 +21,14 @@ int main(int argc, char** argv) {
   std::filesystem::path file;
   bool json = false;
   double tolerance = 0.0;
-  sprag::add_common_options(app, common);
-  sprag::add_scene(app, common, file);
-  app.add_flag("--json", json, "Print one JSON object");
+  sprag::add_common_options(*app, common);
+  sprag::add_scene(*app, common, file);
+  sprag::add_flag(*app, "--json", json, "Print one JSON object");
 
-  sprag::add_positive(app, "--accuracy", tolerance, "TOL",
+  sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
                       "Also tell how few modes show the tip to TOL metres");
 
-  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::read_scene(file);
     const sprag::TrialLimits limits;
     sprag::Assessment assessment = sprag::assess(scene, limits);

@@ -1,12 +1,9 @@
 // diagnose: whether recorded contact events fit a scene's machine, and which parameter is wrong.
-#include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
-
 #include "lcmtypes/program.h"
 #include "tools/diagnose/run.h"
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  const auto app = sprag::command_line(
       "Tells whether contact events fit a scene's machine and, if not, which single parameter "
       "would "
       "explain them, and by what value. Exit code 0: they fit, 3: they do not.",
@@ -14,17 +11,17 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   sprag::DiagnoseRun run;
   double jitter = 0.0;
-  sprag::add_common_options(app, common);
-  sprag::add_file(app, common, "LOG", sprag::NamedFile::Use::read, run.log, "",
-                  "LCM log or events CSV")
-      ->required();
-  sprag::add_scene(app, common, run.scene);
-  app.add_flag("--json", run.json, "Print one JSON object");
-  sprag::add_positive(app, "--jitter", jitter, "SIGMA",
+  sprag::add_common_options(*app, common);
+  sprag::add_file(*app, common, "LOG", sprag::NamedFile::Use::read, run.log, "",
+                  "LCM log or events CSV");
+  sprag::add_scene(*app, common, run.scene);
+  sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
+  sprag::add_positive(*app, "--jitter", jitter, "SIGMA",
                       "Standard deviation of the event times [s], in place of the scene's");
-  sprag::add_positive(app, "--duration", run.duration, "T", "Leave out events after this time [s]");
+  sprag::add_positive(*app, "--duration", run.duration, "T",
+                      "Leave out events after this time [s]");
 
-  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     if (jitter > 0.0) run.jitter = jitter;
     return sprag::run_diagnose(run, common, report);
   });

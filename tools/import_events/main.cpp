@@ -40,8 +40,7 @@ int main(int argc, char** argv) {
   std::filesystem::path scene;
   sprag::add_common_options(app, common);
   sprag::add_file(app, common, "FILE", sprag::NamedFile::Use::read, run.file, "",
-                  "File with a header line and columns of times")
-      ->required();
+                  "File with a header line and columns of times");
   sprag::add_scene(app, common, scene);
   add_columns(app, "--impacts", sprag::ColumnRole::impacts, run.columns,
               "Column of impact times; repeatable");
