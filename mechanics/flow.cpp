@@ -1,6 +1,5 @@
 #include "mechanics/flow.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <bit>
 #include <complex>
@@ -49,15 +48,14 @@ void split_push(const VectorR& kappa, const MatrixR& push, MatrixR& rest, Matrix
   }
 }
 
-// A X, in less time where A is diagonal.
-MatrixR product(const MatrixR& A, const MatrixR& X) {
-  if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * X;
-  return A * X;
-}
-
 // B^T A B where that is known to be diagonal: no rounding of other entries gets into small ones.
 MatrixR diagonal_of(const MatrixR& B, const MatrixR& A) {
   return VectorR(B.cwiseProduct(product(A, B)).colwise().sum().transpose()).asDiagonal();
+}
+
+// B^T A B.
+MatrixR congruent(const MatrixR& B, const MatrixR& A) {
+  return product(B.transpose(), product(A, B));
 }
 
 }  // namespace
@@ -163,27 +161,27 @@ void Flow::build_on_nullspace() {
   MatrixR& B = space.B;
   B = constrained_basis(M, W, locked_contacts_);
   MatrixR V;
-  const bool modal = diagonalize(B.transpose() * product(K, B), B.transpose() * product(C, B), V);
-  if (modal) B = B * V;
+  const bool modal = diagonalize(congruent(B, K), congruent(B, C), V);
+  if (modal) B = product(B, V);
   space.to_y = product(M, B).transpose();
-  space.C = modal ? diagonal_of(B, C) : MatrixR(B.transpose() * product(C, B));
-  space.K = modal ? diagonal_of(B, K) : MatrixR(B.transpose() * product(K, B));
+  space.C = modal ? diagonal_of(B, C) : congruent(B, C);
+  space.K = modal ? diagonal_of(B, K) : congruent(B, K);
 
-  const MatrixR MinvW = M.llt().solve(W);
+  const MatrixR MinvW = solve_definite(M, W);
   const MatrixR D =
-      l > 0 ? MatrixR(MinvW * (W.transpose() * MinvW).inverse()) : MatrixR::Zero(f, 0);
-  const MatrixCR Dc = D.cast<Complex>();
+      l > 0 ? product(MinvW, inverse(product(W.transpose(), MinvW))) : MatrixR::Zero(f, 0);
   space.q_D.resize(f, 1 + l);
   space.q_D << -D * offsets, D;
-  space.q_D_harmonics = -Dc * motion;
-  space.push = -B.transpose() * product(K, space.q_D);
+  const MatrixCR supports = complex_product(D, motion);
+  space.q_D_harmonics = -supports;
+  space.push = -product(B.transpose(), product(K, space.q_D));
   space.push.col(0) += B.transpose() * dynamics_->force_constant().cast<Real>();
   space.forcing.resize(B.cols(), nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
     const Complex i_Omega(0, dynamics_->frequencies()[j]);
     const MatrixCR Z = K.cast<Complex>() + i_Omega * C.cast<Complex>();
     const VectorCR F = dynamics_->force_amplitudes().col(j).cast<Complex>();
-    space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * (Dc * motion.col(j)));
+    space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
   }
 
   if (modal) {
@@ -213,7 +211,8 @@ void Flow::build_modal(const Nullspace& space) {
   kick_ = enter_zq_ * dynamics_->MinvW();
   z_forced_ = forced(z, Z);
   v_forced_ = rate(z_forced_);
-  q_forced_ = forced(space.B * z + space.q_D, space.B.cast<Complex>() * Z + space.q_D_harmonics);
+  q_forced_ =
+      forced(product(space.B, z) + space.q_D, complex_product(space.B, Z) + space.q_D_harmonics);
   u_forced_ = rate(q_forced_);
   set_bank(delta, kappa, alpha);
 }
@@ -229,7 +228,7 @@ void Flow::build_dense(const Nullspace& space) {
   // what T^-1 makes of a force. v is not the rate of z then; that of z minus a particular motion
   // is v minus that motion's own.
   const MatrixR from_force = modes.T_inverse.rightCols(r);
-  const MatrixR beta = from_force * space.push;
+  const MatrixR beta = product(from_force, space.push);
   const auto beta_z = beta.topRows(r);
   MatrixR z = MatrixR::Zero(r, beta.cols());
   MatrixR alpha = z;
@@ -246,20 +245,20 @@ void Flow::build_dense(const Nullspace& space) {
     V.col(j) = i_Omega * Z.col(j) - b.head(r);
   }
 
-  const MatrixR BP = space.B * modes.P;
-  const MatrixR BR = space.B * modes.R;
+  const MatrixR BP = product(space.B, modes.P);
+  const MatrixR BR = product(space.B, modes.R);
   Phi_ = BP.cast<double>();
   Psi_ = BR.cast<double>();
-  enter_zq_ = (modes.T_inverse.topLeftCorner(r, r) * space.to_y).cast<double>();
-  enter_zu_ = (modes.T_inverse.topRightCorner(r, r) * space.to_y).cast<double>();
-  enter_vq_ = (modes.T_inverse.bottomLeftCorner(r, r) * space.to_y).cast<double>();
-  enter_vu_ = (modes.T_inverse.bottomRightCorner(r, r) * space.to_y).cast<double>();
+  enter_zq_ = product(modes.T_inverse.topLeftCorner(r, r), space.to_y).cast<double>();
+  enter_zu_ = product(modes.T_inverse.topRightCorner(r, r), space.to_y).cast<double>();
+  enter_vq_ = product(modes.T_inverse.bottomLeftCorner(r, r), space.to_y).cast<double>();
+  enter_vu_ = product(modes.T_inverse.bottomRightCorner(r, r), space.to_y).cast<double>();
   z_forced_ = forced(z, Z);
   v_forced_ = forced(v, V);
-  q_forced_ = forced(BP * z + BR * v + space.q_D,
-                     BP.cast<Complex>() * Z + BR.cast<Complex>() * V + space.q_D_harmonics);
+  q_forced_ = forced(product(BP, z) + product(BR, v) + space.q_D,
+                     complex_product(BP, Z) + complex_product(BR, V) + space.q_D_harmonics);
   u_forced_ = rate(q_forced_);
-  const MatrixR drift = BR * alpha;
+  const MatrixR drift = product(BR, alpha);
   u_forced_.constant = drift.col(0).cast<double>();
   u_forced_.held = drift.rightCols(drift.cols() - 1).cast<double>();
   set_bank(delta, kappa, alpha);

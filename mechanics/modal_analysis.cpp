@@ -32,6 +32,16 @@ Real largest_off_diagonal(const MatrixR& A) {
   return largest;
 }
 
+// V^T A V.
+MatrixR congruent(const MatrixR& V, const MatrixR& A) {
+  return product(product(V.transpose(), A), V);
+}
+
+// Those of a symmetric matrix, as columns of length 1.
+MatrixR eigenvectors(const MatrixR& A) {
+  return Eigen::SelfAdjointEigenSolver<MatrixR>(A).eigenvectors();
+}
+
 // The real Schur form A = U S U^T. Its diagonal blocks, of order 1 and 2, hold the eigenvalues.
 class SchurForm {
  public:
@@ -77,7 +87,8 @@ class SchurForm {
     for (std::size_t b = of.back(); b-- > 0;) {
       const auto [row, order] = blocks_[b];
       const Eigen::Index next = row + order;
-      const MatrixR right = -S_.block(row, next, order, n - next) * X.middleRows(next, n - next);
+      const MatrixR right =
+          -product(S_.block(row, next, order, n - next), X.middleRows(next, n - next));
       if (of.size() == 2 && b == of.front()) {
         X(row, 0) = 1;
         H(0, 1) = -right(0, 1);
@@ -85,7 +96,7 @@ class SchurForm {
         X.middleRows(row, order) = solve(S_.block(row, row, order, order), H, right);
       }
     }
-    return {U_ * X, H};
+    return {product(U_, X), H};
   }
 
  private:
@@ -206,6 +217,21 @@ std::vector<std::vector<std::size_t>> real_pairs(const SchurForm& schur, const V
 
 }  // namespace
 
+MatrixR product(const MatrixR& A, const MatrixR& B) {
+  if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * B;
+  return A * B;
+}
+
+MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) {
+  return A.cast<Complex>() * B;
+}
+
+MatrixR inverse(const MatrixR& A) { return A.inverse(); }
+
+MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
+  return Eigen::LLT<MatrixR>(M).solve(B);
+}
+
 MatrixR constrained_basis(const MatrixR& M, const MatrixR& W, const std::vector<int>& locked) {
   const Eigen::Index f = M.rows();
   const Eigen::LLT<MatrixR> factor(M);
@@ -229,9 +255,9 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
   }
   const Real tolerance = 1e-13L;
   const auto diagonal = [&](const MatrixR& A) {
-    return largest_off_diagonal(V.transpose() * A * V) <= tolerance * A.norm();
+    return largest_off_diagonal(congruent(V, A)) <= tolerance * A.norm();
   };
-  V = Eigen::SelfAdjointEigenSolver<MatrixR>(K).eigenvectors();
+  V = eigenvectors(K);
   // Damping in proportion to the mass is diagonal in any basis.
   const Real shared = C.trace() / static_cast<Real>(C.rows());
   const MatrixR rest = C - shared * MatrixR::Identity(C.rows(), C.cols());
@@ -239,8 +265,7 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
   // Repeated eigenvalues of K leave V undetermined; a generic combination settles it.
   const Real scale_K = std::max(K.norm(), std::numeric_limits<Real>::min());
   const Real scale_C = std::max(C.norm(), std::numeric_limits<Real>::min());
-  V = Eigen::SelfAdjointEigenSolver<MatrixR>(K / scale_K + 0.6180339887498949L * C / scale_C)
-          .eigenvectors();
+  V = eigenvectors(K / scale_K + 0.6180339887498949L * C / scale_C);
   return diagonal(C) && diagonal(K);
 }
 
@@ -261,10 +286,9 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   if (rigid > 1) {
     // Rigid motions that damping hardly couples: position and velocity of one, not of two.
     const MatrixR N = V.leftCols(rigid);
-    V.leftCols(rigid) =
-        N * Eigen::SelfAdjointEigenSolver<MatrixR>(N.transpose() * C_hat * N).eigenvectors();
+    V.leftCols(rigid) = product(N, eigenvectors(congruent(N, C_hat)));
   }
-  const MatrixR C = V.transpose() * C_hat * V;
+  const MatrixR C = congruent(V, C_hat);
   VectorR D = Lambda.cwiseSqrt();
   D.head(rigid).setConstant(rigid < r ? D[rigid] : Real(1));
   MatrixR A = MatrixR::Zero(2 * r, 2 * r);
@@ -291,7 +315,7 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
     const Eigen::HouseholderQR<MatrixR> qr(X);
     const MatrixR Q = qr.householderQ() * MatrixR::Identity(2 * r, 2);
     const MatrixR triangle = qr.matrixQR().topRows(2).triangularView<Eigen::Upper>();
-    MatrixR N = triangle * H * triangle.inverse();
+    MatrixR N = product(product(triangle, H), inverse(triangle));
     N.diagonal().array() += 2 * modes.delta[i];
     const Turn turn = largest_turn(N);
     T.col(i) = Q * (N * turn.beta);

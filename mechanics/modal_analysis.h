@@ -19,6 +19,13 @@ using VectorR = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using MatrixCR = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic>;
 using VectorCR = Eigen::Matrix<Complex, Eigen::Dynamic, 1>;
 
+/// A B, A^-1 and M^-1 B, M symmetric and positive definite: functions, since every expression of
+/// its own would compile its own kernels. A product with a diagonal A takes less time.
+MatrixR product(const MatrixR& A, const MatrixR& B);
+MatrixCR complex_product(const MatrixR& A, const MatrixCR& B);
+MatrixR inverse(const MatrixR& A);
+MatrixR solve_definite(const MatrixR& M, const MatrixR& B);
+
 /// M-orthonormal basis of null(W^T), f x (f - l); the columns of W belong to the contacts `locked`.
 /// Throws ModelError when they are linearly dependent.
 MatrixR constrained_basis(const MatrixR& M, const MatrixR& W, const std::vector<int>& locked);
