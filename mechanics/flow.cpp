@@ -17,7 +17,8 @@ constexpr int foreseeable_contacts = 4;
 // A flow takes work in proportion to the cube of the coordinates' number: this much is some 50 ms.
 constexpr double foreseeable_work = 2e6;
 
-constexpr std::size_t flow_slots = 1 << 14;
+constexpr int slot_bits = 14;
+constexpr std::size_t flow_slots = 1 << slot_bits;
 constexpr std::size_t most_flows = flow_slots / 4 * 3;
 
 std::vector<int> members(ContactSet set) {
@@ -500,8 +501,9 @@ Flows::~Flows() = default;
 
 // The slot of this set, or the free one where it belongs.
 std::atomic<const Flows::Entry*>& Flows::slot(ContactSet locked) const {
-  // Fibonacci hashing: sets of few contacts are spread over all slots.
-  std::size_t i = static_cast<std::size_t>((locked * 0x9E3779B97F4A7C15U) >> 32U) % flow_slots;
+  // Fibonacci hashing by the product's top bits, on which all contacts have an influence: sets of
+  // few contacts are spread over all slots.
+  std::size_t i = (locked * 0x9E3779B97F4A7C15U) >> (64 - slot_bits);
   while (true) {
     const Entry* entry = slots_[i].load(std::memory_order_acquire);
     if (entry == nullptr || entry->locked == locked) return slots_[i];
