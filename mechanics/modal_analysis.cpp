@@ -222,9 +222,7 @@ MatrixR product(const MatrixR& A, const MatrixR& B) {
   return A * B;
 }
 
-MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) {
-  return A.cast<Complex>() * B;
-}
+MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) { return A.cast<Complex>() * B; }
 
 MatrixR inverse(const MatrixR& A) { return A.inverse(); }
 
