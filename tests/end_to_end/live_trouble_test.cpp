@@ -206,6 +206,7 @@ TEST_P(ClockStepTest, IsFollowedWithinASecondAndSaid) {
   const Ended ended = finish(observer);
   EXPECT_EQ(ended.code, 0);
   EXPECT_EQ(json("o.json")["messages"]["resumed"], 1);
+  EXPECT_LT(json("o.json")["unsettled_ticks"], 500);  // now has followed, too
   EXPECT_EQ(json("o.json")["sessions"], 1);
   const std::string live = text("live.csv");
   const std::string last = live.substr(live.rfind('\n', live.size() - 2) + 1);

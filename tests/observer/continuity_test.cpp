@@ -159,6 +159,10 @@ TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
     report.horizon = t;
     EXPECT_EQ(hear(report), Verdict::fits);
   }
+  report = next();
+  report.horizon = 1.0;
+  EXPECT_EQ(hear(report), Verdict::odd);
+  EXPECT_EQ(continuity_.oddity(), Oddity::time);
 }
 
 }  // namespace

@@ -275,6 +275,15 @@ TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
   EXPECT_EQ(tracker.counts().sessions, 1);
 }
 
+TEST(SessionTracker, AnImpossibleMessageBeginsNoSession) {
+  SessionTracker tracker;
+  EXPECT_EQ(tracker.hear(message(7, std::int64_t{1} << 53), after_ms(0)), Verdict::ignored);
+  EXPECT_EQ(tracker.oddity(), Oddity::number);
+  EXPECT_EQ(tracker.counts().implausible, 1);
+  EXPECT_EQ(tracker.counts().sessions, 0);
+  EXPECT_EQ(tracker.hear(message(7, 1), after_ms(10)), Verdict::starts);
+}
+
 TEST(SessionTracker, SessionZeroIsASession) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.hear(message(0, 1), later()), Verdict::starts);
