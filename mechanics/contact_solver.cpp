@@ -46,9 +46,12 @@ ContactSet ContactSolver::parting(ContactSet contacts, const Motion& motion) con
     const Signal& gamma = motion.flow->gap_velocity(i);
     const Oscillators& o = motion.flow->oscillators();
     const auto& [z, v] = motion.x;
-    const double scale = ((gamma.p * v).abs() + (gamma.r * motion.alpha).abs() +
-                          (gamma.r * o.delta() * v).abs() + (gamma.r * o.kappa() * z).abs())
-                             .sum();
+    double scale = ((gamma.p * v).abs() + (gamma.r * motion.alpha).abs() +
+                    (gamma.r * o.delta() * v).abs() + (gamma.r * o.kappa() * z).abs())
+                       .sum();
+    for (const Drive& drive : motion.flow->drives().all()) {
+      scale += std::abs(gamma.r[drive.mode] * drive.force(motion.x));
+    }
     if (std::abs(gap_velocity(i, motion)) <= pressed_share * velocity_scale(i, motion) &&
         std::abs(rate(gamma, motion)) <= pressed_share * scale &&
         second_rate(gamma, motion) > 0.0) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "mechanics/interrupt.h"
 
@@ -65,10 +66,42 @@ struct Expansion {
   double noise = 0.0;  // rounding of a[0]
 };
 
+// What a drive adds to the derivatives of phi, as if its oscillator were at rest: theirs add up.
+// Returns its share in the bound of the one after the last, which holds up to reach().
+double expand_drive(const Drive& drive, double p, double r, const Oscillators& oscillators,
+                    const OscillatorState& x, double reach, Coefficients& d) {
+  const double damping = 2.0 * oscillators.delta()[drive.mode];
+  const double kappa = oscillators.kappa()[drive.mode];
+  const double kappa_source = oscillators.kappa()[drive.source];
+  const double root_source = oscillators.root_kappa()[drive.source];
+  double force = drive.force(x);
+  double next_force = drive.force_rate(oscillators, x);
+  const double amplitude = std::hypot(force, next_force / root_source);
+  double last = 0.0;
+  double before = 0.0;
+  double now = 0.0;
+  double next = force;
+  double fastest = amplitude;  // |F^(j)| at most
+  for (std::size_t j = 0; j <= degree; ++j) {
+    d[j] += p * before + r * now;
+    last = before;
+    before = now;
+    now = next;
+    next = next_force - damping * now - kappa * before;
+    force = std::exchange(next_force, -kappa_source * force);
+    if (j < degree) fastest *= root_source;
+  }
+  // Energy of derivative p, which F^(p) feeds: sqrt(z^(p+1)^2 + kappa z^(p)^2) grows by |F^(p)| a
+  // unit of time at most.
+  const double root = oscillators.root_kappa()[drive.mode];
+  return std::abs(p) * (std::abs(before) + root * std::abs(last) + reach * fastest) +
+         std::abs(r) * (std::abs(now) + root * std::abs(before) + reach * root_source * fastest);
+}
+
 // First `count` oscillators only.
 Expansion expand_signal(const Signal& signal, double sign, double constant,
-                        const Oscillators& oscillators, const OscillatorState& x,
-                        const Eigen::ArrayXd& alpha, Eigen::Index count) {
+                        const Oscillators& oscillators, const Drives& drives,
+                        const OscillatorState& x, const Eigen::ArrayXd& alpha, Eigen::Index count) {
   Expansion e;
   Coefficients d{};
   double bound = 0.0;
@@ -95,6 +128,11 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
     bound += std::abs(p) * (std::abs(before) + previous) +
              std::abs(r) * (std::abs(now) + root * std::abs(before));
   }
+  for (const Drive& drive : drives.all()) {
+    if (drive.mode >= count) break;
+    bound += expand_drive(drive, sign * signal.p[drive.mode], sign * signal.r[drive.mode],
+                          oscillators, x, drives.reach(), d);
+  }
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
   e.bound = bound * inverse_factorials[top];
@@ -104,8 +142,26 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
 
 // Rounding noise of phi^(j) / j!.
 double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
-                const OscillatorState& x, const Eigen::ArrayXd& alpha, Eigen::Index count) {
+                const Drives& drives, const OscillatorState& x, const Eigen::ArrayXd& alpha,
+                Eigen::Index count) {
   double magnitude = 0.0;
+  for (const Drive& drive : drives.all()) {
+    if (drive.mode >= count) break;
+    const double damping = 2.0 * oscillators.delta()[drive.mode];
+    const double kappa = oscillators.kappa()[drive.mode];
+    double force = std::abs(drive.force(x));
+    double next_force = std::abs(drive.force_rate(oscillators, x));
+    double before = 0.0;
+    double now = 0.0;
+    double next = force;
+    for (int j = 0; j < order; ++j) {
+      before = now;
+      now = next;
+      next = next_force + damping * now + kappa * before;
+      force = std::exchange(next_force, oscillators.kappa()[drive.source] * force);
+    }
+    magnitude += std::abs(signal.p[drive.mode]) * before + std::abs(signal.r[drive.mode]) * now;
+  }
   for (Eigen::Index k = 0; k < count; ++k) {
     const double damping = 2.0 * oscillators.delta()[k];
     const double kappa = oscillators.kappa()[k];
@@ -375,11 +431,18 @@ void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
       const double root = oscillators.root_kappa()[k];
       const double z = std::abs(start.x.z[k]);
       const double v = std::abs(start.x.v[k]);
-      // Without stiffness z has no bound: such a mode is always evaluated.
-      const double z_bound = root > 0.0 ? z + v / root : infinity;
+      const double push = std::abs(start.alpha[k]);
       const double p = std::abs(watch.signal->p[k]);
-      tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) +
-                std::abs(watch.signal->r[k]) * (v + root * z + std::abs(start.alpha[k]));
+      const double r = std::abs(watch.signal->r[k]);
+      // The energy about the rest alpha / kappa only falls. Without stiffness z has no bound, and
+      // z' none where it is pushed: such a mode is always evaluated.
+      const double v_bound = v + root * z + (push > 0.0 ? push / root : 0.0);
+      const double z_bound = root > 0.0 ? (v_bound + push / root) / root : infinity;
+      tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) + (r > 0.0 ? r * v_bound : 0.0);
+    }
+    for (const Drive& drive : start.flow->drives().all()) {
+      if (watch.signal->p[drive.mode] == 0.0 && watch.signal->r[drive.mode] == 0.0) continue;
+      std::fill(tail, tail + drive.mode + 1, infinity);
     }
   }
 }
@@ -403,8 +466,7 @@ void EventSearch::expand() {
   const Instant now = start_->t + certified_;
   if (certified_ > 0.0) {
     flow.set_phases(now, x_);
-    flow.oscillators().propagate(start_->x, start_->alpha, certified_, flow.frequencies(),
-                                 count - flow.frequencies(), x_);
+    flow.move_modes(*start_, certified_, count - flow.frequencies(), x_);
   }
   const double t = std::abs(start_->t.hi) + certified_;
   const double resolution = epsilon * std::max(t, 1e-3);
@@ -419,7 +481,7 @@ void EventSearch::expand() {
     const double omitted =
         tail_[i * static_cast<std::size_t>(n + 1) + static_cast<std::size_t>(count)];
     const Expansion e = expand_signal(signal, state.watch.sign, state.constant, flow.oscillators(),
-                                      x_, start_->alpha, count);
+                                      flow.drives(), x_, start_->alpha, count);
     int order = certified_ > 0.0 ? 0 : state.watch.order;
     if (omitted > 0.0 && omitted > 0.5 * e.a[0]) {
       need_all_ = true;
@@ -431,10 +493,11 @@ void EventSearch::expand() {
     double noise = order == 0 ? e.noise : 0.0;
     while (order <= degree && e.a[static_cast<std::size_t>(order)] <= noise) {
       if (noise == 0.0)
-        noise = noise_of(order, signal, flow.oscillators(), x_, start_->alpha, count);
+        noise =
+            noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
       falls_now = e.a[static_cast<std::size_t>(order)] < -noise;
       if (falls_now || ++order > degree) break;
-      noise = noise_of(order, signal, flow.oscillators(), x_, start_->alpha, count);
+      noise = noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
     }
     Verdict verdict;
     if (falls_now) {
@@ -446,6 +509,8 @@ void EventSearch::expand() {
     } else {
       verdict = judge(e, order, omitted, resolution);
     }
+    if (verdict.root > flow.drives().reach()) verdict.root = infinity;
+    verdict.certified = std::min(verdict.certified, flow.drives().reach());
     state.predicted = verdict.next;
     certified = std::min(certified, verdict.root < infinity ? verdict.root : verdict.certified);
     root = std::min(root, verdict.root);

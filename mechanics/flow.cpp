@@ -17,6 +17,9 @@ constexpr int foreseeable_contacts = 4;
 // A flow takes work in proportion to the cube of the coordinates' number: this much is some 50 ms.
 constexpr double foreseeable_work = 2e6;
 
+// What rounding leaves of a force on a mode that is at right angles to it, as a share of all.
+constexpr Real no_force = 1e-16L;
+
 constexpr int slot_bits = 14;
 constexpr std::size_t flow_slots = 1 << slot_bits;
 constexpr std::size_t most_flows = flow_slots / 4 * 3;
@@ -36,17 +39,6 @@ Eigen::ArrayXd behind_frequencies(const Eigen::VectorXd& front, const VectorR& m
   all.head(front.size()) = front.array();
   all.segment(front.size(), modes.size()) = modes.cast<double>().array();
   return all;
-}
-
-// A push on an oscillator with stiffness shifts its rest, on one without it is alpha.
-void split_push(const VectorR& kappa, const MatrixR& push, MatrixR& rest, MatrixR& alpha) {
-  for (Eigen::Index i = 0; i < kappa.size(); ++i) {
-    if (kappa[i] > 0) {
-      rest.row(i) = push.row(i) / kappa[i];
-    } else {
-      alpha.row(i) = push.row(i);
-    }
-  }
 }
 
 // B^T A B where that is known to be diagonal: no rounding of other entries gets into small ones.
@@ -100,27 +92,21 @@ void Flow::build_diagonal() {
   const VectorR kappa = (model.K.diagonal().array() / mass.array()).matrix().cast<Real>();
   const Eigen::VectorXd& Omega = dynamics_->frequencies();
 
-  Eigen::MatrixXcd A(f, nf_);
+  MatrixCR Z(f, nf_);
+  MatrixCR drive(f, nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
     const Eigen::VectorXcd forcing =
         dynamics_->force_amplitudes().col(j).cwiseQuotient(mass.cast<std::complex<double>>());
-    A.col(j) = response(delta, kappa, forcing.cast<std::complex<Real>>(), Omega[j])
-                   .cast<std::complex<double>>();
+    const Response r = response(delta, kappa, forcing.cast<Complex>(), Omega[j], 0);
+    Z.col(j) = r.steady;
+    drive.col(j) = r.drive;
   }
-  const Eigen::ArrayXd push = dynamics_->force_constant().array() / mass.array();
-  const Eigen::ArrayXd k = kappa.cast<double>().array();
-  q_forced_.constant = (k > 0.0).select(push / k, 0.0).matrix();
-  q_forced_.held.resize(f, 0);
-  set_harmonics(A, q_forced_);
+  q_forced_ = forced(MatrixR::Zero(f, 1), Z);
   u_forced_ = rate(q_forced_);
   z_forced_ = q_forced_;
   v_forced_ = u_forced_;
-
-  oscillators_ = Oscillators(behind_frequencies(Eigen::VectorXd::Zero(nf_), delta, f),
-                             behind_frequencies(Omega.cwiseAbs2(), kappa, f));
-  alpha0_ = Eigen::ArrayXd::Zero(size());
-  alpha0_.segment(nf_, f) = (k > 0.0).select(0.0, push);
-  alpha_held_ = Eigen::MatrixXd::Zero(size(), 0);
+  const VectorR alpha = (dynamics_->force_constant().array() / mass.array()).matrix().cast<Real>();
+  set_bank(delta, kappa, alpha, drive);
   kick_ = dynamics_->MinvW();
 }
 
@@ -198,24 +184,25 @@ void Flow::build_modal(const Nullspace& space) {
   const VectorR delta = space.C.diagonal().cwiseMax(Real(0)) / 2;
   VectorR kappa = space.K.diagonal();
   drop_noise(kappa);
-  MatrixR z = MatrixR::Zero(r, space.push.cols());
-  MatrixR alpha = z;
-  split_push(kappa, space.push, z, alpha);
+  const MatrixR none = MatrixR::Zero(r, space.push.cols());
   MatrixCR Z(r, nf_);
+  MatrixCR drive(r, nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
-    Z.col(j) = response(delta, kappa, space.forcing.col(j), dynamics_->frequencies()[j]);
+    const Response response =
+        modal::response(delta, kappa, space.forcing.col(j), dynamics_->frequencies()[j], no_force);
+    Z.col(j) = response.steady;
+    drive.col(j) = response.drive;
   }
 
   Phi_ = space.B.cast<double>();
   enter_zq_ = space.to_y.cast<double>();
   enter_vu_ = enter_zq_;
   kick_ = enter_zq_ * dynamics_->MinvW();
-  z_forced_ = forced(z, Z);
+  z_forced_ = forced(none, Z);
   v_forced_ = rate(z_forced_);
-  q_forced_ =
-      forced(product(space.B, z) + space.q_D, complex_product(space.B, Z) + space.q_D_harmonics);
+  q_forced_ = forced(space.q_D, complex_product(space.B, Z) + space.q_D_harmonics);
   u_forced_ = rate(q_forced_);
-  set_bank(delta, kappa, alpha);
+  set_bank(delta, kappa, space.push, drive);
 }
 
 void Flow::build_dense(const Nullspace& space) {
@@ -231,19 +218,22 @@ void Flow::build_dense(const Nullspace& space) {
   const MatrixR from_force = modes.T_inverse.rightCols(r);
   const MatrixR beta = product(from_force, space.push);
   const auto beta_z = beta.topRows(r);
-  MatrixR z = MatrixR::Zero(r, beta.cols());
-  MatrixR alpha = z;
-  split_push(kappa, beta.bottomRows(r) + 2 * delta.asDiagonal() * beta_z, z, alpha);
+  const MatrixR none = MatrixR::Zero(r, beta.cols());
+  const MatrixR alpha = beta.bottomRows(r) + 2 * delta.asDiagonal() * beta_z;
   const MatrixR v = -beta_z;
   MatrixCR Z(r, nf_);
   MatrixCR V(r, nf_);
+  MatrixCR drive(r, nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
     const Complex i_Omega(0, dynamics_->frequencies()[j]);
     const VectorCR b = from_force.cast<Complex>() * space.forcing.col(j);
-    const VectorCR drive =
+    const VectorCR forcing =
         b.tail(r) + 2 * delta.cast<Complex>().cwiseProduct(b.head(r)) + i_Omega * b.head(r);
-    Z.col(j) = response(delta, kappa, drive, dynamics_->frequencies()[j]);
+    const Response response =
+        modal::response(delta, kappa, forcing, dynamics_->frequencies()[j], no_force);
+    Z.col(j) = response.steady;
     V.col(j) = i_Omega * Z.col(j) - b.head(r);
+    drive.col(j) = response.drive;
   }
 
   const MatrixR BP = product(space.B, modes.P);
@@ -254,25 +244,38 @@ void Flow::build_dense(const Nullspace& space) {
   enter_zu_ = product(modes.T_inverse.topRightCorner(r, r), space.to_y).cast<double>();
   enter_vq_ = product(modes.T_inverse.bottomLeftCorner(r, r), space.to_y).cast<double>();
   enter_vu_ = product(modes.T_inverse.bottomRightCorner(r, r), space.to_y).cast<double>();
-  z_forced_ = forced(z, Z);
+  z_forced_ = forced(none, Z);
   v_forced_ = forced(v, V);
-  q_forced_ = forced(product(BP, z) + product(BR, v) + space.q_D,
+  q_forced_ = forced(product(BR, v) + space.q_D,
                      complex_product(BP, Z) + complex_product(BR, V) + space.q_D_harmonics);
   u_forced_ = rate(q_forced_);
-  const MatrixR drift = product(BR, alpha);
-  u_forced_.constant = drift.col(0).cast<double>();
-  u_forced_.held = drift.rightCols(drift.cols() - 1).cast<double>();
-  set_bank(delta, kappa, alpha);
+  const Forced pushed = forced(product(BR, alpha), complex_product(BR, drive));
+  u_forced_.constant += pushed.constant;
+  u_forced_.held += pushed.held;
+  u_forced_.cos += pushed.cos;
+  u_forced_.sin += pushed.sin;
+  set_bank(delta, kappa, alpha, drive);
 }
 
-void Flow::set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha) {
+// alpha as push in Nullspace, drive by frequency; modes in the order of delta and kappa.
+void Flow::set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha,
+                    const MatrixCR& drive) {
   const Eigen::Index f = dynamics_->coordinates();
+  const Eigen::VectorXd& Omega = dynamics_->frequencies();
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(nf_);
   oscillators_ = Oscillators(behind_frequencies(none, delta, f),
-                             behind_frequencies(dynamics_->frequencies().cwiseAbs2(), kappa, f));
+                             behind_frequencies(Omega.cwiseAbs2(), kappa, f));
   alpha0_ = behind_frequencies(none, alpha.col(0), f);
   alpha_held_ = Eigen::MatrixXd::Zero(size(), alpha.cols() - 1);
   alpha_held_.middleRows(nf_, alpha.rows()) = alpha.rightCols(alpha.cols() - 1).cast<double>();
+  std::vector<Drive> drives;
+  for (Eigen::Index j = 0; j < nf_; ++j) {
+    for (Eigen::Index i = 0; i < drive.rows(); ++i) {
+      const auto A = static_cast<std::complex<double>>(drive(i, j));
+      if (A != 0.0) drives.push_back({nf_ + i, j, A.real(), A.imag() / Omega[j]});
+    }
+  }
+  drives_ = Drives(oscillators_, std::move(drives));
 }
 
 void Flow::build_signals() {
@@ -409,10 +412,17 @@ void Flow::enter(const Eigen::Ref<const Eigen::VectorXd>& q,
 }
 
 void Flow::propagate(const Motion& from, Instant t, Motion& to) const {
+  const double tau = t - from.t;
   if (&from != &to) to = from;
-  oscillators_.propagate(from.x, from.alpha, t - from.t, nf_, modes(), to.x);
+  move_modes(from, tau, modes(), to.x);
   to.t = t;
   set_phases(t, to.x);
+}
+
+void Flow::move_modes(const Motion& from, double tau, Eigen::Index count,
+                      OscillatorState& x) const {
+  oscillators_.propagate(from.x, from.alpha, tau, nf_, count, x);
+  if (!drives_.empty()) drives_.respond(oscillators_, from.x, tau, nf_ + count, x);
 }
 
 void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
@@ -575,17 +585,28 @@ double value(const Signal& signal, const Motion& motion) {
 
 double rate(const Signal& signal, const Motion& motion) {
   const Oscillators& o = motion.flow->oscillators();
-  return (signal.p * motion.x.v +
-          signal.r * (motion.alpha - 2.0 * o.delta() * motion.x.v - o.kappa() * motion.x.z))
-      .sum();
+  double sum = (signal.p * motion.x.v +
+                signal.r * (motion.alpha - 2.0 * o.delta() * motion.x.v - o.kappa() * motion.x.z))
+                   .sum();
+  for (const Drive& drive : motion.flow->drives().all()) {
+    sum += signal.r[drive.mode] * drive.force(motion.x);
+  }
+  return sum;
 }
 
 double second_rate(const Signal& signal, const Motion& motion) {
   const Oscillators& o = motion.flow->oscillators();
   const auto acceleration = motion.alpha - 2.0 * o.delta() * motion.x.v - o.kappa() * motion.x.z;
-  return (signal.p * acceleration -
-          signal.r * (2.0 * o.delta() * acceleration + o.kappa() * motion.x.v))
-      .sum();
+  double sum = (signal.p * acceleration -
+                signal.r * (2.0 * o.delta() * acceleration + o.kappa() * motion.x.v))
+                   .sum();
+  for (const Drive& drive : motion.flow->drives().all()) {
+    const double p = signal.p[drive.mode];
+    const double r = signal.r[drive.mode];
+    sum += (p - 2.0 * o.delta()[drive.mode] * r) * drive.force(motion.x) +
+           r * drive.force_rate(o, motion.x);
+  }
+  return sum;
 }
 
 }  // namespace sprag

@@ -5,7 +5,8 @@
 // eqs. (2), (4) of Baumann & Leine 2014 with a constant set L. On null(W_L^T) the motion is a bank
 // of scalar oscillators z; q and u, and with them every gap, gap velocity and contact force, are
 // linear in (z, z', 1). The excitation's frequencies ride along as undamped oscillators in front of
-// the modes. L = {} is free flight.
+// the modes; a mode moves about its steady response to them, or is driven by them where that is far
+// beyond where it moves (drives.h). L = {} is free flight.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "mechanics/drives.h"
 #include "mechanics/instant.h"
 #include "mechanics/modal_analysis.h"
 #include "mechanics/model.h"
@@ -78,7 +80,7 @@ struct Motion {
   const class Flow* flow = nullptr;
   Instant t;
   OscillatorState x;
-  Eigen::ArrayXd alpha;  ///< per oscillator, not zero only where kappa = 0
+  Eigen::ArrayXd alpha;  ///< per oscillator: what pushes it for good
   Eigen::VectorXd held;  ///< m entries; the first are g_i of the locked contacts, by ascending i
 };
 
@@ -102,7 +104,7 @@ constexpr const char* name(FlowPath path) {
 
 class Flow {
  public:
-  /// Throws ModelError: undamped resonance, linearly dependent directions in L, defective modes.
+  /// Throws ModelError: linearly dependent directions in L, defective modes.
   Flow(const Dynamics& dynamics, ContactSet locked);
 
   ContactSet locked() const { return locked_; }
@@ -114,6 +116,9 @@ class Flow {
   Eigen::Index frequencies() const { return nf_; }
   Eigen::Index modes() const { return modes_; }
   const Oscillators& oscillators() const { return oscillators_; }
+  const Drives& drives() const { return drives_; }
+  /// Whether a constant force acts where all held gaps are zero: some alpha is not zero.
+  bool pushed() const { return (alpha0_ != 0.0).any(); }
 
   /// Puts `motion` on this flow at (q, u, t), f entries each. The locked contacts keep the gaps
   /// `held` (as many entries as L has contacts).
@@ -122,6 +127,9 @@ class Flow {
 
   /// Moves from `from` to the instant t >= from.t; `to` may be the same object.
   void propagate(const Motion& from, Instant t, Motion& to) const;
+
+  /// The first `count` modes tau >= 0 after `from`, written into x.
+  void move_modes(const Motion& from, double tau, Eigen::Index count, OscillatorState& x) const;
 
   /// The excitation's oscillators at t, written into the first frequencies() entries of x.
   void set_phases(Instant t, OscillatorState& x) const;
@@ -161,7 +169,7 @@ class Flow {
   void build_modal(const Nullspace& space);
   void build_dense(const Nullspace& space);
   void set_bank(const modal::VectorR& delta, const modal::VectorR& kappa,
-                const modal::MatrixR& alpha);
+                const modal::MatrixR& alpha, const modal::MatrixCR& drive);
   void build_signals();
   Signal tied_gap_velocity(int contact) const;
 
@@ -172,6 +180,7 @@ class Flow {
   Eigen::Index nf_ = 0;
   Eigen::Index modes_ = 0;
   Oscillators oscillators_;
+  Drives drives_;
   std::vector<int> locked_contacts_;
 
   // What follows the excitation, in a space of any dimension: constant + held g_L + cos z_f +
@@ -184,8 +193,8 @@ class Flow {
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
 
-  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): a constant
-  // force on a motion without stiffness is in alpha, and leaves Psi alpha in u_forced. z = enter_zq
+  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): constant
+  // forces and drives leave Psi (alpha + F) in u_forced. z = enter_zq
   // q + enter_zu u - z_forced, z' likewise. Phi and enter_zq = enter_vu are the identity on the
   // diagonal path; Psi, enter_zu and enter_vq are zero but on the dense path, where all of them are
   // set.

@@ -343,22 +343,26 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   return modes;
 }
 
-VectorCR response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega) {
-  VectorCR z(forcing.size());
-  const Real scale = forcing.size() > 0 ? forcing.cwiseAbs().maxCoeff() : 0;
-  for (Eigen::Index i = 0; i < forcing.size(); ++i) {
-    const Complex denominator(kappa[i] - Omega * Omega, 2 * delta[i] * Omega);
-    if (std::abs(denominator) > 1e-12L * std::max(kappa[i], Omega * Omega)) {
-      z[i] = forcing[i] / denominator;
-    } else if (std::abs(forcing[i]) <= 1e-16L * scale) {
-      z[i] = 0;
+Response response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega,
+                  Real noise) {
+  // Beyond these the steady response is at most 16 times what the force makes of the oscillator
+  // within one period.
+  constexpr Real near = 1.0L / 16;
+  constexpr Real loose = 1.0L / 1024;
+  const Eigen::Index n = forcing.size();
+  Response response{VectorCR::Zero(n), VectorCR::Zero(n)};
+  const Real least = n > 0 ? noise * forcing.cwiseAbs().maxCoeff() : 0;
+  const Real Omega2 = Omega * Omega;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Complex denominator(kappa[i] - Omega2, 2 * delta[i] * Omega);
+    if (std::abs(forcing[i]) <= least) continue;
+    if (std::abs(denominator) <= near * std::max(kappa[i], Omega2) || kappa[i] <= loose * Omega2) {
+      response.drive[i] = forcing[i];
     } else {
-      throw ModelError("undamped resonance: the excitation's frequency " +
-                       std::to_string(static_cast<double>(Omega)) +
-                       " is that of an undamped mode it drives");
+      response.steady[i] = forcing[i] / denominator;
     }
   }
-  return z;
+  return response;
 }
 
 }  // namespace sprag::modal

@@ -49,8 +49,15 @@ struct ComplexModes {
 /// a way that no oscillator has: more than two eigenvalues share one direction.
 ComplexModes complex_modes(const MatrixR& K, const MatrixR& C);
 
-/// Complex response of z'' + 2 delta z' + kappa z = forcing e^(i Omega t). Throws ModelError at an
-/// undamped resonance.
-VectorCR response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega);
+/// Of z'' + 2 delta z' + kappa z = forcing e^(i Omega t), one oscillator a row.
+struct Response {
+  VectorCR steady;  ///< complex amplitude of the steady response; zero where `drive` is not
+  VectorCR drive;   ///< the forcing where the steady response would be far beyond the motion: near
+                    ///< resonance, and where next to nothing holds the oscillator
+};
+
+/// Forcing below `noise` times the largest is none.
+Response response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega,
+                  Real noise);
 
 }  // namespace sprag::modal

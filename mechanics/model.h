@@ -54,7 +54,7 @@ struct State {
   Eigen::VectorXd q, u;
 };
 
-/// A machine whose motion has no exact flow (undamped resonance, M not positive definite, ...).
+/// A machine whose motion has no exact flow (M not positive definite, defective modes, ...).
 struct ModelError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

@@ -13,9 +13,7 @@
 namespace sprag {
 namespace {
 
-struct Kernel {
-  double zz, zv, vz, vv;
-};
+using Kernel = OscillatorKernel;
 
 Kernel underdamped(double delta, double kappa, double omega, double decay, double tau) {
   const double c = decay * std::cos(omega * tau);
@@ -33,17 +31,35 @@ Kernel overdamped(double delta, double kappa, double sigma, double tau) {
   return {c + delta * s, s, -kappa * s, c - delta * s};
 }
 
-// Response of z to alpha = 1 where kappa = 0; its rate is zv.
-double drift(double delta, double zv, double tau) {
-  const double x = 2.0 * delta * tau;
-  // (tau - zv) / (2 delta) loses digits as 1/x while the damping has hardly acted; the series
-  // tau^2 (1/2! - x/3! + x^2/4! - ...) has all of them, up to x = 1 with the terms to x^17/19!.
-  if (x < 1.0) {
-    double sum = 1.0;
-    for (int k = 19; k > 2; --k) sum = 1.0 - x * sum / k;
-    return 0.5 * tau * tau * sum;
+// Response of z to alpha = 1, its rate is k.zv; all its digits, whatever cancels in (1 - zz) /
+// kappa.
+double step_response(double delta, double kappa, double omega, const Kernel& k, double tau) {
+  if (delta == 0.0) {
+    const double half = 0.5 * omega * tau;
+    const double sinc = half == 0.0 ? 1.0 : std::sin(half) / half;
+    return 0.5 * tau * tau * sinc * sinc;
   }
-  return (tau - zv) / (2.0 * delta);
+  const double x = 2.0 * delta * tau;
+  const double y = kappa * tau * tau;
+  if (1.0 - k.zz > 0.25 || (y > 1.0 && delta * delta <= kappa)) return (1.0 - k.zz) / kappa;
+  if (x < 2.0) {
+    // tau^2 (s_0 + s_1 + ...), (n + 2)(n + 1) s_n = -x (n + 1) s_(n-1) - y s_(n-2); y <= 1 here.
+    double before = 0.0;
+    double term = 0.5;
+    double sum = 0.5;
+    for (int n = 1; n < 30 && std::abs(term) + std::abs(before) > 0x1p-56; ++n) {
+      const double next = -(x * term + y * before / (n + 1)) / (n + 2);
+      before = term;
+      term = next;
+      sum += term;
+    }
+    return tau * tau * sum;
+  }
+  // Far overdamped: a slow and a fast decay that have little to do with each other.
+  const double fast = delta + omega;
+  const double slow = kappa / fast;
+  const double slowly = slow > 0.0 ? -std::expm1(-slow * tau) / slow : tau;
+  return (slowly + std::expm1(-fast * tau) / fast) / (2.0 * omega);
 }
 
 }  // namespace
@@ -53,6 +69,13 @@ Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kapp
       kappa_(kappa),
       root_kappa_(kappa.sqrt()),
       omega_((kappa - delta.square()).abs().sqrt()) {}
+
+OscillatorKernel Oscillators::kernel(Eigen::Index i, double tau) const {
+  const double delta = delta_[i];
+  const double kappa = kappa_[i];
+  if (delta * delta > kappa) return overdamped(delta, kappa, omega_[i], tau);
+  return underdamped(delta, kappa, omega_[i], std::exp(-delta * tau), tau);
+}
 
 void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
                             Eigen::Index first, Eigen::Index count, OscillatorState& to) const {
@@ -77,7 +100,7 @@ void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& a
     to.z[i] = k.zz * z + k.zv * v;
     to.v[i] = k.vz * z + k.vv * v;
     if (alpha[i] != 0.0) {
-      to.z[i] += alpha[i] * drift(delta, k.zv, tau);
+      to.z[i] += alpha[i] * step_response(delta, kappa, omega_[i], k, tau);
       to.v[i] += alpha[i] * k.zv;
     }
   }
@@ -94,8 +117,7 @@ TickTable::TickTable(const Oscillators& oscillators, double h) {
   oscillators.propagate({zero, one}, zero, h, 0, n, response);
   zv = response.z;
   vv = response.v;
-  const Eigen::ArrayXd alpha = (oscillators.kappa() == 0.0).cast<double>();
-  oscillators.propagate({zero, zero}, alpha, h, 0, n, response);
+  oscillators.propagate({zero, zero}, one, h, 0, n, response);
   z_alpha = response.z;
   v_alpha = response.v;
 }

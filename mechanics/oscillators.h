@@ -1,6 +1,7 @@
 // Independent scalar oscillators z'' + 2 delta z' + kappa z = alpha, in closed form. Every linear
 // flow of this library is a bank of them: modes, complex modes, and the excitation's own cosines
-// (delta = 0, kappa = Omega^2). delta, kappa >= 0; alpha is zero unless kappa is.
+// (delta = 0, kappa = Omega^2). delta, kappa >= 0, alpha any constant: its static rest alpha /
+// kappa is nowhere split off, since a soft oscillator's is far beyond where it moves.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,6 +11,11 @@ namespace sprag {
 /// z and z' of N oscillators.
 struct OscillatorState {
   Eigen::ArrayXd z, v;
+};
+
+/// z+ = zz z + zv v, v+ = vz z + vv v.
+struct OscillatorKernel {
+  double zz, zv, vz, vv;
 };
 
 /// Constant data of N oscillators.
@@ -27,6 +33,9 @@ class Oscillators {
   /// object); alpha has N entries. Exact to a few roundings for every regime of damping.
   void propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
                  Eigen::Index first, Eigen::Index count, OscillatorState& to) const;
+
+  /// What tau >= 0 makes of oscillator i where nothing pushes it.
+  OscillatorKernel kernel(Eigen::Index i, double tau) const;
 
  private:
   Eigen::ArrayXd delta_, kappa_, root_kappa_;

@@ -30,6 +30,7 @@ class TickedFlight {
   void step(std::int64_t k, Motion& motion, Anchor& anchor) const {
     if (++anchor.ticks_since < block) {
       tick_.apply(motion.x, motion.alpha, drifts_);
+      if (!driven_tick_.empty()) driven_tick_.apply(motion.x);
     } else {
       step_from_anchor(k, motion, anchor);
     }
@@ -43,7 +44,8 @@ class TickedFlight {
   const Flow* free_ = nullptr;
   double h_ = 0.0;
   TickTable tick_, block_;
-  bool drifts_ = false;  // some mode has no stiffness
+  DriveTable driven_tick_, driven_block_;
+  bool drifts_ = false;  // a constant force pushes
 };
 
 }  // namespace sprag

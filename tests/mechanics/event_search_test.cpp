@@ -39,6 +39,23 @@ TEST(EventSearch, FindsTheFirstRootOfRandomSignalsAndNoOther) {
   EXPECT_GT(tally.none, repetitions(20000) / 10);
 }
 
+TEST(EventSearch, FindsTheFirstRootAtAndNearResonanceAndNoOther) {
+  Tally tally;
+  for (int i = 0; i < repetitions(5000); ++i) {
+    const std::uint64_t seed = 150000 + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    Problem problem = random_problem(random, 60.0, true);
+    ASSERT_FALSE(problem.flow->drives().empty());
+    const double size = problem.magnitude(*problem.start);
+    shift_to(problem, size * random.log_uniform(1e-4, 4.0));
+    check_first_root(problem, search(problem, 2.0), 2.0, 1e-3, tally);
+    if (HasFailure()) return;
+  }
+  std::cout << "roots found " << tally.found << ", none to find " << tally.none
+            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+}
+
 TEST(EventSearch, FindsTheFirstRootOfAStiffBeamsSignalsAndNoOther) {
   const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/stiff_beam.toml");
   Tally tally;

@@ -74,6 +74,7 @@ struct Scan {
 
 inline Scan scan(const Problem& problem, double T, double h, double margin, bool stop = true) {
   const TickTable table(problem.flow->oscillators(), h);
+  const DriveTable driven(problem.flow->oscillators(), problem.flow->drives(), h);
   Motion here = *problem.start;
   Scan result;
   double phi = problem.sign * value(problem.signal, here);
@@ -91,6 +92,7 @@ inline Scan scan(const Problem& problem, double T, double h, double margin, bool
   const auto samples = static_cast<int>(std::round(T / h));
   for (int k = 1; k <= samples && !(stop && result.first < infinity); ++k) {
     table.apply(here.x, here.alpha, true);
+    driven.apply(here.x);
     const double last_phi = phi;
     const double last_slope = slope;
     phi = problem.sign * value(problem.signal, here);
@@ -161,12 +163,22 @@ inline Harmonic harmonic(Random& random, double fastest) {
   return {random.uniform(-1, 1), random.log_uniform(0.5, fastest), random.phase()};
 }
 
-// A gap, a gap velocity or a mixture of a machine with 1 to 6 modes.
-inline Problem random_problem(Random& random, double fastest = 60.0) {
+// A gap, a gap velocity or a mixture of a machine with 1 to 6 modes; `resonant` ones are driven at
+// or near the frequency of one of them, which is hardly damped.
+inline Problem random_problem(Random& random, double fastest = 60.0, bool resonant = false) {
   const Eigen::Index f = random.integer(1, 6);
   Model model = diagonal_machine(random, f, 0.5, fastest);
   for (int i = random.integer(0, 2); i > 0; --i) {
     model.forces.push_back({random.vector(f), random.uniform(-2, 2), harmonic(random, fastest)});
+  }
+  if (resonant) {
+    const Eigen::Index i = random.integer(0, static_cast<int>(f) - 1);
+    const double w = std::sqrt(model.K(i, i) / model.M(i, i));
+    model.C(i, i) = random.chance(0.5) ? 0.0 : model.M(i, i) * w * random.log_uniform(1e-12, 1e-2);
+    const double off = random.chance(0.3) ? 0.0 : random.log_uniform(1e-13, 1e-2);
+    const double amplitude = random.log_uniform(1e-3, 3.0) * std::max(w * w, 1.0);
+    const double Omega = w > 0.0 ? w * (1.0 + off) : 1.0;
+    model.forces.push_back({Eigen::VectorXd::Unit(f, i), 0.0, {amplitude, Omega, random.phase()}});
   }
   Contact contact;
   contact.w = random.vector(f);

@@ -110,12 +110,7 @@ TYPED_TEST(ImpossibleEventsTest, LeaveNumbersLiveAndOfflineTheSame) {
   for (int machine = 0; machine < repetitions(machines); ++machine) {
     Random random(7000 + static_cast<std::uint64_t>(machine));
     const Scene scene = random_scene(random);
-    std::unique_ptr<TypeParam> stepper;
-    try {
-      stepper.reset(new TypeParam(make_stepper<TypeParam>(scene, h)));
-    } catch (const ModelError&) {
-      continue;  // undamped resonance of the free machine
-    }
+    const std::unique_ptr<TypeParam> stepper(new TypeParam(make_stepper<TypeParam>(scene, h)));
     for (int file = 0; file < files_of_a_machine; ++file) {
       SCOPED_TRACE("machine " + std::to_string(machine) + ", file " + std::to_string(file));
       const auto events = any_events(random, static_cast<int>(scene.model.contacts.size()));

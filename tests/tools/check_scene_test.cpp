@@ -433,8 +433,7 @@ restitution = 0.5
 direction = [1.0]
 )";
   ended = run({test::write_text(directory_ / "resonance.toml", resonance)});
-  EXPECT_EQ(ended.code, 2);
-  EXPECT_TRUE(says(ended.err, "resonance")) << ended.err;
+  EXPECT_NE(ended.code, 2) << ended.err;
 }
 
 }  // namespace

@@ -48,7 +48,7 @@ struct Assessment {
   bool synchronizes() const;
 };
 
-/// Throws ModelError if the machine has no exact flow in free flight (undamped resonance).
+/// Throws ModelError if the machine has no exact flow in free flight.
 Assessment assess(const Scene& scene, const TrialLimits& limits = {});
 
 /// Adds how many modes an observer needs for the tolerance [m] > 0, over the duration of the trial:

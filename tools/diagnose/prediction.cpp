@@ -92,7 +92,7 @@ Prediction predict(const Scene& scene, const Model& model, double jitter,
   try {
     prediction.misfit = 0.0;
     follow(scene, model, jitter, events, with_inside, beginning, prediction);
-  } catch (const ModelError&) {  // undamped resonance, for one
+  } catch (const ModelError&) {  // defective modes, for one
   }
   if (!std::isfinite(prediction.J)) prediction.misfit = prediction.J;
   return prediction;

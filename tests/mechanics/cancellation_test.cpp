@@ -1,0 +1,182 @@
+// Where a static rest or a steady response is far beyond the motion: soft springs under weight, and
+// excitation at and near resonance, against 50 digits (tests/reference, scripts/reference_corners)
+// and against series of the equation of motion.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <limits>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "mechanics/master.h"
+#include "mechanics/replica.h"
+#include "tests/support/random.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+std::vector<std::vector<double>> rows(const std::string& name) {
+  std::ifstream file(SPRAG_SOURCE_DIR "/tests/reference/" + name + ".csv");
+  EXPECT_TRUE(file) << name;
+  std::vector<std::vector<double>> all;
+  std::string line;
+  std::getline(file, line);
+  while (std::getline(file, line)) {
+    std::istringstream fields(line);
+    std::string field;
+    all.emplace_back();
+    while (std::getline(fields, field, ',')) all.back().push_back(std::stod(field));
+  }
+  return all;
+}
+
+void expect_impacts(const Scene& scene, const std::vector<double>& row, double tolerance,
+                    double& worst) {
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  master.advance(at(3.0), events);
+  ASSERT_GE(events.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(events[i].kind, ContactEventKind::pulse);
+    EXPECT_NEAR(events[i].t, row[2 + i], tolerance) << "impact " << i + 1;
+    worst = std::max(worst, std::abs(events[i].t - row[2 + i]));
+  }
+}
+
+TEST(SoftSpring, ABallFallsAsLongAsItDoes) {
+  double worst = 0.0;
+  for (const auto& row : rows("soft_springs")) {
+    SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
+    Scene scene = test::shipped_scene("bouncing_ball");
+    scene.model.K(0, 0) = row[0];
+    scene.model.C(0, 0) = row[1];
+    expect_impacts(scene, row, 1e-13, worst);
+  }
+  std::cout << "impacts off by " << worst << " at most\n";
+}
+
+// The same ball on a slant: one of the two modes of matrices that are not diagonal.
+TEST(SoftSpring, ABallFallsAsLongAsItDoesOnAnyPath) {
+  const Eigen::Vector2d along(0.6, 0.8);
+  const Eigen::Vector2d across(-0.8, 0.6);
+  double worst = 0.0;
+  for (const auto& row : rows("soft_springs")) {
+    SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
+    Scene scene = test::shipped_scene("bouncing_ball");
+    Model& model = scene.model;
+    model.M = Eigen::Matrix2d::Identity();
+    model.K = row[0] * along * along.transpose() + 2.0 * across * across.transpose();
+    model.C = row[1] * along * along.transpose() + 0.3 * across * across.transpose();
+    model.forces.front().direction = along;
+    model.contacts.front().w = along;
+    scene.master = {0.9 * along, Eigen::Vector2d::Zero()};
+    ASSERT_EQ(Flow(Dynamics(model), 0).path(), FlowPath::modal);
+    // Rounded beside the other mode's, K and C of this one are off by some 1e-16.
+    expect_impacts(scene, row, 1e-12, worst);
+  }
+  std::cout << "impacts off by " << worst << " at most\n";
+}
+
+// M = K = 1 under 0.1 cos(Omega t).
+Model oscillator(double Omega, double damping) {
+  Model model;
+  model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
+  model.C = Eigen::MatrixXd::Constant(1, 1, damping);
+  model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {0.1, Omega, 0.0}});
+  return model;
+}
+
+const State pushed_off{Eigen::VectorXd::Constant(1, 0.3), Eigen::VectorXd::Constant(1, -0.2)};
+
+// What the largest response until t bears: roundings, and that of the phase.
+double resonant_rounding(double damping, double t) {
+  const double largest = 0.5 + 0.05 * std::min(t, damping > 0.0 ? 2.0 / damping : t);
+  return epsilon * largest * (8.0 + t);
+}
+
+TEST(NearResonance, TheFlowIsThatOf50Digits) {
+  double worst = 0.0;
+  for (const auto& row : rows("near_resonance")) {
+    SCOPED_TRACE(testing::Message()
+                 << "Omega - 1 = " << row[0] - 1.0 << ", C = " << row[1] << ", t = " << row[2]);
+    const Dynamics dynamics(oscillator(row[0], row[1]));
+    const Flow flow(dynamics, 0);
+    Motion motion;
+    flow.enter(pushed_off.q, pushed_off.u, at(0.0), Eigen::VectorXd(0), motion);
+    flow.propagate(motion, at(row[2]), motion);
+    State here = pushed_off;
+    flow.state(motion, here.q, here.u);
+    const double rounding = resonant_rounding(row[1], row[2]);
+    EXPECT_NEAR(here.q[0], row[3], rounding);
+    EXPECT_NEAR(here.u[0], row[4], rounding);
+    worst = std::max(
+        {worst, std::abs(here.q[0] - row[3]) / rounding, std::abs(here.u[0] - row[4]) / rounding});
+  }
+  std::cout << "off by " << worst << " of the roundings to expect\n";
+}
+
+TEST(NearResonance, TicksAreTheFlow) {
+  constexpr double h = 1.0 / 64.0;
+  for (const auto& row : rows("near_resonance")) {
+    if (row[2] > 1000.0) continue;
+    SCOPED_TRACE(testing::Message()
+                 << "Omega - 1 = " << row[0] - 1.0 << ", C = " << row[1] << ", t = " << row[2]);
+    Replica replica(oscillator(row[0], row[1]), h);
+    ReplicaState state;
+    replica.start(pushed_off, 0, 0, state);
+    const auto ticks = static_cast<int>(row[2] / h);
+    for (int k = 0; k < ticks; ++k) replica.tick({}, state);
+    State here = pushed_off;
+    replica.output(state, here.q, here.u);
+    const double rounding = 8.0 * resonant_rounding(row[1], row[2]);
+    EXPECT_NEAR(here.q[0], row[3], rounding);
+    EXPECT_NEAR(here.u[0], row[4], rounding);
+  }
+}
+
+// An undamped oscillator in exact resonance that swings up to a stop: q = t sin(t) / 20 from rest.
+TEST(NearResonance, ASwingThatGrowsMeetsTheStop) {
+  Model model = oscillator(1.0, 0.0);
+  model.contacts.push_back({Eigen::VectorXd::Constant(1, -1.0), 2.0, {}, 0.0});
+  Master master(model, {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)});
+  std::vector<ContactEvent> events;
+  master.advance(at(60.0), events);
+  ASSERT_FALSE(events.empty());
+  const double t = events.front().t;
+  EXPECT_NEAR(t * std::sin(t), 40.0, 1e-12);
+  EXPECT_GT(t, 14 * 3.14);
+  EXPECT_LT(t, 14.5 * 3.15);
+}
+
+// Two contacts reported closed leave a mode whose frequency is the excitation's: both are held.
+TEST(NearResonance, ContactsThatLeaveAResonantModeAreHeld) {
+  Model model;
+  model.M = Eigen::Matrix3d::Identity();
+  model.C = Eigen::Matrix3d::Zero();
+  model.K = (Eigen::Matrix3d() << 5, -1, -1, -1, 5, -1, -1, -1, 4).finished();
+  model.forces.push_back({Eigen::Vector3d(-1, -1, 1), 3.0, {0.3, 2.0, 0.0}});
+  for (const Eigen::Index i : {0, 1}) {
+    model.contacts.push_back({Eigen::Vector3d::Unit(i), 0.2, {}, 0.0});
+  }
+  Replica replica(model, 0.01);
+  ReplicaState state;
+  const State start{Eigen::Vector3d(-0.2, -0.2, 0.0), Eigen::Vector3d::Zero()};
+  replica.start(start, 0, bit(0) | bit(1), state);
+  ASSERT_EQ(state.motion.flow->locked(), bit(0) | bit(1));
+  EXPECT_EQ(state.refused_impacts, 0);
+  // z'' + 4 z = 3 - 0.4 + 0.3 cos(2 t) from rest.
+  for (int k = 1; k <= 100; ++k) replica.tick({}, state);
+  State here = start;
+  replica.output(state, here.q, here.u);
+  const double z = 0.65 * (1.0 - std::cos(2.0)) + 0.3 / 4.0 * std::sin(2.0);
+  EXPECT_NEAR(here.q[2], z, 1e-14);
+}
+
+}  // namespace
+}  // namespace sprag
