@@ -119,6 +119,7 @@ std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, 
       read_contact_tables(root, {"position", "clearance", "side", "mount", "restitution"});
   for (const TomlTable& contact : contacts) {
     scene.model.contacts.push_back(read_beam_contact(contact, beam, excitation));
+    scene.positions.push_back(contact.number("position", any_number));
   }
   return contacts;
 }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "mechanics/beam.h"
 #include "mechanics/model.h"
@@ -17,6 +18,7 @@ struct Scene {
   std::string name;
   Model model;
   std::optional<Beam> beam;          ///< set when the scene has a [beam]
+  std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty where there is no beam
   State master;                      ///< start of the master, padded with zeros to f entries
   State replica;                     ///< start of the replica, padded with zeros to f entries
   Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M

@@ -6,7 +6,9 @@
 #include <iostream>
 #include <iterator>
 #include <random>
+#include <tuple>
 
+#include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 #include "tools/diagnose/diagnosis.h"
@@ -93,17 +95,20 @@ TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseMismatch,
-                         testing::Values(Mismatch{"paper_beam", "restitution", 0.65, 60.0},
-                                         Mismatch{"paper_beam", "damping", 0.2, 60.0},
-                                         Mismatch{"paper_beam", "bending stiffness", 1.02, 60.0},
-                                         Mismatch{"paper_beam", "clearance", 0.003, 60.0},
-                                         Mismatch{"paper_beam", "excitation phase", 0.1, 60.0},
-                                         Mismatch{"paper_beam_as_printed", "damping", 0.15, 60.0},
-                                         Mismatch{"lab_rig", "factor on C", 1.2, 30.0, 1e-6},
-                                         Mismatch{"non_proportional", "factor on K", 0.98, 60.0},
-                                         Mismatch{"impact_oscillator", "restitution", 0.65, 60.0,
-                                                  1e-6}));
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, DiagnoseMismatch,
+    testing::Values(Mismatch{"paper_beam", "restitution", 0.65, 60.0},
+                    Mismatch{"paper_beam", "damping", 0.2, 60.0},
+                    Mismatch{"paper_beam", "bending stiffness", 1.02, 60.0},
+                    Mismatch{"paper_beam", "clearance", 0.003, 60.0},
+                    Mismatch{"paper_beam", "excitation phase", 0.1, 60.0},
+                    Mismatch{"paper_beam_as_printed", "damping", 0.15, 60.0},
+                    Mismatch{"lab_rig", "factor on C", 1.2, 30.0, 1e-6},
+                    Mismatch{"lab_rig", "excitation frequency", 28.6, 20.0, 1e-6},
+                    Mismatch{"paper_beam", "excitation frequency", 9.0, 60.0},
+                    Mismatch{"paper_beam", "position", 0.86, 60.0},
+                    Mismatch{"non_proportional", "factor on K", 0.98, 60.0},
+                    Mismatch{"impact_oscillator", "restitution", 0.65, 60.0, 1e-6}));
 
 class DiagnoseExactMismatch : public testing::TestWithParam<Mismatch> {};
 
@@ -150,7 +155,7 @@ TEST(Diagnose, DeviationsAreHonest) {
   const Scene scene = shipped_scene("paper_beam");
   const auto right = events_of(scene, 40.0);
   const auto wrong = events_of(changed(scene, "restitution", 0.69), 40.0);
-  const int runs = std::max(repetitions(16), 2);
+  const int runs = std::max(repetitions(8), 2);
   double squares = 0.0;
   for (int seed = 1; seed <= runs; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
@@ -179,14 +184,133 @@ TEST(Diagnose, JitterThatIsNotToldIsNotBlamedOnAParameter) {
   EXPECT_NE(verdict(diagnosis).find("jitter"), std::string::npos);
 }
 
-TEST(Diagnose, TwoMistakesAreNotOne) {
-  const Scene scene = shipped_scene("paper_beam");
-  const Scene other = changed(changed(scene, "bending stiffness", 1.02), "excitation phase", 0.3);
-  const Diagnosis diagnosis = diagnose(scene, events_of(other, 60.0), 0.0);
+void expect_no_explanation(const Diagnosis& diagnosis) {
   EXPECT_FALSE(diagnosis.fits);
   EXPECT_EQ(diagnosis.explanation(), nullptr) << to_text(diagnosis);
+  EXPECT_TRUE(diagnosis.ties().empty());
   EXPECT_NE(verdict(diagnosis).find("no single parameter"), std::string::npos);
 }
+
+TEST(Diagnose, TwoMistakesAreNotOne) {
+  const Scene beam = shipped_scene("paper_beam");
+  const Scene wrong = changed(changed(beam, "bending stiffness", 1.02), "excitation phase", 0.3);
+  expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), 0.0));
+  // One of them leaves less than a part in ten thousand of the misfit, and more than the jitter.
+  const Scene rig = shipped_scene("lab_rig");
+  const Scene other = changed(changed(rig, "restitution", 0.612), "clearance", 0.00204);
+  expect_no_explanation(diagnose(rig, events_of(other, 30.0), 0.0));
+}
+
+// A machine on an orbit with one impact a period: after it has settled its events tell one number,
+// so that many parameters come close, and the true one at two values.
+constexpr const char* settled_orbit = R"(
+name = "settled_orbit"
+[beam]
+modes = 5
+length = 1.0
+bending_stiffness = 0.6461816653805086
+mass_per_length = 1.0
+damping = 11.377758229643735
+[excitation]
+amplitude = 0.04841138718089531
+frequency = 22.946627513834514
+phase = 4.4723652397706
+[impact]
+restitution = 0.7
+[[contact]]
+position = 0.9600676422586978
+clearance = 0.02
+[[contact]]
+position = 0.721434037683393
+clearance = 0.02
+mount = "frame"
+[[contact]]
+position = 0.5647908513172377
+clearance = 0.02
+[[contact]]
+position = 0.6074686248650017
+clearance = 0.002
+mount = "frame"
+[master]
+q = [-0.10028524743060167, -0.005236184128049205, -0.0015217668341963879,
+     -0.0001516231140873173, 0.0007855358535536457]
+[replica]
+q = [-0.0716940446926924, 0.011162236157104571, -0.006398148750250888,
+     -0.0018129270972787222, 0.00011964381384006522]
+)";
+
+TEST(Diagnose, ALowestValueThatIsNoneOfTheWholeRangeIsLeftForABetterOne) {
+  const Scene scene = parse_scene(settled_orbit, "settled_orbit.toml");
+  const double EI = 1.02 * scene.beam->bending_stiffness;
+  const Diagnosis diagnosis =
+      diagnose(scene, events_of(changed(scene, "bending stiffness", EI), 15.0), 0.0);
+  const Candidate* best = diagnosis.explanation();
+  ASSERT_NE(best, nullptr) << to_text(diagnosis);
+  EXPECT_EQ(best->parameter.name, "bending stiffness") << to_text(diagnosis);
+  EXPECT_NEAR(best->value, EI, 1e-6);
+  EXPECT_TRUE(diagnosis.ties().empty()) << to_text(diagnosis);
+}
+
+/// A parameter of the scene, and a value of it that is off by a few percent.
+std::pair<Parameter, double> random_mistake(Random& random, const Scene& scene) {
+  const auto parameters = parameters_of(scene, 0.3);
+  const Parameter& of = parameters[static_cast<std::size_t>(
+      random.integer(0, static_cast<int>(parameters.size()) - 1))];
+  const double share = (random.chance(0.5) ? 1.0 : -1.0) * random.log_uniform(0.01, 0.05);
+  const double size = of.relative ? std::abs(of.nominal) : of.cyclic ? 1.0 : 0.01;
+  const double value = std::clamp(of.nominal + share * size, of.lowest, of.highest);
+  if (value == of.nominal) return random_mistake(random, scene);  // the tip, outwards
+  return {of, value};
+}
+
+/// Whether two parameters together may do what one does: sizes, and restitutions of some and all.
+bool can_be_one(const Parameter& a, const Parameter& b) {
+  const auto sizes = [](const Parameter& of) {
+    return of.quantity == Quantity::amplitude || of.quantity == Quantity::clearance;
+  };
+  return a.quantity == b.quantity || (sizes(a) && sizes(b));
+}
+
+class DiagnoseRandomMistakes : public testing::TestWithParam<const char*> {};
+
+// Whatever it names is what is wrong: one parameter by its name and value, two by none.
+TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
+  constexpr std::size_t events = 80;
+  const Scene scene = shipped_scene(GetParam());
+  const auto diagnosed = [&](const Scene& other) {
+    Master master(other.model, other.master);
+    std::vector<ContactEvent> of;
+    master.advance(at(1000.0), of, events);
+    return diagnose(scene, of, 0.0);
+  };
+  for (int seed = 1; seed <= (sanitized ? 1 : 2); ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
+    const auto [first, value] = random_mistake(random, scene);
+    auto [second, other] = random_mistake(random, scene);
+    while (can_be_one(first, second)) std::tie(second, other) = random_mistake(random, scene);
+    const Scene one = changed(scene, first.name, value);
+    const std::string wrong = first.name + ' ' + std::to_string(value);
+    std::cout << "seed " << seed << ": " << wrong << ", and " << second.name << ' ' << other
+              << '\n';
+
+    expect_no_explanation(diagnosed(changed(one, second.name, other)));
+    if (sanitized) continue;
+    const Diagnosis of_one = diagnosed(one);
+    const Candidate* best = of_one.explanation();
+    ASSERT_NE(best, nullptr) << wrong << '\n' << to_text(of_one);
+    std::vector<const Candidate*> named = of_one.ties();
+    named.push_back(best);
+    const auto truth = std::find_if(named.begin(), named.end(), [&](const Candidate* candidate) {
+      return candidate->parameter.name == first.name;
+    });
+    ASSERT_NE(truth, named.end()) << wrong << '\n' << to_text(of_one);
+    EXPECT_NEAR((*truth)->value, value, 6.0 * (*truth)->deviation + 1e-8) << wrong;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseRandomMistakes,
+                         testing::Values("lab_rig", "paper_beam_frame", "two_stops_beam",
+                                         "paper_beam_chatter", "steel_ruler"));
 
 // Without a clearance all motions grow with the excitation, and contact times stay.
 TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
@@ -302,6 +426,8 @@ TEST(DiagnoseParameters, AnotherValueIsTheSceneFileWithThatValue) {
       {"clearance", 0.003, "clearance = 0.0", "clearance = 0.003"},
       {"excitation amplitude", 0.031, "amplitude = 0.03", "amplitude = 0.031"},
       {"excitation phase", 0.1, "frequency = 9.5", "phase = 0.1\nfrequency = 9.5"},
+      {"excitation frequency", 9.6, "frequency = 9.5", "frequency = 9.6"},
+      {"position", 0.88, "position = 0.868", "position = 0.88"},
   };
   ASSERT_EQ(parameters_of(scene, 0.3).size(), std::size(cases));
   for (const auto& of : cases) {
@@ -311,13 +437,14 @@ TEST(DiagnoseParameters, AnotherValueIsTheSceneFileWithThatValue) {
     EXPECT_TRUE(model.C.isApprox(expected.C, 1e-14)) << of.parameter;
     EXPECT_TRUE(model.K.isApprox(expected.K, 1e-14)) << of.parameter;
     const auto same = [](const Harmonic& a, const Harmonic& b) {
-      return std::abs(a.amplitude - b.amplitude) <= 1e-14 && a.frequency == b.frequency &&
-             a.phase == b.phase;
+      return std::abs(a.amplitude - b.amplitude) <= 1e-14 &&
+             std::abs(a.frequency - b.frequency) <= 1e-14 && a.phase == b.phase;
     };
     EXPECT_TRUE(same(model.forces[0].harmonic, expected.forces[0].harmonic)) << of.parameter;
     EXPECT_TRUE(same(model.contacts[0].motion, expected.contacts[0].motion)) << of.parameter;
     EXPECT_EQ(model.contacts[0].restitution, expected.contacts[0].restitution);
     EXPECT_EQ(model.contacts[0].clearance, expected.contacts[0].clearance);
+    EXPECT_TRUE(model.contacts[0].w.isApprox(expected.contacts[0].w, 1e-15)) << of.parameter;
   }
 }
 
@@ -335,6 +462,8 @@ TEST(DiagnoseParameters, TheNominalValueIsTheMachineItself) {
         EXPECT_EQ(model.contacts[i].restitution, scene.model.contacts[i].restitution);
         EXPECT_EQ(model.contacts[i].clearance, scene.model.contacts[i].clearance);
         EXPECT_EQ(model.contacts[i].motion.phase, scene.model.contacts[i].motion.phase);
+        EXPECT_EQ(model.contacts[i].motion.frequency, scene.model.contacts[i].motion.frequency);
+        EXPECT_EQ(model.contacts[i].w, scene.model.contacts[i].w);
       }
     }
   }

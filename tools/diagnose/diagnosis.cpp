@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 
 #include "tools/diagnose/line_search.h"
 
@@ -13,15 +15,17 @@ constexpr double exact = 1e-9;
 constexpr double widest = 0.05;
 constexpr int least_closings = 8;       // that count
 constexpr int searched_closings = 250;  // that count, before all are taken
-constexpr double coarse_step = 0.01;    // of the range
-constexpr double mirrored = 0.5;        // a share of time inside that no machine's contact can have
+constexpr int first_closings_of_frequency = 24;
+constexpr double coarse_turn = 0.7;  // by which a tried frequency turns the last event [rad]
+constexpr int most_frequencies = 200;
+constexpr double mirrored = 0.5;  // a share of time inside that no machine's contact can have
 
 // Misfits of right models: with jitter the filter is a little too confident.
 constexpr double usual_misfit = 1.1;
 constexpr double misfit_deviations = 3.0;
 // In J; a chance once in 10000 for a parameter that is right.
 constexpr double significant_gain = 20.0;
-constexpr double enough_explained = 0.9;
+constexpr double at_end = 5.0;  // deviations
 
 /// Of the times between closings, each weighted by itself: bounces of a chatter hardly count.
 double usual_flight(std::span<const ContactEvent> events) {
@@ -36,6 +40,10 @@ double usual_flight(std::span<const ContactEvent> events) {
     squares += flight * flight;
   });
   return sum > 0.0 ? squares / sum : 0.0;
+}
+
+double largest_misfit(int count) {
+  return usual_misfit + misfit_deviations * std::sqrt(2.0 / count);
 }
 
 std::span<const ContactEvent> first_closings(std::span<const ContactEvent> events, int enough) {
@@ -79,32 +87,44 @@ class Search {
     return high;
   }
 
-  /// The place of the lowest J at this scatter, on a grid that is denser where small mistakes lie.
-  double coarse(const Parameter& parameter, double scatter) const {
-    const int half = parameter.cyclic ? 36 : 24;
-    std::vector<std::pair<double, double>> found;
-    for (int i = -half; i <= half; ++i) {
-      const double s = static_cast<double>(i) / half;
-      const double to = i < 0 ? parameter.lowest : parameter.highest;
-      const double share = parameter.cyclic ? std::abs(s) : s * s;
-      const double value = parameter.nominal + share * (to - parameter.nominal);
-      found.emplace_back(at(with(scene_, parameter, value), scatter).J, value);
-    }
-    std::sort(found.begin(), found.end());
-    if (!parameter.cyclic) return found.front().second;
-    // A turned excitation turns the machine over: its gaps are zero where they should be, and
-    // negative in between.
-    for (const auto& [J, value] : found) {
-      const Model model = with(scene_, parameter, value);
-      if (predict(scene_, model, scatter, events_, true, beginning_).inside < mirrored)
-        return value;
-    }
-    return parameter.nominal;
-  }
-
   struct Best {
     double value, deviation, scatter;
   };
+
+  /// Values at which J is lower than beside them, the lowest first: places to go on from, with the
+  /// distance to the values beside them and the scatter that is left there.
+  std::vector<Best> starts(const Parameter& parameter, std::span<const double> values,
+                           double scatter) const {
+    std::vector<std::pair<double, Best>> found;
+    std::vector<double> J;
+    for (const double value : values) J.push_back(at(with(scene_, parameter, value), scatter).J);
+    const auto last = static_cast<int>(values.size()) - 1;
+    const auto place = [&](int i) { return static_cast<std::size_t>(std::clamp(i, 0, last)); };
+    for (int i = 0; i <= last; ++i) {
+      const double here = J[place(i)];
+      if (!std::isfinite(here) || (i > 0 && J[place(i - 1)] <= here) || J[place(i + 1)] < here) {
+        continue;
+      }
+      const double step = 0.5 * (values[place(i + 1)] - values[place(i - 1)]);
+      found.push_back({here, {values[place(i)], step, scatter}});
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const auto& x, const auto& y) { return x.first < y.first; });
+    std::vector<Best> best;
+    for (auto& [of, start] : found) {
+      if (static_cast<int>(best.size()) == most_starts) break;
+      const Model model = with(scene_, parameter, start.value);
+      // A turned excitation turns the machine over: its gaps are zero where they should be, and
+      // negative in between.
+      if (parameter.cyclic &&
+          predict(scene_, model, scatter, events_, true, beginning_).inside >= mirrored) {
+        continue;
+      }
+      start.scatter = scatter_of(model, scatter);
+      best.push_back(start);
+    }
+    return best;
+  }
 
   /// Downhill from `from`, as long as the scatter that is left falls.
   Best refine(const Parameter& parameter, Best from) const {
@@ -126,6 +146,7 @@ class Search {
 
  private:
   static constexpr int most_rounds = 40;
+  static constexpr int most_starts = 3;
   static constexpr double ratio = 10.0;
   static constexpr double closeness = 1.1;
 
@@ -133,6 +154,131 @@ class Search {
   std::span<const ContactEvent> events_;
   Beginning beginning_;
   double least_, widest_;
+};
+
+// Denser where small mistakes lie.
+std::vector<double> coarse_values(const Parameter& parameter) {
+  const int half = parameter.cyclic ? 36 : 24;
+  std::vector<double> values;
+  for (int i = -half; i <= half; ++i) {
+    const double s = static_cast<double>(i) / half;
+    const double to = i < 0 ? parameter.lowest : parameter.highest;
+    const double share = parameter.cyclic ? std::abs(s) : s * s;
+    values.push_back(parameter.nominal + share * (to - parameter.nominal));
+  }
+  return values;
+}
+
+// A wrong frequency turns the phase of late events: so close together that none is passed over
+// until t, and around the nominal value where there would be too many.
+std::vector<double> frequencies(const Parameter& parameter, double fastest, double t) {
+  const double step = coarse_turn / t * (parameter.nominal / fastest);
+  const int half = std::min(most_frequencies / 2,
+                            static_cast<int>((parameter.highest - parameter.nominal) / step));
+  std::vector<double> values;
+  for (int i = -half; i <= half; ++i) values.push_back(parameter.nominal + i * step);
+  return values;
+}
+
+double fastest(const Model& model) {
+  double omega = 0.0;
+  for (const Force& force : model.forces) omega = std::max(omega, force.harmonic.frequency);
+  for (const Contact& contact : model.contacts) omega = std::max(omega, contact.motion.frequency);
+  return omega;
+}
+
+/// The first events, on which a parameter is searched before all are taken.
+struct Window {
+  Search search;
+  double scatter;  ///< of the scene's own model
+  double t;        ///< of the last event
+};
+
+/// How many places a search goes on from.
+enum class Effort {
+  beside,   ///< the nominal value, where the model fits as it is
+  one,      ///< the best one, where another parameter is known to explain all
+  several,  ///< until one fits
+};
+
+/// Searches a parameter on windows that grow; `fits` judges a model on the last one.
+class Finder {
+ public:
+  Finder(const Scene& scene, const Parameter& parameter, std::span<const Window> windows,
+         const std::function<bool(const Model&)>& fits)
+      : scene_(scene), parameter_(parameter), windows_(windows), fits_(fits) {}
+
+  Search::Best find(Effort effort) {
+    std::vector<Search::Best> starts;
+    if (effort != Effort::beside) starts = coarse();
+    if (starts.empty()) {
+      const double range = parameter_.highest - parameter_.lowest;
+      starts.push_back({parameter_.nominal, nominal_step * range, windows_.front().scatter});
+    }
+    if (effort == Effort::one) starts.resize(1);
+    for (const Search::Best& start : starts) {
+      if (try_from(start)) break;
+    }
+    return best_;
+  }
+
+ private:
+  static constexpr double nominal_step = 0.01;  // of the range
+  static constexpr std::size_t most_starts = 3;
+
+  // With the scatter of the scene's own model all values look alike near the best; with smaller
+  // ones it shows how many places there are. The first is where least is left.
+  std::vector<Search::Best> coarse() const {
+    const std::vector<double> tried = values();
+    std::vector<Search::Best> all;
+    for (const double sharper : {0.1, 0.01}) {
+      const Window& first = windows_.front();
+      for (const Search::Best& start :
+           first.search.starts(parameter_, tried, sharper * first.scatter)) {
+        const bool known = std::any_of(all.begin(), all.end(), [&](const Search::Best& other) {
+          return other.value == start.value;
+        });
+        if (!known) all.push_back(start);
+      }
+    }
+    std::stable_sort(all.begin(), all.end(), [](const Search::Best& a, const Search::Best& b) {
+      return a.scatter < b.scatter;
+    });
+    if (all.size() > most_starts) all.resize(most_starts);
+    return all;
+  }
+
+  std::vector<double> values() const {
+    return parameter_.quantity == Quantity::frequency
+               ? frequencies(parameter_, fastest(scene_.model), windows_.front().t)
+               : coarse_values(parameter_);
+  }
+
+  // Whether that fits, so that there is nothing more to find.
+  bool try_from(const Search::Best& start) {
+    Search::Best best = start;
+    const auto model = [&] { return with(scene_, parameter_, best.value); };
+    for (const Window& window : windows_) {
+      if (&window != &windows_.front()) {
+        best.scatter = window.search.scatter_of(model(), window.scatter);
+      }
+      if (!(best.deviation > 0.0)) best.deviation = start.deviation;
+      best = window.search.refine(parameter_, best);
+    }
+    const double J = windows_.back().search.at(model(), best.scatter).J;
+    if (!(J_ <= J)) {
+      best_ = best;
+      J_ = J;
+    }
+    return fits_(model());
+  }
+
+  const Scene& scene_;
+  const Parameter& parameter_;
+  std::span<const Window> windows_;
+  const std::function<bool(const Model&)>& fits_;
+  Search::Best best_{};
+  double J_ = std::numeric_limits<double>::quiet_NaN();  // nothing tried
 };
 
 double explained(double before, double left, double jitter) {
@@ -148,14 +294,20 @@ Candidate candidate_of(const Search& search, const Scene& scene, const Parameter
     return search.at(with(scene, parameter, value), scatter);
   };
   const double J = predicted(best.value, best.scatter).J;
-  const double J_at_ends = std::min(predicted(parameter.lowest, best.scatter).J,
-                                    predicted(parameter.highest, best.scatter).J);
+  // An end that is as good as the best says nothing, unless the best is there.
+  const auto rises_to = [&](double end) {
+    const double range = parameter.highest - parameter.lowest;
+    const bool is_best =
+        std::abs(end - best.value) < at_end * std::min(best.deviation, 0.01 * range);
+    return is_best || predicted(end, best.scatter).J > J + significant_gain;
+  };
   Candidate candidate;
   candidate.parameter = parameter;
   candidate.value = parameter.nominal;
   candidate.scatter = diagnosis.scatter;
-  candidate.told = best.deviation > 0.0 && J < nominal.J + significant_gain &&
-                   (parameter.cyclic || J_at_ends > J + significant_gain);
+  candidate.told =
+      best.deviation > 0.0 && J < nominal.J + significant_gain &&
+      (parameter.cyclic || (rises_to(parameter.lowest) && rises_to(parameter.highest)));
   if (!candidate.told) return candidate;
   candidate.value = best.value;
   candidate.deviation = best.deviation;
@@ -190,8 +342,7 @@ void compare(const Search& search, const Scene& scene, Diagnosis& diagnosis) {
 const Candidate* Diagnosis::explanation() const {
   if (fits || candidates.empty()) return nullptr;
   const Candidate& best = candidates.front();
-  const bool enough = best.fits || best.explained >= enough_explained;
-  return best.told && best.gain > significant_gain && enough ? &best : nullptr;
+  return best.told && best.fits && best.gain > significant_gain ? &best : nullptr;
 }
 
 std::vector<const Candidate*> Diagnosis::ties() const {
@@ -201,7 +352,7 @@ std::vector<const Candidate*> Diagnosis::ties() const {
   for (const Candidate& other : candidates) {
     if (&other == best || !other.told) continue;
     const bool as_good = best->gain - other.gain < significant_gain;
-    if (as_good || (best->fits && other.fits && jitter == 0.0)) ties.push_back(&other);
+    if (as_good || (other.fits && jitter == 0.0)) ties.push_back(&other);
   }
   return ties;
 }
@@ -225,30 +376,45 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   const double least = std::max({jitter, exact * flight, scene.model.chatter_time});
   diagnosis.resolved = least;
   const double most = std::max(widest * flight, least);
-  const auto some = first_closings(events, to_start + searched_closings);
   const Search on_all(scene, events, beginning, least, most);
-  const Search on_some(scene, some, beginning, least, most);
 
   const Prediction own = on_all.at(scene.model, least);
   diagnosis.closings = own.count;
   diagnosis.misfit = own.misfit;
   diagnosis.unsure = own.unsure;
-  diagnosis.largest_misfit = usual_misfit + misfit_deviations * std::sqrt(2.0 / own.count);
+  diagnosis.largest_misfit = largest_misfit(own.count);
   diagnosis.fits = own.misfit <= diagnosis.largest_misfit;
   diagnosis.scatter = diagnosis.fits ? least : on_all.scatter_of(scene.model, most);
-  const double first_scatter = diagnosis.fits ? least : on_some.scatter_of(scene.model, most);
   const Prediction nominal = on_all.at(scene.model, diagnosis.scatter);
 
+  // The first of few events, for the frequency; the last of those that are searched.
+  std::vector<Window> windows;
+  for (int count = first_closings_of_frequency;; count *= 2) {
+    const auto some = first_closings(events, to_start + std::min(count, searched_closings));
+    const Search search(scene, some, beginning, least, most);
+    windows.push_back(
+        {search, diagnosis.fits ? least : search.scatter_of(scene.model, most), some.back().t});
+    if (some.size() == events.size() || count >= searched_closings) break;
+  }
+  const std::function<bool(const Model&)> fits = [&](const Model& model) {
+    const Prediction of = windows.back().search.at(model, least);
+    return of.misfit <= largest_misfit(of.count);
+  };
+
+  Effort effort = diagnosis.fits ? Effort::beside : Effort::several;
   for (const Parameter& parameter : parameters_of(scene, nominal.length)) {
-    const double range = parameter.highest - parameter.lowest;
-    const Search::Best first = on_some.refine(
-        parameter, {on_some.coarse(parameter, first_scatter), coarse_step * range, first_scatter});
-    const double step = first.deviation > 0.0 ? first.deviation : coarse_step * range;
+    const std::span<const Window> all(windows);
+    const bool grows = parameter.quantity == Quantity::frequency;
+    Finder finder(scene, parameter, grows ? all : all.last(1), fits);
+    const Search::Best first = finder.find(effort);
+    const double step =
+        first.deviation > 0.0 ? first.deviation : 0.01 * (parameter.highest - parameter.lowest);
     const double scatter = std::min(
         on_all.scatter_of(with(scene, parameter, first.value), first.scatter), diagnosis.scatter);
     const Search::Best best = on_all.refine(parameter, {first.value, step, scatter});
     diagnosis.candidates.push_back(
         candidate_of(on_all, scene, parameter, best, nominal, diagnosis));
+    if (!diagnosis.fits && diagnosis.candidates.back().fits) effort = Effort::one;
   }
   compare(on_all, scene, diagnosis);
   return diagnosis;

@@ -3,10 +3,13 @@
 //
 // A wrong model cannot be followed with event times as exact as they are. So times are allowed to
 // scatter by the smallest sigma with which the mean of r^2 / S is 1: the model's *scatter*. Each
-// parameter is searched by maximum likelihood (prediction.h), coarsely at the nominal model's
-// scatter, then again and again with the scatter that is left at its best value, until that no
-// longer falls. With J as a parabola around its lowest value, J'' gives the standard deviation
-// sqrt(2 / J'').
+// parameter is searched by maximum likelihood (prediction.h), coarsely over its range at smaller
+// scatters than the nominal model's, then from the best of these places, again and again with the
+// scatter that is left at the best value, until that no longer falls. A frequency, which turns late
+// events by whole periods, is searched on few events first. With J as a parabola around its lowest
+// value, J'' gives the standard deviation sqrt(2 / J'').
+//
+// A parameter explains the events only if they fit with its value and the jitter alone.
 #pragma once
 
 #include <limits>
@@ -52,7 +55,7 @@ struct Diagnosis {
   std::vector<Candidate> candidates;  ///< best first
   double only_frequency = 0.0;        ///< of all harmonics; a clock offset is then a phase
 
-  /// The parameter that explains the misfit, if one does.
+  /// The parameter that explains the misfit, if one does: with its value the events fit.
   const Candidate* explanation() const;
   /// Others that explain it as well: the events do not tell them apart.
   std::vector<const Candidate*> ties() const;

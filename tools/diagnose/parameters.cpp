@@ -10,6 +10,7 @@ namespace {
 
 constexpr double largest_share = 0.3;      // by which a positive number is taken to be wrong
 constexpr double largest_clearance = 0.2;  // of the largest displacement
+constexpr double largest_detuning = 0.1;   // by which a frequency is taken to be wrong
 
 template <typename Visit>
 void for_each_harmonic(Model& model, Visit visit) {
@@ -106,7 +107,14 @@ void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   phase.cyclic = true;
   phase.relative = false;
   parameters.push_back(phase);
-  if (only_frequency(scene.model) > 0.0) return;
+  const double common = only_frequency(scene.model);
+  Parameter frequency =
+      around(Quantity::frequency, common > 0.0 ? "excitation frequency" : "factor on frequencies",
+             common > 0.0 ? "rad/s" : "", common > 0.0 ? common : 1.0);
+  frequency.lowest = (1.0 - largest_detuning) * frequency.nominal;
+  frequency.highest = (1.0 + largest_detuning) * frequency.nominal;
+  parameters.push_back(frequency);
+  if (common > 0.0) return;
   // Further off than half of the slowest period it would be taken for something else.
   double slowest = harmonics.front().frequency;
   for (const Harmonic& harmonic : harmonics) slowest = std::min(slowest, harmonic.frequency);
@@ -144,16 +152,24 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
       parameters.push_back(around(Quantity::stiffness, "factor on K", "", 1.0));
     }
   }
-  for (int i = 0; i < static_cast<int>(model.contacts.size()); ++i) {
+  const std::size_t contacts = model.contacts.size();
+  for (int i = 0; i < static_cast<int>(contacts); ++i) {
     Parameter clearance{.quantity = Quantity::clearance,
                         .contact = i,
-                        .name = of_contact("clearance", i, model.contacts.size()),
+                        .name = of_contact("clearance", i, contacts),
                         .unit = "m"};
     clearance.nominal = model.contacts[static_cast<std::size_t>(i)].clearance;
     clearance.lowest = clearance.nominal - largest_clearance * length;
     clearance.highest = clearance.nominal + largest_clearance * length;
     clearance.relative = clearance.nominal != 0.0;
     parameters.push_back(clearance);
+  }
+  for (int i = 0; i < static_cast<int>(scene.positions.size()); ++i) {
+    Parameter position = around(Quantity::position, of_contact("position", i, contacts), "m",
+                                scene.positions[static_cast<std::size_t>(i)]);
+    position.contact = i;
+    position.highest = std::min(position.highest, scene.beam->length);
+    parameters.push_back(position);
   }
   add_excitation(scene, parameters);
   return parameters;
@@ -198,6 +214,20 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
     case Quantity::phase:
       for_each_harmonic(model, [&](Harmonic& of) { of.phase += value - parameter.nominal; });
       break;
+    case Quantity::frequency: {
+      const double ratio = value / parameter.nominal;
+      for_each_harmonic(model, [&](Harmonic& of) { of.frequency *= ratio; });
+      // A beam's frame keeps its amplitude, and its acceleration grows.
+      if (!scene.beam) break;
+      for (Force& force : model.forces) force.harmonic.amplitude *= ratio * ratio;
+      break;
+    }
+    case Quantity::position: {
+      const Eigen::VectorXd of_scene = mode_shapes(*scene.beam, scene.positions[contact]);
+      const double side = model.contacts[contact].w.dot(of_scene) < 0.0 ? -1.0 : 1.0;
+      model.contacts[contact].w = side * mode_shapes(*scene.beam, value);
+      break;
+    }
     case Quantity::clock_offset:
       for_each_harmonic(model, [&](Harmonic& of) { of.phase -= of.frequency * value; });
       break;

@@ -19,6 +19,8 @@ enum class Quantity {
   clearance,     ///< c_i [m]
   amplitude,     ///< of the excitation [m]; of the only harmonic, in its unit; else a factor
   phase,         ///< of the excitation or the only harmonic, else a shift of all [rad]
+  frequency,     ///< of the excitation, if all harmonics have one [rad/s], else a factor on all
+  position,      ///< x_c of a beam's contact [m]
   clock_offset,  ///< recorded minus true event times [s]
 };
 

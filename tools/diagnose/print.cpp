@@ -100,7 +100,7 @@ std::string verdict(const Diagnosis& diagnosis) {
   if (diagnosis.candidates.empty()) return text;
   const Candidate& best = diagnosis.candidates.front();
   if (best.told && best.explained > worth_telling) {
-    text += "; the best is " + instead(best) + ", with " + percent(best.explained);
+    text += "; the best is " + instead(best) + ", which leaves " + number(best.scatter, 3) + " s";
   } else {
     text += "; event times with a jitter of " + number(diagnosis.scatter, 3) + " s would";
   }
