@@ -79,6 +79,7 @@ TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
   const auto events =
       events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration);
   for (const double jitter : {0.0, mismatch.jitter}) {
+    if (sanitized && jitter == 0.0) continue;
     const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), jitter);
     const Candidate* best = diagnosis.explanation();
     std::cout << "seed 5, jitter " << jitter << ": " << verdict(diagnosis) << '\n';
@@ -132,10 +133,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Mismatch{"paper_beam_chatter", "restitution", 0.68, 30.0},
                     Mismatch{"bouncing_ball", "restitution", 0.88, 20.0},
                     Mismatch{"steel_ruler", "restitution", 0.55, 6.0},
-                    Mismatch{"two_stops_beam", "excitation amplitude", 0.031, 12.0},
-                    Mismatch{"two_stops_beam", "restitution of contact 1", 0.65, 12.0},
-                    Mismatch{"two_stops_beam", "clearance of contact 2", 0.06, 12.0},
-                    Mismatch{"two_supports_beam", "restitution of all", 0.45, 12.0}));
+                    Mismatch{"two_stops_beam", "excitation amplitude", 0.031, 5.0},
+                    Mismatch{"two_stops_beam", "restitution of contact 1", 0.65, 5.0},
+                    Mismatch{"two_stops_beam", "clearance of contact 2", 0.06, 5.0},
+                    Mismatch{"two_supports_beam", "restitution of all", 0.45, 6.0}));
 
 TEST(Diagnose, TheRightModelFits) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "paper_beam_frame",
@@ -143,7 +144,7 @@ TEST(Diagnose, TheRightModelFits) {
                            "impact_oscillator", "lab_rig", "two_stops_beam", "two_supports_beam"}) {
     const Scene scene = shipped_scene(name);
     const Diagnosis diagnosis = diagnose(
-        scene, events_of(scene, name == std::string("two_supports_beam") ? 10.0 : 20.0), 0.0);
+        scene, events_of(scene, name == std::string("two_supports_beam") ? 5.0 : 15.0), 0.0);
     EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
     EXPECT_EQ(diagnosis.explanation(), nullptr);
     EXPECT_EQ(verdict(diagnosis), "events fit the model");
@@ -199,6 +200,17 @@ TEST(Diagnose, TwoMistakesAreNotOne) {
   const Scene rig = shipped_scene("lab_rig");
   const Scene other = changed(changed(rig, "restitution", 0.612), "clearance", 0.00204);
   expect_no_explanation(diagnose(rig, events_of(other, 30.0), 0.0));
+}
+
+// The best fits by its mean square; a second one shows all the same.
+TEST(Diagnose, TwoMistakesAreNotOneWithJitterEither) {
+  const Scene scene = shipped_scene("lab_rig");
+  const Scene other = changed(changed(scene, "excitation frequency", 28.5386), "factor on C", 1.03);
+  const Diagnosis diagnosis = diagnose(scene, jittered(events_of(other, 30.0), 1e-4, 5), 1e-4);
+  expect_no_explanation(diagnosis);
+  EXPECT_EQ(diagnosis.candidates.front().parameter.name, "excitation frequency");
+  EXPECT_TRUE(diagnosis.candidates.front().fits);
+  EXPECT_NE(diagnosis.candidates.front().improved_by, "");
 }
 
 // A machine on an orbit with one impact a period: after it has settled its events tell one number,
@@ -271,19 +283,28 @@ bool can_be_one(const Parameter& a, const Parameter& b) {
   return a.quantity == b.quantity || (sizes(a) && sizes(b));
 }
 
-class DiagnoseRandomMistakes : public testing::TestWithParam<const char*> {};
+struct Mistakes {
+  const char* scene;
+  int seeds;
+};
+
+std::ostream& operator<<(std::ostream& out, const Mistakes& mistakes) {
+  return out << mistakes.scene;
+}
+
+class DiagnoseRandomMistakes : public testing::TestWithParam<Mistakes> {};
 
 // Whatever it names is what is wrong: one parameter by its name and value, two by none.
 TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
   constexpr std::size_t events = 80;
-  const Scene scene = shipped_scene(GetParam());
+  const Scene scene = shipped_scene(GetParam().scene);
   const auto diagnosed = [&](const Scene& other) {
     Master master(other.model, other.master);
     std::vector<ContactEvent> of;
     master.advance(at(1000.0), of, events);
     return diagnose(scene, of, 0.0);
   };
-  for (int seed = 1; seed <= (sanitized ? 1 : 2); ++seed) {
+  for (int seed = 1; seed <= (sanitized ? 1 : GetParam().seeds); ++seed) {
     Random random(static_cast<std::uint64_t>(seed));
     const auto [first, value] = random_mistake(random, scene);
     auto [second, other] = random_mistake(random, scene);
@@ -309,8 +330,10 @@ TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseRandomMistakes,
-                         testing::Values("lab_rig", "paper_beam_frame", "two_stops_beam",
-                                         "paper_beam_chatter", "steel_ruler"));
+                         testing::Values(Mistakes{"lab_rig", 2}, Mistakes{"paper_beam_frame", 2},
+                                         Mistakes{"two_stops_beam", 1},
+                                         Mistakes{"paper_beam_chatter", 1},
+                                         Mistakes{"steel_ruler", 1}));
 
 // Without a clearance all motions grow with the excitation, and contact times stay.
 TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {

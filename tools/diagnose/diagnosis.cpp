@@ -1,5 +1,6 @@
 #include "tools/diagnose/diagnosis.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -25,7 +26,10 @@ constexpr double usual_misfit = 1.1;
 constexpr double misfit_deviations = 3.0;
 // In J; a chance once in 10000 for a parameter that is right.
 constexpr double significant_gain = 20.0;
-constexpr double at_end = 5.0;  // deviations
+// Of a second parameter; among ten of them a chance once in 200 where the first is alone.
+constexpr double gain_of_second = 12.0;
+constexpr double at_end = 5.0;        // deviations
+constexpr double second_step = 1e-3;  // of the range
 
 /// Of the times between closings, each weighted by itself: bounces of a chatter hardly count.
 double usual_flight(std::span<const ContactEvent> events) {
@@ -337,12 +341,64 @@ void compare(const Search& search, const Scene& scene, Diagnosis& diagnosis) {
   }
 }
 
+// By how much J falls below that of `first` at its best if a second parameter may change with it:
+// by a parabola in both, and what it promises is tried.
+double gain_of_two(const Search& search, const Scene& scene, const Candidate& first,
+                   const Parameter& second, double scatter) {
+  const auto J = [&](double x, double y) {
+    Scene other = scene;
+    other.model = with(scene, first.parameter, x);
+    return search.at(with(other, second, y), scatter).J;
+  };
+  const double x = first.value;
+  const double start = J(x, second.nominal);
+  const double range = second.highest - second.lowest;
+  const Minimum alone =
+      descend([&](double y) { return J(x, y); }, {second.nominal, start, second_step * range, 0.0},
+              second.lowest, second.highest);
+  const double gain = start - alone.J;
+  if (!(alone.deviation > 0.0) || gain > gain_of_second) return gain;
+  // In units of both deviations, around where the second alone is best.
+  const double dx = first.deviation;
+  const double dy = std::min(alone.deviation, 0.5 * range);
+  const double y = std::clamp(alone.x, second.lowest + dy, second.highest - dy);
+  const double here = J(x, y);
+  const double right = J(x + dx, y);
+  const double left = J(x - dx, y);
+  const double up = J(x, y + dy);
+  const double down = J(x, y - dy);
+  Eigen::Matrix2d H;
+  H << right + left - 2.0 * here, 0.0, 0.0, up + down - 2.0 * here;
+  H(0, 1) = H(1, 0) = J(x + dx, y + dy) - right - up + here;
+  const Eigen::Vector2d slope(0.5 * (right - left), 0.5 * (up - down));
+  if (!H.allFinite() || !(H.determinant() > 0.0) || !(H(0, 0) > 0.0)) return gain;
+  const Eigen::Vector2d step = H.inverse() * slope;
+  return std::max(gain, start - J(x - step[0] * dx, y - step[1] * dy));
+}
+
+// Without jitter there is no distribution to hold a gain against, and what fits leaves nothing.
+void look_for_a_second(const Search& search, const Scene& scene,
+                       std::span<const Parameter> parameters, Diagnosis& diagnosis) {
+  if (!(diagnosis.jitter > 0.0) || diagnosis.explanation() == nullptr) return;
+  Candidate& best = diagnosis.candidates.front();
+  for (const Parameter& second : parameters) {
+    const bool same = second.quantity == best.parameter.quantity &&
+                      (second.contact < 0 || second.contact == best.parameter.contact);
+    if (same) continue;
+    if (gain_of_two(search, scene, best, second, diagnosis.resolved) > gain_of_second) {
+      best.improved_by = second.name;
+      return;
+    }
+  }
+}
+
 }  // namespace
 
 const Candidate* Diagnosis::explanation() const {
   if (fits || candidates.empty()) return nullptr;
   const Candidate& best = candidates.front();
-  return best.told && best.fits && best.gain > significant_gain ? &best : nullptr;
+  const bool alone = best.told && best.fits && best.improved_by.empty();
+  return alone && best.gain > significant_gain ? &best : nullptr;
 }
 
 std::vector<const Candidate*> Diagnosis::ties() const {
@@ -402,7 +458,8 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   };
 
   Effort effort = diagnosis.fits ? Effort::beside : Effort::several;
-  for (const Parameter& parameter : parameters_of(scene, nominal.length)) {
+  const std::vector<Parameter> parameters = parameters_of(scene, nominal.length);
+  for (const Parameter& parameter : parameters) {
     const std::span<const Window> all(windows);
     const bool grows = parameter.quantity == Quantity::frequency;
     Finder finder(scene, parameter, grows ? all : all.last(1), fits);
@@ -417,6 +474,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     if (!diagnosis.fits && diagnosis.candidates.back().fits) effort = Effort::one;
   }
   compare(on_all, scene, diagnosis);
+  look_for_a_second(on_all, scene, parameters, diagnosis);
   return diagnosis;
 }
 

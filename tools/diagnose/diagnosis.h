@@ -9,7 +9,8 @@
 // events by whole periods, is searched on few events first. With J as a parabola around its lowest
 // value, J'' gives the standard deviation sqrt(2 / J'').
 //
-// A parameter explains the events only if they fit with its value and the jitter alone.
+// A parameter explains the events only if they fit with its value and the jitter alone, and no
+// second one beside it makes them significantly likelier.
 #pragma once
 
 #include <limits>
@@ -37,6 +38,8 @@ struct Candidate {
   double gain = 0.0;         ///< J of the nominal model minus J, both at their own scatter
   double explained = 0.0;    ///< share of the nominal scatter's square above the jitter
   bool fits = false;         ///< with this value the events fit with the jitter alone
+  /// Of the best: another parameter that with this one explains significantly more; else empty.
+  std::string improved_by;
 };
 
 struct Diagnosis {

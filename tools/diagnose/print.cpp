@@ -100,7 +100,9 @@ std::string verdict(const Diagnosis& diagnosis) {
   if (diagnosis.candidates.empty()) return text;
   const Candidate& best = diagnosis.candidates.front();
   if (best.told && best.explained > worth_telling) {
-    text += "; the best is " + instead(best) + ", which leaves " + number(best.scatter, 3) + " s";
+    text += "; the best is " + instead(best) + ", which ";
+    text += best.improved_by.empty() ? "leaves " + number(best.scatter, 3) + " s"
+                                     : "with another " + best.improved_by + " does better";
   } else {
     text += "; event times with a jitter of " + number(diagnosis.scatter, 3) + " s would";
   }
@@ -169,6 +171,7 @@ void to_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
       entry["misfit_after"] = candidate.misfit;
       entry["gain"] = candidate.gain;
       entry["explained"] = candidate.explained;
+      entry["improved_by"] = candidate.improved_by;
       entry["sensitivity"] = candidate.sensitivity;
     }
     object["parameters"].push_back(std::move(entry));
