@@ -321,9 +321,10 @@ TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
     ASSERT_NE(best, nullptr) << wrong << '\n' << to_text(of_one);
     std::vector<const Candidate*> named = of_one.ties();
     named.push_back(best);
-    const auto truth = std::find_if(named.begin(), named.end(), [&](const Candidate* candidate) {
-      return candidate->parameter.name == first.name;
-    });
+    const auto truth =
+        std::find_if(named.begin(), named.end(), [&name = first.name](const Candidate* candidate) {
+          return candidate->parameter.name == name;
+        });
     ASSERT_NE(truth, named.end()) << wrong << '\n' << to_text(of_one);
     EXPECT_NEAR((*truth)->value, value, 6.0 * (*truth)->deviation + 1e-8) << wrong;
   }

@@ -75,6 +75,7 @@ std::string table_header() {
 
 std::string table_row(const Row& row) {
   const Summary& of = row.summary;
+  const std::int64_t not_numbers = of.state.not_numbers() + of.gaps.not_numbers();
   const double known = static_cast<double>(of.state.count());
   const double unknown = static_cast<double>(of.state.unknown());
   char line[512];
@@ -87,9 +88,9 @@ std::string table_row(const Row& row) {
       row.jitter, row.omega_sigma, row.events, row.seeds, of.state.mean_square(), of.deviation,
       100.0 * of.state.beyond(), of.gaps.mean_square(), 100.0 * of.gaps.beyond(), of.V_replica,
       of.V, of.V_replica_largest, of.V_largest, of.J, static_cast<long long>(of.inconsistencies),
-      static_cast<long long>(of.state.not_numbers() + of.gaps.not_numbers()),
-      100.0 * unknown / (known + unknown), 100.0 * of.from_filter, 100.0 * of.worse,
-      100.0 * of.worse_largest, joined(row.missed).c_str());
+      static_cast<long long>(not_numbers), 100.0 * unknown / (known + unknown),
+      100.0 * of.from_filter, 100.0 * of.worse, 100.0 * of.worse_largest,
+      joined(row.missed).c_str());
   return line;
 }
 
