@@ -3,6 +3,7 @@
 #include <complex>
 
 #include "mechanics/flow.h"
+#include "mechanics/scale.h"
 
 namespace sprag {
 namespace {
@@ -102,9 +103,10 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     }
     MinvW_ = model_.M.diagonal().cwiseInverse().asDiagonal() * W_;
   } else {
-    const Eigen::LLT<Eigen::MatrixXd> factor(model_.M);
+    const double unit = power_of_two_above(model_.M.cwiseAbs().maxCoeff());
+    const Eigen::LLT<Eigen::MatrixXd> factor(model_.M / unit);
     if (factor.info() != Eigen::Success) throw ModelError("M must be positive definite");
-    MinvW_ = factor.solve(W_);
+    MinvW_ = factor.solve(W_) / unit;
   }
   G_ = W_.transpose() * MinvW_;
 }

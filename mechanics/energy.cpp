@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "mechanics/scale.h"
+
 namespace sprag {
 
 namespace {
@@ -30,21 +32,26 @@ NaturalModes natural_modes(const Model& model) {
     return {Eigen::MatrixXd::Identity(model.M.rows(), model.M.rows()), model.M.diagonal(),
             model.K.diagonal(), true};
   }
-  if (model.M.llt().info() != Eigen::Success) throw ModelError("M is not positive definite");
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(model.K, model.M);
+  const double unit = power_of_two_above(model.M.cwiseAbs().maxCoeff());
+  const Eigen::MatrixXd M = model.M / unit;
+  if (M.llt().info() != Eigen::Success) throw ModelError("M is not positive definite");
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(model.K / unit, M);
   if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
   const Eigen::Index f = model.M.rows();
   // Rounding gives a rigid motion a stiffness, of either sign, that its displacement squared would
   // make visible.
   const double rounding = static_cast<double>(f) * std::numeric_limits<double>::epsilon() *
                           solver.eigenvalues().cwiseAbs().maxCoeff();
-  return {solver.eigenvectors(), Eigen::VectorXd::Ones(f),
-          (solver.eigenvalues().array() > rounding).select(solver.eigenvalues(), 0.0), false};
+  return {solver.eigenvectors(), Eigen::VectorXd::Constant(f, unit),
+          unit * (solver.eigenvalues().array() > rounding).select(solver.eigenvalues(), 0.0),
+          false};
 }
 
 ErrorEnergy::ErrorEnergy(const Model& model) {
   NaturalModes modes = natural_modes(model);
-  if (!modes.of_coordinates) to_modes_ = modes.Phi.transpose() * model.M;
+  if (!modes.of_coordinates) {
+    to_modes_ = modes.mass.cwiseInverse().asDiagonal() * modes.Phi.transpose() * model.M;
+  }
   mass_ = std::move(modes.mass);
   stiffness_ = std::move(modes.stiffness);
 }

@@ -9,7 +9,7 @@
 namespace sprag {
 
 /// Undamped modes K Phi = M Phi diag(stiffness / mass), Phi^T M Phi = diag(mass): by ascending
-/// frequency with mass 1; where M and K are diagonal the coordinates themselves.
+/// frequency, with one mass for all, a power of two; where M and K are diagonal the coordinates themselves.
 struct NaturalModes {
   Eigen::MatrixXd Phi;              ///< f x f
   Eigen::VectorXd mass, stiffness;  ///< f entries; a rigid motion has stiffness 0 exactly
@@ -33,7 +33,7 @@ class ErrorEnergy {
                              const Eigen::Ref<const Eigen::VectorXd>& u_s) const;
 
  private:
-  Eigen::MatrixXd to_modes_;          // v^T M, empty where M and K are diagonal
+  Eigen::MatrixXd to_modes_;          // empty where M and K are diagonal
   Eigen::VectorXd mass_, stiffness_;  // of each coordinate or mode
 };
 

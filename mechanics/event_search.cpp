@@ -21,7 +21,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // Below this a motion has died out; its roundings are no longer relative.
 constexpr double nothing = 1e-290;
 
-// Two events closer than this (times 1 + t) are one.
+// Two events closer than this share of their time are one.
 constexpr double simultaneous = 1e-13;
 
 using Coefficients = std::array<double, top + 1>;
@@ -264,6 +264,17 @@ struct Verdict {
   double next = 0.0;       // phi at `certified`, roughly
 };
 
+// n-th root of x >= 0 within a tenth: a double's bits are nearly a logarithm of it. Powers 2^(n k)
+// in x are powers 2^k in the root, exactly.
+double rough_root(double x, int n) {
+  constexpr auto one = std::bit_cast<std::int64_t>(1.0);
+  const double normal =
+      std::clamp(x, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+  const std::int64_t logarithm = std::bit_cast<std::int64_t>(normal) - one;
+  const std::int64_t share = logarithm / n - (logarithm % n < 0 ? 1 : 0);  // rounded down
+  return std::bit_cast<double>(one + share);
+}
+
 // How far a polynomial without remainder (free fall) can matter: beyond, its highest falling term
 // outweighs all others.
 double reach_of(const Expansion& e, int order) {
@@ -274,19 +285,11 @@ double reach_of(const Expansion& e, int order) {
     for (int j = order; j < i; ++j) {
       const double rising = e.a[static_cast<std::size_t>(j)];
       if (rising > 0.0) {
-        reach = std::max(reach, 2.0 * std::pow(-degree * rising / falling, 1.0 / (i - j)));
+        reach = std::max(reach, 2.25 * rough_root(-degree * rising / falling, i - j));
       }
     }
   }
   return reach;
-}
-
-// n-th root of x >= 0 within a tenth: a double's bits are nearly a logarithm of it.
-double rough_root(double x, int n) {
-  constexpr auto one = std::bit_cast<std::int64_t>(1.0);
-  const double normal =
-      std::clamp(x, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
-  return std::bit_cast<double>(one + (std::bit_cast<std::int64_t>(normal) - one) / n);
 }
 
 // First positive root of c0 + c1 x + c2 x^2, c0 > 0; infinity if there is none.
@@ -320,8 +323,8 @@ double visible_root(const double* a, int n, double H) {
 }
 
 // `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
-// is divided out.
-Verdict judge(const Expansion& e, int order, double omitted, double resolution) {
+// is divided out. Time is resolved to a rounding of `now` and what is to come.
+Verdict judge(const Expansion& e, int order, double omitted, double now) {
   const int n = degree - order;
   const double lead = e.a[static_cast<std::size_t>(order)] - omitted;
   double H = 0.0;
@@ -379,6 +382,7 @@ Verdict judge(const Expansion& e, int order, double omitted, double resolution) 
   if (low == infinity || omitted > 0.0) return verdict;
 
   // Close to a root of the polynomial itself the remainder hardly counts: is it this one?
+  const double resolution = epsilon * (now + end * H);
   const auto error = [&](double s) {
     double size = remainder * H;
     for (int j = 0; j <= n; ++j) size *= s;
@@ -469,7 +473,7 @@ void EventSearch::expand() {
     flow.move_modes(*start_, certified_, count - flow.frequencies(), x_);
   }
   const double t = std::abs(start_->t.hi) + certified_;
-  const double resolution = epsilon * std::max(t, 1e-3);
+  const double resolution = epsilon * t;
 
   double certified = infinity;
   double root = infinity;
@@ -507,7 +511,7 @@ void EventSearch::expand() {
     } else if (order > degree) {
       verdict = {infinity, infinity, 0.0};
     } else {
-      verdict = judge(e, order, omitted, resolution);
+      verdict = judge(e, order, omitted, t);
     }
     if (verdict.root > flow.drives().reach()) verdict.root = infinity;
     verdict.certified = std::min(verdict.certified, flow.drives().reach());
@@ -517,7 +521,7 @@ void EventSearch::expand() {
     state.root = verdict.root;
     state.certified = verdict.certified;
   }
-  const double together = simultaneous * (1.0 + t);
+  const double together = simultaneous * (t + root);
   if (root < infinity && root <= certified + together) {
     for (WatchState& state : states_) state.fires = state.root <= root + together;
     found_ = true;

@@ -6,6 +6,7 @@
 
 #include "mechanics/impact_law.h"
 #include "mechanics/modal_analysis.h"
+#include "mechanics/scale.h"
 
 namespace sprag {
 namespace {
@@ -131,9 +132,11 @@ void Flow::build_on_nullspace() {
   const Model& model = dynamics_->model();
   const Eigen::Index f = model.coordinates();
   const auto l = static_cast<Eigen::Index>(locked_contacts_.size());
-  const MatrixR M = model.M.cast<Real>();
-  const MatrixR C = model.C.cast<Real>();
-  const MatrixR K = model.K.cast<Real>();
+  // Modes of mass 1, in a unit of M's own: roots of M are the same whatever unit it comes in.
+  const double mass = power_of_two_above(model.M.diagonal().maxCoeff());
+  const MatrixR M = (model.M / mass).cast<Real>();
+  const MatrixR C = (model.C / mass).cast<Real>();
+  const MatrixR K = (model.K / mass).cast<Real>();
   MatrixR W(f, l);
   VectorR offsets(l);
   MatrixCR motion(l, nf_);
@@ -162,12 +165,12 @@ void Flow::build_on_nullspace() {
   const MatrixCR supports = complex_product(D, motion);
   space.q_D_harmonics = -supports;
   space.push = -product(B.transpose(), product(K, space.q_D));
-  space.push.col(0) += B.transpose() * dynamics_->force_constant().cast<Real>();
+  space.push.col(0) += B.transpose() * (dynamics_->force_constant() / mass).cast<Real>();
   space.forcing.resize(B.cols(), nf_);
   for (Eigen::Index j = 0; j < nf_; ++j) {
     const Complex i_Omega(0, dynamics_->frequencies()[j]);
     const MatrixCR Z = K.cast<Complex>() + i_Omega * C.cast<Complex>();
-    const VectorCR F = dynamics_->force_amplitudes().col(j).cast<Complex>();
+    const VectorCR F = (dynamics_->force_amplitudes().col(j) / mass).cast<Complex>();
     space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
   }
 

@@ -14,8 +14,10 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // So many events that are no further apart than a few roundings of t are a standstill of time.
 constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;
-// Share of the time below which bounces cannot be told apart.
+// Bounces cannot be told apart that are shorter than this share of the time, and of a chatter's
+// rest.
 constexpr double resolvable = 1e-14;
+constexpr double resolvable_of_chatter = 1e-6;
 // A start closer to contact than this share of the gap's terms is at contact.
 constexpr double touching = 1e-12;
 
@@ -208,7 +210,9 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
 }
 
 // Bounces that time cannot tell apart would never end.
-double Master::shortest_time() const { return resolvable * (1.0 + now()); }
+double Master::shortest_time() const {
+  return resolvable * now() + resolvable_of_chatter * flows_.dynamics().model().chatter_time;
+}
 
 // Rest of a bounce sequence that is completed.
 double Master::shortest_chatter() const {

@@ -288,7 +288,7 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   }
   const MatrixR C = congruent(V, C_hat);
   VectorR D = Lambda.cwiseSqrt();
-  D.head(rigid).setConstant(rigid < r ? D[rigid] : Real(1));
+  D.head(rigid).setConstant(rigid < r ? D[rigid] : C.norm());
   MatrixR A = MatrixR::Zero(2 * r, 2 * r);
   A.topRightCorner(r, r) = D.asDiagonal();
   A.bottomLeftCorner(r, r) = -Lambda.cwiseQuotient(D).asDiagonal().toDenseMatrix();

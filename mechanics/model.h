@@ -44,7 +44,8 @@ struct Model {
   std::vector<Force> forces;
   std::vector<Contact> contacts;
   ImpactLaw law = ImpactLaw::poisson;
-  double chatter_time = 1e-8;  ///< rest of a bounce sequence below which it is completed [s]
+  double chatter_time = 1e-8;  ///< rest of a bounce sequence below which it is completed [s]; a
+                               ///< scene that does not give it takes 1e-8 time_scale() (scale.h)
 
   Eigen::Index coordinates() const { return M.rows(); }
 };

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <vector>
 
+#include "mechanics/scale.h"
 #include "mechanics/toml_reader.h"
 
 namespace sprag {
@@ -132,7 +133,10 @@ struct Definiteness {
 
 // Rows and columns are first scaled to a unit diagonal, which keeps all signs: what counts as
 // rounding must not depend on the units of single coordinates.
-Definiteness definiteness(const Eigen::MatrixXd& matrix) {
+Definiteness definiteness(const Eigen::MatrixXd& given) {
+  const double largest_entry = given.cwiseAbs().maxCoeff();
+  const double unit = largest_entry > 0.0 ? power_of_two_above(largest_entry) : 1.0;
+  const Eigen::MatrixXd matrix = given / unit;
   const Eigen::VectorXd diagonal = matrix.diagonal();
   const double largest = diagonal.cwiseAbs().maxCoeff();
   const double usual = largest > 0 ? largest : 1.0;
@@ -144,7 +148,7 @@ Definiteness definiteness(const Eigen::MatrixXd& matrix) {
   };
   const Eigen::VectorXd scaled = eigenvalues(scale.asDiagonal() * matrix * scale.asDiagonal());
   const double rounding = 1e-13 * scaled.cwiseAbs().maxCoeff();
-  return {eigenvalues(matrix).minCoeff(), scaled.minCoeff() >= -rounding,
+  return {unit * eigenvalues(matrix).minCoeff(), scaled.minCoeff() >= -rounding,
           scaled.minCoeff() > rounding};
 }
 
@@ -215,14 +219,15 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   return contacts;
 }
 
-void read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
+// Whether it gives the chatter_time.
+bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
   const Limits restitution{0.0, 1.0};
   const auto impact = root.table("impact", {"law", "restitution", "chatter_time"});
   std::optional<double> common;
   if (impact) {
     model.law = impact->choice("law", {"poisson", "newton"}) == "newton" ? ImpactLaw::newton
                                                                          : ImpactLaw::poisson;
-    model.chatter_time = impact->number_or("chatter_time", model.chatter_time, positive);
+    if (impact->has("chatter_time")) model.chatter_time = impact->number("chatter_time", positive);
     if (impact->has("restitution")) common = impact->number("restitution", restitution);
   }
   for (std::size_t i = 0; i < contacts.size(); ++i) {
@@ -234,6 +239,14 @@ void read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, 
                                         ? contacts[i].number_or("restitution", *common, restitution)
                                         : contacts[i].number("restitution", restitution);
   }
+  return impact && impact->has("chatter_time");
+}
+
+// Of the machine's own time; where nothing moves nothing chatters.
+void set_chatter_time(Scene& scene) {
+  constexpr double share = 1e-8;
+  const double own = share * time_scale(scene.model, scene.master);
+  if (own > 0.0 && std::isfinite(own)) scene.model.chatter_time = own;
 }
 
 Eigen::VectorXd read_padded(const TomlTable& table, std::string_view key, Eigen::Index f) {
@@ -334,8 +347,9 @@ Scene parse_scene(std::string_view text, const std::string& file) {
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
   const std::vector<TomlTable> contacts =
       beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene);
-  read_impact(root, contacts, scene.model);
+  const bool chatter_time_given = read_impact(root, contacts, scene.model);
   read_master(root, scene);
+  if (!chatter_time_given) set_chatter_time(scene);
   read_replica(root, scene);
   read_events(root, scene);
   return scene;

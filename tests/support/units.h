@@ -1,0 +1,62 @@
+// The same machine in other units, powers of two of the old ones: every number keeps its digits.
+#pragma once
+
+#include <cmath>
+
+#include "mechanics/scene.h"
+
+namespace sprag {
+
+/// Exponents: a length x of the old units is x 2^length in the new ones.
+struct Units {
+  int length = 0, mass = 0, time = 0;
+
+  double of_length(double x) const { return std::ldexp(x, length); }
+  double of_mass(double x) const { return std::ldexp(x, mass); }
+  double of_time(double x) const { return std::ldexp(x, time); }
+  double of_velocity(double x) const { return std::ldexp(x, length - time); }
+  double of_force(double x) const { return std::ldexp(x, mass + length - 2 * time); }
+  double of_energy(double x) const { return std::ldexp(x, mass + 2 * length - 2 * time); }
+};
+
+inline Harmonic in_units(const Units& units, Harmonic of_length) {
+  of_length.amplitude = units.of_length(of_length.amplitude);
+  of_length.frequency = std::ldexp(of_length.frequency, -units.time);
+  return of_length;
+}
+
+inline Model in_units(const Units& units, Model model) {
+  model.M *= units.of_mass(1.0);
+  model.C *= std::ldexp(1.0, units.mass - units.time);
+  model.K *= std::ldexp(1.0, units.mass - 2 * units.time);
+  for (Force& force : model.forces) {
+    force.constant = units.of_force(force.constant);
+    force.harmonic.amplitude = units.of_force(force.harmonic.amplitude);
+    force.harmonic.frequency = std::ldexp(force.harmonic.frequency, -units.time);
+  }
+  for (Contact& contact : model.contacts) {
+    contact.clearance = units.of_length(contact.clearance);
+    contact.motion = in_units(units, contact.motion);
+  }
+  model.chatter_time = units.of_time(model.chatter_time);
+  return model;
+}
+
+inline State in_units(const Units& units, State state) {
+  state.q *= units.of_length(1.0);
+  state.u *= units.of_velocity(1.0);
+  return state;
+}
+
+inline Scene in_units(const Units& units, Scene scene) {
+  scene.model = in_units(units, scene.model);
+  scene.beam.reset();
+  scene.master = in_units(units, scene.master);
+  scene.replica = in_units(units, scene.replica);
+  scene.uncertainty *= units.of_energy(1.0);
+  scene.drift = std::ldexp(units.of_energy(scene.drift), -units.time);
+  scene.jitter = units.of_time(scene.jitter);
+  return scene;
+}
+
+}  // namespace sprag
