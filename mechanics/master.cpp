@@ -204,7 +204,7 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
     }
   }
   if ((closing | completed) != 0) {
-    completed |= wedged(closing | completed);
+    completed |= wedged(closing | completed) & ~closed_;
     close(closing | completed, completed, events);
   }
 }
@@ -276,8 +276,11 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
   const ContactSet participants = closed_before | closing;
   before_ = motion_;
 
-  // A closing contact that ends up staying takes restitution 0, which may change who stays.
+  // A closing contact that ends up staying takes restitution 0, one that is thrown off its own:
+  // that is how a replica knows it. Either may change who stays.
   ContactSet staying = to_stay;
+  ContactSet thrown_off = 0;
+  ContactSet locked = 0;
   while (true) {
     for (int i = 0; i < m; ++i) {
       epsilon_[index(i)] = contains(staying, i) ? 0.0 : model.contacts[index(i)].restitution;
@@ -286,23 +289,26 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
         Solved::yes) {
       fail("contacts that close at once have linearly dependent directions");
     }
-    const ContactSet sticking = closing & motion_.flow->locked() & ~staying;
-    const bool restitution_matters = [&] {
-      for (int i = 0; i < m; ++i) {
-        if (contains(sticking, i) && epsilon_[index(i)] != 0.0) return true;
-      }
-      return false;
-    }();
-    staying |= sticking;
+    // To hold one may lift another as little.
+    ContactSet brief = 0;
+    do {
+      brief = hardly_parted(closed_before | staying);
+    } while (brief != 0 && solver_.hold(solver_.resting() | brief, participants, ~penetrating_,
+                                        motion_) == Solved::yes);
+    locked = motion_.flow->locked();
+    const ContactSet sticking = closing & locked & ~staying & ~thrown_off;
+    const ContactSet thrown = staying & ~locked & ~penetrating_;
+    staying = (staying | sticking) & ~thrown;
+    thrown_off |= thrown;
+    bool restitution_matters = false;
+    for_each(sticking | thrown, [&](int i) {
+      if (model.contacts[index(i)].restitution != 0.0) restitution_matters = true;
+    });
     if (!restitution_matters) break;
     motion_ = before_;
   }
   ++impacts_;
-  if (const ContactSet brief = hardly_parted(closed_before | to_stay); brief != 0) {
-    (void)solver_.hold(solver_.resting() | brief, participants, ~penetrating_, motion_);
-  }
 
-  const ContactSet locked = motion_.flow->locked();
   for (int i = 0; i < m; ++i) {
     if (!contains(participants, i)) continue;
     const double gamma = solver_.gamma_plus(i);
@@ -313,6 +319,7 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     }
     if (contains(locked, i)) {
       order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+      completion_[index(i)] = infinity;
       if (contains(closing, i)) record(i, ContactEventKind::closes, events);
       continue;
     }
@@ -322,7 +329,7 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     } else if (!contains(touched, i) || contains(solver_.struck(), i)) {
       record(i, ContactEventKind::pulse, events);
     }
-    if (contains(closing, i) && !contains(to_stay, i) && gamma > 0.0) {
+    if (contains(closing, i) && !contains(staying, i) && gamma > 0.0) {
       const double epsilon = model.contacts[index(i)].restitution;
       const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
       // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "tests/support/random_model.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {
@@ -198,6 +199,23 @@ TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
   EXPECT_EQ(events[0], (ContactEvent{0.0, 0, ContactEventKind::closes}));
   EXPECT_EQ(events[1].kind, ContactEventKind::opens);
   EXPECT_GT(opened, 0.1);
+}
+
+// Contacts that throw the machine to and fro are completed together, some of them closed already.
+TEST(Wedge, WhatIsClosedDoesNotCloseAgain) {
+  for (const std::uint64_t seed : {17519, 19121, 20020, 23047, 23604, 23636, 28178, 29878}) {
+    Random random(seed);
+    const ImpactingMachine machine = random_impacting_machine(random);
+    Master master(machine.model, machine.start);
+    std::vector<ContactEvent> events;
+    ASSERT_TRUE(master.advance(at(5.0), events, 20000)) << "seed " << seed;
+    ContactSet chi = 0;
+    for (const ContactEvent& event : events) {
+      const bool opens = event.kind == ContactEventKind::opens;
+      ASSERT_EQ(contains(chi, event.contact), opens) << "seed " << seed << ", t = " << event.t;
+      chi = after(chi, event);
+    }
+  }
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "tests/support/random_model.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 namespace sprag {
@@ -108,6 +109,26 @@ State random_state(Random& random, const Model& model) {
   state.q = random.vector(model.coordinates());
   state.u = 3.0 * random.vector(model.coordinates());
   return state;
+}
+
+ImpactingMachine random_impacting_machine(Random& random) {
+  ImpactingMachine machine;
+  Model& model = machine.model;
+  const int f = random.integer(1, 6);
+  const int m = random.integer(1, std::min(f, 3));
+  const auto structure = static_cast<std::size_t>(random.integer(0, int{structures.size()} - 1));
+  model = random_machine(random, structures.at(structure), f);
+  add_forces(random, model, random.integer(0, 2));
+  add_contacts(random, model, m);
+  machine.start = random_state(random, model);
+  const double restitution = random.chance(0.1) ? 0.0 : random.uniform(0, 1);
+  for (Contact& contact : model.contacts) {
+    contact.restitution = restitution;
+    contact.clearance -= gap(contact, machine.start.q, 0.0) - random.uniform(0.0, 0.3);
+    model.forces.push_back({-contact.w, random.uniform(0, 5), {}});
+  }
+  if (m == 1 && random.chance(0.5)) model.law = ImpactLaw::newton;
+  return machine;
 }
 
 }  // namespace sprag

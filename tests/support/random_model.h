@@ -46,4 +46,12 @@ void add_contacts(Random& random, Model& model, int count);
 
 State random_state(Random& random, const Model& model);
 
+/// A machine of 1 to 6 coordinates and 1 to 3 independent contacts with one restitution, which
+/// forces press against them; `start` is outside of them all. One contact may have Newton's law.
+struct ImpactingMachine {
+  Model model;
+  State start;
+};
+ImpactingMachine random_impacting_machine(Random& random);
+
 }  // namespace sprag
