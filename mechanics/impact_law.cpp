@@ -98,7 +98,7 @@ ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet
   return independent;
 }
 
-ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts) {
+ContactMatrix of_contacts(const Eigen::Ref<const Eigen::MatrixXd>& G, ContactSet contacts) {
   const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
   ContactMatrix G_S(n, n);
   Eigen::Index row = 0;

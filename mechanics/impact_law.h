@@ -32,7 +32,7 @@ enum class Solved {
 ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest);
 
 /// Rows and columns of G that belong to these contacts, in their order.
-ContactMatrix of_contacts(const Eigen::MatrixXd& G, ContactSet contacts);
+ContactMatrix of_contacts(const Eigen::Ref<const Eigen::MatrixXd>& G, ContactSet contacts);
 
 /// 0 <= x _|_ y = A x + b >= 0, A symmetric positive definite (n x n, n <= max_contacts). On
 /// `dependent` x is meaningless. y is exactly zero where x is basic.

@@ -40,7 +40,7 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   state.refused_impacts = 0;
   state.innovation = {};
   solver_.start(start, tick_instant(k, h_), state.motion);
-  error_bound_.start(state.motion.t, state.error_bound);
+  error_bound_.start(state.motion, chi, state.error_bound);
   if (chi != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
     if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
@@ -87,14 +87,12 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
   }
   std::fill(order_.begin(), order_.end(), 0);
-  if (before == 0) error_bound_.land(state.motion, state.error_bound);
-  if (state.chi == 0) error_bound_.take_off(state.motion.t, state.error_bound);
+  error_bound_.event(before, closing, state.chi, epsilon_, state.motion, state.error_bound);
   if (closing == 0) {
     release(before & ~state.chi, 0, state);
     return;
   }
   note_innovation(closing, state);
-  error_bound_.strike(before | closing, state.chi, epsilon_, state.motion, state.error_bound);
   if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
     ++state.refused_impacts;
     release(before & ~state.chi, 0, state);
@@ -146,11 +144,12 @@ void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
   });
 }
 
-double Replica::error_bound(const ReplicaState& state, double initial) const {
+double Replica::error_bound(const ReplicaState& state, double initial) {
   if (!error_bound_.guaranteed() || state.refused_impacts > 0) {
     return std::numeric_limits<double>::infinity();
   }
-  return state.error_bound.bound(initial);
+  return error_bound_.bound(state.error_bound, initial, tick_instant(state.tick, h_),
+                            state.chi == 0);
 }
 
 // Exact flow to t, through the clutches' own switchings.

@@ -141,8 +141,11 @@ class TimeLine {
 
   bool started() const { return started_; }
   double h() const { return stepper_->h(); }
-  /// Whether the estimate has heard of every event from t = 0 on up to t, as far as is known.
-  bool complete_to(double t) const { return first_ == 0 && t <= events_.complete_to(); }
+  /// Whether the estimate has heard of every event from t = 0 on up to t, which then is not behind
+  /// the horizon, as far as is known.
+  bool complete_to(double t) const {
+    return first_ == 0 && t <= std::min(events_.complete_to(), events_.horizon());
+  }
   std::int64_t now() const { return now_; }
   /// The state at tick now().
   const ReplicaState& present() const { return saved(now_); }
