@@ -52,20 +52,29 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
 }
 
 void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
-  Motion& motion = state.motion;
-  ++state.tick;
   if (events.empty() && state.chi == 0) {
-    flight_.step(state.tick, motion, state.anchor);
+    ++state.tick;
+    flight_.step(state.tick, state.motion, state.anchor);
     return;
   }
-  const Instant t = tick_instant(state.tick, h_);
-  motion.t = tick_instant(state.tick - 1, h_);
-  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    advance(at(of_one.front().t), state);
-    apply_group(of_one, state);
-  });
-  advance(t, state);
-  TickedFlight::set_anchor(motion, state.anchor);
+  open_tick(state);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) { take(of_one, state); });
+  close_tick(state);
+}
+
+void Replica::open_tick(ReplicaState& state) const {
+  state.motion.t = tick_instant(state.tick, h_);
+  ++state.tick;
+}
+
+void Replica::take(std::span<const ContactEvent> of_one_instant, ReplicaState& state) {
+  advance(at(of_one_instant.front().t), state);
+  apply_group(of_one_instant, state);
+}
+
+void Replica::close_tick(ReplicaState& state) {
+  advance(tick_instant(state.tick, h_), state);
+  TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
 void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {

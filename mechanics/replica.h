@@ -55,6 +55,12 @@ class Replica {
   /// sets that occur have been met.
   void tick(std::span<const ContactEvent> events, ReplicaState& state);
 
+  /// A tick in parts, for who looks at each instant in it: opened, through the events of one
+  /// instant after the other, closed.
+  void open_tick(ReplicaState& state) const;
+  void take(std::span<const ContactEvent> of_one_instant, ReplicaState& state);
+  void close_tick(ReplicaState& state);
+
   /// Applies events of the present instant without moving: those that a start begins with.
   void apply(std::span<const ContactEvent> events, ReplicaState& state);
 

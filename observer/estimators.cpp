@@ -62,6 +62,12 @@ void confide(SupervisedFilter& filter, const SupervisedState& state, double init
   confide(filter.filter(), state.filter, initial, confidence);
   confide(filter.replica(), state, initial, confidence);
   confidence.from_filter = state.trusted;
+  if (!state.trusted) {
+    // The replica's own error is not estimated.
+    confidence.sigma_q.setConstant(infinity);
+    confidence.sigma_u.setConstant(infinity);
+    confidence.sigma_g.setConstant(infinity);
+  }
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
 }

@@ -1,10 +1,10 @@
 // A replica and a timing filter side by side. The filter knows the state after a few events if
 // model and events are right; the replica converges whatever the filter does. So the filter's
-// innovations are watched: each against the variance that the filter expects of it, and their mean
-// over about
-// 16. While they fit, the estimate is the filter's. Where they do not, it is the replica's, and the
-// filter starts again from there; it is believed again after the 2 f events that determine it and
-// as many more as a trial takes, which grows if the model fails again and again.
+// innovations are watched, at each instant with events: each against the variance that the filter
+// expects of it, and their mean over about 16; and whether an event has not come that had to. While
+// they fit, the estimate is the filter's. Where they do not, it is the replica's, and the filter
+// starts again from there; it is believed again after the 2 f events that determine it and as many
+// more as a trial takes, which grows if the model fails again and again.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ class SupervisedFilter {
 
   /// The estimate at the present tick, f entries each.
   void output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,
-              Eigen::Ref<Eigen::VectorXd> u) const;
+              Eigen::Ref<Eigen::VectorXd> u);
 
   double h() const { return replica_.h(); }
   const Flows& flows() const { return *flows_; }
@@ -53,6 +53,7 @@ class SupervisedFilter {
 
  private:
   void supervise(std::int64_t believed, SupervisedState& state);
+  void supervise_silence(std::int64_t silences, SupervisedState& state) const;
   Suspicion suspicion(const SupervisedState& state);
 
   std::shared_ptr<Flows> flows_;

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace sprag {
 namespace {
@@ -14,6 +15,13 @@ constexpr std::size_t kept_bytes = 64 << 20;
 // A restart takes this multiple of the squares by which two estimates differ, and not nothing.
 constexpr double reserve = 4.0;
 constexpr double least_share = 1e-12;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+// An event may be on its way where the gap, or the force, is less than so many of its deviations.
+constexpr double deviations_to_expect = 4.0;
+// Silence that is less likely than a deviation of seven sigma is no silence.
+constexpr double most_square = 49.0;
+constexpr double looks_a_period = 16.0;
+constexpr double growth_of_looks = 0.25;
 
 }  // namespace
 
@@ -27,36 +35,31 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   const int m = flows_->dynamics().contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
-  const Eigen::Index columns = 4 * f() + of_drift + 2 + 2 * m + 1;
-  now_.q.setZero(f(), columns);
-  now_.u.setZero(f(), columns);
-  event_.setZero(2 + 2 * m, columns);
-  event_mean_.setZero(2 + 2 * m);
+  // Twice what an instant can add: an event of unknown time, and that none has come since.
+  const Eigen::Index columns =
+      4 * f() + of_drift + std::max<Eigen::Index>(2 * EventMixture::added_columns(), 3 * m);
+  now_.q.setZero(f());
+  now_.u.setZero(f());
+  now_.S_q.setZero(f(), columns);
+  now_.S_u.setZero(f(), columns);
   no_gaps_.setZero(m);
   if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
-  (*flows_)[0].enter(Eigen::VectorXd::Zero(f()), Eigen::VectorXd::Zero(f()), Instant{},
-                     no_gaps_.head(0), now_.mean);
-  sample_ = now_.mean;
+  if (uncertainty_.jitter > 0.0) unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
+  (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
+  published_ = sample_;
   // As many columns as merge_columns() leaves. Not initialized: memory that is never used stays
   // the system's.
   const auto bytes = static_cast<std::size_t>(8 * f() * f()) * sizeof(double);
   covariances_.resize(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024));
   for (Covariance& S : covariances_) {
-    S.q.resize(f(), 4 * f());
-    S.u.resize(f(), 4 * f());
-    S.mean = now_.mean;
+    S.S_q.resize(f(), 4 * f());
+    S.S_u.resize(f(), 4 * f());
+    S.mean = sample_;
   }
-  q_.setZero(f());
-  u_.setZero(f());
-  u_before_.setZero(f());
-  jump_.setZero(f());
-  on_q_.setZero(f());
-  on_u_.setZero(f());
-  first_on_q_.setZero(f());
-  first_on_u_.setZero(f());
-  const Model& of = flows_->dynamics().model();
-  MinvC_ = of.M.llt().solve(of.C);
-  MinvK_ = of.M.llt().solve(of.K);
+  for (Eigen::VectorXd* x : {&u_before_, &before_impact_, &u_sequence_, &on_q_, &on_u_,
+                             &difference_q_, &difference_u_}) {
+    x->setZero(f());
+  }
   from_start_q_ = uncertainty_.q.inverse();
   from_start_u_ = uncertainty_.u.inverse();
   closings_.reserve(static_cast<std::size_t>(m));
@@ -64,102 +67,142 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   z_.setZero(f(), columns);
   v_.setZero(f(), columns);
   directions_.setZero(f(), m);
-  const Eigen::Index n = (*flows_)[0].size();
+  const Flow& free = (*flows_)[0];
+  const Eigen::Index n = free.size();
   unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
   unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
   from_z_ = unit_z_;
   from_v_ = unit_v_;
   no_alpha_.setZero(n);
   merged_.setZero(columns, 2 * f());
+  set_looks(free);
+  set_start(now_);
+  energy_of_start_ = expected_energy();
 }
 
-void TimingFilter::set_start(Covariance& S) const {
-  S.columns = 2 * f();
-  S.q.leftCols(S.columns).setZero();
-  S.u.leftCols(S.columns).setZero();
-  S.q.leftCols(f()) = uncertainty_.q;
-  S.u.middleCols(f(), f()) = uncertainty_.u;
+// Of the error, by the covariance.
+double TimingFilter::expected_energy() const {
+  const Model& model = flows_->dynamics().model();
+  const auto trace = [&](const Eigen::MatrixXd& A, const Eigen::MatrixXd& S) {
+    double sum = 0.0;
+    for (Eigen::Index j = 0; j < now_.columns; ++j) {
+      if (flows_->dynamics().diagonal()) {
+        sum += (A.diagonal().array() * S.col(j).array().square()).sum();
+      } else {
+        for (Eigen::Index i = 0; i < f(); ++i) sum += S(i, j) * A.col(i).dot(S.col(j));
+      }
+    }
+    return 0.5 * sum;
+  };
+  return trace(model.K, now_.S_q) + trace(model.M, now_.S_u);
+}
+
+// Silence is judged when a share of the slowest motion has passed since an instant, and then again
+// and again, less and less often at first.
+void TimingFilter::set_looks(const Flow& free) {
+  const Eigen::Index n = free.frequencies() + free.modes();
+  double slowest = infinity;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double omega = free.oscillators().root_kappa()[i];
+    if (omega > 0.0) slowest = std::min(slowest, omega);
+  }
+  const double period = 2.0 * std::numbers::pi / slowest;
+  longest_look_ = slowest < infinity ? period / looks_a_period : infinity;
+  first_look_ =
+      slowest < infinity ? longest_look_ / looks_a_period : flows_->dynamics().model().chatter_time;
+}
+
+void TimingFilter::set_start(Belief& belief) const {
+  belief.columns = 2 * f();
+  belief.S_q.leftCols(belief.columns).setZero();
+  belief.S_u.leftCols(belief.columns).setZero();
+  belief.S_q.leftCols(f()) = uncertainty_.q;
+  belief.S_u.middleCols(f(), f()) = uncertainty_.u;
 }
 
 void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                          TimingState& state) {
   state.tick = k;
   state.chi = chi;
-  state.instants = 0;
+  state.instants = -1;
   state.inside = 0;
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
-  state.lost = 0;
+  state.lost = state.silences = state.forgotten = 0;
+  state.unknown = state.began_again = false;
+  state.silence = {};
   state.innovation = {};
   state.consistency = {};
-  state.length = state.speed = 0.0;
+  state.terms = {};
+  state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
+  state.report = {};
   start_ = start;
-  q_ = start.q;
-  u_ = start.u;
-  enter(independent_of(flows_->dynamics().G(), 0, chi), tick_instant(k, h_), state);
-  state.covariance_time = state.motion.t;
-  slot(0).instants = 0;
-  slot(0).mean = state.motion;
-  set_start(slot(0));
+  now_.q = start.q;
+  now_.u = start.u;
+  set_start(now_);
+  state.motion.flow = &(*flows_)[0];
+  state.motion.t = tick_instant(k, h_);
+  go_on(state);
 }
 
 void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
                            const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
                            TimingState& state) {
-  const Instant t = tick_instant(state.tick, h_);
+  const Instant t = state.motion.t;
   const Covariance& from = slot(believed);
   on_q_.setOnes();
-  on_u_.setOnes();
   if (from.instants == believed) {
     load(from, t);
     from.mean.flow->propagate(from.mean, t, sample_);
-    sample_.flow->state(sample_, q_, u_);
+    sample_.flow->state(sample_, now_.q, now_.u);
     // In terms of the modes' deviations at a start.
     const Eigen::Index c = now_.columns;
-    first_on_q_ = q - q_;
-    first_on_u_ = u - u_;
-    q_.noalias() = from_start_q_.lazyProduct(first_on_q_);
-    u_.noalias() = from_start_u_.lazyProduct(first_on_u_);
-    z_.leftCols(c).noalias() = from_start_q_.lazyProduct(now_.q.leftCols(c));
-    v_.leftCols(c).noalias() = from_start_u_.lazyProduct(now_.u.leftCols(c));
+    difference_q_ = q - now_.q;
+    difference_u_ = u - now_.u;
+    now_.q.noalias() = from_start_q_.lazyProduct(difference_q_);
+    now_.u.noalias() = from_start_u_.lazyProduct(difference_u_);
+    z_.leftCols(c).noalias() = from_start_q_.lazyProduct(now_.S_q.leftCols(c));
+    v_.leftCols(c).noalias() = from_start_u_.lazyProduct(now_.S_u.leftCols(c));
     for (Eigen::Index i = 0; i < f(); ++i) {
       const double unsure = z_.row(i).head(c).squaredNorm() + v_.row(i).head(c).squaredNorm();
-      const double apart = q_[i] * q_[i] + u_[i] * u_[i];
+      const double apart = now_.q[i] * now_.q[i] + now_.u[i] * now_.u[i];
       const double share = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
       on_q_[i] = std::sqrt(share);
     }
-    on_u_ = on_q_;
   }
   set_start(now_);
   for (Eigen::Index i = 0; i < f(); ++i) {
-    now_.q.col(i) *= on_q_[i];
-    now_.u.col(f() + i) *= on_u_[i];
+    now_.S_q.col(i) *= on_q_[i];
+    now_.S_u.col(f() + i) *= on_q_[i];
   }
-  q_ = q;
-  u_ = u;
-  state.motion.t = t;
+  now_.q = q;
+  now_.u = u;
   state.consistency = {};
+  state.report = {};
   go_on(state);
 }
 
-// Mean and covariance, q_, u_ and now_, go on from the motion's instant.
+// Mean and covariance, `now_`, go on from the motion's instant.
 void TimingFilter::go_on(TimingState& state) {
   const Instant t = state.motion.t;
   ++state.instants;
   Covariance& S = slot(state.instants);
   S.instants = state.instants;
   S.columns = now_.columns;
-  S.q.leftCols(S.columns) = now_.q.leftCols(S.columns);
-  S.u.leftCols(S.columns) = now_.u.leftCols(S.columns);
+  S.S_q.leftCols(S.columns) = now_.S_q.leftCols(S.columns);
+  S.S_u.leftCols(S.columns) = now_.S_u.leftCols(S.columns);
   state.covariance_time = t;
+  state.watched = 0.0;
+  state.unknown = false;
+  if (unknown_time_) state.expected_energy = expected_energy();
   const ContactSet closed = state.chi & ~state.inside;
   const ContactSet kept = state.motion.flow->locked() & closed;
   enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   S.mean = state.motion;
 }
 
-// The mean (q_, u_) goes on from t with these contacts locked at g = 0.
+// The mean goes on from t with these contacts locked at g = 0.
 void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
   const Flow* flow = flows_->find(locked);
   if (flow == nullptr) {
@@ -167,57 +210,77 @@ void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
     locked = 0;
     flow = &(*flows_)[0];
   }
-  flow->enter(q_, u_, t, no_gaps_.head(std::popcount(locked)), state.motion);
+  flow->enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(locked)), state.motion);
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
 void TimingFilter::tick(std::span<const ContactEvent> events, TimingState& state) {
-  ++state.tick;
   if (events.empty() && state.chi == 0) {
+    ++state.tick;
     flight_.step(state.tick, state.motion, state.anchor);
+    listen(tick_instant(state.tick, h_), state);
     return;
   }
+  open_tick(state);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) { take(of_one, state); });
+  close_tick(state);
+}
+
+void TimingFilter::open_tick(TimingState& state) const {
+  state.motion.t = tick_instant(state.tick, h_);
+  ++state.tick;
+}
+
+void TimingFilter::take(std::span<const ContactEvent> of_one_instant, TimingState& state) {
+  const Instant t = at(of_one_instant.front().t);
+  state.motion.flow->propagate(state.motion, t, state.motion);
+  listen(t, state);
+  take_instant(of_one_instant, state);
+}
+
+void TimingFilter::close_tick(TimingState& state) {
   const Instant t = tick_instant(state.tick, h_);
   Motion& motion = state.motion;
-  motion.t = tick_instant(state.tick - 1, h_);
-  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    motion.flow->propagate(motion, at(of_one.front().t), motion);
-    apply_group(of_one, state);
-  });
   if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
   TickedFlight::set_anchor(motion, state.anchor);
+  listen(t, state);
 }
 
 void TimingFilter::apply(std::span<const ContactEvent> events, TimingState& state) {
-  apply_group(events, state);
+  take_instant(events, state);
 }
 
 void TimingFilter::follow(std::span<const ContactEvent> events, TimingState& state) {
-  state.motion.flow->propagate(state.motion, at(events.front().t), state.motion);
-  apply_group(events, state);
+  take(events, state);
 }
 
 void TimingFilter::output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
-                          Eigen::Ref<Eigen::VectorXd> u) const {
-  state.motion.flow->state(state.motion, q, u);
+                          Eigen::Ref<Eigen::VectorXd> u) {
+  if (unknown_time_ && !state.unknown && publish(state)) {
+    q = now_.q;
+    u = now_.u;
+  } else {
+    state.motion.flow->state(state.motion, q, u);
+  }
 }
 
-// The covariance of a state, moved to t.
-void TimingFilter::load(const TimingState& state, Instant t) {
+// The covariance of a state, moved to t. False where it is gone: as if nothing had been learnt.
+bool TimingFilter::load(const TimingState& state, Instant t) {
   const Covariance& S = slot(state.instants);
   if (S.instants == state.instants) {
     load(S, t);
-    return;
+    return true;
   }
-  set_start(now_);  // gone: as if nothing had been learnt
+  set_start(now_);
   move(*state.motion.flow, t - state.covariance_time);
+  return false;
 }
 
 void TimingFilter::load(const Covariance& from, Instant t) {
   const double tau = t - from.mean.t;
   now_.columns = from.columns;
-  now_.q.leftCols(from.columns) = from.q.leftCols(from.columns);
-  now_.u.leftCols(from.columns) = from.u.leftCols(from.columns);
+  now_.S_q.leftCols(from.columns) = from.S_q.leftCols(from.columns);
+  now_.S_u.leftCols(from.columns) = from.S_u.leftCols(from.columns);
   move(*from.mean.flow, tau);
   if (tau > 0.0) add_drift(tau);
 }
@@ -229,8 +292,8 @@ void TimingFilter::add_drift(double tau) {
     now_.columns += drift.cols();
   };
   if (uncertainty_.drift_q.size() == 0) return;
-  add(uncertainty_.drift_q, now_.q, now_.u);
-  add(uncertainty_.drift_u, now_.u, now_.q);
+  add(uncertainty_.drift_q, now_.S_q, now_.S_u);
+  add(uncertainty_.drift_u, now_.S_u, now_.S_q);
 }
 
 void TimingFilter::move(const Flow& flow, double tau) {
@@ -238,8 +301,8 @@ void TimingFilter::move(const Flow& flow, double tau) {
   const Eigen::Index n = flow.modes();
   const Eigen::Index nf = flow.frequencies();
   const Eigen::Index c = now_.columns;
-  auto q = now_.q.leftCols(c);
-  auto u = now_.u.leftCols(c);
+  auto q = now_.S_q.leftCols(c);
+  auto u = now_.S_u.leftCols(c);
   auto z = z_.topLeftCorner(n, c);
   auto v = v_.topLeftCorner(n, c);
   flow.enter_differences(q, u, z, v);
@@ -257,19 +320,139 @@ void TimingFilter::move(const Flow& flow, double tau) {
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                               Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
-  load(state, tick_instant(state.tick, h_));
+  if (state.unknown) {
+    q.setConstant(infinity);
+    u.setConstant(infinity);
+    gap.setConstant(infinity);
+    return;
+  }
+  if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   const Eigen::Index c = now_.columns;
-  const double unseen_q = rounding * state.length / largest_w_;
-  const double unseen_u = rounding * state.speed / largest_w_;
+  const double unseen_q = rounding * state.terms.length / largest_w_;
+  const double unseen_u = rounding * state.terms.speed / largest_w_;
   for (Eigen::Index i = 0; i < f(); ++i) {
-    q[i] = std::hypot(now_.q.row(i).head(c).norm(), unseen_q);
-    u[i] = std::hypot(now_.u.row(i).head(c).norm(), unseen_u);
+    q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), unseen_q);
+    u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), unseen_u);
   }
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
     auto phi = phi_.head(c);
-    phi.noalias() = now_.q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
-    gap[i] = std::hypot(phi.norm(), rounding * state.length);
+    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
+    gap[i] = std::hypot(phi.norm(), rounding * state.terms.length);
   }
+}
+
+// Around an event that jitters: the expectation over what may have happened by the present tick,
+// in `now_`. False where there is nothing of the kind.
+bool TimingFilter::publish(const TimingState& state) {
+  const Instant t = tick_instant(state.tick, h_);
+  const double since = t - state.covariance_time;
+  bool near = false;
+  if (state.report.kind != Report::Kind::none && since < unknown_time_->latest()) {
+    const Covariance& from = slot(state.instants - 1);
+    if (from.instants == state.instants - 1 && from.mean.t.hi <= state.covariance_time.hi) {
+      load(from, t);
+      from.mean.flow->propagate(from.mean, t, published_);
+      published_.flow->state(published_, now_.q, now_.u);
+      UnknownTime::Innovation innovation;
+      near =
+          unknown_time_->take(state.report, published_, state.terms, since, true, now_, innovation);
+      if (near) {
+        const Flow& flow = *state.motion.flow;
+        flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+      }
+    }
+  }
+  if (!near) {
+    load(state, t);
+    published_ = state.motion;
+    published_.t = t;
+    published_.flow->state(published_, now_.q, now_.u);
+  }
+  // Several contacts may have met or left their supports.
+  ContactSet heard = 0;
+  for (Report due = next_due(state, published_, heard); due.kind != Report::Kind::none;
+       due = next_due(state, published_, heard)) {
+    heard |= bit(due.contact);
+    unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
+    if (due.kind == Report::Kind::pulse) {
+      const Flow& flow = *published_.flow;
+      flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+    }
+    merge_columns();
+    near = true;
+  }
+  return near && is_sane();
+}
+
+// What is most likely to be reported next of any contact but `heard`, if anything is. `now_` is at
+// the motion's time.
+Report TimingFilter::next_due(const TimingState& state, const Motion& motion, ContactSet heard) {
+  Report nearest;
+  double least = deviations_to_expect;
+  const ContactSet locked = motion.flow->locked();
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    const bool held = contains(locked, i);
+    if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
+    if (unknown_time_ && motion.t.hi - state.last_report[i] < unknown_time_->latest()) continue;
+    if (held && !unknown_time_) continue;
+    const Report due{held ? Report::Kind::releases : Report::Kind::pulse, i, locked & ~bit(i)};
+    const double margin = unknown_time_
+                              ? unknown_time_->margin(due, motion, state.terms, now_)
+                              : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
+    if (!(margin < least)) continue;
+    least = margin;
+    nearest = due;
+  }
+  return nearest;
+}
+
+double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
+  const auto w = flows_->dynamics().W().col(contact);
+  double variance = std::pow(rounding * state.terms.length, 2);
+  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += std::pow(w.dot(now_.S_q.col(j)), 2);
+  return std::sqrt(variance);
+}
+
+// Silence is information: an open contact whose gap is negative beyond doubt must have closed.
+void TimingFilter::listen(Instant t, TimingState& state) {
+  const double since = t - state.covariance_time;
+  while (!state.unknown) {
+    const double next =
+        state.watched == 0.0
+            ? first_look_
+            : state.watched + std::min(growth_of_looks * state.watched, longest_look_);
+    if (!(next <= since)) return;
+    state.watched = next;
+    const Silence silence = overdue(state, state.covariance_time + next);
+    if (!(silence.square > most_square)) continue;
+    state.unknown = true;
+    ++state.silences;
+    state.silence = silence;
+  }
+}
+
+// How unlikely it is that nothing has been reported by t.
+Silence TimingFilter::overdue(const TimingState& state, Instant t) {
+  const Covariance& from = slot(state.instants);
+  if (from.instants != state.instants) return {};
+  from.mean.flow->propagate(from.mean, t, sample_);
+  bool suspect = false;
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    const bool held = contains(sample_.flow->locked(), i);
+    if (contains(state.inside, i) || (contains(state.chi, i) && !held)) continue;
+    const Signal& margin = held ? sample_.flow->force(i) : sample_.flow->gap(i);
+    suspect = suspect || value(margin, sample_) < 0.0;
+  }
+  if (!suspect) return {};
+  load(from, t);
+  sample_.flow->state(sample_, now_.q, now_.u);
+  const Report due = next_due(state, sample_, 0);
+  if (due.kind == Report::Kind::none) return {};
+  const double log_probability =
+      unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)
+                    : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
+                                     deviation_of_gap(due.contact, state));
+  return {t.hi, due.contact, -2.0 * log_probability};
 }
 
 TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingState& state) {
@@ -292,9 +475,9 @@ TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingStat
 }
 
 Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {
-  load(state, tick_instant(state.tick, h_));
+  if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   Eigen::MatrixXd S(2 * f(), now_.columns);
-  S << now_.q.leftCols(now_.columns), now_.u.leftCols(now_.columns);
+  S << now_.S_q.leftCols(now_.columns), now_.S_u.leftCols(now_.columns);
   return S * S.transpose();
 }
 

@@ -13,11 +13,10 @@
 // mean and covariance of x given the events follow from a Kalman filter, exactly for one contact: 2
 // f impacts determine 2 f unknowns.
 //
-// An event time that is off by tau ~ N(0, sigma^2) is one more unknown of its instant: at the
-// reported time g_i- = gamma_i- tau, and the impact was tau earlier, which moves q by (u+ - u-)
-// tau, and u by what gamma_i- and the damping forces were otherwise meanwhile. Only the product
-// gamma_i- tau is not linear; gamma_i- is taken from the estimate, and what that lacks is added to
-// the noise.
+// Event times that are off by tau ~ N(0, sigma^2) make each event a mixture over tau
+// (event_mixture.h): what it says and does is linear given tau, for any omega_max sigma. The same
+// mixture is what is published around an event, when it is not known on which side of it a tick
+// lies. Where no event comes though the gap has closed, nothing is known any longer.
 //
 // Which contacts take an impulse is not always known: where several close at one instant, or others
 // are closed or open at it. There the impact law decides on the mean, and what it would have been
@@ -33,6 +32,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -42,7 +42,9 @@
 #include "mechanics/impact_law.h"
 #include "mechanics/innovation.h"
 #include "mechanics/ticked_flight.h"
+#include "observer/belief.h"
 #include "observer/uncertainty.h"
+#include "observer/unknown_time.h"
 
 namespace sprag {
 
@@ -52,6 +54,13 @@ struct Consistency {
   std::int64_t count = 0;  ///< innovations since the start
   double mean = 1.0;       ///< over about the last 16, weights falling exponentially
   double largest = 0.0;    ///< at the last instant with events
+};
+
+/// An event that did not come.
+struct Silence {
+  double t = -1.0;      ///< when that was certain [s]; before the first one -1
+  int contact = 0;      ///< from 0
+  double square = 0.0;  ///< twice minus the log of the probability of having heard nothing
 };
 
 /// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
@@ -67,9 +76,18 @@ struct TimingState {
   std::int64_t refused_impacts = 0;    ///< sets of closed contacts without a flow
   std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
   std::int64_t lost = 0;               ///< how often it was no longer a number and began again
+  std::int64_t silences = 0;           ///< how often an event did not come that had to
+  std::int64_t forgotten = 0;          ///< covariances that were gone when they were needed
+  bool unknown = false;                ///< nothing is known until the next event
+  bool began_again = false;            ///< at the last instant, behind what was not known
+  Silence silence;                     ///< the last one
+  double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
+  double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
+  Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
+  Report report;                 ///< the last instant's event
   Innovation innovation;
   Consistency consistency;
-  double length = 0.0, speed = 0.0;  ///< largest terms of gaps and of their velocities so far
+  Terms terms;  ///< the largest so far
 };
 
 class TimingFilter {
@@ -88,9 +106,9 @@ class TimingFilter {
   /// Puts the mean at (q, u) with chi at tick k, with the uncertainty of a start. May allocate.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
 
-  /// Puts the mean at (q, u), f entries each, at the present tick. Mode by mode, its covariance is
-  /// that of a start, less as far as the filter, had it heard of no event since instant number
-  /// `believed`, would have been both sure and close to (q, u).
+  /// Puts the mean at (q, u), f entries each, at the instant that it is at. Mode by mode, its
+  /// covariance is that of a start, less as far as the filter, had it heard of no event since
+  /// instant number `believed`, would have been both sure and close to (q, u).
   void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
                const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
                TimingState& state);
@@ -99,16 +117,21 @@ class TimingFilter {
   void tick(std::span<const ContactEvent> events, TimingState& state);
   void apply(std::span<const ContactEvent> events, TimingState& state);
 
+  /// A tick in parts, as Replica's.
+  void open_tick(TimingState& state) const;
+  void take(std::span<const ContactEvent> of_one_instant, TimingState& state);
+  void close_tick(TimingState& state);
+
   /// Moves the mean from the last instant with events, or the start, to the instant of these, and
   /// applies them. For who needs no ticks: the tick does not count on, and outputs are of no use.
   void follow(std::span<const ContactEvent> events, TimingState& state);
 
-  /// The mean at the present tick, f entries each.
+  /// The expectation of the state at the present tick, f entries each.
   void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
-              Eigen::Ref<Eigen::VectorXd> u) const;
+              Eigen::Ref<Eigen::VectorXd> u);
 
   /// Standard deviations of q and u, f entries each, and of the gaps of all contacts, at the
-  /// present tick.
+  /// present tick; infinite where nothing is known.
   void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                   Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
 
@@ -123,6 +146,9 @@ class TimingFilter {
   /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
   Eigen::MatrixXd covariance(const TimingState& state);
 
+  /// Expected energy of the error of a start, of which nothing more is known.
+  double energy_of_start() const { return energy_of_start_; }
+
   double h() const { return h_; }
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
@@ -135,13 +161,13 @@ class TimingFilter {
   struct Covariance {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
-    Eigen::MatrixXd q, u;  // S, f rows each
-    Motion mean;           // as it goes on from there
+    Eigen::MatrixXd S_q, S_u;  // S, f rows each
+    Motion mean;               // as it goes on from there
   };
   struct Closing {
     int contact;
     double epsilon;
-    double gamma, gamma_rate, gamma_second_rate;  // before the impact
+    double gamma, gamma_rate;  // before the impact
   };
 
   Covariance& slot(std::int64_t instants) {
@@ -149,44 +175,61 @@ class TimingFilter {
                                                  static_cast<std::int64_t>(covariances_.size()))];
   }
   Eigen::Index f() const { return flows_->dynamics().coordinates(); }
-  void set_start(Covariance& S) const;
+  void set_looks(const Flow& free);
+  double expected_energy() const;
+  void set_start(Belief& belief) const;
   void go_on(TimingState& state);
   void add_drift(double tau);
-  void load(const TimingState& state, Instant t);
+  bool load(const TimingState& state, Instant t);
   void load(const Covariance& from, Instant t);
   void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
-  void apply_group(std::span<const ContactEvent> events, TimingState& state);
   bool is_sane() const;
   void begin_again(TimingState& state);
-  void drop_redundant(ContactSet held, TimingState& state);
+  void merge_columns();
+  void note(double square, Consistency& consistency) const;
+  void note_terms(int contact, double t, TimingState& state) const;
+  double known_of(const Functional& functional) const;
+
+  // An instant with events.
+  void take_instant(std::span<const ContactEvent> events, TimingState& state);
+  void take_exact(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
+  void take_uncertain(const ContactEvent& event, ContactSet before, TimingState& state);
+  ContactSet drop_redundant(ContactSet held, ContactSet closing, TimingState& state) const;
   void measure_release(int contact, TimingState& state);
-  void measure_closings(TimingState& state);
+  void measure_closings(bool several, TimingState& state);
   double condition(double residual, double noise, double scale, Consistency& consistency);
   void reset(ContactSet staying, ContactSet leaving, TimingState& state);
   void decide(ContactSet staying, ContactSet leaving, TimingState& state);
+  void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
+  void add_time_rounding(const TimingState& state);
+  void add_unknown(const Eigen::VectorXd& on_u);
   std::vector<Closing>::iterator find_closing(int contact);
-  void add_event_unknowns();
-  void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
-  void merge_columns();
+
+  // What is said of the present, and what does not come.
+  bool publish(const TimingState& state);
+  Report next_due(const TimingState& state, const Motion& motion, ContactSet heard);
+  double deviation_of_gap(int contact, const TimingState& state) const;
+  void listen(Instant t, TimingState& state);
+  Silence overdue(const TimingState& state, Instant t);
 
   std::shared_ptr<Flows> flows_;
   double h_;
   double largest_w_ = 1.0;
+  double energy_of_start_ = 0.0;
+  double first_look_ = 0.0, longest_look_ = 0.0;  // at silence, after an instant [s]
   Uncertainty uncertainty_;
   sprag::State start_;
   TickedFlight flight_;
-  std::vector<Functional> acceleration_;  // gamma_i' without contact forces
-  Eigen::MatrixXd MinvC_, MinvK_;
+  std::vector<Functional> acceleration_;         // gamma_i' without contact forces
   Eigen::MatrixXd from_start_q_, from_start_u_;  // inverses of the uncertainty of a start
   std::vector<Covariance> covariances_;
+  std::optional<UnknownTime> unknown_time_;  // where events jitter
 
   // Scratch of an instant.
-  Eigen::VectorXd q_, u_, u_before_;
-  Eigen::VectorXd jump_, first_on_q_, first_on_u_, on_q_, on_u_;
-  Covariance now_;
-  Eigen::MatrixXd event_;  // rows of S of the event's own unknowns, and their means: tau, tau^2,
-  Eigen::VectorXd event_mean_;  // tau times what is not known of each gamma- and of its rate
+  Belief now_;
+  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_q_, on_u_, difference_q_,
+      difference_u_;
   std::vector<Closing> closings_;
   Eigen::VectorXd phi_;         // what a measurement sees of each column
   Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
@@ -195,7 +238,7 @@ class TimingFilter {
   Eigen::ArrayXd no_alpha_;
   Eigen::VectorXd no_gaps_;
   Eigen::MatrixXd merged_;  // columns x 2 f
-  Motion sample_;
+  Motion sample_, published_;
 };
 
 }  // namespace sprag

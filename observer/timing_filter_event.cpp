@@ -11,10 +11,17 @@ namespace {
 
 // Times of events are not known better than to so many ulps.
 constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
+// And impacts happen at doubles.
+constexpr double time_step = std::numeric_limits<double>::epsilon();
 constexpr double consistency_window = 16.0;
 // Roundings of a run are not in the covariance: an innovation below this share of its terms is no
 // sign of anything.
 constexpr double insignificant = 1e-10;
+// How much less must be known of gamma than the end of a chatter tells.
+constexpr double remainder_tells = 100.0;
+// The master's: gaps that are less than this share of their terms are closed.
+constexpr double touching = 1e-12;
+constexpr double infinity = std::numeric_limits<double>::infinity();
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
 
@@ -22,79 +29,178 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-void TimingFilter::apply_group(std::span<const ContactEvent> events, TimingState& state) {
-  const Model& model = flows_->dynamics().model();
-  const Instant t = state.motion.t;
+void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingState& state) {
   const ContactSet before = state.motion.flow->locked();
+  const Instant t = state.motion.t;
+  if (!load(state, t)) ++state.forgotten;
+  state.motion.flow->state(state.motion, now_.q, now_.u);
+  state.began_again = state.unknown;
+  if (state.unknown) {
+    now_.q = start_.q;
+    now_.u = start_.u;
+    set_start(now_);
+    state.consistency = {};
+  }
+  state.consistency.largest = 0.0;
+  state.report = {};
   ContactSet leaving = 0;
-  closings_.clear();
   for (const ContactEvent& event : events) {
-    state.chi = after(state.chi, event);
     if (event.kind == ContactEventKind::closes && event.t == 0.0)
       state.inside |= bit(event.contact);
-    if (contains(state.inside, event.contact)) {
-      if (event.kind == ContactEventKind::opens) leaving |= bit(event.contact);
-      continue;
-    }
-    // What is held has g = gamma = 0, whatever else it is said to do at this instant.
-    if (event.kind == ContactEventKind::opens || contains(before, event.contact)) continue;
-    const double epsilon = event.kind == ContactEventKind::closes
-                               ? 0.0
-                               : model.contacts[index(event.contact)].restitution;
-    // Whatever a contact is said to have done at one instant is one impact.
-    const auto known = find_closing(event.contact);
-    if (known != closings_.end()) {
-      known->epsilon = epsilon;
-    } else {
-      closings_.push_back({event.contact, epsilon, 0.0, 0.0, 0.0});
+    if (event.kind == ContactEventKind::opens && contains(state.inside, event.contact)) {
+      leaving |= bit(event.contact);
     }
   }
-  drop_redundant(before & state.chi, state);
-  load(state, t);
-  state.motion.flow->state(state.motion, q_, u_);
-  state.inside &= ~leaving;
   if (leaving != 0) set_start(now_);  // what happened until then is not in the model
-  state.consistency.largest = 0.0;
-  if (closings_.empty()) {
-    for_each(before & ~state.chi, [&](int contact) { measure_release(contact, state); });
+  if (unknown_time_) {
+    for (const ContactEvent& event : events) take_uncertain(event, before, state);
+    if (events.size() > 1) state.report = {};
   } else {
-    measure_closings(state);
-    reset(before & state.chi, before & ~state.chi, state);
+    take_exact(events, before, state);
   }
+  state.inside &= ~leaving;
   merge_columns();
   if (!is_sane()) begin_again(state);
   go_on(state);
+}
+
+// One impact after the other: what a contact does twice at one instant is two of them.
+void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet before,
+                              TimingState& state) {
+  const Model& model = flows_->dynamics().model();
+  bool closed = false;
+  int stages = 0;
+  u_before_ = now_.u;
+  for (std::size_t first = 0; first < events.size();) {
+    closings_.clear();
+    ContactSet told = 0;
+    std::size_t end = first;
+    for (; end < events.size() && !contains(told, events[end].contact); ++end) {
+      const ContactEvent& event = events[end];
+      told |= bit(event.contact);
+      state.chi = after(state.chi, event);
+      // What is held has g = gamma = 0, whatever else it is said to do at this instant.
+      if (contains(state.inside | before, event.contact)) continue;
+      if (event.kind == ContactEventKind::opens) continue;
+      const double epsilon = event.kind == ContactEventKind::closes
+                                 ? 0.0
+                                 : model.contacts[index(event.contact)].restitution;
+      closings_.push_back({event.contact, epsilon, 0.0, 0.0});
+    }
+    first = end;
+    ContactSet closing = 0;
+    for (const Closing& of : closings_) closing |= bit(of.contact);
+    const ContactSet redundant = drop_redundant(before & state.chi, closing, state);
+    std::erase_if(closings_, [&](const Closing& of) { return contains(redundant, of.contact); });
+    if (closings_.empty()) continue;
+    measure_closings(events.size() > 1, state);
+    if (!closed) u_before_ = now_.u;
+    closed = true;
+    ++stages;
+    reset(before & state.chi, before & ~state.chi, state);
+  }
+  if (!closed) {
+    for_each(before & ~state.chi, [&](int contact) { measure_release(contact, state); });
+    return;
+  }
+  if (stages > 1) add_sequence(events, before, state);
+  add_time_rounding(state);
+}
+
+// An impact at a time that is a rounded double: what it adds to u has moved q by more or less.
+void TimingFilter::add_time_rounding(const TimingState& state) {
+  if (now_.columns == now_.S_q.cols()) merge_columns();
+  now_.S_q.col(now_.columns) = time_step * state.motion.t.hi * (now_.u - u_before_);
+  now_.S_u.col(now_.columns).setZero();
+  ++now_.columns;
+}
+
+// Several impacts at one instant: nothing says in which order. What it would have been one by one
+// as they are told is one more unknown.
+void TimingFilter::add_sequence(std::span<const ContactEvent> events, ContactSet before,
+                                TimingState& state) {
+  const Dynamics& dynamics = flows_->dynamics();
+  const Model& model = dynamics.model();
+  u_sequence_ = u_before_;
+  for (const ContactEvent& event : events) {
+    if (event.kind == ContactEventKind::opens) continue;
+    if (contains(state.inside | before, event.contact)) continue;
+    const Contact& contact = model.contacts[index(event.contact)];
+    const double gamma = gap_velocity(contact, u_sequence_, state.motion.t.hi);
+    if (!(gamma < 0.0)) continue;
+    const double epsilon = event.kind == ContactEventKind::closes ? 0.0 : contact.restitution;
+    const double G = dynamics.G()(event.contact, event.contact);
+    u_sequence_ -= (1.0 + epsilon) * gamma / G * dynamics.MinvW().col(event.contact);
+  }
+  on_u_ = u_sequence_ - now_.u;
+  if (!(on_u_.norm() > same_impact * (now_.u - u_before_).norm())) return;
+  ++state.ambiguous_impacts;
+  add_unknown(on_u_);
+}
+
+// An event that jitters, by itself: what else is told to have happened at its instant has a jitter
+// of its own.
+void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
+                                  TimingState& state) {
+  const bool closes = event.kind != ContactEventKind::opens;
+  const int i = event.contact;
+  state.chi = after(state.chi, event);
+  if (contains(state.inside, i) || contains(before, i) == closes) return;
+  Report report{Report::Kind::releases, i, before & state.chi};
+  if (closes) {
+    const ContactSet redundant = drop_redundant(report.held, bit(i), state);
+    if (redundant != 0) return;
+    report.kind = event.kind == ContactEventKind::closes ? Report::Kind::stays
+                  : event.t - state.last_report[i] < unknown_time_->indistinct()
+                      ? Report::Kind::burst
+                      : Report::Kind::pulse;
+    note_terms(i, event.t, state);
+  }
+  state.last_report[i] = event.t;
+  state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
+                           state.motion);
+  u_before_ = now_.u;
+  UnknownTime::Innovation innovation;
+  if (!unknown_time_->take(report, state.motion, state.terms, 0.0, false, now_, innovation)) {
+    begin_again(state);
+    return;
+  }
+  add_time_rounding(state);
+  merge_columns();
+  state.report = report;
+  if (!innovation.measured) return;
+  note(innovation.square, state.consistency);
+  if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
 }
 
 // Whether mean and covariance are numbers that can be gone on with.
 bool TimingFilter::is_sane() const {
   constexpr double largest = 1e100;
   const Eigen::Index c = now_.columns;
-  return q_.cwiseAbs().maxCoeff() < largest && u_.cwiseAbs().maxCoeff() < largest &&
-         now_.q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         q_.allFinite() && u_.allFinite();
+  return now_.q.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.u.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.S_q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.S_u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest;
 }
 
 // As if the machine were started now. No event fits less than one after which nothing is known.
 void TimingFilter::begin_again(TimingState& state) {
-  q_ = start_.q;
-  u_ = start_.u;
+  now_.q = start_.q;
+  now_.u = start_.u;
   set_start(now_);
   state.consistency = {};
-  state.consistency.largest = std::numeric_limits<double>::infinity();
+  state.consistency.largest = infinity;
   ++state.lost;
 }
 
-// What is held already takes no impulse of its own.
-void TimingFilter::drop_redundant(ContactSet held, TimingState& state) {
-  ContactSet closing = 0;
-  for (const Closing& of : closings_) closing |= bit(of.contact);
+// Those of `closing` that take no impulse of their own, since others hold their directions.
+ContactSet TimingFilter::drop_redundant(ContactSet held, ContactSet closing,
+                                        TimingState& state) const {
   const ContactSet redundant = closing & ~independent_of(flows_->dynamics().G(), held, closing);
-  if (redundant == 0) return;
-  std::erase_if(closings_, [&](const Closing& of) { return contains(redundant, of.contact); });
+  if (redundant == 0) return 0;
   ++state.redundancy.closings;
   state.redundancy.contact = std::countr_zero(redundant);
+  return redundant;
 }
 
 // lambda_i = 0, of a contact that is locked.
@@ -106,95 +212,80 @@ void TimingFilter::measure_release(int contact, TimingState& state) {
   const Eigen::Index c = now_.columns;
   auto z = z_.topLeftCorner(n, c);
   auto v = v_.topLeftCorner(n, c);
-  flow.enter_differences(now_.q.leftCols(c), now_.u.leftCols(c), z, v);
+  flow.enter_differences(now_.S_q.leftCols(c), now_.S_u.leftCols(c), z, v);
   for (Eigen::Index k = 0; k < c; ++k) {
     phi_[k] = (lambda.p.segment(nf, n) * z.col(k).array()).sum() +
               (lambda.r.segment(nf, n) * v.col(k).array()).sum();
   }
   const double scale = std::abs(lambda.constant) + (lambda.p * state.motion.x.z).abs().sum() +
                        (lambda.r * state.motion.x.v).abs().sum();
-  const double t = state.motion.t.hi;
-  const double off = std::max(uncertainty_.jitter, time_rounding * t) * rate(lambda, state.motion);
+  const double off = time_rounding * state.motion.t.hi * rate(lambda, state.motion);
   condition(-value(lambda, state.motion), off * off, scale, state.consistency);
 }
 
-// The unknowns of the event: tau, tau^2, and for each closing the products of tau with what is not
-// known of gamma- and of its rate.
-void TimingFilter::add_event_unknowns() {
-  const double sigma = uncertainty_.jitter;
-  const Eigen::Index c = now_.columns;
-  const auto n = static_cast<Eigen::Index>(closings_.size());
-  now_.columns += 2 + 2 * n;
-  now_.q.middleCols(c, 2 + 2 * n).setZero();
-  now_.u.middleCols(c, 2 + 2 * n).setZero();
-  event_.leftCols(now_.columns).setZero();
-  event_(0, c) = sigma;
-  event_(1, c + 1) = std::sqrt(2.0) * sigma * sigma;
-  event_mean_.setZero();
-  event_mean_[1] = sigma * sigma;
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const auto w = flows_->dynamics().W().col(closings_[static_cast<std::size_t>(k)].contact);
-    const Functional& a = acceleration_[index(closings_[static_cast<std::size_t>(k)].contact)];
-    double gamma = 0.0;
-    double gamma_rate = 0.0;
-    for (Eigen::Index j = 0; j < c; ++j) {
-      gamma += std::pow(w.dot(now_.u.col(j)), 2);
-      gamma_rate += std::pow(a.a.dot(now_.q.col(j)) + a.b.dot(now_.u.col(j)), 2);
-    }
-    event_(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
-    event_(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
+void TimingFilter::note_terms(int i, double t, TimingState& state) const {
+  const Contact& contact = flows_->dynamics().model().contacts[index(i)];
+  (void)t;
+  const double length = contact.w.cwiseProduct(now_.q).cwiseAbs().sum() +
+                        std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
+  const double speed = contact.w.cwiseProduct(now_.u).cwiseAbs().sum() +
+                       std::abs(contact.motion.amplitude * contact.motion.frequency);
+  state.terms.length = std::max(state.terms.length, length);
+  state.terms.speed = std::max(state.terms.speed, speed);
+}
+
+// Variance of a functional of (q, u).
+double TimingFilter::known_of(const Functional& of) const {
+  double variance = 0.0;
+  for (Eigen::Index j = 0; j < now_.columns; ++j) {
+    variance += std::pow(of.a.dot(now_.S_q.col(j)) + of.b.dot(now_.S_u.col(j)), 2);
   }
+  return variance;
 }
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
-void TimingFilter::measure_closings(TimingState& state) {
+void TimingFilter::measure_closings(bool several, TimingState& state) {
   const Model& model = flows_->dynamics().model();
   const double t = state.motion.t.hi;
-  for (std::size_t k = 0; k < closings_.size(); ++k) {
-    closings_[k].gamma = gap_velocity(model.contacts[index(closings_[k].contact)], u_, t);
-    const Signal& gamma = state.motion.flow->gap_velocity(closings_[k].contact);
-    closings_[k].gamma_rate = rate(gamma, state.motion);
-    closings_[k].gamma_second_rate = second_rate(gamma, state.motion);
+  for (Closing& closing : closings_) {
+    closing.gamma = gap_velocity(model.contacts[index(closing.contact)], now_.u, t);
+    closing.gamma_rate = rate(state.motion.flow->gap_velocity(closing.contact), state.motion);
   }
-  const bool jitters = uncertainty_.jitter > 0.0;
-  if (jitters) add_event_unknowns();
   const Eigen::Index c = now_.columns;
   for (std::size_t k = 0; k < closings_.size(); ++k) {
     const Closing& closing = closings_[k];
     const Contact& contact = model.contacts[index(closing.contact)];
+    const Functional& acceleration = acceleration_[index(closing.contact)];
     auto phi = phi_.head(c);
-    phi.noalias() = now_.q.leftCols(c).transpose().lazyProduct(contact.w);
-    const double gap_before = gap(contact, q_, t);
-    double residual = -gap_before;
-    double noise = 0.0;
-    if (!jitters) {
-      noise = std::pow(time_rounding * t * closing.gamma, 2);
-    } else {
-      // At the reported time the gap, gone on with, would be gamma tau - gamma' tau^2 / 2.
-      const auto row = static_cast<Eigen::Index>(2 + 2 * k);
-      const auto event = event_.leftCols(c);
-      phi -=
-          (closing.gamma * event.row(0) - 0.5 * closing.gamma_rate * event.row(1) + event.row(row))
-              .transpose();
-      residual += closing.gamma * event_mean_[0] - 0.5 * closing.gamma_rate * event_mean_[1] +
-                  event_mean_[row];
-    }
-    state.length = std::max(state.length, contact.w.cwiseProduct(q_).cwiseAbs().sum() +
-                                              std::abs(contact.motion.amplitude) +
-                                              std::abs(contact.clearance));
-    state.speed =
-        std::max(state.speed, contact.w.cwiseProduct(u_).cwiseAbs().sum() +
-                                  std::abs(contact.motion.amplitude * contact.motion.frequency));
-    const double deviation = condition(residual, noise, state.length, state.consistency);
+    phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
+    const double speed2 = closing.gamma * closing.gamma + phi.squaredNorm();
+    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
+    const double gap_before = gap(contact, now_.q, t);
+    note_terms(closing.contact, t, state);
+    double noise = std::pow(time_rounding * t, 2) * speed2;
+    // The master takes for one impact what touches within its rounding.
+    if (several) noise += std::pow(touching * state.terms.length, 2);
+    const double deviation = condition(-gap_before, noise, state.terms.length, state.consistency);
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};
     }
     if (closing.epsilon > 0.0 || contact.restitution == 0.0) continue;
-    phi.noalias() = now_.u.leftCols(c).transpose().lazyProduct(contact.w);
-    const double off = std::max({uncertainty_.jitter, model.chatter_time, time_rounding * t});
-    condition(-gap_velocity(contact, u_, t), std::pow(off * closing.gamma_rate, 2), state.speed,
-              state.consistency);
+    phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
+    // What is left of a chatter that is completed is always of one sign, and in proportion to an
+    // acceleration that may not be known. It is not taken for more than it can say: where gamma is
+    // known almost as well already, it says nothing.
+    const double off = std::max(model.chatter_time, time_rounding * t);
+    const double left = off * off * (std::pow(closing.gamma_rate, 2) + known_of(acceleration));
+    if (phi.squaredNorm() > remainder_tells * left) {
+      condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state.consistency);
+    }
   }
+}
+
+void TimingFilter::note(double square, Consistency& consistency) const {
+  ++consistency.count;
+  consistency.mean += (square - consistency.mean) / consistency_window;
+  consistency.largest = std::max(consistency.largest, square);
 }
 
 // Conditions on the measurement whose columns' parts are phi_: residual = measured - expected.
@@ -209,10 +300,7 @@ double TimingFilter::condition(double residual, double noise, double scale,
   const double alpha = known + r;
   const double deviation = std::sqrt(alpha);
   if (deviation > 0.0) {
-    const double square = residual * residual / (alpha + std::pow(insignificant * scale, 2));
-    ++consistency.count;
-    consistency.mean += (square - consistency.mean) / consistency_window;
-    consistency.largest = std::max(consistency.largest, square);
+    note(residual * residual / (alpha + std::pow(insignificant * scale, 2)), consistency);
   }
   if (!(known > floor * floor)) return deviation;
   // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).
@@ -225,16 +313,11 @@ double TimingFilter::condition(double residual, double noise, double scale,
     }
   };
   for (Eigen::Index i = 0; i < f(); ++i) {
-    q_[i] += gain * now_.q.row(i).head(c).dot(phi.transpose());
-    u_[i] += gain * now_.u.row(i).head(c).dot(phi.transpose());
+    now_.q[i] += gain * now_.S_q.row(i).head(c).dot(phi.transpose());
+    now_.u[i] += gain * now_.S_u.row(i).head(c).dot(phi.transpose());
   }
-  take(now_.q.leftCols(c));
-  take(now_.u.leftCols(c));
-  if (uncertainty_.jitter == 0.0) return deviation;
-  for (Eigen::Index i = 0; i < event_.rows(); ++i) {
-    event_mean_[i] += gain * event_.row(i).head(c).dot(phi.transpose());
-  }
-  take(event_.leftCols(c));
+  take(now_.S_q.leftCols(c));
+  take(now_.S_u.leftCols(c));
   return deviation;
 }
 
@@ -280,56 +363,21 @@ void TimingFilter::reset(ContactSet staying, ContactSet leaving, TimingState& st
   };
   for (Eigen::Index j = 0; j < now_.columns; ++j) {
     for (Eigen::Index k = 0; k < n; ++k) {
-      gamma[k] = dynamics.W().col(contact(k)).dot(now_.u.col(j));
+      gamma[k] = dynamics.W().col(contact(k)).dot(now_.S_u.col(j));
     }
     if (!impulses()) {
       ++state.refused_impacts;
       return;
     }
-    for (Eigen::Index k = 0; k < n; ++k) now_.u.col(j) += Lambda[k] * directions_.col(k);
+    for (Eigen::Index k = 0; k < n; ++k) now_.S_u.col(j) += Lambda[k] * directions_.col(k);
   }
-  // u+ - u- where the gap velocities before the impact are `of(closing)`.
-  const auto jump = [&](const auto& of) {
-    for (Eigen::Index k = 0; k < n; ++k) gamma[k] = of(k);
-    jump_.setZero();
-    if (!impulses()) return;
-    for (Eigen::Index k = 0; k < n; ++k) jump_ += Lambda[k] * directions_.col(k);
-  };
-  const auto closing = [&](Eigen::Index k) -> const Closing& {
-    return closings_[static_cast<std::size_t>(k)];
-  };
-  jump([&](Eigen::Index k) {
-    return gap_velocity(model.contacts[index(contact(k))], u_, state.motion.t.hi);
-  });
-  u_before_ = u_;
-  u_ += jump_;
-  if (n > 1 || staying != 0 || leaving != 0) decide(staying, leaving, state);
-  if (uncertainty_.jitter == 0.0) return;
-
-  // The impact was tau earlier, when gamma- was less by gamma-' tau - gamma-'' tau^2 / 2, and what
-  // it added has moved for tau since: u by the damping forces, q by u.
-  const auto C = [&](const Eigen::VectorXd& u) { return MinvC_.lazyProduct(u); };
-  const auto K = [&](const Eigen::VectorXd& q) { return MinvK_.lazyProduct(q); };
-  on_q_ = -0.5 * C(jump_);
-  on_u_ = -0.5 * K(jump_) - C(on_q_);
-  first_on_q_ = jump_;
-  first_on_u_ = -C(jump_);
-  jump([&](Eigen::Index k) { return closing(k).gamma_rate; });
-  first_on_u_ -= jump_;
-  on_q_ -= jump_;
-  on_u_ += C(jump_);
-  jump([&](Eigen::Index k) { return closing(k).gamma_second_rate; });
-  on_u_ += 0.5 * jump_;
-  add_effect(0, first_on_q_, first_on_u_);
-  add_effect(1, on_q_, on_u_);
   for (Eigen::Index k = 0; k < n; ++k) {
-    jump([&](Eigen::Index l) { return l == k ? 1.0 : 0.0; });
-    on_u_ = -C(jump_);
-    add_effect(2 + 2 * k, jump_, on_u_);
-    on_u_ = -jump_;
-    on_q_.setZero();
-    add_effect(3 + 2 * k, on_q_, on_u_);
+    gamma[k] = gap_velocity(model.contacts[index(contact(k))], now_.u, state.motion.t.hi);
   }
+  before_impact_ = now_.u;
+  if (!impulses()) return;
+  for (Eigen::Index k = 0; k < n; ++k) now_.u += Lambda[k] * directions_.col(k);
+  if (n > 1 || staying != 0 || leaving != 0) decide(staying, leaving, state);
 }
 
 std::vector<TimingFilter::Closing>::iterator TimingFilter::find_closing(int contact) {
@@ -337,7 +385,7 @@ std::vector<TimingFilter::Closing>::iterator TimingFilter::find_closing(int cont
                       [&](const Closing& closing) { return closing.contact == contact; });
 }
 
-// The impact law itself on the mean, in place of the branch that took it to u_, where it agrees
+// The impact law itself on the mean, in place of the branch that took it to its u, where it agrees
 // with what was reported; the difference is one more unknown.
 void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& state) {
   const Dynamics& dynamics = flows_->dynamics();
@@ -352,11 +400,11 @@ void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& s
     const Contact& contact = model.contacts[index(i)];
     const auto found = find_closing(i);
     const bool closes = found != closings_.end();
-    gamma[row] = closes ? gap_velocity(contact, u_before_, state.motion.t.hi) : 0.0;
+    gamma[row] = closes ? gap_velocity(contact, before_impact_, state.motion.t.hi) : 0.0;
     epsilon[row++] = closes ? found->epsilon : contact.restitution;
   });
   if (impact(model.law, G, epsilon, gamma, Lambda, gamma_plus) != Solved::yes) return;
-  on_u_ = u_before_ - u_;
+  on_u_ = before_impact_ - now_.u;
   bool as_reported = true;
   row = 0;
   for_each(closed, [&](int i) {
@@ -365,24 +413,18 @@ void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& s
     if (contains(staying, i) && gamma_plus[row] > 0.0) as_reported = false;
     ++row;
   });
-  if (!(on_u_.norm() > same_impact * (u_ - u_before_).norm())) return;
+  if (!(on_u_.norm() > same_impact * (now_.u - before_impact_).norm())) return;
   ++state.ambiguous_impacts;
-  now_.q.col(now_.columns).setZero();
-  now_.u.col(now_.columns) = on_u_;
-  event_.col(now_.columns).setZero();
-  ++now_.columns;
-  if (as_reported) u_ += on_u_;
+  add_unknown(on_u_);
+  if (as_reported) now_.u += on_u_;
 }
 
-// What unknown number `row` of the event adds to q and u.
-void TimingFilter::add_effect(Eigen::Index row, const Eigen::VectorXd& on_q,
-                              const Eigen::VectorXd& on_u) {
-  q_ += event_mean_[row] * on_q;
-  u_ += event_mean_[row] * on_u;
-  for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    now_.q.col(j) += event_(row, j) * on_q;
-    now_.u.col(j) += event_(row, j) * on_u;
-  }
+// Velocities that are known up to N(0, 1) times this.
+void TimingFilter::add_unknown(const Eigen::VectorXd& on_u) {
+  if (now_.columns == now_.S_q.cols()) merge_columns();
+  now_.S_q.col(now_.columns).setZero();
+  now_.S_u.col(now_.columns) = on_u;
+  ++now_.columns;
 }
 
 // Householder reflections of S^T leave P = S S^T as it is and all but 2 f columns zero.
@@ -391,8 +433,8 @@ void TimingFilter::merge_columns() {
   const Eigen::Index n = 2 * f();
   if (c <= 4 * f()) return;
   auto R = merged_.topRows(c);
-  R.leftCols(f()) = now_.q.leftCols(c).transpose();
-  R.rightCols(f()) = now_.u.leftCols(c).transpose();
+  R.leftCols(f()) = now_.S_q.leftCols(c).transpose();
+  R.rightCols(f()) = now_.S_u.leftCols(c).transpose();
   for (Eigen::Index k = 0; k < n; ++k) {
     auto x = R.col(k).tail(c - k);
     const double norm = x.norm();
@@ -408,8 +450,8 @@ void TimingFilter::merge_columns() {
     x[0] = head;
   }
   now_.columns = n;
-  now_.q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
-  now_.u.leftCols(n) = R.topRightCorner(n, f()).transpose();
+  now_.S_q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
+  now_.S_u.leftCols(n) = R.topRightCorner(n, f()).transpose();
 }
 
 }  // namespace sprag

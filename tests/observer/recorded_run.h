@@ -27,7 +27,7 @@ struct Recording {
   std::vector<Eigen::VectorXd> q, u;
 
   template <typename Stepper>
-  void add(const Stepper& stepper, const typename Stepper::State& state, Eigen::Index f) {
+  void add(Stepper& stepper, const typename Stepper::State& state, Eigen::Index f) {
     ticks.push_back(state.tick);
     chi.push_back(state.chi);
     q.emplace_back(f);

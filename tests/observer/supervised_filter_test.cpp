@@ -140,7 +140,9 @@ TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
   print("one missing event", without);
   ASSERT_GE(without.first.size(), 1U);
   EXPECT_EQ(without.first[0].suspicion, Suspicion::missing_event);
-  EXPECT_EQ(without.first[0].t, events[61].t);
+  // Not only at the next event, but when the gap has closed beyond doubt.
+  EXPECT_GT(without.first[0].t, events[60].t);
+  EXPECT_LT(without.first[0].t, events[61].t);
 
   // Both are over soon.
   for (const Outcome* o : {&with, &without}) {
@@ -247,7 +249,7 @@ TEST(SupervisedFilter, BearsAnyEvents) {
       Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
       filter.output(state, q, u);
       confide(filter, state, 1.0, confidence);
-      finite = finite && q.allFinite() && u.allFinite() && confidence.sigma_q.allFinite();
+      finite = finite && q.allFinite() && u.allFinite() && !confidence.sigma_q.hasNaN();
     });
     EXPECT_TRUE(finite) << "machine " << machine;
   }

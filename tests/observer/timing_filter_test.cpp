@@ -218,13 +218,15 @@ TEST(TimingFilter, IsAheadOfTheReplicaWithJitter) {
   }
 }
 
-// A million events: with exact times, where the covariance is at rounding, and with jitter.
-TEST(TimingFilter, StaysPositiveDefiniteForAMillionEvents) {
+// Events by the hundred thousand: with exact times, where the covariance is at rounding, and with
+// jitter, where only around an event, when it may have happened or not, much is unknown.
+TEST(TimingFilter, StaysPositiveDefiniteForVeryManyEvents) {
   Scene scene = shipped_scene("paper_beam.toml");
   for (const double sigma : {0.0, 1e-3}) {
     scene.jitter = sigma;
     Pursuit run(scene, 0.1, uncertainty_of(scene));
-    const int enough = repetitions(1000000);
+    const int enough = repetitions(sigma == 0.0 ? 1000000 : 100000);
+    double last_event = 0.0;
     double smallest = std::numeric_limits<double>::infinity();
     double worst = 0.0;
     int next_look = 0;
@@ -232,9 +234,11 @@ TEST(TimingFilter, StaysPositiveDefiniteForAMillionEvents) {
     std::normal_distribution<double> normal;
     while (run.impacts < enough) {
       const double V = run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += sigma * normal(engine);
+        for (ContactEvent& event : events) last_event = event.t += sigma * normal(engine);
       });
-      if (run.impacts > 100) worst = std::max(worst, V);
+      const double t = tick_instant(run.k_, 0.1).hi;
+      const bool alone = t - last_event > 6.0 * sigma && run.master.next_event() - t > 6.0 * sigma;
+      if (run.impacts > 100 && alone) worst = std::max(worst, V);
       if (run.impacts < next_look) continue;
       next_look = run.impacts + 997;
       const Eigen::MatrixXd P = run.filter.covariance(run.state);
@@ -249,10 +253,9 @@ TEST(TimingFilter, StaysPositiveDefiniteForAMillionEvents) {
   }
 }
 
-// Jitter that is long against the fastest mode is beyond its second order: it may be wrong then,
-// but what it says stays a number.
-TEST(TimingFilter, BeyondItsReachSaysNumbers) {
-  std::int64_t lost = 0;
+// However long jitter is against the fastest mode, what is said stays a number, and is not believed
+// for more than it is: V stays below what the covariance expects of it.
+TEST(TimingFilter, BearsAnyOmegaSigma) {
   for (const auto& [name, sigma] :
        {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
         std::pair("two_stops_beam.toml", 2e-2)}) {
@@ -272,9 +275,8 @@ TEST(TimingFilter, BeyondItsReachSaysNumbers) {
       run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
       ASSERT_FALSE(sigma_q.hasNaN() || sigma_u.hasNaN() || sigma_g.hasNaN()) << name;
     }
-    lost += run.state.lost;
+    EXPECT_EQ(run.state.lost, 0) << name;
   }
-  EXPECT_GT(lost, 0);
 }
 
 // What the model lacks is known to the filter: its covariance does not close.
