@@ -131,8 +131,9 @@ std::size_t check(Scene scene, double T) {
       SCOPED_TRACE("replica");
       expect_same(replica, run_stepper<Replica>(scene, master.events, T, units));
     }
-    // Its roots of M are those of other units up to rounding; of even powers they are the same.
-    if (units.mass % 2 == 0) {
+    // Its roots of M are the same in units of even powers; where times jitter it takes logarithms,
+    // which are the same up to rounding only.
+    if (units.mass % 2 == 0 && scene.jitter == 0.0) {
       SCOPED_TRACE("timing filter");
       expect_same(filter, run_stepper<TimingFilter>(scene, master.events, T, units));
     }
