@@ -295,7 +295,7 @@ double ErrorBound::shift(ContactSet closed, const Motion& motion) const {
 }
 
 double ErrorBound::chatter_rest(Instant t) const {
-  return flows_->dynamics().model().chatter_time + resolvable * (1.0 + t.hi);
+  return flows_->dynamics().model().chatter_time + resolvable * t.hi;
 }
 
 double ErrorBound::acceleration(double energy) const {

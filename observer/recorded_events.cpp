@@ -58,6 +58,12 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
         recorded.closed = 0;
       }
     }
+    // The clock or the counts went back: what they count now is not what is known.
+    const bool back =
+        report.horizon < history.horizon() || report.records_total < history.next_record();
+    if (verdict == SessionTracker::Verdict::resumes && back) {
+      history.degrade(history.horizon(), report.horizon);
+    }
     history.add(report);
   }
   recorded.sessions = sessions.counts().sessions;

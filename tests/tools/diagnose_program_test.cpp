@@ -4,7 +4,10 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/report_builder.h"
 #include "mechanics/csv.h"
 #include "observer/recorded_events.h"
 #include "tests/support/process.h"
@@ -153,6 +156,52 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   EXPECT_NE(before.problems[0].find("may be missing"), std::string::npos);
   EXPECT_NEAR(static_cast<double>(before.events.size()), 100.0, 1.0);
   EXPECT_TRUE(std::equal(before.events.begin(), before.events.end(), events.begin()));
+}
+
+// Each run's gaps are its own: of the first, of the last, and a clock that is turned back.
+TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
+  const auto events = test::events_of(test::shipped_scene("paper_beam"), 200.0);
+  std::int64_t utime = 1'000'000;
+  ContactsMessage message;
+  const auto write = [&](ChannelLogWriter& log, std::int64_t session, double lost_from,
+                         double lost_to, double turned_at, double turned_by) {
+    utime += 10'000'000;
+    ReportBuilder builder(session, 1.0, 1);
+    std::span<const ContactEvent> left = events;
+    for (double t = 0.0; t <= 200.0; t += 0.5) {
+      const auto later =
+          std::find_if(left.begin(), left.end(), [&](const ContactEvent& e) { return e.t > t; });
+      builder.add(left.first(static_cast<std::size_t>(later - left.begin())));
+      left = left.subspan(static_cast<std::size_t>(later - left.begin()));
+      do {
+        ContactReport report = builder.next(t, utime += 500'000);
+        if (t > turned_at) {
+          report.horizon -= turned_by;
+          for (int i = 0; i < report.records; ++i) {
+            report.record[static_cast<std::size_t>(i)].t -= turned_by;
+          }
+        }
+        if (t > lost_from && t < lost_to) continue;
+        encode(report, message);
+        log.write(report.utime, contacts_channel, message);
+      } while (builder.pending());
+    }
+  };
+  const auto read = [&](double lost_from_2, double turned_at) {
+    ChannelLogWriter log(path("runs.lcmlog"));
+    write(log, 7, 20.0, 120.0, 1e9, 0.0);
+    write(log, 8, lost_from_2, lost_from_2 + 100.0, turned_at, 30.0);
+    EXPECT_TRUE(log.close());
+    const RecordedEvents recorded = read_recorded_events(path("runs.lcmlog"), 1, 1e9, std::nullopt);
+    EXPECT_EQ(recorded.sessions, 2);
+    return recorded.events;
+  };
+  EXPECT_EQ(read(1e9, 1e9), events);
+  for (const auto& part : {read(60.0, 1e9), read(1e9, 60.0)}) {
+    ASSERT_FALSE(part.empty());
+    EXPECT_NEAR(part.back().t, 60.0, 2.0);
+    EXPECT_TRUE(std::equal(part.begin(), part.end(), events.begin()));
+  }
 }
 
 // The machine had run for long before, by a clock of its own.
