@@ -137,8 +137,10 @@ TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
 TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
   const int count = repetitions(40);
   std::cout << "seeds 1 to " << count << '\n';
-  const auto all = machines("random:1-" + std::to_string(count));
+  auto all = machines("random:1-" + std::to_string(count));
   ASSERT_EQ(all.size(), static_cast<std::size_t>(count));
+  const auto chattering = machines("chatter:1-" + std::to_string(count));
+  all.insert(all.end(), chattering.begin(), chattering.end());
   for (const Scene& scene : all) {
     Master master(scene.model, scene.master);
     std::vector<ContactEvent> events;
@@ -149,8 +151,21 @@ TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
                                               scene.replica.u)[0];
     EXPECT_NEAR(scene.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
   }
-  EXPECT_NE(random_scene(1), random_scene(3));
-  EXPECT_EQ(random_scene(2), random_scene(2));
+  EXPECT_NE(random_scene(Kind::hit, 1), random_scene(Kind::hit, 3));
+  EXPECT_NE(random_scene(Kind::hit, 2), random_scene(Kind::chattering, 2));
+  EXPECT_EQ(random_scene(Kind::hit, 2), random_scene(Kind::hit, 2));
+}
+
+TEST(CalibrationMachines, ChatteringContactsStayClosed) {
+  for (const Scene& scene : machines("chatter:1-6")) {
+    Master master(scene.model, scene.master);
+    std::vector<ContactEvent> events;
+    master.advance(at(usual_duration(scene.model)), events, 2500);
+    const auto stay = std::count_if(events.begin(), events.end(), [](const ContactEvent& event) {
+      return event.kind == ContactEventKind::closes;
+    });
+    EXPECT_GT(stay, 3) << scene.name;
+  }
 }
 
 TEST(CalibrationMachines, ModesAreThoseOfThePapersBeam) {

@@ -58,9 +58,8 @@ void run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app(
       "Holds the standard deviations that an estimator tells against its errors. SCENE is a scene "
-      "file, modes:N (the paper's beam with N modes), random:SEED or random:FIRST-LAST; without "
-      "any "
-      "twelve machines.",
+      "file, modes:N (the paper's beam with N modes), or a random machine, random:SEED or, where "
+      "contacts chatter, chatter:SEED, or FIRST-LAST for SEED; without any twelve machines.",
       "calibration");
   Arguments arguments;
   Options& options = arguments.options;
