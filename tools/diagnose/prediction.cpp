@@ -55,7 +55,7 @@ void follow(const Scene& scene, const Model& model, double jitter,
     flights += flight;
     prediction.inside += flight * filter.last_flight(innovation.contact, state).inside;
   });
-  prediction.length = state.length;
+  prediction.length = state.terms.length;
   prediction.unsure = state.ambiguous_impacts + state.refused_impacts;
   prediction.count = static_cast<int>(closings.size());
   if (closings.empty()) return;
