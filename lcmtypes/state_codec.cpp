@@ -159,15 +159,16 @@ Refusal take_confidence(const std::uint8_t*& from, Confidence& confidence) {
   const auto suspicion = take<std::int8_t>(from);
   confidence.last.suspicion = static_cast<Suspicion>(suspicion);
 
+  // Infinite where nothing is known.
   const auto not_negative = [](const Eigen::VectorXd& values) {
-    return values.allFinite() && (values.array() >= 0.0).all();
+    return (values.array() >= 0.0).all();
   };
   const bool possible =
       estimators >= 0 && estimators <= 3 && (from_filter == 0 || from_filter == 1) &&
       confidence.bound >= 0.0 && not_negative(confidence.sigma_q) &&
       not_negative(confidence.sigma_u) && not_negative(confidence.sigma_g) && std::isfinite(t) &&
       contact >= 0 && contact <= max_contacts && std::isfinite(confidence.replica.gap) &&
-      std::isfinite(confidence.filter.gap) && std::isfinite(confidence.filter.deviation) &&
+      std::isfinite(confidence.filter.gap) && !std::isnan(confidence.filter.deviation) &&
       confidence.inconsistencies >= 0 && std::isfinite(confidence.last.t) && suspect >= 0 &&
       suspect <= max_contacts && suspicion >= 0 && suspicion <= 3;
   return possible ? Refusal::none : Refusal::bad_value;

@@ -245,6 +245,14 @@ TEST(StateCodecTest, ImpossibleValuesAreRefusedWithTheirCause) {
     spoil(bad.confidence);
     return refusal(bad);
   };
+  // Where nothing is known.
+  EXPECT_EQ(spoilt([](Confidence& c) {
+              const double infinity = std::numeric_limits<double>::infinity();
+              for (auto* sigma : {&c.sigma_q, &c.sigma_u, &c.sigma_g}) sigma->setConstant(infinity);
+              c.filter.deviation = infinity;
+            }),
+            Refusal::none);
+  EXPECT_EQ(spoilt([](Confidence& c) { c.filter.deviation = std::nan(""); }), Refusal::bad_value);
   EXPECT_EQ(spoilt([](Confidence& c) { c.bound = -1.0; }), Refusal::bad_value);
   EXPECT_EQ(spoilt([](Confidence& c) { c.bound = std::nan(""); }), Refusal::bad_value);
   EXPECT_EQ(spoilt([](Confidence& c) { c.sigma_q[1] = -1e-9; }), Refusal::bad_value);
