@@ -80,6 +80,8 @@ UnknownTime::UnknownTime(const Flows& flows, double sigma, Eigen::Index columns)
   for (Eigen::MatrixXd* x : {&impact_z_, &impact_v_, &moved_z_, &moved_v_, &moved_q_, &moved_u_}) {
     x->setZero(f, 1);
   }
+  flows[0].enter(no_q_, no_q_, Instant{}, no_gaps_.head(0), then_);
+  after_ = then_;
 }
 
 // `signal` is zero at the event, on the flow of the motion.
