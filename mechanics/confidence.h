@@ -52,8 +52,10 @@ struct Confidence {
   Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
   Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]
   Innovation replica, filter;        ///< of the same closing
-  std::int64_t inconsistencies = 0;  ///< how often the filter started again from the replica
+  std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
   Inconsistency last;
+  std::int64_t forgotten = 0;  ///< covariances that were gone when the filter went on from them
+  bool remembered = true;      ///< false: this one is gone, and the deviations begin at the start's
   Redundancy redundancy;
   std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
 };

@@ -10,13 +10,15 @@ namespace {
 constexpr std::int64_t most_told = 20;
 constexpr std::size_t most_kept = 1000;
 
-std::vector<double> numbers(const Eigen::VectorXd& values) {
-  return {values.begin(), values.end()};
-}
-
 // JSON has no infinity.
 nlohmann::ordered_json or_null(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json numbers(const Eigen::VectorXd& values) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const double value : values) list.push_back(or_null(value));
+  return list;
 }
 
 const char* advice(Suspicion suspicion) {
@@ -42,6 +44,20 @@ void ConfidenceRecord::take(double t, const Confidence& confidence, double initi
   if (confidence.from_filter) ++ticks_from_filter_;
   take_inconsistencies(confidence, out);
   take_contacts(confidence, out);
+  take_forgotten(confidence, out);
+}
+
+// Ticks go back further than the filter keeps what it knew.
+void ConfidenceRecord::take_forgotten(const Confidence& confidence, std::ostream& out) {
+  if (!confidence.remembered && ++ticks_of_start_ == 1) {
+    out << "t = " << t_
+        << ": the timing filter's covariance of this tick is gone, sigma is the start's; more of "
+           "these are only counted\n";
+  }
+  if (forgotten_.more(confidence.forgotten, out)) {
+    out << "t = " << t_ << ": sigma starts again from the start's: " << forgotten_.total
+        << (forgotten_.total == 1 ? " covariance was gone\n" : " covariances were gone\n");
+  }
 }
 
 void ConfidenceRecord::take_contacts(const Confidence& confidence, std::ostream& out) {
@@ -73,9 +89,14 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   const Inconsistency& last = confidence.last;
   if (inconsistencies_.total > before && first_.size() < most_kept) first_.push_back(last);
   if (!told) return;
-  out << "t = " << last.t << ", contact " << last.contact + 1
-      << ": the timing filter does not fit, " << advice(last.suspicion)
-      << " The estimate is the replica's.\n";
+  out << "t = " << last.t << ", contact " << last.contact + 1 << ": ";
+  if (confidence.has_replica) {
+    out << "the timing filter does not fit, " << advice(last.suspicion)
+        << " The estimate is the replica's.\n";
+  } else {
+    out << "an event has not come that had to: a missing event? Until the next one nothing is "
+           "known.\n";
+  }
 }
 
 void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
@@ -92,22 +113,23 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
     if (last_.has_replica) json["last_closing"]["replica_gap"] = last_.replica.gap;
     if (last_.has_filter) {
       json["last_closing"]["filter_gap"] = last_.filter.gap;
-      json["last_closing"]["sigma_filter_gap"] = last_.filter.deviation;
+      json["last_closing"]["sigma_filter_gap"] = or_null(last_.filter.deviation);
     }
   }
   if (!last_.has_filter) return;
   json["sigma_q"] = numbers(last_.sigma_q);
   json["sigma_u"] = numbers(last_.sigma_u);
   json["sigma_g"] = numbers(last_.sigma_g);
-  if (!last_.has_replica) return;
-  json["ticks_from_filter"] = ticks_from_filter_;
+  if (last_.has_replica) json["ticks_from_filter"] = ticks_from_filter_;
+  json["forgotten_covariances"] = forgotten_.total;
+  json["ticks_with_sigma_of_start"] = ticks_of_start_;
   json["inconsistencies"] = inconsistencies_.total;
   nlohmann::ordered_json& list = json["first_inconsistencies"] = nlohmann::ordered_json::array();
   for (const Inconsistency& one : first_) {
     list.push_back({{"t", one.t},
                     {"contact", one.contact + 1},
                     {"suspicion", name(one.suspicion)},
-                    {"square_over_variance", one.square}});
+                    {"square_over_variance", or_null(one.square)}});
   }
 }
 
@@ -116,10 +138,13 @@ void ConfidenceRecord::print(std::ostream& out) const {
   if (last_.has_replica && std::isfinite(last_.bound)) {
     out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
   }
-  if (last_.has_filter && last_.has_replica) {
-    out << "timing filter: "
-        << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
+  if (!last_.has_filter) return;
+  out << "timing filter: ";
+  if (last_.has_replica) {
+    out << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
         << " % of the ticks, did not fit " << inconsistencies_.total << " times\n";
+  } else {
+    out << inconsistencies_.total << " events did not come that had to\n";
   }
 }
 

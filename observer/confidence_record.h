@@ -15,7 +15,7 @@ class ConfidenceRecord {
  public:
   /// Takes the confidence of the settled tick at t [s], in order; `initial` is B(0). A filter that
   /// no longer fits the events is told on `out` in a line, the first 20 times; so are contacts that
-  /// others hold already, or that cannot be held together.
+  /// others hold already, or that cannot be held together, and covariances that were gone.
   void take(double t, const Confidence& confidence, double initial, std::ostream& out);
 
   /// Adds "redundant_closings" and "refused_impacts" to a report, and "confidence" if there is
@@ -28,6 +28,7 @@ class ConfidenceRecord {
  private:
   void take_inconsistencies(const Confidence& confidence, std::ostream& out);
   void take_contacts(const Confidence& confidence, std::ostream& out);
+  void take_forgotten(const Confidence& confidence, std::ostream& out);
 
   struct Told {
     std::int64_t seen = 0;   // of the present session
@@ -43,7 +44,8 @@ class ConfidenceRecord {
   std::int64_t ticks_ = 0;
   std::int64_t ticks_from_filter_ = 0;
   std::vector<Inconsistency> first_;  // a bounded number of them
-  Told inconsistencies_, redundant_, refused_;
+  std::int64_t ticks_of_start_ = 0;   // whose own covariance was gone
+  Told inconsistencies_, redundant_, refused_, forgotten_;
 };
 
 }  // namespace sprag

@@ -27,8 +27,7 @@ void visit_columns(const Confidence& confidence, double initial, const Column& c
   if (!confidence.has_filter) return;
   column("filter_gap", confidence.filter.gap);
   column("sigma_filter_gap", confidence.filter.deviation);
-  if (!confidence.has_replica) return;
-  column("from_filter", confidence.from_filter ? 1.0 : 0.0);
+  if (confidence.has_replica) column("from_filter", confidence.from_filter ? 1.0 : 0.0);
   column("inconsistencies", static_cast<double>(confidence.inconsistencies));
 }
 
@@ -52,7 +51,16 @@ void confide(MoreauReplica&, const MoreauState& state, double, Confidence& confi
 
 void confide(TimingFilter& filter, const TimingState& state, double, Confidence& confidence) {
   filter.deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
+  confidence.remembered = filter.remembers(state);
+  confidence.forgotten = state.forgotten;
   confidence.filter = state.innovation;
+  confidence.inconsistencies = state.silences;
+  if (state.silences > 0) {
+    const Silence& silence = state.silence;
+    confidence.last = {silence.t, silence.contact, Suspicion::missing_event, silence.square};
+  } else {
+    confidence.last = {};
+  }
   confidence.redundancy = state.redundancy;
   confidence.refused_impacts = state.refused_impacts;
 }

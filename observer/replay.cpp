@@ -75,6 +75,11 @@ class Replay {
       time_line_.degrade(recorded.missing_from, std::min(recorded.missing_to, until));
     }
     time_line_.set_horizon(until);
+    if (until > end) {
+      std::cerr << name << ": no event behind t = " << end
+                << ": from there on the estimate runs free\n";
+      report["runs_free_from"] = end;
+    }
     if (!recorded.events.empty() || !std::isinf(duration_)) settle();
     return !recorded.damage;
   }

@@ -135,6 +135,11 @@ class TimingFilter {
   void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                   Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
 
+  /// Whether a state's covariance is still kept; deviations begin at the start's where it is not.
+  bool remembers(const TimingState& state) const {
+    return covariances_[slot_of(state.instants)].instants == state.instants;
+  }
+
   /// Of a contact's gap between the last two instants with events: the share of the time in which
   /// it was negative, and its smallest value [m].
   struct LastFlight {
@@ -170,10 +175,10 @@ class TimingFilter {
     double gamma, gamma_rate;  // before the impact
   };
 
-  Covariance& slot(std::int64_t instants) {
-    return covariances_[static_cast<std::size_t>(instants %
-                                                 static_cast<std::int64_t>(covariances_.size()))];
+  std::size_t slot_of(std::int64_t instants) const {
+    return static_cast<std::size_t>(instants % static_cast<std::int64_t>(covariances_.size()));
   }
+  Covariance& slot(std::int64_t instants) { return covariances_[slot_of(instants)]; }
   Eigen::Index f() const { return flows_->dynamics().coordinates(); }
   void set_looks(const Flow& free);
   double expected_energy() const;

@@ -1,0 +1,147 @@
+// What a run says of its own error, to people and in the report.
+#include "observer/confidence_record.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "observer/estimators.h"
+#include "observer/time_line.h"
+#include "tests/observer/recorded_run.h"
+
+namespace sprag {
+namespace {
+
+struct Said {
+  std::string lines;
+  nlohmann::ordered_json report;
+};
+
+/// Of a run that hears of `events` tick by tick.
+template <typename Stepper>
+Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double end) {
+  Stepper stepper = make_stepper<Stepper>(scene, 1e-2);
+  const int contacts = static_cast<int>(scene.model.contacts.size());
+  Confidence confidence = empty_confidence<Stepper>(scene.model.coordinates(), contacts);
+  ConfidenceRecord record;
+  std::ostringstream out;
+  run_time_line(stepper, scene, events, end, false, [&](const auto& state) {
+    confide(stepper, state, 0.5, confidence);
+    record.take(tick_instant(state.tick, 1e-2).hi, confidence, 0.5, out);
+  });
+  Said said;
+  record.print(out);
+  said.lines = out.str();
+  record.to_json(said.report);
+  return said;
+}
+
+struct MissingEvent {
+  std::vector<ContactEvent> events;
+  double t, next;
+};
+
+MissingEvent missing_event(const Scene& scene, double end) {
+  MissingEvent missing{master_events(scene, end), 0.0, 0.0};
+  missing.t = missing.events[30].t;
+  missing.next = missing.events[31].t;
+  missing.events.erase(missing.events.begin() + 30);
+  return missing;
+}
+
+template <typename Stepper>
+void expect_told_when_an_event_does_not_come(const std::string& words) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  const MissingEvent missing = missing_event(scene, 30.0);
+  const Said said = said_of<Stepper>(scene, missing.events, 30.0);
+  const auto& confidence = said.report["confidence"];
+  ASSERT_GE(confidence["inconsistencies"], 1) << said.lines;
+  const auto& first = confidence["first_inconsistencies"][0];
+  EXPECT_EQ(first["suspicion"], "missing event");
+  EXPECT_EQ(first["contact"], 1);
+  EXPECT_GT(first["t"], missing.t);
+  EXPECT_LT(first["t"], missing.next);
+  EXPECT_NE(said.lines.find(words), std::string::npos) << said.lines;
+}
+
+TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfTheTimingFilterAlone) {
+  expect_told_when_an_event_does_not_come<TimingFilter>(", contact 1: an event has not come");
+}
+
+TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfBoth) {
+  expect_told_when_an_event_does_not_come<SupervisedFilter>("a missing event? The estimate is");
+}
+
+TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Said said = said_of<TimingFilter>(scene, master_events(scene, 30.0), 30.0);
+  EXPECT_EQ(said.report["confidence"]["inconsistencies"], 0);
+  EXPECT_EQ(said.report["confidence"]["forgotten_covariances"], 0);
+  EXPECT_EQ(said.report["confidence"]["ticks_with_sigma_of_start"], 0);
+  EXPECT_EQ(said.lines, "timing filter: 0 events did not come that had to\n");
+}
+
+// JSON has no infinity.
+TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  auto events = master_events(scene, 30.0);
+  events.resize(30);
+  const Said said = said_of<TimingFilter>(scene, events, 30.0);
+  for (const char* key : {"sigma_q", "sigma_u", "sigma_g"}) {
+    const std::string list = said.report["confidence"][key].dump();
+    EXPECT_EQ(list, std::string(key) == "sigma_g" ? "[null]" : "[null,null,null]") << key;
+  }
+}
+
+// The filter keeps 1024 instants of a machine of this size. A time line that goes back further
+// settles ticks whose covariances have been written over, and goes on from one of them.
+TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  constexpr double h = 1e-2;
+  constexpr int instants = 1200;
+  std::vector<ContactEvent> events;
+  for (int i = 0; i < instants; ++i) {
+    events.push_back({0.005 + 1e-2 * i, 0, ContactEventKind::pulse});
+  }
+  for (const bool back : {false, true}) {
+    TimingFilter filter = make_stepper<TimingFilter>(scene, h);
+    TimeLine<TimingFilter> line(filter, 1, scene.replica, 2 * instants);
+    Confidence confidence = empty_confidence<TimingFilter>(3, 1);
+    ConfidenceRecord record;
+    std::ostringstream out;
+    line.restart(0, 0, 0, no_horizon);
+    const auto run = [&](std::int64_t target) {
+      line.run(
+          target, [](const auto&) {},
+          [&](const auto& state) {
+            confide(filter, state, 0.5, confidence);
+            record.take(tick_instant(state.tick, h).hi, confidence, 0.5, out);
+            return true;
+          });
+    };
+    for (const ContactEvent& event : events) line.receive(event);
+    if (back) {
+      run(instants);
+      line.go_back_to(100);
+    }
+    line.set_horizon(events.back().t);
+    run(instants);
+    nlohmann::ordered_json report;
+    record.to_json(report);
+    const auto& figures = report["confidence"];
+    EXPECT_EQ(figures["forgotten_covariances"], back ? 1 : 0);
+    EXPECT_EQ(figures["ticks_with_sigma_of_start"] > 0, back);
+    EXPECT_EQ(out.str().find("sigma starts again from the start's: 1 covariance was gone") !=
+                  std::string::npos,
+              back)
+        << out.str();
+  }
+}
+
+}  // namespace
+}  // namespace sprag
