@@ -10,6 +10,7 @@
 #include "observer/session_tracker.h"
 #include "observer/time_line.h"
 #include "tests/observer/recorded_run.h"
+#include "tests/observer/supervised_steppers.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -131,7 +132,7 @@ class NetworkTest : public ::testing::Test {
   Figures figures_;
 };
 
-using Steppers = ::testing::Types<Replica, MoreauReplica>;
+using Steppers = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
 TYPED_TEST_SUITE(NetworkTest, Steppers);
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {

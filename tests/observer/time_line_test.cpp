@@ -9,6 +9,7 @@
 #include "mechanics/replica.h"
 #include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"
+#include "tests/observer/supervised_steppers.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -86,7 +87,7 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Steppers = ::testing::Types<Replica, MoreauReplica>;
+using Steppers = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
 TYPED_TEST_SUITE(TimeLineTest, Steppers);
 
 TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
