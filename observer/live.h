@@ -17,7 +17,7 @@ struct ObserverOptions {
   double tick = 1e-3;                                         ///< h, simulated [s]
   double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
   StepperKind stepper = StepperKind::exact;                   ///< of the replica
-  EstimatorKind estimator = EstimatorKind::replica;
+  EstimatorKind estimator = EstimatorKind::both;
   std::filesystem::path states;  ///< settled ticks as CSV; empty: none
   double history = 2.0;          ///< simulated [s] of ticks that are kept to go back to
   bool real_time = false;        ///< SCHED_FIFO and locked memory

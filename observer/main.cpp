@@ -1,9 +1,27 @@
 // observer: a machine's full state, live, from nothing but the times at which its contacts close
 // and open. The real-time loop is LiveObserver::integrate() in live.cpp.
+#include <optional>
+
 #include "lcmtypes/program.h"
 #include "mechanics/scene.h"
 #include "observer/live.h"
 #include "observer/replay.h"
+
+namespace {
+
+sprag::EstimatorKind choose_estimator(std::optional<sprag::EstimatorKind> given,
+                                      sprag::StepperKind stepper) {
+  using enum sprag::EstimatorKind;
+  if (stepper == sprag::StepperKind::exact) return given.value_or(both);
+  if (given.value_or(replica) != replica) {
+    throw sprag::UsageError(
+        "--stepper moreau: a timing filter needs the exact one; choose "
+        "--estimator replica");
+  }
+  return replica;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using Use = sprag::NamedFile::Use;
@@ -19,18 +37,18 @@ int main(int argc, char** argv) {
   sprag::add_positive(*app, "--duration", options.duration, "T",
                       "Stop when this simulated time has settled");
   sprag::add_positive(*app, "--tick", options.tick, "h", "Tick, simulated time [1e-3]");
-  auto* stepper = sprag::add_choice<sprag::StepperKind>(
+  sprag::add_choice<sprag::StepperKind>(
       *app, "--stepper", options.stepper,
       {{"exact", sprag::StepperKind::exact}, {"moreau", sprag::StepperKind::moreau}},
-      "exact (events at their own times) or moreau");
-  auto* estimator = sprag::add_choice<sprag::EstimatorKind>(
-      *app, "--estimator", options.estimator,
+      "exact (events at their own times) or moreau (of the replica alone)");
+  std::optional<sprag::EstimatorKind> estimator;
+  sprag::add_choice<std::optional<sprag::EstimatorKind>>(
+      *app, "--estimator", estimator,
       {{"replica", sprag::EstimatorKind::replica},
        {"timing", sprag::EstimatorKind::timing},
        {"both", sprag::EstimatorKind::both}},
       "replica (clutches switched by the events), timing (event times as measurements) or both "
-      "(timing as long as it fits, else replica)");
-  sprag::excludes(estimator, stepper);
+      "(timing as long as it fits, else replica) [both; with --stepper moreau: replica]");
   sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
                   "Write the settled ticks here");
   sprag::add_positive(*app, "--history", options.history, "T",
@@ -44,6 +62,7 @@ int main(int argc, char** argv) {
   sprag::needs(events, file);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    options.estimator = choose_estimator(estimator, options.stepper);
     const sprag::Scene parsed = sprag::read_scene(scene);
     return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
                                : sprag::run_replay(parsed, options, replay, common, report);

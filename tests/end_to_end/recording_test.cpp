@@ -72,6 +72,39 @@ TEST_F(RecordingTest, EventsWrittenByAReplayAreThoseOfTheMaster) {
   EXPECT_EQ(text("used.csv"), read_text(events));
 }
 
+// An events file has no horizon: nobody says that nothing happened after its last event.
+TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
+  const std::string events = write_text(file("few.csv"), "t,contact,closed\n1.5,1,1\n1.5,1,0\n");
+  const auto replayed = [&](const Arguments& more) {
+    return run("observer",
+               Arguments{beam_, "--replay", events, "--report", file("report.json")} + more);
+  };
+  const std::string words = events + ": no event behind t = 1.5: from there on the estimate runs";
+  EXPECT_NE(replayed({"--duration", "2"}).err.find(words), std::string::npos);
+  EXPECT_EQ(json("report.json")["runs_free_from"], 1.5);
+  EXPECT_EQ(replayed({}).err.find("runs free"), std::string::npos);
+  EXPECT_FALSE(json("report.json").contains("runs_free_from"));
+}
+
+// Where no event comes any more nothing is known: sigma is infinite in the file, and who reads
+// states passes over it.
+TEST_F(RecordingTest, AnInfiniteSigmaIsWrittenAndPassedOver) {
+  simulate(beam_, "40", "0.1");
+  const std::string all = text("events.csv");
+  const std::string events = write_text(file("cut.csv"), all.substr(0, all.find("\n20.")) + "\n");
+  const std::string states =
+      replay(beam_, events, {"--duration", "40", "--tick", "0.1", "--estimator", "timing"});
+  const std::string written = read_text(states);
+  EXPECT_NE(written.find(",inf,inf,inf,inf,inf,inf,inf,"), std::string::npos);
+  EXPECT_EQ(written.find("nan"), std::string::npos);
+  EXPECT_EQ(read_states_file(states).size(), 401U);
+  EXPECT_EQ(run("sync_logger", {beam_, "--truth", file("truth.csv"), "--estimate", states, "--csv",
+                                file("sync.csv")})
+                .code,
+            0);
+  EXPECT_EQ(read_sync(file("sync.csv")).size(), 401U);
+}
+
 TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
   for (const char* name : {"paper_beam", "paper_beam_chatter"}) {
     simulate(scene(name), "20", "0.1");

@@ -64,9 +64,24 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
                  "--stepper: euler; choose exact or moreau\n");
   expect_refused("observer", {beam_, "--estimator", "kalman"},
                  "--estimator: kalman; choose replica, timing or both\n");
+  for (const char* estimator : {"timing", "both"}) {
+    expect_refused("observer", {beam_, "--stepper", "moreau", "--estimator", estimator},
+                   "--stepper moreau: a timing filter needs the exact one");
+  }
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");
+}
+
+TEST_F(UsageTest, TheMoreauStepperIsTheReplicas) {
+  const std::string events = simulate(beam_, "2", "0.1");
+  const Arguments more{"--tick", "0.1", "--duration", "2"};
+  const Arguments moreau = more + Arguments{"--stepper", "moreau"};
+  const Arguments replica{"--estimator", "replica"};
+  EXPECT_EQ(read_text(replay(beam_, events, moreau)),
+            read_text(replay(beam_, events, moreau + replica)));
+  EXPECT_EQ(read_text(replay(beam_, events, more + replica)),
+            read_text(replay(beam_, events, more + replica + Arguments{"--stepper", "exact"})));
 }
 
 TEST_F(UsageTest, BadAddressesAreRefused) {

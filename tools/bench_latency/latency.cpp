@@ -245,6 +245,8 @@ std::vector<Samples> measure(const Options& options, const CommonOptions& common
                                        options.scene.c_str(),
                                        "--url",
                                        common.url.c_str(),
+                                       "--estimator",
+                                       "replica",
                                        "--tick",
                                        tick.c_str()};
     const std::string key = common.key.string();

@@ -1,6 +1,6 @@
-// Latency of an observer: from the sending of a contact event to the estimate that contains it,
-// beside a bare LCM ping and a bare UDP ping of the same size in the same run. All three go there
-// and back.
+// Latency of an observer with a replica alone: from the sending of a contact event to the estimate
+// that contains it, beside a bare LCM ping and a bare UDP ping of the same size in the same run.
+// All three go there and back.
 #pragma once
 
 #include <cstdint>
