@@ -22,7 +22,7 @@ struct Estimate {
   Confidence confidence;
 };
 
-enum class Trouble { none, spurious, missing };
+enum class Trouble { none, spurious, spurious_before, missing };
 
 // A tick's rounding is a billionth of the motion. Of a machine that is hardly observed, by chatter
 // or by few events, the filter makes more of it: then a share of its own sigma.
@@ -126,6 +126,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Combine(
         testing::Values(Case{"beam", "paper_beam.toml", 20.0, Trouble::none},
                         Case{"beam_spurious", "paper_beam.toml", 20.0, Trouble::spurious},
+                        Case{"beam_spurious_before", "paper_beam.toml", 20.0,
+                             Trouble::spurious_before},
                         Case{"beam_missing", "paper_beam.toml", 20.0, Trouble::missing},
                         Case{"chatter", "paper_beam_chatter.toml", 10.0, Trouble::none, 0.1},
                         Case{"coupled", "coupled", 20.0, Trouble::none, 0.1},
@@ -157,6 +159,16 @@ std::vector<ContactEvent> events_of(const Case& c, const Scene& scene, double ji
   if (c.trouble == Trouble::spurious) {
     events.insert(at_chosen + 1, {between, 0, ContactEventKind::pulse});
   }
+  // 20 ms before a good one, both within a coarse tick.
+  if (c.trouble == Trouble::spurious_before) {
+    constexpr double before = 0.02;
+    const double tick = ratio * fine;
+    const auto good = std::find_if(at_chosen + 1, events.end(), [&](const auto& event) {
+      return std::floor((event.t - before) / tick) == std::floor(event.t / tick);
+    });
+    EXPECT_NE(good, events.end());
+    events.insert(good, {good->t - before, 0, ContactEventKind::pulse});
+  }
   return events;
 }
 
@@ -173,7 +185,7 @@ TEST_P(TickIndependence, OfTheTimingFilter) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);
   scene.jitter = jitter;
-  if (c.trouble == Trouble::spurious) return;
+  if (c.trouble == Trouble::spurious || c.trouble == Trouble::spurious_before) return;
   expect_equal<TimingFilter>(scene, events_of(c, scene, jitter), c.end,
                              c.trouble == Trouble::missing, c.share_of_sigma);
 }
