@@ -2,15 +2,14 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "mechanics/interrupt.h"
-#include "observer/timing_filter.h"
+#include "tools/diagnose/linear_filter.h"
 
 namespace sprag {
 namespace {
-
-constexpr double tick = 1.0;  // the filter goes from event to event and never ticks
 
 // Below this share of its usual value a velocity of closing is not known well enough for J.
 constexpr double slow = 1e-3;
@@ -31,32 +30,28 @@ void follow(const Scene& scene, const Model& model, double jitter,
             Prediction& prediction) {
   Uncertainty uncertainty = uncertainty_of(scene);
   uncertainty.jitter = jitter;
-  TimingFilter filter(model, tick, uncertainty);
-  TimingState state;
-  filter.start(scene.replica, last_tick(beginning.t, tick), beginning.closed, state);
-  Motion before = state.motion;
+  LinearFilter filter(model, std::move(uncertainty), scene.replica, at(beginning.t),
+                      beginning.closed);
   std::vector<Closing> closings;
   double flights = 0.0;
   int to_start = closings_to_start(scene);
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
     check_interrupt();
-    const double last = state.innovation.t;
-    before = state.motion;
-    filter.follow(of_one, state);
-    const Innovation& innovation = state.innovation;
-    if (innovation.t == last || !(innovation.deviation > 0.0)) return;
+    const double last = filter.expected().t;
+    filter.follow(of_one);
+    const ExpectedClosing& expected = filter.expected();
+    if (expected.t == last || !(expected.deviation > 0.0)) return;
     if (to_start-- > 0) return;
-    before.flow->propagate(before, at(innovation.t), before);
-    const double gamma = value(before.flow->gap_velocity(innovation.contact), before);
-    const double variance = innovation.deviation * innovation.deviation;
-    closings.push_back({innovation.gap * innovation.gap / variance, variance, gamma * gamma});
+    const double variance = expected.deviation * expected.deviation;
+    closings.push_back(
+        {expected.gap * expected.gap / variance, variance, expected.gamma * expected.gamma});
     if (!with_inside) return;
-    const double flight = innovation.t - last;
+    const double flight = expected.t - last;
     flights += flight;
-    prediction.inside += flight * filter.last_flight(innovation.contact, state).inside;
+    prediction.inside += flight * filter.inside(expected.contact);
   });
-  prediction.length = state.terms.length;
-  prediction.unsure = state.ambiguous_impacts + state.refused_impacts;
+  prediction.length = filter.length();
+  prediction.unsure = filter.ambiguous_impacts() + filter.refused_impacts();
   prediction.count = static_cast<int>(closings.size());
   if (closings.empty()) return;
   double gamma = 0.0;

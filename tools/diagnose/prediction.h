@@ -1,7 +1,8 @@
-// How well a model predicts contact events, by the innovations of a timing filter that it drives
-// (prediction-error method; Ljung, "System Identification", 2nd ed., ch. 7). At each instant where
-// contacts close the filter expects a gap r with variance S, and r = 0 happened. The event's time
-// is what is measured, so that the likelihood has S / gamma^2, the variance of the time:
+// How well a model predicts contact events, by the innovations of a filter that it drives
+// (linear_filter.h; prediction-error method; Ljung, "System Identification", 2nd ed., ch. 7). At
+// each instant where contacts close the filter expects a gap r with variance S, and r = 0 happened.
+// The event's time is what is measured, so that the likelihood has S / gamma^2, the variance of the
+// time:
 //
 //   J = -2 log L = sum r_k^2 / S_k + log(S_k / gamma_k^2).
 //

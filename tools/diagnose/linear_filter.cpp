@@ -1,0 +1,497 @@
+#include "tools/diagnose/linear_filter.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "mechanics/impact_law.h"
+
+namespace sprag {
+namespace {
+
+// Times of events are not known better than to so many ulps.
+constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
+// Impulses that differ by more than this share are different decisions.
+constexpr double same_impact = 1e-9;
+
+std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+LinearFilter::LinearFilter(Model model, Uncertainty uncertainty, State start, Instant t,
+                           ContactSet closed)
+    : flows_(std::move(model)),
+      uncertainty_(std::move(uncertainty)),
+      start_(std::move(start)),
+      chi_(closed) {
+  const int m = dynamics().contacts();
+  for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics().free_acceleration(i));
+  const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
+  const Eigen::Index columns = 4 * f() + of_drift + 2 + 2 * m + 1;
+  now_.q = start_.q;
+  now_.u = start_.u;
+  now_.S_q.setZero(f(), columns);
+  now_.S_u.setZero(f(), columns);
+  event_.setZero(2 + 2 * m, columns);
+  event_mean_.setZero(2 + 2 * m);
+  no_gaps_.setZero(m);
+  for (Eigen::VectorXd* x : {&u_before_, &jump_, &first_on_q_, &first_on_u_, &on_q_, &on_u_}) {
+    x->setZero(f());
+  }
+  const Model& of = dynamics().model();
+  MinvC_ = of.M.llt().solve(of.C);
+  MinvK_ = of.M.llt().solve(of.K);
+  closings_.reserve(index(m));
+  phi_.setZero(columns);
+  z_.setZero(f(), columns);
+  v_.setZero(f(), columns);
+  directions_.setZero(f(), m);
+  const Eigen::Index n = flows_[0].size();
+  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
+  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
+  from_z_ = unit_z_;
+  from_v_ = unit_v_;
+  no_alpha_.setZero(n);
+  merged_.setZero(columns, 2 * f());
+  motion_.flow = &flows_[0];
+  set_start();
+  go_on(t);
+}
+
+void LinearFilter::set_start() {
+  now_.columns = 2 * f();
+  now_.S_q.leftCols(now_.columns).setZero();
+  now_.S_u.leftCols(now_.columns).setZero();
+  now_.S_q.leftCols(f()) = uncertainty_.q;
+  now_.S_u.middleCols(f(), f()) = uncertainty_.u;
+}
+
+// The mean goes on from t with all closed contacts locked at g = 0 that can be.
+void LinearFilter::go_on(Instant t) {
+  const ContactSet closed = chi_ & ~inside_;
+  const ContactSet kept = motion_.flow->locked() & closed;
+  ContactSet locked = kept | independent_of(dynamics().G(), kept, closed);
+  const Flow* flow = flows_.find(locked);
+  if (flow == nullptr) {
+    ++refused_impacts_;
+    locked = 0;
+    flow = &flows_[0];
+  }
+  flow->enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(locked)), motion_);
+}
+
+void LinearFilter::follow(std::span<const ContactEvent> of_one_instant) {
+  const Model& model = dynamics().model();
+  const Instant t = at(of_one_instant.front().t);
+  const double tau = t - motion_.t;
+  previous_ = motion_;
+  motion_.flow->propagate(motion_, t, motion_);
+  move(*motion_.flow, tau);
+  if (tau > 0.0) add_drift(tau);
+  motion_.flow->state(motion_, now_.q, now_.u);
+
+  const ContactSet before = motion_.flow->locked();
+  ContactSet leaving = 0;
+  closings_.clear();
+  event_.setZero();
+  event_mean_.setZero();
+  for (const ContactEvent& event : of_one_instant) {
+    chi_ = after(chi_, event);
+    if (event.kind == ContactEventKind::closes && event.t == 0.0) inside_ |= bit(event.contact);
+    if (contains(inside_, event.contact)) {
+      if (event.kind == ContactEventKind::opens) leaving |= bit(event.contact);
+      continue;
+    }
+    // What is held has g = gamma = 0, whatever else it is said to do at this instant.
+    if (event.kind == ContactEventKind::opens || contains(before, event.contact)) continue;
+    const double epsilon = event.kind == ContactEventKind::closes
+                               ? 0.0
+                               : model.contacts[index(event.contact)].restitution;
+    // Whatever a contact is said to have done at one instant is one impact.
+    const auto known = find_closing(event.contact);
+    if (known != closings_.end()) {
+      known->epsilon = epsilon;
+    } else {
+      closings_.push_back({event.contact, epsilon, 0.0, 0.0, 0.0});
+    }
+  }
+  drop_redundant(before & chi_);
+  inside_ &= ~leaving;
+  if (leaving != 0) set_start();  // what happened until then is not in the model
+  if (closings_.empty()) {
+    for_each(before & ~chi_, [&](int contact) { measure_release(contact); });
+  } else {
+    measure_closings();
+    reset(before & chi_, before & ~chi_);
+  }
+  merge_columns();
+  if (!is_sane()) {  // as if the machine were started now
+    now_.q = start_.q;
+    now_.u = start_.u;
+    set_start();
+  }
+  go_on(t);
+}
+
+double LinearFilter::inside(int contact) const {
+  constexpr int samples = 64;
+  const Flow& flow = *previous_.flow;
+  if (contains(flow.locked(), contact)) return 0.0;
+  const double tau = motion_.t - previous_.t;
+  Motion sample = previous_;
+  int negative = 0;
+  for (int i = 1; i < samples; ++i) {
+    flow.propagate(previous_, previous_.t + tau * i / samples, sample);
+    if (value(flow.gap(contact), sample) < 0.0) ++negative;
+  }
+  return static_cast<double>(negative) / samples;
+}
+
+void LinearFilter::move(const Flow& flow, double tau) {
+  if (!(tau > 0.0)) return;
+  const Eigen::Index n = flow.modes();
+  const Eigen::Index nf = flow.frequencies();
+  const Eigen::Index c = now_.columns;
+  auto q = now_.S_q.leftCols(c);
+  auto u = now_.S_u.leftCols(c);
+  auto z = z_.topLeftCorner(n, c);
+  auto v = v_.topLeftCorner(n, c);
+  flow.enter_differences(q, u, z, v);
+  flow.oscillators().propagate(unit_z_, no_alpha_, tau, nf, n, from_z_);
+  flow.oscillators().propagate(unit_v_, no_alpha_, tau, nf, n, from_v_);
+  for (Eigen::Index k = 0; k < c; ++k) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double z_k = z(i, k);
+      z(i, k) = from_z_.z[nf + i] * z_k + from_v_.z[nf + i] * v(i, k);
+      v(i, k) = from_z_.v[nf + i] * z_k + from_v_.v[nf + i] * v(i, k);
+    }
+  }
+  flow.state_differences(z, v, q, u);
+}
+
+void LinearFilter::add_drift(double tau) {
+  const auto add = [&](const Eigen::MatrixXd& drift, Eigen::MatrixXd& to, Eigen::MatrixXd& other) {
+    to.middleCols(now_.columns, drift.cols()) = std::sqrt(tau) * drift;
+    other.middleCols(now_.columns, drift.cols()).setZero();
+    now_.columns += drift.cols();
+  };
+  if (uncertainty_.drift_q.size() == 0) return;
+  add(uncertainty_.drift_q, now_.S_q, now_.S_u);
+  add(uncertainty_.drift_u, now_.S_u, now_.S_q);
+}
+
+// Whether mean and covariance are numbers that can be gone on with.
+bool LinearFilter::is_sane() const {
+  constexpr double largest = 1e100;
+  const Eigen::Index c = now_.columns;
+  return now_.q.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.u.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.S_q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
+         now_.S_u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest;
+}
+
+ContactSet LinearFilter::closing() const {
+  ContactSet closing = 0;
+  for (const Closing& of : closings_) closing |= bit(of.contact);
+  return closing;
+}
+
+// What is held already takes no impulse of its own.
+void LinearFilter::drop_redundant(ContactSet held) {
+  const ContactSet redundant = closing() & ~independent_of(dynamics().G(), held, closing());
+  std::erase_if(closings_, [&](const Closing& of) { return contains(redundant, of.contact); });
+}
+
+// lambda_i = 0, of a contact that is locked.
+void LinearFilter::measure_release(int contact) {
+  const Flow& flow = *motion_.flow;
+  const Signal& lambda = flow.force(contact);
+  const Eigen::Index n = flow.modes();
+  const Eigen::Index nf = flow.frequencies();
+  const Eigen::Index c = now_.columns;
+  auto z = z_.topLeftCorner(n, c);
+  auto v = v_.topLeftCorner(n, c);
+  flow.enter_differences(now_.S_q.leftCols(c), now_.S_u.leftCols(c), z, v);
+  for (Eigen::Index k = 0; k < c; ++k) {
+    phi_[k] = (lambda.p.segment(nf, n) * z.col(k).array()).sum() +
+              (lambda.r.segment(nf, n) * v.col(k).array()).sum();
+  }
+  const double scale = std::abs(lambda.constant) + (lambda.p * motion_.x.z).abs().sum() +
+                       (lambda.r * motion_.x.v).abs().sum();
+  const double t = motion_.t.hi;
+  const double off = std::max(uncertainty_.jitter, time_rounding * t) * rate(lambda, motion_);
+  condition(-value(lambda, motion_), off * off, scale);
+}
+
+// The unknowns of the event: tau, tau^2, and for each closing the products of tau with what is not
+// known of gamma- and of its rate.
+void LinearFilter::add_event_unknowns() {
+  const double sigma = uncertainty_.jitter;
+  const Eigen::Index c = now_.columns;
+  const auto n = static_cast<Eigen::Index>(closings_.size());
+  now_.columns += 2 + 2 * n;
+  now_.S_q.middleCols(c, 2 + 2 * n).setZero();
+  now_.S_u.middleCols(c, 2 + 2 * n).setZero();
+  event_(0, c) = sigma;
+  event_(1, c + 1) = std::sqrt(2.0) * sigma * sigma;
+  event_mean_[1] = sigma * sigma;
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const auto w = dynamics().W().col(closings_[index(k)].contact);
+    const Functional& a = acceleration_[index(closings_[index(k)].contact)];
+    double gamma = 0.0;
+    double gamma_rate = 0.0;
+    for (Eigen::Index j = 0; j < c; ++j) {
+      gamma += std::pow(w.dot(now_.S_u.col(j)), 2);
+      gamma_rate += std::pow(a.a.dot(now_.S_q.col(j)) + a.b.dot(now_.S_u.col(j)), 2);
+    }
+    event_(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
+    event_(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
+  }
+}
+
+// g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
+void LinearFilter::measure_closings() {
+  const Model& model = dynamics().model();
+  const double t = motion_.t.hi;
+  for (std::size_t k = 0; k < closings_.size(); ++k) {
+    closings_[k].gamma = gap_velocity(model.contacts[index(closings_[k].contact)], now_.u, t);
+    const Signal& gamma = motion_.flow->gap_velocity(closings_[k].contact);
+    closings_[k].gamma_rate = rate(gamma, motion_);
+    closings_[k].gamma_second_rate = second_rate(gamma, motion_);
+  }
+  add_event_unknowns();
+  const Eigen::Index c = now_.columns;
+  for (std::size_t k = 0; k < closings_.size(); ++k) {
+    const Closing& closing = closings_[k];
+    const Contact& contact = model.contacts[index(closing.contact)];
+    auto phi = phi_.head(c);
+    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
+    const double gap_before = gap(contact, now_.q, t);
+    // At the reported time the gap, gone on with, would be gamma tau - gamma' tau^2 / 2.
+    const auto row = static_cast<Eigen::Index>(2 + 2 * k);
+    const auto event = event_.leftCols(c);
+    phi -= (closing.gamma * event.row(0) - 0.5 * closing.gamma_rate * event.row(1) + event.row(row))
+               .transpose();
+    const double residual = -gap_before + closing.gamma * event_mean_[0] -
+                            0.5 * closing.gamma_rate * event_mean_[1] + event_mean_[row];
+    terms_.length = std::max(terms_.length, contact.w.cwiseProduct(now_.q).cwiseAbs().sum() +
+                                                std::abs(contact.motion.amplitude) +
+                                                std::abs(contact.clearance));
+    terms_.speed =
+        std::max(terms_.speed, contact.w.cwiseProduct(now_.u).cwiseAbs().sum() +
+                                   std::abs(contact.motion.amplitude * contact.motion.frequency));
+    const double deviation = condition(residual, 0.0, terms_.length);
+    if (k == 0 || std::abs(gap_before) > std::abs(expected_.gap)) {
+      expected_ = {t, closing.contact, gap_before, deviation, closing.gamma};
+    }
+    if (closing.epsilon > 0.0 || contact.restitution == 0.0) continue;
+    phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
+    const double off = std::max({uncertainty_.jitter, model.chatter_time, time_rounding * t});
+    condition(-gap_velocity(contact, now_.u, t), std::pow(off * closing.gamma_rate, 2),
+              terms_.speed);
+  }
+}
+
+// Conditions on the measurement whose columns' parts are phi_: residual = measured - expected.
+// Returns the standard deviation that the residual was expected to have.
+double LinearFilter::condition(double residual, double noise, double scale) {
+  const Eigen::Index c = now_.columns;
+  auto phi = phi_.head(c);
+  const double known = phi.squaredNorm();
+  const double floor = rounding * scale;
+  const double r = noise + floor * floor;
+  const double alpha = known + r;
+  const double deviation = std::sqrt(alpha);
+  if (!(known > floor * floor)) return deviation;
+  // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).
+  const double gain = residual / alpha;
+  const double shrink = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));
+  const auto take = [&](auto rows) {
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+      const double along = rows.row(i).dot(phi.transpose());
+      rows.row(i) -= along * shrink * phi.transpose();
+    }
+  };
+  for (Eigen::Index i = 0; i < f(); ++i) {
+    now_.q[i] += gain * now_.S_q.row(i).head(c).dot(phi.transpose());
+    now_.u[i] += gain * now_.S_u.row(i).head(c).dot(phi.transpose());
+  }
+  take(now_.S_q.leftCols(c));
+  take(now_.S_u.leftCols(c));
+  for (Eigen::Index i = 0; i < event_.rows(); ++i) {
+    event_mean_[i] += gain * event_.row(i).head(c).dot(phi.transpose());
+  }
+  take(event_.leftCols(c));
+  return deviation;
+}
+
+// The impact of the contacts that close, with those of `staying` held; those of `leaving` were
+// closed before it and are not after it.
+void LinearFilter::reset(ContactSet staying, ContactSet leaving) {
+  const Dynamics& dynamics = flows_.dynamics();
+  const Model& model = dynamics.model();
+  const auto n = static_cast<Eigen::Index>(closings_.size());
+  const ContactMatrix G_staying = of_contacts(dynamics.G(), staying);
+  ContactVector gamma(n), held, Lambda;
+  ContactMatrix G(n, n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const int i = closings_[index(k)].contact;
+    auto direction = directions_.col(k);
+    direction = dynamics.MinvW().col(i);
+    if (staying == 0) continue;
+    held.resize(std::popcount(staying));
+    Eigen::Index row = 0;
+    for_each(staying, [&](int j) { held[row++] = dynamics.G()(j, i); });
+    if (arrest(G_staying, held, Lambda) != Solved::yes) continue;
+    row = 0;
+    for_each(staying, [&](int j) { direction += Lambda[row++] * dynamics.MinvW().col(j); });
+  }
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const int i = closings_[index(k)].contact;
+    for (Eigen::Index l = 0; l < n; ++l) G(k, l) = dynamics.W().col(i).dot(directions_.col(l));
+  }
+  // Impulses along the directions that take gamma to its value after the impact.
+  const auto scale = [&](ContactVector& x) {
+    for (Eigen::Index k = 0; k < n; ++k) {
+      x[k] *= 1.0 + closings_[index(k)].epsilon;
+    }
+  };
+  const auto impulses = [&] {
+    if (model.law == ImpactLaw::newton) scale(gamma);
+    if (arrest(G, gamma, Lambda) != Solved::yes) return false;
+    if (model.law == ImpactLaw::poisson) scale(Lambda);
+    return true;
+  };
+  const auto contact = [&](Eigen::Index k) { return closings_[index(k)].contact; };
+  for (Eigen::Index j = 0; j < now_.columns; ++j) {
+    for (Eigen::Index k = 0; k < n; ++k) {
+      gamma[k] = dynamics.W().col(contact(k)).dot(now_.S_u.col(j));
+    }
+    if (!impulses()) {
+      ++refused_impacts_;
+      return;
+    }
+    for (Eigen::Index k = 0; k < n; ++k) now_.S_u.col(j) += Lambda[k] * directions_.col(k);
+  }
+  // u+ - u- where the gap velocities before the impact are `of(closing)`.
+  const auto jump = [&](const auto& of) {
+    for (Eigen::Index k = 0; k < n; ++k) gamma[k] = of(k);
+    jump_.setZero();
+    if (!impulses()) return;
+    for (Eigen::Index k = 0; k < n; ++k) jump_ += Lambda[k] * directions_.col(k);
+  };
+  const auto closing = [&](Eigen::Index k) -> const Closing& { return closings_[index(k)]; };
+  jump([&](Eigen::Index k) {
+    return gap_velocity(model.contacts[index(contact(k))], now_.u, motion_.t.hi);
+  });
+  u_before_ = now_.u;
+  now_.u += jump_;
+  if (n > 1 || staying != 0 || leaving != 0) decide(staying, leaving);
+
+  // The impact was tau earlier, when gamma- was less by gamma-' tau - gamma-'' tau^2 / 2, and what
+  // it added has moved for tau since: u by the damping forces, q by u.
+  const auto C = [&](const Eigen::VectorXd& u) { return MinvC_.lazyProduct(u); };
+  const auto K = [&](const Eigen::VectorXd& q) { return MinvK_.lazyProduct(q); };
+  on_q_ = -0.5 * C(jump_);
+  on_u_ = -0.5 * K(jump_) - C(on_q_);
+  first_on_q_ = jump_;
+  first_on_u_ = -C(jump_);
+  jump([&](Eigen::Index k) { return closing(k).gamma_rate; });
+  first_on_u_ -= jump_;
+  on_q_ -= jump_;
+  on_u_ += C(jump_);
+  jump([&](Eigen::Index k) { return closing(k).gamma_second_rate; });
+  on_u_ += 0.5 * jump_;
+  add_effect(0, first_on_q_, first_on_u_);
+  add_effect(1, on_q_, on_u_);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    jump([&](Eigen::Index l) { return l == k ? 1.0 : 0.0; });
+    on_u_ = -C(jump_);
+    add_effect(2 + 2 * k, jump_, on_u_);
+    on_u_ = -jump_;
+    on_q_.setZero();
+    add_effect(3 + 2 * k, on_q_, on_u_);
+  }
+}
+
+std::vector<LinearFilter::Closing>::iterator LinearFilter::find_closing(int contact) {
+  return std::find_if(closings_.begin(), closings_.end(),
+                      [&](const Closing& closing) { return closing.contact == contact; });
+}
+
+// The impact law itself on the mean, in place of the branch that took it to now_.u, where it agrees
+// with what was reported; the difference is one more unknown.
+void LinearFilter::decide(ContactSet staying, ContactSet leaving) {
+  const Dynamics& dynamics = flows_.dynamics();
+  const Model& model = dynamics.model();
+  const ContactSet hit = closing();
+  const ContactSet closed = hit | staying | leaving;
+  const ContactMatrix G = of_contacts(dynamics.G(), closed);
+  ContactVector gamma(G.rows()), epsilon(G.rows()), Lambda, gamma_plus;
+  Eigen::Index row = 0;
+  for_each(closed, [&](int i) {
+    const Contact& contact = model.contacts[index(i)];
+    const auto found = find_closing(i);
+    const bool closes = found != closings_.end();
+    gamma[row] = closes ? gap_velocity(contact, u_before_, motion_.t.hi) : 0.0;
+    epsilon[row++] = closes ? found->epsilon : contact.restitution;
+  });
+  if (impact(model.law, G, epsilon, gamma, Lambda, gamma_plus) != Solved::yes) return;
+  on_u_ = u_before_ - now_.u;
+  bool as_reported = true;
+  row = 0;
+  for_each(closed, [&](int i) {
+    on_u_ += Lambda[row] * dynamics.MinvW().col(i);
+    if (contains(hit, i) && !(Lambda[row] > 0.0)) as_reported = false;
+    if (contains(staying, i) && gamma_plus[row] > 0.0) as_reported = false;
+    ++row;
+  });
+  if (!(on_u_.norm() > same_impact * (now_.u - u_before_).norm())) return;
+  ++ambiguous_impacts_;
+  now_.S_q.col(now_.columns).setZero();
+  now_.S_u.col(now_.columns) = on_u_;
+  ++now_.columns;
+  if (as_reported) now_.u += on_u_;
+}
+
+// What unknown number `row` of the event adds to q and u.
+void LinearFilter::add_effect(Eigen::Index row, const Eigen::VectorXd& on_q,
+                              const Eigen::VectorXd& on_u) {
+  now_.q += event_mean_[row] * on_q;
+  now_.u += event_mean_[row] * on_u;
+  for (Eigen::Index j = 0; j < now_.columns; ++j) {
+    now_.S_q.col(j) += event_(row, j) * on_q;
+    now_.S_u.col(j) += event_(row, j) * on_u;
+  }
+}
+
+// Householder reflections of S^T leave P = S S^T as it is and all but 2 f columns zero.
+void LinearFilter::merge_columns() {
+  const Eigen::Index c = now_.columns;
+  const Eigen::Index n = 2 * f();
+  if (c <= 4 * f()) return;
+  auto R = merged_.topRows(c);
+  R.leftCols(f()) = now_.S_q.leftCols(c).transpose();
+  R.rightCols(f()) = now_.S_u.leftCols(c).transpose();
+  for (Eigen::Index k = 0; k < n; ++k) {
+    auto x = R.col(k).tail(c - k);
+    const double norm = x.norm();
+    if (norm == 0.0) continue;
+    const double head = x[0] > 0.0 ? -norm : norm;
+    x[0] -= head;  // the reflection's vector, in place
+    const double factor = 2.0 / x.squaredNorm();
+    for (Eigen::Index j = k + 1; j < n; ++j) {
+      auto y = R.col(j).tail(c - k);
+      y -= factor * x.dot(y) * x;
+    }
+    x.setZero();
+    x[0] = head;
+  }
+  now_.columns = n;
+  now_.S_q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
+  now_.S_u.leftCols(n) = R.topRightCorner(n, f()).transpose();
+}
+
+}  // namespace sprag
