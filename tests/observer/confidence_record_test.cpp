@@ -103,10 +103,11 @@ TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
 TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
   const Scene& scene = shipped_scene("paper_beam.toml");
   constexpr double h = 1e-2;
-  constexpr int instants = 1200;
+  constexpr std::int64_t instants = 1200;
   std::vector<ContactEvent> events;
-  for (int i = 0; i < instants; ++i) {
-    events.push_back({0.005 + 1e-2 * i, 0, ContactEventKind::pulse});
+  events.reserve(instants);
+  for (std::int64_t i = 0; i < instants; ++i) {
+    events.push_back({h * (static_cast<double>(i) + 0.5), 0, ContactEventKind::pulse});
   }
   for (const bool back : {false, true}) {
     TimingFilter filter = make_stepper<TimingFilter>(scene, h);
