@@ -26,7 +26,7 @@ LinearFilter::LinearFilter(Model model, Uncertainty uncertainty, State start, In
       uncertainty_(std::move(uncertainty)),
       start_(std::move(start)),
       chi_(closed) {
-  const int m = dynamics().contacts();
+  const Eigen::Index m = dynamics().contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
   const Eigen::Index columns = 4 * f() + of_drift + 2 + 2 * m + 1;
