@@ -43,11 +43,13 @@ FluxMoments flux_moments(double mu, double d) {
     return {std::log(-mu), mu - d / a, d * d * (1.0 - 1.0 / (a * a))};
   }
   if (a < -far) {
-    // Hardly any of it meets the support; what does meets it as slowly as can be.
-    const double inverse = 1.0 / (a * a);
-    const double log_e0 = std::log(inverse * (1.0 - 3.0 * inverse));
-    return {std::log(d) - 0.5 * a * a - half_log_two_pi + log_e0, 2.0 * d / a,
-            2.0 * d * d * inverse};
+    // Hardly any of it meets the support; what does meets it slowly. Asymptotic series.
+    const double x = 1.0 / (a * a);
+    const double e0 = x * (1.0 - x * (3.0 - 15.0 * x));
+    const double mean = -2.0 / a * x * (1.0 - x * (6.0 - 45.0 * x)) / e0;
+    const double second = 6.0 * x * x * (1.0 - x * (10.0 - 105.0 * x)) / e0;
+    return {std::log(d) - 0.5 * a * a - half_log_two_pi + std::log(e0), -d * mean,
+            d * d * (second - mean * mean)};
   }
   // Moments of y = -gamma over phi(a): e_k = int y^(k+1) N(y; a, 1) dy / phi(a), lengths in d.
   const double density = normal_density(a);

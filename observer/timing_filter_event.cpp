@@ -30,6 +30,11 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingState& state) {
+  if (unknown_time_ && events.size() != 1) {
+    // Each has a jitter of its own: that they are told to be of one instant says nothing.
+    for (const ContactEvent& event : events) take_instant({&event, 1}, state);
+    return;
+  }
   const ContactSet before = state.motion.flow->locked();
   const Instant t = state.motion.t;
   if (!load(state, t)) ++state.forgotten;
@@ -53,8 +58,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   if (leaving != 0) set_start(now_);  // what happened until then is not in the model
   if (unknown_time_) {
-    for (const ContactEvent& event : events) take_uncertain(event, before, state);
-    if (events.size() > 1) state.report = {};
+    take_uncertain(events.front(), before, state);
   } else {
     take_exact(events, before, state);
   }
@@ -138,8 +142,7 @@ void TimingFilter::add_sequence(std::span<const ContactEvent> events, ContactSet
   add_unknown(on_u_);
 }
 
-// An event that jitters, by itself: what else is told to have happened at its instant has a jitter
-// of its own.
+// An event that jitters.
 void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                                   TimingState& state) {
   const bool closes = event.kind != ContactEventKind::opens;
@@ -269,11 +272,11 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};
     }
-    if (closing.epsilon > 0.0 || contact.restitution == 0.0) continue;
+    if (closing.epsilon > 0.0 || contact.restitution == 0.0 || model.contacts.size() > 1) continue;
     phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
     // What is left of a chatter that is completed is always of one sign, and in proportion to an
     // acceleration that may not be known. It is not taken for more than it can say: where gamma is
-    // known almost as well already, it says nothing.
+    // known almost as well already, it says nothing; nor where contacts may have wedged each other.
     const double off = std::max(model.chatter_time, time_rounding * t);
     const double left = off * off * (std::pow(closing.gamma_rate, 2) + known_of(acceleration));
     if (phi.squaredNorm() > remainder_tells * left) {

@@ -24,6 +24,7 @@ constexpr double closer = 1.5;
 constexpr double node_reach = 5.0;
 constexpr double node_density = 5.2;
 constexpr int least_nodes = 5, most_nodes = 30;
+constexpr int looks_at_nodes = 3;
 constexpr int burst_nodes = 11;
 constexpr double burst_reach = 3.0;
 constexpr int unheard_nodes = 16;
@@ -243,7 +244,37 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
     low = around - closer * step;
     high = around + closer * step;
   }
-  deviation = std::max(deviation, least_step);
+  // What lies where is then seen by the nodes themselves, which may have to move.
+  Nodes nodes{};
+  for (int look = 0; look < looks_at_nodes; ++look) {
+    nodes = nodes_about(mean, std::max(deviation, least_step));
+    double total = 0.0, first = 0.0, second = 0.0;
+    double highest = -infinity;
+    double weights[EventMixture::capacity];
+    for (int i = 0; i < nodes.count; ++i) {
+      weights[i] = weigh(kind, nodes.first + i * nodes.step);
+      if (weights[i] > highest) highest = weights[i];
+    }
+    for (int i = 0; i < nodes.count; ++i) {
+      const double w = std::exp(weights[i] - highest);
+      if (!(w > 0.0)) continue;
+      total += w;
+      first += w * i;
+      second += w * i * i;
+    }
+    const double centre = nodes.first + first / total * nodes.step;
+    const double width =
+        std::sqrt(std::max(second / total - square(first / total), 0.0)) * nodes.step;
+    const bool fits =
+        std::abs(centre - mean) < 0.3 * deviation && std::abs(width - deviation) < 0.15 * deviation;
+    if (fits || !(width > 0.0)) break;
+    mean = centre;
+    deviation = width;
+  }
+  return nodes;
+}
+
+UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation) const {
   const double spacing = 2.0 * std::numbers::pi / (2.0 * fastest_ + node_density / deviation);
   const double wanted = std::ceil(2.0 * node_reach * deviation / spacing) + 1.0;
   const int count = static_cast<int>(
@@ -463,8 +494,15 @@ double UnknownTime::hear_nothing(const Report& due, const Motion& motion, const 
   mixture_.phi() = phi_.head(columns_) / s;
   mixture_.psi().setZero();
 
-  // It has, and will be reported.
+  // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
+  // shorter than reports may take.
   double age = 0.0;
+  if (sight.value < 0.0 && !(sight.rate < 0.0)) {
+    for (int i = 1; i <= scan_nodes && !(sight.value < 0.0 && sight.rate < 0.0); ++i) {
+      age = i * latest() / scan_nodes;
+      sight = see(due.kind, age);
+    }
+  }
   for (int i = 0; i < crossing_steps && sight.rate < 0.0; ++i) {
     const double next = std::clamp(age + sight.value / sight.rate, 0.0, latest());
     if (std::abs(next - age) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;

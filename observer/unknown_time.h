@@ -79,6 +79,7 @@ class UnknownTime {
   double log_prior(double age) const;
   double weigh(Report::Kind kind, double age);
   Nodes find_nodes(Report::Kind kind);
+  Nodes nodes_about(double mean, double deviation) const;
   void set_impact(const Report& report);
   void add_moved_impact(double age);
   void add_changed_flow(const Flow& after);

@@ -115,7 +115,9 @@ TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
     told.jitter = sigma;
     for (int run = 0; run < repetitions(20); ++run) {
       const Outcome o = outcome(scene, told, jittered(master_events(scene, length), sigma, engine));
-      EXPECT_EQ(o.inconsistencies, 0) << sigma;
+      EXPECT_EQ(o.inconsistencies, 0)
+          << sigma << ", run " << run << ": " << name(o.first.front().suspicion) << ", square "
+          << o.first.front().square << " at t = " << o.first.front().t;
       EXPECT_LT(o.log_both, o.log_replica) << sigma;
     }
   }
