@@ -1,6 +1,5 @@
 #include "observer/timing_filter.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <bit>

@@ -193,7 +193,7 @@ class TimingFilter {
   void begin_again(TimingState& state);
   void merge_columns();
   void note(double square, Consistency& consistency) const;
-  void note_terms(int contact, double t, TimingState& state) const;
+  void note_terms(int contact, TimingState& state) const;
   double known_of(const Functional& functional) const;
 
   // An instant with events.

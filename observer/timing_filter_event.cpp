@@ -157,7 +157,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                   : event.t - state.last_report[i] < unknown_time_->indistinct()
                       ? Report::Kind::burst
                       : Report::Kind::pulse;
-    note_terms(i, event.t, state);
+    note_terms(i, state);
   }
   state.last_report[i] = event.t;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
@@ -226,9 +226,8 @@ void TimingFilter::measure_release(int contact, TimingState& state) {
   condition(-value(lambda, state.motion), off * off, scale, state.consistency);
 }
 
-void TimingFilter::note_terms(int i, double t, TimingState& state) const {
+void TimingFilter::note_terms(int i, TimingState& state) const {
   const Contact& contact = flows_->dynamics().model().contacts[index(i)];
-  (void)t;
   const double length = contact.w.cwiseProduct(now_.q).cwiseAbs().sum() +
                         std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
   const double speed = contact.w.cwiseProduct(now_.u).cwiseAbs().sum() +
@@ -264,7 +263,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     const double speed2 = closing.gamma * closing.gamma + phi.squaredNorm();
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
     const double gap_before = gap(contact, now_.q, t);
-    note_terms(closing.contact, t, state);
+    note_terms(closing.contact, state);
     double noise = std::pow(time_rounding * t, 2) * speed2;
     // The master takes for one impact what touches within its rounding.
     if (several) noise += std::pow(touching * state.terms.length, 2);

@@ -65,9 +65,6 @@ UnknownTime::UnknownTime(const Flows& flows, double sigma, Eigen::Index columns)
   no_alpha_.setZero(n);
   Z_.setZero(f, columns);
   V_.setZero(f, columns);
-  force_rate_.p.setZero(n);
-  force_rate_.r.setZero(n);
-  force_rate_.held.setZero(flows.dynamics().contacts());
   row_z_.setZero(f);
   row_v_.setZero(f);
   phi_.setZero(columns);

@@ -101,7 +101,6 @@ class UnknownTime {
   double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
   double fastest_ = 0.0, growth_ = 0.0;
   Eigen::Index columns_ = 0;
-  Signal force_rate_;
   Eigen::MatrixXd Z_, V_;  // S in the flow's oscillators
 
   // At one age.
