@@ -19,7 +19,7 @@ enum class Oddity { none, time, speed, number, records };
 class Continuity {
  public:
   /// `h`: the observer's tick [s]; a time that is not a number of ticks can be nobody's.
-  explicit Continuity(double h) : latest_(static_cast<double>(max_tick / 2) * h) {}
+  explicit Continuity(double h) : latest_(0.5 * static_cast<double>(max_tick) * h) {}
 
   enum class Verdict { fits, odd, resumes };
 

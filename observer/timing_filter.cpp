@@ -35,8 +35,8 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
   // Twice what an instant can add: an event of unknown time, and that none has come since.
-  const Eigen::Index columns =
-      4 * f() + of_drift + std::max<Eigen::Index>(2 * EventMixture::added_columns(), 3 * m);
+  const Eigen::Index added = std::max<Eigen::Index>(2 * EventMixture::added_columns(), 3L * m);
+  const Eigen::Index columns = 4 * f() + of_drift + added;
   now_.q.setZero(f());
   now_.u.setZero(f());
   now_.S_q.setZero(f(), columns);

@@ -194,7 +194,7 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
   double low = delay_ - scan_reach * sigma_;
   double high = delay_ + scan_reach * sigma_;
   double mean = 0.0;
-  double deviation = sigma_;
+  double deviation = 0.0;  // NOLINT(clang-analyzer-deadcode.DeadStores): g++ warns without
   const double least_step = 16.0 * std::numeric_limits<double>::epsilon() * motion_->t.hi;
   while (true) {
     const double step = (high - low) / (scan_nodes - 1);
