@@ -6,6 +6,8 @@
 #include <cstdint>
 
 #include "mechanics/contact_event.h"
+#include "mechanics/flow.h"
+#include "observer/uncertainty.h"
 
 namespace sprag {
 
@@ -13,6 +15,37 @@ struct Belief {
   Eigen::VectorXd q, u;      ///< mean, f entries each
   Eigen::MatrixXd S_q, S_u;  ///< f rows each; the first `columns` columns are S
   Eigen::Index columns = 0;
+};
+
+/// The covariance of a start; the mean stays.
+void set_start(const Uncertainty& uncertainty, Belief& belief);
+
+/// What the model lacks in tau >= 0: as many columns more as `uncertainty` has of drift.
+void add_drift(const Uncertainty& uncertainty, double tau, Belief& belief);
+
+/// Whether mean and covariance are numbers that can be gone on with.
+bool is_sane(const Belief& belief);
+
+/// Moves and merges the columns of beliefs of one machine: nothing but scratch, so that neither
+/// allocates.
+class BeliefColumns {
+ public:
+  BeliefColumns() = default;
+  /// For up to `columns` columns; `free` is the machine's free flight, f its coordinates.
+  BeliefColumns(const Flow& free, Eigen::Index f, Eigen::Index columns);
+
+  /// S on this flow for tau; nothing where tau is not positive. The mean stays.
+  void move(const Flow& flow, double tau, Belief& belief);
+
+  /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
+  /// 2 f zero.
+  void merge(Belief& belief);
+
+ private:
+  Eigen::MatrixXd z_, v_;  // S in a flow's oscillators
+  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
+  Eigen::ArrayXd no_alpha_;
+  Eigen::MatrixXd merged_;  // columns x 2 f
 };
 
 /// Largest terms of gaps [m] and of their velocities [m/s]: their roundings are in proportion.

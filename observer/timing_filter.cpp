@@ -46,8 +46,8 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   if (uncertainty_.jitter > 0.0) unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
   published_ = sample_;
-  // As many columns as merge_columns() leaves. Not initialized: memory that is never used stays
-  // the system's.
+  // As many columns as merging leaves. Not initialized: memory that is never used
+  // stays the system's.
   const auto bytes = static_cast<std::size_t>(8 * f() * f()) * sizeof(double);
   covariances_.resize(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024));
   for (Covariance& S : covariances_) {
@@ -67,15 +67,9 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   v_.setZero(f(), columns);
   directions_.setZero(f(), m);
   const Flow& free = (*flows_)[0];
-  const Eigen::Index n = free.size();
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
-  merged_.setZero(columns, 2 * f());
+  columns_ = BeliefColumns(free, f(), columns);
   set_looks(free);
-  set_start(now_);
+  set_start(uncertainty_, now_);
   energy_of_start_ = expected_energy();
 }
 
@@ -111,14 +105,6 @@ void TimingFilter::set_looks(const Flow& free) {
       slowest < infinity ? longest_look_ / looks_a_period : flows_->dynamics().model().chatter_time;
 }
 
-void TimingFilter::set_start(Belief& belief) const {
-  belief.columns = 2 * f();
-  belief.S_q.leftCols(belief.columns).setZero();
-  belief.S_u.leftCols(belief.columns).setZero();
-  belief.S_q.leftCols(f()) = uncertainty_.q;
-  belief.S_u.middleCols(f(), f()) = uncertainty_.u;
-}
-
 void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                          TimingState& state) {
   state.tick = k;
@@ -139,7 +125,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   start_ = start;
   now_.q = start.q;
   now_.u = start.u;
-  set_start(now_);
+  set_start(uncertainty_, now_);
   state.motion.flow = &(*flows_)[0];
   state.motion.t = tick_instant(k, h_);
   go_on(state);
@@ -170,7 +156,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
       on_q_[i] = std::sqrt(share);
     }
   }
-  set_start(now_);
+  set_start(uncertainty_, now_);
   for (Eigen::Index i = 0; i < f(); ++i) {
     now_.S_q.col(i) *= on_q_[i];
     now_.S_u.col(f() + i) *= on_q_[i];
@@ -270,8 +256,8 @@ bool TimingFilter::load(const TimingState& state, Instant t) {
     load(S, t);
     return true;
   }
-  set_start(now_);
-  move(*state.motion.flow, t - state.covariance_time);
+  set_start(uncertainty_, now_);
+  columns_.move(*state.motion.flow, t - state.covariance_time, now_);
   return false;
 }
 
@@ -280,41 +266,8 @@ void TimingFilter::load(const Covariance& from, Instant t) {
   now_.columns = from.columns;
   now_.S_q.leftCols(from.columns) = from.S_q.leftCols(from.columns);
   now_.S_u.leftCols(from.columns) = from.S_u.leftCols(from.columns);
-  move(*from.mean.flow, tau);
-  if (tau > 0.0) add_drift(tau);
-}
-
-void TimingFilter::add_drift(double tau) {
-  const auto add = [&](const Eigen::MatrixXd& drift, Eigen::MatrixXd& to, Eigen::MatrixXd& other) {
-    to.middleCols(now_.columns, drift.cols()) = std::sqrt(tau) * drift;
-    other.middleCols(now_.columns, drift.cols()).setZero();
-    now_.columns += drift.cols();
-  };
-  if (uncertainty_.drift_q.size() == 0) return;
-  add(uncertainty_.drift_q, now_.S_q, now_.S_u);
-  add(uncertainty_.drift_u, now_.S_u, now_.S_q);
-}
-
-void TimingFilter::move(const Flow& flow, double tau) {
-  if (!(tau > 0.0)) return;
-  const Eigen::Index n = flow.modes();
-  const Eigen::Index nf = flow.frequencies();
-  const Eigen::Index c = now_.columns;
-  auto q = now_.S_q.leftCols(c);
-  auto u = now_.S_u.leftCols(c);
-  auto z = z_.topLeftCorner(n, c);
-  auto v = v_.topLeftCorner(n, c);
-  flow.enter_differences(q, u, z, v);
-  flow.oscillators().propagate(unit_z_, no_alpha_, tau, nf, n, from_z_);
-  flow.oscillators().propagate(unit_v_, no_alpha_, tau, nf, n, from_v_);
-  for (Eigen::Index k = 0; k < c; ++k) {
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double z_k = z(i, k);
-      z(i, k) = from_z_.z[nf + i] * z_k + from_v_.z[nf + i] * v(i, k);
-      v(i, k) = from_z_.v[nf + i] * z_k + from_v_.v[nf + i] * v(i, k);
-    }
-  }
-  flow.state_differences(z, v, q, u);
+  columns_.move(*from.mean.flow, tau, now_);
+  if (tau > 0.0) add_drift(uncertainty_, tau, now_);
 }
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -377,10 +330,10 @@ bool TimingFilter::publish(const TimingState& state) {
       const Flow& flow = *published_.flow;
       flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
     }
-    merge_columns();
+    columns_.merge(now_);
     near = true;
   }
-  return near && is_sane();
+  return near && is_sane(now_);
 }
 
 // What is most likely to be reported next of any contact but `heard`, if anything is. `now_` is at

@@ -182,16 +182,11 @@ class TimingFilter {
   Eigen::Index f() const { return flows_->dynamics().coordinates(); }
   void set_looks(const Flow& free);
   double expected_energy() const;
-  void set_start(Belief& belief) const;
   void go_on(TimingState& state);
-  void add_drift(double tau);
   bool load(const TimingState& state, Instant t);
   void load(const Covariance& from, Instant t);
-  void move(const Flow& flow, double tau);
   void enter(ContactSet locked, Instant t, TimingState& state);
-  bool is_sane() const;
   void begin_again(TimingState& state);
-  void merge_columns();
   void note(double square, Consistency& consistency) const;
   void note_terms(int contact, TimingState& state) const;
   double known_of(const Functional& functional) const;
@@ -233,16 +228,14 @@ class TimingFilter {
 
   // Scratch of an instant.
   Belief now_;
+  BeliefColumns columns_;
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_q_, on_u_, difference_q_,
       difference_u_;
   std::vector<Closing> closings_;
   Eigen::VectorXd phi_;         // what a measurement sees of each column
   Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
   Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
   Eigen::VectorXd no_gaps_;
-  Eigen::MatrixXd merged_;  // columns x 2 f
   Motion sample_, published_;
 };
 

@@ -43,7 +43,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   if (state.unknown) {
     now_.q = start_.q;
     now_.u = start_.u;
-    set_start(now_);
+    set_start(uncertainty_, now_);
     state.consistency = {};
   }
   state.consistency.largest = 0.0;
@@ -56,15 +56,15 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
       leaving |= bit(event.contact);
     }
   }
-  if (leaving != 0) set_start(now_);  // what happened until then is not in the model
+  if (leaving != 0) set_start(uncertainty_, now_);  // what happened until then is not in the model
   if (unknown_time_) {
     take_uncertain(events.front(), before, state);
   } else {
     take_exact(events, before, state);
   }
   state.inside &= ~leaving;
-  merge_columns();
-  if (!is_sane()) begin_again(state);
+  columns_.merge(now_);
+  if (!is_sane(now_)) begin_again(state);
   go_on(state);
 }
 
@@ -113,7 +113,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
 
 // An impact at a time that is a rounded double: what it adds to u has moved q by more or less.
 void TimingFilter::add_time_rounding(const TimingState& state) {
-  if (now_.columns == now_.S_q.cols()) merge_columns();
+  if (now_.columns == now_.S_q.cols()) columns_.merge(now_);
   now_.S_q.col(now_.columns) = time_step * state.motion.t.hi * (now_.u - u_before_);
   now_.S_u.col(now_.columns).setZero();
   ++now_.columns;
@@ -169,28 +169,18 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     return;
   }
   add_time_rounding(state);
-  merge_columns();
+  columns_.merge(now_);
   state.report = report;
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
 }
 
-// Whether mean and covariance are numbers that can be gone on with.
-bool TimingFilter::is_sane() const {
-  constexpr double largest = 1e100;
-  const Eigen::Index c = now_.columns;
-  return now_.q.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.u.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.S_q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.S_u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest;
-}
-
 // As if the machine were started now. No event fits less than one after which nothing is known.
 void TimingFilter::begin_again(TimingState& state) {
   now_.q = start_.q;
   now_.u = start_.u;
-  set_start(now_);
+  set_start(uncertainty_, now_);
   state.consistency = {};
   state.consistency.largest = infinity;
   ++state.lost;
@@ -423,37 +413,10 @@ void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& s
 
 // Velocities that are known up to N(0, 1) times this.
 void TimingFilter::add_unknown(const Eigen::VectorXd& on_u) {
-  if (now_.columns == now_.S_q.cols()) merge_columns();
+  if (now_.columns == now_.S_q.cols()) columns_.merge(now_);
   now_.S_q.col(now_.columns).setZero();
   now_.S_u.col(now_.columns) = on_u;
   ++now_.columns;
-}
-
-// Householder reflections of S^T leave P = S S^T as it is and all but 2 f columns zero.
-void TimingFilter::merge_columns() {
-  const Eigen::Index c = now_.columns;
-  const Eigen::Index n = 2 * f();
-  if (c <= 4 * f()) return;
-  auto R = merged_.topRows(c);
-  R.leftCols(f()) = now_.S_q.leftCols(c).transpose();
-  R.rightCols(f()) = now_.S_u.leftCols(c).transpose();
-  for (Eigen::Index k = 0; k < n; ++k) {
-    auto x = R.col(k).tail(c - k);
-    const double norm = x.norm();
-    if (norm == 0.0) continue;
-    const double head = x[0] > 0.0 ? -norm : norm;
-    x[0] -= head;  // the reflection's vector, in place
-    const double factor = 2.0 / x.squaredNorm();
-    for (Eigen::Index j = k + 1; j < n; ++j) {
-      auto y = R.col(j).tail(c - k);
-      y -= factor * x.dot(y) * x;
-    }
-    x.setZero();
-    x[0] = head;
-  }
-  now_.columns = n;
-  now_.S_q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
-  now_.S_u.leftCols(n) = R.topRightCorner(n, f()).transpose();
 }
 
 }  // namespace sprag

@@ -48,24 +48,10 @@ LinearFilter::LinearFilter(Model model, Uncertainty uncertainty, State start, In
   z_.setZero(f(), columns);
   v_.setZero(f(), columns);
   directions_.setZero(f(), m);
-  const Eigen::Index n = flows_[0].size();
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
-  merged_.setZero(columns, 2 * f());
+  columns_ = BeliefColumns(flows_[0], f(), columns);
   motion_.flow = &flows_[0];
-  set_start();
+  set_start(uncertainty_, now_);
   go_on(t);
-}
-
-void LinearFilter::set_start() {
-  now_.columns = 2 * f();
-  now_.S_q.leftCols(now_.columns).setZero();
-  now_.S_u.leftCols(now_.columns).setZero();
-  now_.S_q.leftCols(f()) = uncertainty_.q;
-  now_.S_u.middleCols(f(), f()) = uncertainty_.u;
 }
 
 // The mean goes on from t with all closed contacts locked at g = 0 that can be.
@@ -88,8 +74,8 @@ void LinearFilter::follow(std::span<const ContactEvent> of_one_instant) {
   const double tau = t - motion_.t;
   previous_ = motion_;
   motion_.flow->propagate(motion_, t, motion_);
-  move(*motion_.flow, tau);
-  if (tau > 0.0) add_drift(tau);
+  columns_.move(*motion_.flow, tau, now_);
+  if (tau > 0.0) add_drift(uncertainty_, tau, now_);
   motion_.flow->state(motion_, now_.q, now_.u);
 
   const ContactSet before = motion_.flow->locked();
@@ -119,18 +105,18 @@ void LinearFilter::follow(std::span<const ContactEvent> of_one_instant) {
   }
   drop_redundant(before & chi_);
   inside_ &= ~leaving;
-  if (leaving != 0) set_start();  // what happened until then is not in the model
+  if (leaving != 0) set_start(uncertainty_, now_);  // what happened until then is not in the model
   if (closings_.empty()) {
     for_each(before & ~chi_, [&](int contact) { measure_release(contact); });
   } else {
     measure_closings();
     reset(before & chi_, before & ~chi_);
   }
-  merge_columns();
-  if (!is_sane()) {  // as if the machine were started now
+  columns_.merge(now_);
+  if (!is_sane(now_)) {  // as if the machine were started now
     now_.q = start_.q;
     now_.u = start_.u;
-    set_start();
+    set_start(uncertainty_, now_);
   }
   go_on(t);
 }
@@ -147,49 +133,6 @@ double LinearFilter::inside(int contact) const {
     if (value(flow.gap(contact), sample) < 0.0) ++negative;
   }
   return static_cast<double>(negative) / samples;
-}
-
-void LinearFilter::move(const Flow& flow, double tau) {
-  if (!(tau > 0.0)) return;
-  const Eigen::Index n = flow.modes();
-  const Eigen::Index nf = flow.frequencies();
-  const Eigen::Index c = now_.columns;
-  auto q = now_.S_q.leftCols(c);
-  auto u = now_.S_u.leftCols(c);
-  auto z = z_.topLeftCorner(n, c);
-  auto v = v_.topLeftCorner(n, c);
-  flow.enter_differences(q, u, z, v);
-  flow.oscillators().propagate(unit_z_, no_alpha_, tau, nf, n, from_z_);
-  flow.oscillators().propagate(unit_v_, no_alpha_, tau, nf, n, from_v_);
-  for (Eigen::Index k = 0; k < c; ++k) {
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double z_k = z(i, k);
-      z(i, k) = from_z_.z[nf + i] * z_k + from_v_.z[nf + i] * v(i, k);
-      v(i, k) = from_z_.v[nf + i] * z_k + from_v_.v[nf + i] * v(i, k);
-    }
-  }
-  flow.state_differences(z, v, q, u);
-}
-
-void LinearFilter::add_drift(double tau) {
-  const auto add = [&](const Eigen::MatrixXd& drift, Eigen::MatrixXd& to, Eigen::MatrixXd& other) {
-    to.middleCols(now_.columns, drift.cols()) = std::sqrt(tau) * drift;
-    other.middleCols(now_.columns, drift.cols()).setZero();
-    now_.columns += drift.cols();
-  };
-  if (uncertainty_.drift_q.size() == 0) return;
-  add(uncertainty_.drift_q, now_.S_q, now_.S_u);
-  add(uncertainty_.drift_u, now_.S_u, now_.S_q);
-}
-
-// Whether mean and covariance are numbers that can be gone on with.
-bool LinearFilter::is_sane() const {
-  constexpr double largest = 1e100;
-  const Eigen::Index c = now_.columns;
-  return now_.q.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.u.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.S_q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
-         now_.S_u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest;
 }
 
 ContactSet LinearFilter::closing() const {
@@ -465,33 +408,6 @@ void LinearFilter::add_effect(Eigen::Index row, const Eigen::VectorXd& on_q,
     now_.S_q.col(j) += event_(row, j) * on_q;
     now_.S_u.col(j) += event_(row, j) * on_u;
   }
-}
-
-// Householder reflections of S^T leave P = S S^T as it is and all but 2 f columns zero.
-void LinearFilter::merge_columns() {
-  const Eigen::Index c = now_.columns;
-  const Eigen::Index n = 2 * f();
-  if (c <= 4 * f()) return;
-  auto R = merged_.topRows(c);
-  R.leftCols(f()) = now_.S_q.leftCols(c).transpose();
-  R.rightCols(f()) = now_.S_u.leftCols(c).transpose();
-  for (Eigen::Index k = 0; k < n; ++k) {
-    auto x = R.col(k).tail(c - k);
-    const double norm = x.norm();
-    if (norm == 0.0) continue;
-    const double head = x[0] > 0.0 ? -norm : norm;
-    x[0] -= head;  // the reflection's vector, in place
-    const double factor = 2.0 / x.squaredNorm();
-    for (Eigen::Index j = k + 1; j < n; ++j) {
-      auto y = R.col(j).tail(c - k);
-      y -= factor * x.dot(y) * x;
-    }
-    x.setZero();
-    x[0] = head;
-  }
-  now_.columns = n;
-  now_.S_q.leftCols(n) = R.topLeftCorner(n, f()).transpose();
-  now_.S_u.leftCols(n) = R.topRightCorner(n, f()).transpose();
 }
 
 }  // namespace sprag

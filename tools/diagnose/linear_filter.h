@@ -72,12 +72,7 @@ class LinearFilter {
 
   const Dynamics& dynamics() const { return flows_.dynamics(); }
   Eigen::Index f() const { return dynamics().coordinates(); }
-  void set_start();
   void go_on(Instant t);
-  void move(const Flow& flow, double tau);
-  void add_drift(double tau);
-  bool is_sane() const;
-  void merge_columns();
 
   // An instant with events.
   void drop_redundant(ContactSet held);
@@ -99,7 +94,8 @@ class LinearFilter {
 
   ContactSet chi_;
   ContactSet inside_ = 0;  // closed since t = 0: the machine may have started inside the support
-  Belief now_;             // at the last instant
+  BeliefColumns columns_;
+  Belief now_;  // at the last instant
   Motion motion_;
   Motion previous_;  // as it went on from the instant before
   ExpectedClosing expected_;
@@ -114,10 +110,7 @@ class LinearFilter {
   Eigen::VectorXd phi_;         // what a measurement sees of each column
   Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
   Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
   Eigen::VectorXd no_gaps_;
-  Eigen::MatrixXd merged_;  // columns x 2 f
 };
 
 }  // namespace sprag
