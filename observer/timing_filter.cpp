@@ -21,6 +21,8 @@ constexpr double deviations_to_expect = 4.0;
 constexpr double most_square = 49.0;
 constexpr double looks_a_period = 16.0;
 constexpr double growth_of_looks = 0.25;
+// What is published looks at so many of the last reports again.
+constexpr std::int64_t most_unsettled = 4;
 
 }  // namespace
 
@@ -121,7 +123,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.consistency = {};
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
-  state.report = {};
+  report_ = {};
   start_ = start;
   now_.q = start.q;
   now_.u = start.u;
@@ -164,7 +166,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
   now_.q = q;
   now_.u = u;
   state.consistency = {};
-  state.report = {};
+  report_ = {};
   go_on(state);
 }
 
@@ -185,6 +187,7 @@ void TimingFilter::go_on(TimingState& state) {
   const ContactSet kept = state.motion.flow->locked() & closed;
   enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   S.mean = state.motion;
+  S.report = report_;
 }
 
 // The mean goes on from t with these contacts locked at g = 0.
@@ -293,27 +296,41 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
   }
 }
 
+// What the last reports say of t, in `now_` and `published_`: what they are about may have happened
+// by then, or not, and not in their order. False where there are none.
+bool TimingFilter::take_so_far(const TimingState& state, Instant t) {
+  std::int64_t first = state.instants;
+  while (first > 0 && state.instants - first < most_unsettled) {
+    const Covariance& last = slot(first);
+    const Covariance& before = slot(first - 1);
+    const bool kept = last.instants == first && before.instants == first - 1;
+    if (!kept || last.report.kind == Report::Kind::none) break;
+    if (!(t - last.mean.t < unknown_time_->latest()) || last.mean.t - before.mean.t < 0.0) break;
+    --first;
+  }
+  if (first == state.instants) return false;
+  load(slot(first), t);
+  slot(first).mean.flow->propagate(slot(first).mean, t, published_);
+  while (first < state.instants) {
+    const Covariance& next = slot(++first);
+    published_.flow->state(published_, now_.q, now_.u);
+    UnknownTime::Innovation innovation;
+    if (!unknown_time_->take(next.report, published_, state.terms, t - next.mean.t, true, now_,
+                             innovation)) {
+      return false;
+    }
+    columns_.merge(now_);
+    const Flow& flow = *next.mean.flow;
+    flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+  }
+  return true;
+}
+
 // Around an event that jitters: the expectation over what may have happened by the present tick,
 // in `now_`. False where there is nothing of the kind.
 bool TimingFilter::publish(const TimingState& state) {
   const Instant t = tick_instant(state.tick, h_);
-  const double since = t - state.covariance_time;
-  bool near = false;
-  if (state.report.kind != Report::Kind::none && since < unknown_time_->latest()) {
-    const Covariance& from = slot(state.instants - 1);
-    if (from.instants == state.instants - 1 && from.mean.t.hi <= state.covariance_time.hi) {
-      load(from, t);
-      from.mean.flow->propagate(from.mean, t, published_);
-      published_.flow->state(published_, now_.q, now_.u);
-      UnknownTime::Innovation innovation;
-      near =
-          unknown_time_->take(state.report, published_, state.terms, since, true, now_, innovation);
-      if (near) {
-        const Flow& flow = *state.motion.flow;
-        flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
-      }
-    }
-  }
+  bool near = take_so_far(state, t);
   if (!near) {
     load(state, t);
     published_ = state.motion;
@@ -345,14 +362,15 @@ Report TimingFilter::next_due(const TimingState& state, const Motion& motion, Co
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
     if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
-    if (unknown_time_ && motion.t.hi - state.last_report[i] < unknown_time_->latest()) continue;
     if (held && !unknown_time_) continue;
+    // What was reported a moment ago may not have happened yet; but what is beyond doubt is more.
+    const bool fresh = unknown_time_ && motion.t.hi - state.last_report[i] < unknown_time_->latest();
     const Report due{held ? Report::Kind::releases : Report::Kind::pulse, i, locked & ~bit(i)};
     const double margin = unknown_time_
                               ? unknown_time_->margin(due, motion, state.terms, now_)
                               : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
-    if (!(margin < least)) continue;
-    least = margin;
+    if (!(margin < (fresh ? -deviations_to_expect : least))) continue;
+    least = std::min(least, margin);
     nearest = due;
   }
   return nearest;
@@ -398,7 +416,12 @@ Silence TimingFilter::overdue(const TimingState& state, Instant t) {
   if (!suspect) return {};
   load(from, t);
   sample_.flow->state(sample_, now_.q, now_.u);
-  const Report due = next_due(state, sample_, 0);
+  // What was reported a moment ago may be still to come: the mean goes on from behind it.
+  ContactSet fresh = 0;
+  for (int i = 0; i < flows_->dynamics().contacts() && unknown_time_; ++i) {
+    if (t.hi - state.last_report[i] < unknown_time_->latest()) fresh |= bit(i);
+  }
+  const Report due = next_due(state, sample_, fresh);
   if (due.kind == Report::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)

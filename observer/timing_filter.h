@@ -84,7 +84,6 @@ struct TimingState {
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
   Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
-  Report report;                 ///< the last instant's event
   Innovation innovation;
   Consistency consistency;
   Terms terms;  ///< the largest so far
@@ -168,6 +167,7 @@ class TimingFilter {
     Eigen::Index columns = 0;
     Eigen::MatrixXd S_q, S_u;  // S, f rows each
     Motion mean;               // as it goes on from there
+    Report report;             // the event that led to it, where events jitter
   };
   struct Closing {
     int contact;
@@ -208,6 +208,7 @@ class TimingFilter {
 
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
+  bool take_so_far(const TimingState& state, Instant t);
   Report next_due(const TimingState& state, const Motion& motion, ContactSet heard);
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);
@@ -228,6 +229,7 @@ class TimingFilter {
 
   // Scratch of an instant.
   Belief now_;
+  Report report_;
   BeliefColumns columns_;
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_q_, on_u_, difference_q_,
       difference_u_;

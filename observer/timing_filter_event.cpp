@@ -47,7 +47,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     state.consistency = {};
   }
   state.consistency.largest = 0.0;
-  state.report = {};
+  report_ = {};
   ContactSet leaving = 0;
   for (const ContactEvent& event : events) {
     if (event.kind == ContactEventKind::closes && event.t == 0.0)
@@ -170,7 +170,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   }
   add_time_rounding(state);
   columns_.merge(now_);
-  state.report = report;
+  report_ = report;
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};

@@ -20,6 +20,9 @@ constexpr double scan_reach = 4.5;
 // What is narrower than so many of its steps is looked at more closely.
 constexpr double resolved = 1.2;
 constexpr double closer = 1.5;
+constexpr int bisections = 40;
+// From one node to the best place beside it, the exponent falls by less.
+constexpr double nearly_least = 4.0;
 // The hypotheses themselves: +- so many deviations of what the look has found.
 constexpr double node_reach = 5.0;
 constexpr double node_density = 5.2;
@@ -178,30 +181,45 @@ UnknownTime::Sight UnknownTime::see(Report::Kind kind, double age) {
 double UnknownTime::log_prior(double age) const { return -0.5 * square((age - delay_) / sigma_); }
 
 // log of the weight of a reported event's age. Remembers how well the best one fits.
-double UnknownTime::weigh(Report::Kind kind, double age) {
-  const Sight sight = see(kind, age);
+double UnknownTime::weigh(const Sight& sight, double age) {
   const double weight = sight.log_weight + log_prior(age);
   if (weight > best_weight_) {
     best_weight_ = weight;
-    // The least of age^2 / sigma^2 + g^2 / s^2 as if g were linear.
-    innovation_.square =
-        square(sight.value + sight.rate * age) / (sight.s2 + square(sight.rate * sigma_));
+    // The least of tau^2 / sigma^2 + g^2 / s^2 as if g were linear; what is further away is not.
+    const double tau = age - delay_;
+    const double here = square(tau / sigma_) + square(sight.value) / sight.s2;
+    const double least =
+        square(sight.value + sight.rate * tau) / (sight.s2 + square(sight.rate * sigma_));
+    innovation_.square = here - least < nearly_least ? least : here;
   }
   return weight;
+}
+
+// Where the signal is zero, between two ages where it is not of one sign.
+double UnknownTime::find_zero(Report::Kind kind, double low, double high, double at_low) {
+  for (int i = 0; i < bisections; ++i) {
+    const double middle = 0.5 * (low + high);
+    const double at_middle = see(kind, middle).value;
+    ((at_middle < 0.0) == (at_low < 0.0) ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
 }
 
 UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
   double low = delay_ - scan_reach * sigma_;
   double high = delay_ + scan_reach * sigma_;
   double mean = 0.0;
+  bool first_scan = true;
   double deviation = 0.0;  // NOLINT(clang-analyzer-deadcode.DeadStores): g++ warns without
   const double least_step = 16.0 * std::numeric_limits<double>::epsilon() * motion_->t.hi;
   while (true) {
     const double step = (high - low) / (scan_nodes - 1);
-    double weights[scan_nodes];
+    double weights[scan_nodes], values[scan_nodes];
     int best = 0;
     for (int i = 0; i < scan_nodes; ++i) {
-      weights[i] = weigh(kind, low + i * step);
+      const Sight sight = see(kind, low + i * step);
+      values[i] = sight.value;
+      weights[i] = weigh(sight, low + i * step);
       if (!(weights[i] <= weights[best]) && weights[i] > -infinity) best = i;
     }
     double sum = 0.0, first = 0.0, second = 0.0;
@@ -231,13 +249,24 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
         mean = age;
         break;
       }
-      const double risen = weigh(kind, next);
+      const double risen = weigh(see(kind, next), next);
       if (!(risen > weight)) break;
       weight = risen;
       age = next;
     }
     if (found) break;
-    const double around = low + best * step;
+    // Or where it is zero: what is not known so well elsewhere may seem to be the best of the nodes.
+    double around = low + best * step;
+    weight = weights[best];
+    for (int i = 1; i < scan_nodes && first_scan; ++i) {
+      if ((values[i - 1] < 0.0) == (values[i] < 0.0)) continue;
+      const double zero = find_zero(kind, low + (i - 1) * step, low + i * step, values[i - 1]);
+      const double risen = weigh(see(kind, zero), zero);
+      if (!(risen > weight)) continue;
+      weight = risen;
+      around = zero;
+    }
+    first_scan = false;
     low = around - closer * step;
     high = around + closer * step;
   }
@@ -249,7 +278,8 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
     double highest = -infinity;
     double weights[EventMixture::capacity];
     for (int i = 0; i < nodes.count; ++i) {
-      weights[i] = weigh(kind, nodes.first + i * nodes.step);
+      const double age = nodes.first + i * nodes.step;
+      weights[i] = weigh(see(kind, age), age);
       if (weights[i] > highest) highest = weights[i];
     }
     for (int i = 0; i < nodes.count; ++i) {

@@ -77,7 +77,8 @@ class UnknownTime {
   void go_back(double age);
   Sight see(Report::Kind kind, double age);
   double log_prior(double age) const;
-  double weigh(Report::Kind kind, double age);
+  double weigh(const Sight& sight, double age);
+  double find_zero(Report::Kind kind, double low, double high, double at_low);
   Nodes find_nodes(Report::Kind kind);
   Nodes nodes_about(double mean, double deviation) const;
   void set_impact(const Report& report);
