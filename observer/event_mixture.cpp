@@ -85,14 +85,14 @@ void EventMixture::begin(Eigen::Index columns) {
 
 void EventMixture::add(const Hypothesis& hypothesis) { hypotheses_[size_++] = hypothesis; }
 
-double EventMixture::log_total() const {
+double EventMixture::log_total_of_first(int count) const {
   double largest = -std::numeric_limits<double>::infinity();
-  for (int j = 0; j < size_; ++j) {
+  for (int j = 0; j < count; ++j) {
     if (hypotheses_[j].log_weight > largest) largest = hypotheses_[j].log_weight;
   }
   if (!std::isfinite(largest)) return -std::numeric_limits<double>::infinity();
   double sum = 0.0;
-  for (int j = 0; j < size_; ++j) {
+  for (int j = 0; j < count; ++j) {
     const double weight = std::exp(hypotheses_[j].log_weight - largest);
     if (weight > 0.0) sum += weight;
   }

@@ -66,7 +66,8 @@ class EventMixture {
   auto b_u() { return b_u_.col(size_ - 1); }
 
   /// log of the sum of all weights; minus infinity where there is none.
-  double log_total() const;
+  double log_total() const { return log_total_of_first(size_); }
+  double log_total_of_first(int count) const;
 
   /// Moves the mean (q, u) and replaces S = (S_q, S_u), of begin()'s columns, by a square root of
   /// the mixture's covariance; `S_q` and `S_u` have room for added_columns() more. Returns the new

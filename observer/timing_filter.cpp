@@ -23,6 +23,7 @@ constexpr double looks_a_period = 16.0;
 constexpr double growth_of_looks = 0.25;
 // What is published looks at so many of the last reports again.
 constexpr std::int64_t most_unsettled = 4;
+constexpr double as_good_as_over = 1e-6;  // probability that it is not
 
 }  // namespace
 
@@ -297,8 +298,9 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
 }
 
 // What the last reports say of t, in `now_` and `published_`: what they are about may have happened
-// by then, or not, and not in their order. False where there are none.
-bool TimingFilter::take_so_far(const TimingState& state, Instant t) {
+// by then, or not, and not in their order. Contacts for which it certainly has leave `unsettled`.
+// False where there are none.
+bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& unsettled) {
   std::int64_t first = state.instants;
   while (first > 0 && state.instants - first < most_unsettled) {
     const Covariance& last = slot(first);
@@ -320,6 +322,11 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t) {
       return false;
     }
     columns_.merge(now_);
+    if (innovation.to_come < as_good_as_over) {
+      unsettled &= ~bit(next.report.contact);
+    } else {
+      unsettled |= bit(next.report.contact);
+    }
     const Flow& flow = *next.mean.flow;
     flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
   }
@@ -330,7 +337,8 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t) {
 // in `now_`. False where there is nothing of the kind.
 bool TimingFilter::publish(const TimingState& state) {
   const Instant t = tick_instant(state.tick, h_);
-  bool near = take_so_far(state, t);
+  ContactSet unsettled = recently_reported(state, t);
+  bool near = take_so_far(state, t, unsettled);
   if (!near) {
     load(state, t);
     published_ = state.motion;
@@ -339,8 +347,8 @@ bool TimingFilter::publish(const TimingState& state) {
   }
   // Several contacts may have met or left their supports.
   ContactSet heard = 0;
-  for (Report due = next_due(state, published_, heard); due.kind != Report::Kind::none;
-       due = next_due(state, published_, heard)) {
+  for (Report due = next_due(state, published_, heard, unsettled); due.kind != Report::Kind::none;
+       due = next_due(state, published_, heard, unsettled)) {
     heard |= bit(due.contact);
     unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
     if (due.kind == Report::Kind::pulse) {
@@ -353,9 +361,19 @@ bool TimingFilter::publish(const TimingState& state) {
   return near && is_sane(now_);
 }
 
-// What is most likely to be reported next of any contact but `heard`, if anything is. `now_` is at
-// the motion's time.
-Report TimingFilter::next_due(const TimingState& state, const Motion& motion, ContactSet heard) {
+// Contacts whose last reports may be of what is still to come.
+ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) const {
+  ContactSet recently = 0;
+  for (int i = 0; i < flows_->dynamics().contacts() && unknown_time_; ++i) {
+    if (t.hi - state.last_report[i] < unknown_time_->latest()) recently |= bit(i);
+  }
+  return recently;
+}
+
+// What is most likely to be reported next of any contact but `heard`, if anything is; of those of
+// `unsettled` only what is beyond doubt. `now_` is at the motion's time.
+Report TimingFilter::next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+                              ContactSet unsettled) {
   Report nearest;
   double least = deviations_to_expect;
   const ContactSet locked = motion.flow->locked();
@@ -363,14 +381,13 @@ Report TimingFilter::next_due(const TimingState& state, const Motion& motion, Co
     const bool held = contains(locked, i);
     if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
     if (held && !unknown_time_) continue;
-    // What was reported a moment ago may not have happened yet; but what is beyond doubt is more.
-    const bool fresh = unknown_time_ && motion.t.hi - state.last_report[i] < unknown_time_->latest();
     const Report due{held ? Report::Kind::releases : Report::Kind::pulse, i, locked & ~bit(i)};
     const double margin = unknown_time_
                               ? unknown_time_->margin(due, motion, state.terms, now_)
                               : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
-    if (!(margin < (fresh ? -deviations_to_expect : least))) continue;
-    least = std::min(least, margin);
+    if (contains(unsettled, i) && !(margin < -deviations_to_expect)) continue;
+    if (!(margin < least)) continue;
+    least = margin;
     nearest = due;
   }
   return nearest;
@@ -416,12 +433,8 @@ Silence TimingFilter::overdue(const TimingState& state, Instant t) {
   if (!suspect) return {};
   load(from, t);
   sample_.flow->state(sample_, now_.q, now_.u);
-  // What was reported a moment ago may be still to come: the mean goes on from behind it.
-  ContactSet fresh = 0;
-  for (int i = 0; i < flows_->dynamics().contacts() && unknown_time_; ++i) {
-    if (t.hi - state.last_report[i] < unknown_time_->latest()) fresh |= bit(i);
-  }
-  const Report due = next_due(state, sample_, fresh);
+  // The mean goes on from behind what was reported, even where that is still to come.
+  const Report due = next_due(state, sample_, recently_reported(state, t), 0);
   if (due.kind == Report::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)

@@ -208,8 +208,10 @@ class TimingFilter {
 
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
-  bool take_so_far(const TimingState& state, Instant t);
-  Report next_due(const TimingState& state, const Motion& motion, ContactSet heard);
+  bool take_so_far(const TimingState& state, Instant t, ContactSet& unsettled);
+  Report next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+                  ContactSet unsettled);
+  ContactSet recently_reported(const TimingState& state, Instant t) const;
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);
   Silence overdue(const TimingState& state, Instant t);

@@ -466,10 +466,11 @@ bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& 
   look_for(report, motion, terms, belief);
   mixture_.begin(columns_);
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
+  Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
+              burst_nodes};
   if (report.kind == Report::Kind::burst) {
-    const double step = 2.0 * burst_reach * sigma_ / (burst_nodes - 1);
-    for (int i = 0; i < burst_nodes; ++i) {
-      const double age = delay_ - burst_reach * sigma_ + i * step;
+    for (int i = 0; i < nodes.count; ++i) {
+      const double age = nodes.first + i * nodes.step;
       add_burst(report, age, has_happened(age));
     }
   } else {
@@ -478,7 +479,7 @@ bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& 
       rate_noise_ = chatter * std::abs(second_rate(*signal_, motion)) + rate_rounding_;
     }
     const Sight reported = see(report.kind, delay_);
-    const Nodes nodes = find_nodes(report.kind);
+    nodes = find_nodes(report.kind);
     innovation_.gap = reported.value;
     innovation_.deviation = std::sqrt(reported.s2 + square(reported.rate * sigma_));
     innovation_.measured = true;
@@ -487,6 +488,9 @@ bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& 
       add(report, age, log_prior(age), has_happened(age));
     }
   }
+  int first_over = 0;
+  while (first_over < nodes.count && nodes.first + first_over * nodes.step < 0.0) ++first_over;
+  innovation_.to_come = std::exp(mixture_.log_total_of_first(first_over) - mixture_.log_total());
   innovation = innovation_;
   const Eigen::Index columns = mixture_.collapse(belief.q, belief.u, belief.S_q, belief.S_u);
   if (columns > 0) belief.columns = columns;

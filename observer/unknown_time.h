@@ -35,6 +35,7 @@ class UnknownTime {
     double square = 0.0;                ///< chi^2 of one degree of freedom
     double gap = 0.0, deviation = 0.0;  ///< at the reported time
     bool measured = false;
+    double to_come = 0.0;  ///< probability that it has not happened by the time of the motion
   };
 
   /// Conditions a belief on a report that came `delay` before `motion`, and takes the event. The
