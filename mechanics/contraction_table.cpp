@@ -1,6 +1,5 @@
 #include "mechanics/contraction_table.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,8 +9,6 @@
 
 namespace sprag {
 namespace {
-
-using modal::MatrixR;
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
@@ -56,9 +53,8 @@ struct Propagator {
   /// Upper bound on the norm of the exact one.
   double norm() const {
     const double n = static_cast<double>(E.rows());
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(E.transpose() * E,
-                                                                Eigen::EigenvaluesOnly);
-    const double square = solver.eigenvalues()[E.rows() - 1] + 8.0 * n * epsilon * E.squaredNorm();
+    const double largest = eigenvalues(E.transpose() * E)[E.rows() - 1];
+    const double square = largest + 8.0 * n * epsilon * E.squaredNorm();
     return std::sqrt(square) + error;
   }
 
@@ -87,15 +83,14 @@ Eigen::MatrixXd in_energy(const Eigen::VectorXd& omega, const Eigen::MatrixXd& C
 
 ContractionTable::ContractionTable(const Model& model) {
   const Eigen::Index f = model.coordinates();
-  const MatrixR B = modal::constrained_basis(model.M.cast<modal::Real>(), MatrixR(f, 0), {});
-  const Eigen::SelfAdjointEigenSolver<MatrixR> modes(B.transpose() * model.K.cast<modal::Real>() *
-                                                     B);
-  modal::VectorR kappa = modes.eigenvalues().cwiseMax(modal::Real(0));
+  const MatrixR B = modal::constrained_basis(model.M.cast<Extended>(), MatrixR(f, 0), {});
+  const auto [values, vectors] = eigenpairs(congruent(B, model.K.cast<Extended>()));
+  VectorR kappa = values.cwiseMax(Extended(0));
   // What the energy takes for a rigid motion, rounding apart.
   kappa.head((natural_modes(model).stiffness.array() == 0.0).count()).setZero();
-  const MatrixR Phi = B * modes.eigenvectors();
+  const MatrixR Phi = product(B, vectors);
   const Eigen::VectorXd omega = kappa.cwiseSqrt().cast<double>();
-  const MatrixR damping = Phi.transpose() * model.C.cast<modal::Real>() * Phi;
+  const MatrixR damping = congruent(Phi, model.C.cast<Extended>());
   const Eigen::MatrixXd C = (0.5L * (damping + damping.transpose())).cast<double>();
   omega_max_ = omega.maxCoeff();
   damping_ = C.norm();

@@ -1,8 +1,8 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <complex>
 
 #include "mechanics/flow.h"
+#include "mechanics/linear_algebra.h"
 #include "mechanics/scale.h"
 
 namespace sprag {
@@ -104,8 +104,8 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     MinvW_ = model_.M.diagonal().cwiseInverse().asDiagonal() * W_;
   } else {
     const double unit = power_of_two_above(model_.M.cwiseAbs().maxCoeff());
-    const Eigen::LLT<Eigen::MatrixXd> factor(model_.M / unit);
-    if (factor.info() != Eigen::Success) throw ModelError("M must be positive definite");
+    const CholeskyFactor factor(model_.M / unit);
+    if (!factor.exists()) throw ModelError("M must be positive definite");
     MinvW_ = factor.solve(W_) / unit;
   }
   G_ = W_.transpose() * MinvW_;

@@ -1,10 +1,9 @@
 #include "mechanics/energy.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <limits>
 #include <utility>
 
+#include "mechanics/linear_algebra.h"
 #include "mechanics/scale.h"
 
 namespace sprag {
@@ -34,17 +33,15 @@ NaturalModes natural_modes(const Model& model) {
   }
   const double unit = power_of_two_above(model.M.cwiseAbs().maxCoeff());
   const Eigen::MatrixXd M = model.M / unit;
-  if (M.llt().info() != Eigen::Success) throw ModelError("M is not positive definite");
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(model.K / unit, M);
-  if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
+  if (!CholeskyFactor(M).exists()) throw ModelError("M is not positive definite");
+  const auto [values, vectors] = eigenpairs(model.K / unit, M);
   const Eigen::Index f = model.M.rows();
   // Rounding gives a rigid motion a stiffness, of either sign, that its displacement squared would
   // make visible.
   const double rounding = static_cast<double>(f) * std::numeric_limits<double>::epsilon() *
-                          solver.eigenvalues().cwiseAbs().maxCoeff();
-  return {solver.eigenvectors(), Eigen::VectorXd::Constant(f, unit),
-          unit * (solver.eigenvalues().array() > rounding).select(solver.eigenvalues(), 0.0),
-          false};
+                          values.cwiseAbs().maxCoeff();
+  return {vectors, Eigen::VectorXd::Constant(f, unit),
+          unit * (values.array() > rounding).select(values, 0.0), false};
 }
 
 ErrorEnergy::ErrorEnergy(const Model& model) {

@@ -9,7 +9,8 @@
 namespace sprag {
 
 /// Undamped modes K Phi = M Phi diag(stiffness / mass), Phi^T M Phi = diag(mass): by ascending
-/// frequency, with one mass for all, a power of two; where M and K are diagonal the coordinates themselves.
+/// frequency, with one mass for all, a power of two; where M and K are diagonal the coordinates
+/// themselves.
 struct NaturalModes {
   Eigen::MatrixXd Phi;              ///< f x f
   Eigen::VectorXd mass, stiffness;  ///< f entries; a rigid motion has stiffness 0 exactly

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "mechanics/impact_law.h"
+#include "mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -120,10 +121,8 @@ ErrorBound::ErrorBound(const Flows& flows)
         free.path() == FlowPath::modal ? static_cast<double>(free.modes()) * epsilon_machine : 0.0;
     rigid_ = std::sqrt(noise) * omega_max_;
   }
-  const Eigen::LLT<Eigen::MatrixXd> M(dynamics.model().M);
-  const auto in_energy = [&](const Eigen::VectorXd& force) {
-    return M.matrixL().solve(force).norm();
-  };
+  const CholeskyFactor M(dynamics.model().M);
+  const auto in_energy = [&](const Eigen::VectorXd& force) { return M.solve_L(force).norm(); };
   force_ = in_energy(dynamics.force_constant());
   for (Eigen::Index j = 0; j < dynamics.frequencies().size(); ++j) {
     force_ += in_energy(dynamics.force_amplitudes().col(j).cwiseAbs());

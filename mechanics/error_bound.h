@@ -19,8 +19,9 @@
 // zero with V. Where one closes and all stay closed the master takes no impulse, and d = 0: an
 // impact that gains no energy does not lead away from a machine that takes none.
 //
-// r: what rounding of states and event times can add, and the master's tolerances: what hardly parts
-// and is pulled to rest, the gap of what it completes or takes for a touch. Estimated, generously.
+// r: what rounding of states and event times can add, and the master's tolerances: what hardly
+// parts and is pulled to rest, the gap of what it completes or takes for a touch. Estimated,
+// generously.
 //
 // The events must be exact and all known, and the law one that expands nothing: guaranteed() says
 // whether the machine's is.

@@ -47,11 +47,6 @@ MatrixR diagonal_of(const MatrixR& B, const MatrixR& A) {
   return VectorR(B.cwiseProduct(product(A, B)).colwise().sum().transpose()).asDiagonal();
 }
 
-// B^T A B.
-MatrixR congruent(const MatrixR& B, const MatrixR& A) {
-  return product(B.transpose(), product(A, B));
-}
-
 }  // namespace
 
 Flow::Flow(const Dynamics& dynamics, ContactSet locked)

@@ -168,8 +168,8 @@ class Flow {
   struct Nullspace;
   void build_modal(const Nullspace& space);
   void build_dense(const Nullspace& space);
-  void set_bank(const modal::VectorR& delta, const modal::VectorR& kappa,
-                const modal::MatrixR& alpha, const modal::MatrixCR& drive);
+  void set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha,
+                const MatrixCR& drive);
   void build_signals();
   Signal tied_gap_velocity(int contact) const;
 
@@ -189,7 +189,7 @@ class Flow {
     Eigen::VectorXd constant;
     Eigen::MatrixXd held, cos, sin;
   };
-  Forced forced(const modal::MatrixR& push, const modal::MatrixCR& harmonics) const;
+  Forced forced(const MatrixR& push, const MatrixCR& harmonics) const;
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
 

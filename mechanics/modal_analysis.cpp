@@ -1,6 +1,5 @@
 #include "mechanics/modal_analysis.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -30,16 +29,6 @@ Real largest_off_diagonal(const MatrixR& A) {
     }
   }
   return largest;
-}
-
-// V^T A V.
-MatrixR congruent(const MatrixR& V, const MatrixR& A) {
-  return product(product(V.transpose(), A), V);
-}
-
-// Those of a symmetric matrix, as columns of length 1.
-MatrixR eigenvectors(const MatrixR& A) {
-  return Eigen::SelfAdjointEigenSolver<MatrixR>(A).eigenvectors();
 }
 
 // The real Schur form A = U S U^T. Its diagonal blocks, of order 1 and 2, hold the eigenvalues.
@@ -217,33 +206,21 @@ std::vector<std::vector<std::size_t>> real_pairs(const SchurForm& schur, const V
 
 }  // namespace
 
-MatrixR product(const MatrixR& A, const MatrixR& B) {
-  if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * B;
-  return A * B;
-}
-
-MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) { return A.cast<Complex>() * B; }
-
-MatrixR inverse(const MatrixR& A) { return A.inverse(); }
-
-MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
-  return Eigen::LLT<MatrixR>(M).solve(B);
-}
-
 MatrixR constrained_basis(const MatrixR& M, const MatrixR& W, const std::vector<int>& locked) {
   const Eigen::Index f = M.rows();
-  const Eigen::LLT<MatrixR> factor(M);
+  const MatrixR L = cholesky_factor(M);
+  const auto U = L.triangularView<Eigen::Lower>().transpose();
   if (W.cols() == 0) {
-    return factor.matrixU().solve(MatrixR::Identity(f, f));
+    return U.solve(MatrixR::Identity(f, f));
   }
-  const MatrixR W_hat = factor.matrixL().solve(W);
-  Eigen::ColPivHouseholderQR<MatrixR> qr(W_hat);
-  qr.setThreshold(1e-12L);
-  if (qr.rank() < W.cols()) {
+  const MatrixR W_hat = L.triangularView<Eigen::Lower>().solve(W);
+  const Eigen::HouseholderQR<MatrixR> qr(W_hat);
+  const auto apart = qr.matrixQR().diagonal().cwiseAbs().transpose();
+  if (W.cols() > f || (apart.array() <= 1e-12L * W_hat.colwise().norm().array()).any()) {
     throw ModelError("contacts " + names(locked) + " have linearly dependent directions w");
   }
   const MatrixR Q = qr.householderQ();
-  return factor.matrixU().solve(Q.rightCols(f - W.cols()));
+  return U.solve(Q.rightCols(f - W.cols()));
 }
 
 bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
@@ -255,7 +232,7 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
   const auto diagonal = [&](const MatrixR& A) {
     return largest_off_diagonal(congruent(V, A)) <= tolerance * A.norm();
   };
-  V = eigenvectors(K);
+  V = eigenpairs(K).vectors;
   // Damping in proportion to the mass is diagonal in any basis.
   const Real shared = C.trace() / static_cast<Real>(C.rows());
   const MatrixR rest = C - shared * MatrixR::Identity(C.rows(), C.cols());
@@ -263,7 +240,7 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
   // Repeated eigenvalues of K leave V undetermined; a generic combination settles it.
   const Real scale_K = std::max(K.norm(), std::numeric_limits<Real>::min());
   const Real scale_C = std::max(C.norm(), std::numeric_limits<Real>::min());
-  V = eigenvectors(K / scale_K + 0.6180339887498949L * C / scale_C);
+  V = eigenpairs(K / scale_K + 0.6180339887498949L * C / scale_C).vectors;
   return diagonal(C) && diagonal(K);
 }
 
@@ -276,15 +253,13 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   const Eigen::Index r = K.rows();
   // In the modes of K and with energies of one unit, x = (D eta, eta'), D the frequencies: the
   // modes of a stiff machine keep their digits, and those of a lightly damped one are orthogonal.
-  const Eigen::SelfAdjointEigenSolver<MatrixR> stiffness(K);
-  MatrixR V = stiffness.eigenvectors();
-  VectorR Lambda = stiffness.eigenvalues();
+  auto [Lambda, V] = eigenpairs(K);
   drop_noise(Lambda);
   const auto rigid = (Lambda.array() == 0).count();
   if (rigid > 1) {
     // Rigid motions that damping hardly couples: position and velocity of one, not of two.
     const MatrixR N = V.leftCols(rigid);
-    V.leftCols(rigid) = product(N, eigenvectors(congruent(N, C_hat)));
+    V.leftCols(rigid) = product(N, eigenpairs(congruent(N, C_hat)).vectors);
   }
   const MatrixR C = congruent(V, C_hat);
   VectorR D = Lambda.cwiseSqrt();
@@ -328,18 +303,18 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
     modes.R.col(i) /= scale;
   }
 
+  MatrixR to_x = MatrixR::Zero(2 * r, 2 * r);
+  to_x.topLeftCorner(r, r) = D.asDiagonal() * V.transpose();
+  to_x.bottomRightCorner(r, r) = V.transpose();
   const VectorR lengths = T.colwise().norm();
-  const Eigen::PartialPivLU<MatrixR> lu(T * lengths.cwiseInverse().asDiagonal());
+  const auto [X, rcond] = sprag::solve(T * lengths.cwiseInverse().asDiagonal(), to_x);
   // In double, a state would keep less than nine digits.
-  if (!(lu.rcond() > 1e-7L)) {
+  if (!(rcond > 1e-7L)) {
     throw ModelError(
         "M, C and K have a defective mode that is not critical damping; change the damping a "
         "little");
   }
-  MatrixR to_x = MatrixR::Zero(2 * r, 2 * r);
-  to_x.topLeftCorner(r, r) = D.asDiagonal() * V.transpose();
-  to_x.bottomRightCorner(r, r) = V.transpose();
-  modes.T_inverse = lengths.cwiseInverse().asDiagonal() * lu.solve(to_x);
+  modes.T_inverse = lengths.cwiseInverse().asDiagonal() * X;
   return modes;
 }
 

@@ -6,25 +6,15 @@
 // an eigensolver is exact only on the scale of the highest.
 #pragma once
 
-#include <Eigen/Core>
 #include <complex>
 #include <vector>
 
+#include "mechanics/linear_algebra.h"
+
 namespace sprag::modal {
 
-using Real = long double;
+using Real = Extended;
 using Complex = std::complex<Real>;
-using MatrixR = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
-using VectorR = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-using MatrixCR = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic>;
-using VectorCR = Eigen::Matrix<Complex, Eigen::Dynamic, 1>;
-
-/// A B, A^-1 and M^-1 B, M symmetric and positive definite: functions, since every expression of
-/// its own would compile its own kernels. A product with a diagonal A takes less time.
-MatrixR product(const MatrixR& A, const MatrixR& B);
-MatrixCR complex_product(const MatrixR& A, const MatrixCR& B);
-MatrixR inverse(const MatrixR& A);
-MatrixR solve_definite(const MatrixR& M, const MatrixR& B);
 
 /// M-orthonormal basis of null(W^T), f x (f - l); the columns of W belong to the contacts `locked`.
 /// Throws ModelError when they are linearly dependent.

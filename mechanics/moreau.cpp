@@ -1,9 +1,10 @@
 #include "mechanics/moreau.h"
 
-#include <Eigen/Cholesky>
 #include <array>
 #include <bit>
 #include <utility>
+
+#include "mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -21,8 +22,8 @@ MoreauReplica::MoreauReplica(Model model, double h) : dynamics_(std::move(model)
     mass_hat_ = M_hat.diagonal();
     minv_hat_W_ = mass_hat_.cwiseInverse().asDiagonal() * dynamics_.W();
   } else {
-    const Eigen::LLT<Eigen::MatrixXd> factor(M_hat);
-    if (factor.info() != Eigen::Success) throw ModelError("M must be positive definite");
+    const CholeskyFactor factor(M_hat);
+    if (!factor.exists()) throw ModelError("M must be positive definite");
     inverse_hat_ = factor.solve(Eigen::MatrixXd::Identity(M_hat.rows(), M_hat.cols()));
     minv_hat_W_ = factor.solve(dynamics_.W());
   }

@@ -72,8 +72,8 @@ class Replica {
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
 
-  /// Upper bound on the error energy V at the tick, if it was at most `initial` at the start and the events are
-  /// exact and complete; +infinity where the machine's law is not monotone.
+  /// Upper bound on the error energy V at the tick, if it was at most `initial` at the start and
+  /// the events are exact and complete; +infinity where the machine's law is not monotone.
   double error_bound(const ReplicaState& state, double initial);
 
  private:

@@ -1,6 +1,5 @@
 #include "mechanics/scene.h"
 
-#include <Eigen/Eigenvalues>
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -11,6 +10,7 @@
 #include <system_error>
 #include <vector>
 
+#include "mechanics/linear_algebra.h"
 #include "mechanics/scale.h"
 #include "mechanics/toml_reader.h"
 
@@ -142,10 +142,6 @@ Definiteness definiteness(const Eigen::MatrixXd& given) {
   const double usual = largest > 0 ? largest : 1.0;
   const Eigen::VectorXd scale =
       diagonal.unaryExpr([usual](double d) { return 1 / std::sqrt(d > 0 ? d : usual); });
-  const auto eigenvalues = [](const Eigen::MatrixXd& symmetric) -> Eigen::VectorXd {
-    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric, Eigen::EigenvaluesOnly)
-        .eigenvalues();
-  };
   const Eigen::VectorXd scaled = eigenvalues(scale.asDiagonal() * matrix * scale.asDiagonal());
   const double rounding = 1e-13 * scaled.cwiseAbs().maxCoeff();
   return {unit * eigenvalues(matrix).minCoeff(), scaled.minCoeff() >= -rounding,

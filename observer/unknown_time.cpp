@@ -255,7 +255,8 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
       age = next;
     }
     if (found) break;
-    // Or where it is zero: what is not known so well elsewhere may seem to be the best of the nodes.
+    // Or where it is zero: what is not known so well elsewhere may seem to be the best of the
+    // nodes.
     double around = low + best * step;
     weight = weights[best];
     for (int i = 1; i < scan_nodes && first_scan; ++i) {

@@ -1,8 +1,9 @@
 #include "tools/check_scene/reduction.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <numeric>
+
+#include "mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -37,9 +38,7 @@ ModalMachine modal_machine(const Scene& scene) {
   if (model.M.isDiagonal(0.0) && model.C.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
     return machine;
   }
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(model.K, model.M);
-  if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
-  const MatrixXd& Phi = solver.eigenvectors();
+  const auto [kappa, Phi] = eigenpairs(model.K, model.M);
   const MatrixXd C = Phi.transpose() * model.C * Phi;
   const MatrixXd coupling = C - MatrixXd(C.diagonal().asDiagonal());
   if (coupling.cwiseAbs().maxCoeff() > uncoupled * C.cwiseAbs().maxCoeff()) {
@@ -47,7 +46,7 @@ ModalMachine modal_machine(const Scene& scene) {
   }
   machine.model.M = MatrixXd::Identity(Phi.rows(), Phi.cols());
   machine.model.C = C.diagonal().cwiseMax(0.0).asDiagonal();
-  machine.model.K = solver.eigenvalues().cwiseMax(0.0).asDiagonal();
+  machine.model.K = kappa.cwiseMax(0.0).asDiagonal();
   for (Force& force : machine.model.forces) force.direction = Phi.transpose() * force.direction;
   for (Contact& contact : machine.model.contacts) contact.w = Phi.transpose() * contact.w;
   for (State* state : {&machine.master, &machine.replica}) {

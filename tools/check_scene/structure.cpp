@@ -1,12 +1,13 @@
 #include "tools/check_scene/structure.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -46,9 +47,8 @@ Eigenmodes eigenmodes(const Model& model) {
     return {model.K.diagonal().cwiseQuotient(mass).cwiseMax(0.0),
             mass.cwiseSqrt().cwiseInverse().asDiagonal()};
   }
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(model.K, model.M);
-  if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
-  Eigenmodes modes{solver.eigenvalues().cwiseMax(0.0), solver.eigenvectors()};
+  const auto [values, vectors] = eigenpairs(model.K, model.M);
+  Eigenmodes modes{values.cwiseMax(0.0), vectors};
   for (double& kappa : modes.kappa) {
     if (kappa <= 1e-13 * modes.kappa.maxCoeff()) kappa = 0.0;
   }
@@ -108,8 +108,7 @@ Directions directions(const Dynamics& dynamics) {
   Directions result;
   const Index m = dynamics.contacts();
   if (m == 0) return result;
-  const Eigen::LLT<MatrixXd> factor(dynamics.model().M);
-  MatrixXd W_hat = factor.matrixL().solve(dynamics.W());
+  MatrixXd W_hat = CholeskyFactor(dynamics.model().M).solve_L(dynamics.W());
   W_hat.colwise().normalize();
   const Eigen::JacobiSVD<MatrixXd> svd(W_hat, Eigen::ComputeFullV);
   const VectorXd& sigma = svd.singularValues();

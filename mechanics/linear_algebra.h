@@ -1,0 +1,68 @@
+// Dense products and factorizations, in double and in extended precision. Functions of matrices and
+// not of expressions, since every unit and every expression of its own would compile Eigen's
+// kernels and solvers once more.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+
+namespace sprag {
+
+using Extended = long double;
+using MatrixR = Eigen::Matrix<Extended, Eigen::Dynamic, Eigen::Dynamic>;
+using VectorR = Eigen::Matrix<Extended, Eigen::Dynamic, 1>;
+using MatrixCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, Eigen::Dynamic>;
+using VectorCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, 1>;
+
+/// A B, their inner sizes the same. With a diagonal A it takes less time.
+MatrixR product(const MatrixR& A, const MatrixR& B);
+MatrixCR complex_product(const MatrixR& A, const MatrixCR& B);
+
+/// B^T A B.
+MatrixR congruent(const MatrixR& B, const MatrixR& A);
+
+/// Of a regular A, n x n.
+MatrixR inverse(const MatrixR& A);
+
+/// A^-1 B, and an estimate of 1 / (|A| |A^-1|) in the norm of absolute column sums.
+struct Solution {
+  MatrixR X;
+  Extended rcond;
+};
+Solution solve(const MatrixR& A, const MatrixR& B);
+
+/// M = L L^T, L lower triangular. M n x n and symmetric; its lower triangle is read.
+class CholeskyFactor {
+ public:
+  explicit CholeskyFactor(const Eigen::MatrixXd& M);
+  /// Whether M is positive definite; the rest makes sense only then.
+  bool exists() const { return exists_; }
+  /// M^-1 B and L^-1 B, n rows each.
+  Eigen::MatrixXd solve(const Eigen::MatrixXd& B) const;
+  Eigen::MatrixXd solve_L(const Eigen::MatrixXd& B) const;
+
+ private:
+  Eigen::MatrixXd L_;
+  bool exists_ = false;
+};
+
+/// The same L of a positive definite M; M^-1 B.
+MatrixR cholesky_factor(const MatrixR& M);
+MatrixR solve_definite(const MatrixR& M, const MatrixR& B);
+
+/// A v = value v for a symmetric A, n x n; values ascending, vectors as columns of length 1.
+struct Eigenpairs {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+struct ExtendedEigenpairs {
+  VectorR values;
+  MatrixR vectors;
+};
+Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A);
+ExtendedEigenpairs eigenpairs(const MatrixR& A);
+
+/// K v = value M v, M positive definite, v^T M v = 1. Throws ModelError where there is no solution.
+Eigenpairs eigenpairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
+
+}  // namespace sprag
