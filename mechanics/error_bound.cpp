@@ -193,7 +193,8 @@ double ErrorBound::under_way(double tau) {
   const int node = octave < exponent - first_octave
                        ? nodes_in_octave - 1
                        : static_cast<int>((mantissa - 0.5) * 2.0 * nodes_in_octave);
-  double& known = known_[static_cast<std::size_t>(octave * nodes_in_octave + node)];
+  double& known =
+      known_[static_cast<std::size_t>(octave) * nodes_in_octave + static_cast<std::size_t>(node)];
   if (known < 0.0) {
     known = contraction(std::ldexp(0.5 + 0.5 * node / nodes_in_octave, octave + first_octave));
   }

@@ -13,6 +13,8 @@
 namespace sprag {
 namespace {
 
+constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
 constexpr int degree = 6;
 // Lower bounds have one term more, the remainder.
 constexpr int top = degree + 1;
@@ -30,7 +32,7 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
   std::array<double, degree + 2> values{};
   double factorial = 1.0;
   for (int j = 0; j < degree + 2; ++j) {
-    values[static_cast<std::size_t>(j)] = 1.0 / factorial;
+    values[index(j)] = 1.0 / factorial;
     factorial *= j + 1;
   }
   return values;
@@ -38,7 +40,7 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
 
 constexpr Coefficients inverses = [] {
   Coefficients values{};
-  for (int j = 1; j <= top; ++j) values[static_cast<std::size_t>(j)] = 1.0 / j;
+  for (int j = 1; j <= top; ++j) values[index(j)] = 1.0 / j;
   return values;
 }();
 
@@ -53,8 +55,7 @@ constexpr auto bernstein = [] {
   };
   for (int j = 0; j <= top; ++j) {
     for (int i = j; i <= top; ++i) {
-      table[static_cast<std::size_t>(j)][static_cast<std::size_t>(i)] =
-          binomial(i, j) / binomial(top, j);
+      table[index(j)][index(i)] = binomial(i, j) / binomial(top, j);
     }
   }
   return table;
@@ -175,7 +176,7 @@ double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
     }
     magnitude += std::abs(signal.p[k] * before) + std::abs(signal.r[k] * now);
   }
-  return 8.0 * epsilon * magnitude * inverse_factorials[static_cast<std::size_t>(order)] + nothing;
+  return 8.0 * epsilon * magnitude * inverse_factorials[index(order)] + nothing;
 }
 
 // Polynomial of degree `top` in Bernstein form on a piece [low, low + length] of [0, 1].
@@ -241,7 +242,7 @@ double first_root(const Coefficients& b) {
     const double s = hull_crossing(piece.b);
     if (s > 1.0) {  // no root in this piece
       if (depth == 0) return infinity;
-      piece = later[static_cast<std::size_t>(--depth)];
+      piece = later[index(--depth)];
       if (piece.b[0] <= tolerance) return piece.low;
       continue;
     }
@@ -251,7 +252,7 @@ double first_root(const Coefficients& b) {
       if (piece.b[0] <= tolerance) return piece.low;
     } else {
       // Not at 4 s alone: next to a start just above zero the hull says nothing of the root.
-      split(piece, std::clamp(4.0 * s, 0.03125, 0.5), later[static_cast<std::size_t>(depth++)]);
+      split(piece, std::clamp(4.0 * s, 0.03125, 0.5), later[index(depth++)]);
     }
     if (piece.length < 1e-15 * piece.low) return piece.low;
   }
@@ -280,10 +281,10 @@ double rough_root(double x, int n) {
 double reach_of(const Expansion& e, int order) {
   double reach = 0.0;
   for (int i = order + 1; i <= degree; ++i) {
-    const double falling = e.a[static_cast<std::size_t>(i)];
+    const double falling = e.a[index(i)];
     if (falling >= 0.0) continue;
     for (int j = order; j < i; ++j) {
-      const double rising = e.a[static_cast<std::size_t>(j)];
+      const double rising = e.a[index(j)];
       if (rising > 0.0) {
         reach = std::max(reach, 2.25 * rough_root(-degree * rising / falling, i - j));
       }
@@ -326,7 +327,7 @@ double visible_root(const double* a, int n, double H) {
 // is divided out. Time is resolved to a rounding of `now` and what is to come.
 Verdict judge(const Expansion& e, int order, double omitted, double now) {
   const int n = degree - order;
-  const double lead = e.a[static_cast<std::size_t>(order)] - omitted;
+  const double lead = e.a[index(order)] - omitted;
   double H = 0.0;
   if (e.bound > 0.0) {
     // Somewhat less than where the remainder alone outweighs the start: most such intervals show
@@ -339,10 +340,10 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
 
   Coefficients lower{};
   for (int j = 0; j <= n; ++j) {
-    lower[static_cast<std::size_t>(j)] = e.a[static_cast<std::size_t>(j + order)];
+    lower[index(j)] = e.a[index(j) + index(order)];
   }
   lower[0] -= omitted;
-  lower[static_cast<std::size_t>(n + 1)] = -e.bound;
+  lower[index(n) + 1] = -e.bound;
   // A root in sight ends the interval: it is the first if nothing before it is.
   const double in_sight = visible_root(lower.data(), n + 1, H);
   if (in_sight < infinity) H = in_sight;
@@ -351,14 +352,14 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   Coefficients c{};
   double power = 1.0;
   for (int j = 0; j <= n; ++j) {
-    c[static_cast<std::size_t>(j)] = e.a[static_cast<std::size_t>(j + order)] * power;
-    lower[static_cast<std::size_t>(j)] *= power;
+    c[index(j)] = e.a[index(j) + index(order)] * power;
+    lower[index(j)] *= power;
     power *= H;
   }
   const double remainder = e.bound * power;  // power = H^(n+1)
-  lower[static_cast<std::size_t>(n + 1)] = -remainder;
+  lower[index(n) + 1] = -remainder;
   Coefficients b{};
-  for (std::size_t j = 0; j <= static_cast<std::size_t>(n + 1); ++j) {
+  for (std::size_t j = 0; j <= index(n) + 1; ++j) {
     for (std::size_t i = 0; i <= top; ++i) b[i] += bernstein[j][i] * lower[j];
   }
   double low = *std::min_element(b.begin(), b.end()) > 0.0 ? infinity : first_root(b);
@@ -368,11 +369,11 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   double value = 0.0;
   double slope = 0.0;
   const auto evaluate = [&](double s) {
-    value = c[static_cast<std::size_t>(n)];
+    value = c[index(n)];
     slope = 0.0;
     for (int j = n - 1; j >= 0; --j) {
       slope = slope * s + value;
-      value = value * s + c[static_cast<std::size_t>(j)];
+      value = value * s + c[index(j)];
     }
   };
   evaluate(end);
@@ -411,7 +412,7 @@ double signal_constant(const Watch& watch, const Motion& motion) {
 
 void EventSearch::reserve(std::size_t watches, Eigen::Index oscillators) {
   states_.reserve(watches);
-  tail_.reserve(watches * static_cast<std::size_t>(oscillators + 1));
+  tail_.reserve(watches * (index(oscillators) + 1));
   x_.z.setZero(oscillators);
   x_.v.setZero(oscillators);
 }
@@ -425,11 +426,11 @@ void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
   states_.resize(watches.size());
   const Oscillators& oscillators = start.flow->oscillators();
   const Eigen::Index n = oscillators.size();
-  tail_.resize(watches.size() * static_cast<std::size_t>(n + 1));
+  tail_.resize(watches.size() * (index(n) + 1));
   for (std::size_t i = 0; i < watches.size(); ++i) {
     const Watch& watch = watches[i];
     states_[i] = {watch, signal_constant(watch, start), 0.0, infinity, infinity, false};
-    double* tail = tail_.data() + i * static_cast<std::size_t>(n + 1);
+    double* tail = tail_.data() + i * (index(n) + 1);
     tail[n] = 0.0;
     for (Eigen::Index k = n - 1; k >= 0; --k) {
       const double root = oscillators.root_kappa()[k];
@@ -456,7 +457,7 @@ Eigen::Index EventSearch::oscillators_needed() const {
   if (need_all_) return n;
   Eigen::Index needed = start_->flow->frequencies();
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    const double* tail = tail_.data() + i * static_cast<std::size_t>(n + 1);
+    const double* tail = tail_.data() + i * (index(n) + 1);
     while (needed < n && !(tail[needed] <= 0.125 * states_[i].predicted)) ++needed;
   }
   return needed;
@@ -482,8 +483,7 @@ void EventSearch::expand() {
     WatchState& state = states_[i];
     state.root = state.certified = infinity;
     const Signal& signal = *state.watch.signal;
-    const double omitted =
-        tail_[i * static_cast<std::size_t>(n + 1) + static_cast<std::size_t>(count)];
+    const double omitted = tail_[i * (index(n) + 1) + index(count)];
     const Expansion e = expand_signal(signal, state.watch.sign, state.constant, flow.oscillators(),
                                       flow.drives(), x_, start_->alpha, count);
     int order = certified_ > 0.0 ? 0 : state.watch.order;
@@ -495,11 +495,11 @@ void EventSearch::expand() {
     bool falls_now = false;
     // A derivative that does not vanish by construction counts if it stands out of its rounding.
     double noise = order == 0 ? e.noise : 0.0;
-    while (order <= degree && e.a[static_cast<std::size_t>(order)] <= noise) {
+    while (order <= degree && e.a[index(order)] <= noise) {
       if (noise == 0.0)
         noise =
             noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
-      falls_now = e.a[static_cast<std::size_t>(order)] < -noise;
+      falls_now = e.a[index(order)] < -noise;
       if (falls_now || ++order > degree) break;
       noise = noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
     }

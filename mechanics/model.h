@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -49,6 +50,20 @@ struct Model {
 
   Eigen::Index coordinates() const { return M.rows(); }
 };
+
+/// Whether nothing moves the machine but its own state: no force, no clearance and no motion of a
+/// support. It is hit at the same times whatever the scale of its motion.
+inline bool is_homogeneous(const Model& model) {
+  const auto no_force = [](const Force& force) {
+    return (force.constant == 0.0 && force.harmonic.amplitude == 0.0) ||
+           force.direction.isZero(0.0);
+  };
+  const auto at_zero = [](const Contact& contact) {
+    return contact.clearance == 0.0 && contact.motion.amplitude == 0.0;
+  };
+  return std::all_of(model.forces.begin(), model.forces.end(), no_force) &&
+         std::all_of(model.contacts.begin(), model.contacts.end(), at_zero);
+}
 
 /// Generalized coordinates and velocities, f entries each.
 struct State {

@@ -38,7 +38,7 @@ void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactS
                              SupervisedState& state) {
   replica_.start(start, k, chi, state);
   filter_.start(start, k, chi, state.filter);
-  state.trusted = true;
+  state.trusted = !filter_.scale_is_open();
   state.trial = trial_events;
   state.inconsistencies = 0;
   state.last = {};
@@ -98,7 +98,9 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     return;
   }
   if (consistency.largest <= largest_square && consistency.mean <= largest_mean) {
-    if (consistency.count >= 2 * q_.size() + state.trial) state.trusted = true;
+    if (consistency.count >= 2 * q_.size() + state.trial) {
+      state.trusted = !filter_.scale_is_open();
+    }
     if (consistency.count >= forgiven_after * state.trial) state.trial = trial_events;
     return;
   }

@@ -46,7 +46,10 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   now_.S_u.setZero(f(), columns);
   no_gaps_.setZero(m);
   if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
-  if (uncertainty_.jitter > 0.0) unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
+  if (uncertainty_.jitter > 0.0) {
+    unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
+    scale_is_open_ = is_homogeneous(flows_->dynamics().model());
+  }
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
   published_ = sample_;
   // As many columns as merging leaves. Not initialized: memory that is never used
@@ -276,7 +279,7 @@ void TimingFilter::load(const Covariance& from, Instant t) {
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                               Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
-  if (state.unknown) {
+  if (state.unknown || scale_is_open_) {
     q.setConstant(infinity);
     u.setConstant(infinity);
     gap.setConstant(infinity);

@@ -150,6 +150,10 @@ class TimingFilter {
   /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
   Eigen::MatrixXd covariance(const TimingState& state);
 
+  /// Whether events say nothing of how large the motion is (is_homogeneous), and jitter, which is
+  /// in proportion to it, keeps the covariance from telling so. Deviations are infinite then.
+  bool scale_is_open() const { return scale_is_open_; }
+
   /// Expected energy of the error of a start, of which nothing more is known.
   double energy_of_start() const { return energy_of_start_; }
 
@@ -220,6 +224,7 @@ class TimingFilter {
   double h_;
   double largest_w_ = 1.0;
   double energy_of_start_ = 0.0;
+  bool scale_is_open_ = false;
   double first_look_ = 0.0, longest_look_ = 0.0;  // at silence, after an instant [s]
   Uncertainty uncertainty_;
   sprag::State start_;

@@ -229,6 +229,44 @@ TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
 
 // Events that contradict nothing, of machines that did not make them: several contacts at an
 // instant, and one contact that opens, closes and opens again within one.
+// A beam that swings freely on its support is hit at the same times at any amplitude.
+TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
+  Scene scene = read_scene("scenes/paper_beam.toml");
+  for (Force& force : scene.model.forces) {
+    force.constant = 0.0;
+    force.harmonic.amplitude = 0.0;
+  }
+  for (Contact& contact : scene.model.contacts) {
+    contact.clearance = 0.0;
+    contact.motion.amplitude = 0.0;
+  }
+  const auto last_confidence = [](const Scene& of) {
+    SupervisedFilter both(of.model, h, uncertainty_of(of));
+    SupervisedFilter::State state;
+    both.start(of.replica, 0, 0, state);
+    Master master(of.model, of.master);
+    std::vector<ContactEvent> events;
+    for (int k = 1; k <= 1000; ++k) {
+      events.clear();
+      master.advance(tick_instant(k, h), events);
+      both.tick(events, state);
+    }
+    Confidence confidence = empty_confidence<SupervisedFilter>(of.model.coordinates(), 1);
+    confide(both, state, 0.0, confidence);
+    return confidence;
+  };
+  scene.jitter = 1e-4;
+  const Confidence open = last_confidence(scene);
+  EXPECT_FALSE(open.from_filter);
+  EXPECT_TRUE((open.sigma_q.array().isInf()).all());
+
+  scene.jitter = 0.0;
+  EXPECT_TRUE(last_confidence(scene).from_filter) << "exact times";
+  scene.jitter = 1e-4;
+  scene.model.contacts.front().clearance = 1e-3;
+  EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
+}
+
 TEST(SupervisedFilter, BearsAnyEvents) {
   constexpr std::uint64_t seed = 31;
   std::cout << "seed " << seed << '\n';
