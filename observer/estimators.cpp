@@ -54,13 +54,8 @@ void confide(TimingFilter& filter, const TimingState& state, double, Confidence&
   confidence.remembered = filter.remembers(state);
   confidence.forgotten = state.forgotten;
   confidence.filter = state.innovation;
-  confidence.inconsistencies = state.silences;
-  if (state.silences > 0) {
-    const Silence& silence = state.silence;
-    confidence.last = {silence.t, silence.contact, Suspicion::missing_event, silence.square};
-  } else {
-    confidence.last = {};
-  }
+  confidence.inconsistencies = state.silences + state.lost;
+  confidence.last = state.last;
   confidence.redundancy = state.redundancy;
   confidence.refused_impacts = state.refused_impacts;
 }

@@ -81,8 +81,7 @@ void SupervisedFilter::supervise_silence(std::int64_t silences, SupervisedState&
   if (state.filter.silences == silences) return;
   ++state.inconsistencies;
   state.trusted = false;
-  state.last = {state.filter.silence.t, state.filter.silence.contact, Suspicion::missing_event,
-                state.filter.silence.square};
+  state.last = state.filter.last;
 }
 
 // At an instant with events. `believed`: the filter's last instant before it.

@@ -122,7 +122,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.ambiguous_impacts = 0;
   state.lost = state.silences = state.forgotten = 0;
   state.unknown = state.began_again = false;
-  state.silence = {};
+  state.last = {};
   state.innovation = {};
   state.consistency = {};
   state.terms = {};
@@ -413,16 +413,16 @@ void TimingFilter::listen(Instant t, TimingState& state) {
             : state.watched + std::min(growth_of_looks * state.watched, longest_look_);
     if (!(next <= since)) return;
     state.watched = next;
-    const Silence silence = overdue(state, state.covariance_time + next);
+    const Inconsistency silence = overdue(state, state.covariance_time + next);
     if (!(silence.square > most_square)) continue;
     state.unknown = true;
     ++state.silences;
-    state.silence = silence;
+    state.last = silence;
   }
 }
 
 // How unlikely it is that nothing has been reported by t.
-Silence TimingFilter::overdue(const TimingState& state, Instant t) {
+Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   const Covariance& from = slot(state.instants);
   if (from.instants != state.instants) return {};
   from.mean.flow->propagate(from.mean, t, sample_);
@@ -443,7 +443,7 @@ Silence TimingFilter::overdue(const TimingState& state, Instant t) {
       unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)
                     : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
                                      deviation_of_gap(due.contact, state));
-  return {t.hi, due.contact, -2.0 * log_probability};
+  return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};
 }
 
 TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingState& state) {

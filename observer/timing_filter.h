@@ -56,13 +56,6 @@ struct Consistency {
   double largest = 0.0;    ///< at the last instant with events
 };
 
-/// An event that did not come.
-struct Silence {
-  double t = -1.0;      ///< when that was certain [s]; before the first one -1
-  int contact = 0;      ///< from 0
-  double square = 0.0;  ///< twice minus the log of the probability of having heard nothing
-};
-
 /// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
 struct TimingState {
   std::int64_t tick = 0;
@@ -77,10 +70,12 @@ struct TimingState {
   std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
   std::int64_t lost = 0;               ///< how often it was no longer a number and began again
   std::int64_t silences = 0;           ///< how often an event did not come that had to
-  std::int64_t forgotten = 0;          ///< covariances that were gone when they were needed
-  bool unknown = false;                ///< nothing is known until the next event
-  bool began_again = false;            ///< at the last instant, behind what was not known
-  Silence silence;                     ///< the last one
+  /// The last event that did not come: when that was certain, twice minus the log of the
+  /// probability of having heard nothing. Or one after which nothing was known, any square.
+  Inconsistency last;
+  std::int64_t forgotten = 0;    ///< covariances that were gone when they were needed
+  bool unknown = false;          ///< nothing is known until the next event
+  bool began_again = false;      ///< at the last instant, behind what was not known
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
   Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
@@ -190,7 +185,7 @@ class TimingFilter {
   bool load(const TimingState& state, Instant t);
   void load(const Covariance& from, Instant t);
   void enter(ContactSet locked, Instant t, TimingState& state);
-  void begin_again(TimingState& state);
+  void begin_again(int contact, TimingState& state);
   void note(double square, Consistency& consistency) const;
   void note_terms(int contact, TimingState& state) const;
   double known_of(const Functional& functional) const;
@@ -218,7 +213,7 @@ class TimingFilter {
   ContactSet recently_reported(const TimingState& state, Instant t) const;
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);
-  Silence overdue(const TimingState& state, Instant t);
+  Inconsistency overdue(const TimingState& state, Instant t);
 
   std::shared_ptr<Flows> flows_;
   double h_;

@@ -64,7 +64,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   state.inside &= ~leaving;
   columns_.merge(now_);
-  if (!is_sane(now_)) begin_again(state);
+  if (!is_sane(now_)) begin_again(events.back().contact, state);
   go_on(state);
 }
 
@@ -165,7 +165,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   u_before_ = now_.u;
   UnknownTime::Innovation innovation;
   if (!unknown_time_->take(report, state.motion, state.terms, 0.0, false, now_, innovation)) {
-    begin_again(state);
+    begin_again(i, state);
     return;
   }
   add_time_rounding(state);
@@ -177,12 +177,13 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
 }
 
 // As if the machine were started now. No event fits less than one after which nothing is known.
-void TimingFilter::begin_again(TimingState& state) {
+void TimingFilter::begin_again(int contact, TimingState& state) {
   now_.q = start_.q;
   now_.u = start_.u;
   set_start(uncertainty_, now_);
   state.consistency = {};
   state.consistency.largest = infinity;
+  state.last = {state.motion.t.hi, contact, Suspicion::model, infinity};
   ++state.lost;
 }
 
