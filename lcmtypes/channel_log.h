@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "mechanics/input_file.h"
-#include "mechanics/output_file.h"
+#include "sprag/files/input_file.h"
+#include "sprag/files/output_file.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "lcmtypes/refusal.h"
-#include "mechanics/contact_report.h"
+#include "sprag/estimation/contact_report.h"
 
 namespace sprag {
 

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "mechanics/contact_event.h"
-#include "mechanics/contact_report.h"
+#include "sprag/estimation/contact_report.h"
+#include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "lcmtypes/refusal.h"
-#include "mechanics/confidence.h"
-#include "mechanics/contact_event.h"
+#include "sprag/estimation/confidence.h"
+#include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
 

@@ -1,8 +1,8 @@
 // master_sim: simulates an impacting machine and publishes when its contacts close and open. The
 // main loop is MasterProcess::run() in master_process.cpp.
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 #include "master_sim/master_process.h"
-#include "mechanics/scene.h"
+#include "sprag/files/scene_file.h"
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(

@@ -9,14 +9,14 @@
 #include <random>
 #include <thread>
 
+#include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/program.h"
 #include "lcmtypes/report_builder.h"
 #include "lcmtypes/state_codec.h"
-#include "mechanics/events_file.h"
-#include "mechanics/master.h"
-#include "mechanics/states_file.h"
+#include "sprag/files/events_file.h"
+#include "sprag/files/states_file.h"
+#include "sprag/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 
-#include "lcmtypes/program.h"
-#include "mechanics/scene.h"
+#include "command_line/program.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "mechanics/confidence.h"
+#include "sprag/estimation/confidence.h"
 
 namespace sprag {
 

@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <limits>
 
-#include "mechanics/contact_report.h"
-#include "mechanics/instant.h"
 #include "observer/arrival.h"
+#include "sprag/estimation/contact_report.h"
+#include "sprag/mechanics/instant.h"
 
 namespace sprag {
 

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <string>
 
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 #include "observer/report.h"
 
 namespace sprag {

@@ -8,10 +8,10 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
-#include "observer/event_history.h"
-#include "observer/histogram.h"
 #include "observer/session_tracker.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/event_history.h"
+#include "sprag/estimation/histogram.h"
+#include "sprag/estimation/time_line.h"
 
 namespace sprag {
 

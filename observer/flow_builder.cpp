@@ -1,6 +1,6 @@
 #include "observer/flow_builder.h"
 
-#include "mechanics/interrupt.h"
+#include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {

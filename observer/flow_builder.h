@@ -7,8 +7,8 @@
 #include <atomic>
 #include <cstdint>
 
-#include "mechanics/flow.h"
 #include "observer/wake.h"
+#include "sprag/mechanics/flow.h"
 
 namespace sprag {
 

@@ -8,13 +8,11 @@
 #include <stdexcept>
 #include <thread>
 
+#include "command_line/program.h"
 #include "lcmtypes/big_endian.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/program.h"
 #include "lcmtypes/state_codec.h"
-#include "mechanics/interrupt.h"
-#include "mechanics/states_file.h"
 #include "observer/confidence_record.h"
 #include "observer/figures.h"
 #include "observer/flow_builder.h"
@@ -25,8 +23,10 @@
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
 #include "observer/thread_group.h"
-#include "observer/time_line.h"
 #include "observer/wake.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/files/states_file.h"
+#include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {

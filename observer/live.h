@@ -7,9 +7,9 @@
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 
-#include "lcmtypes/program.h"
-#include "mechanics/scene.h"
-#include "observer/estimators.h"
+#include "command_line/program.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

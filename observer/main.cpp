@@ -2,10 +2,10 @@
 // and open. The real-time loop is LiveObserver::integrate() in live.cpp.
 #include <optional>
 
-#include "lcmtypes/program.h"
-#include "mechanics/scene.h"
+#include "command_line/program.h"
 #include "observer/live.h"
 #include "observer/replay.h"
+#include "sprag/files/scene_file.h"
 
 namespace {
 

@@ -10,8 +10,8 @@
 
 #include <cstdint>
 
-#include "mechanics/contact_report.h"
 #include "observer/arrival.h"
+#include "sprag/estimation/contact_report.h"
 
 namespace sprag {
 

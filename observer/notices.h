@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <iosfwd>
 
-#include "mechanics/contact_report.h"
 #include "observer/continuity.h"
-#include "observer/event_history.h"
+#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/event_history.h"
 
 namespace sprag {
 

@@ -3,10 +3,10 @@
 #include <limits>
 #include <sstream>
 
-#include "mechanics/events_file.h"
-#include "observer/event_history.h"
 #include "observer/recording.h"
 #include "observer/session_tracker.h"
+#include "sprag/estimation/event_history.h"
+#include "sprag/files/events_file.h"
 
 namespace sprag {
 namespace {

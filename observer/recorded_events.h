@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "lcmtypes/key.h"
-#include "mechanics/contact_event.h"
+#include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
 

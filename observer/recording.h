@@ -8,8 +8,8 @@
 
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/key.h"
-#include "mechanics/contact_report.h"
 #include "observer/arrival.h"
+#include "sprag/estimation/contact_report.h"
 
 namespace sprag {
 

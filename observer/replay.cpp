@@ -5,17 +5,17 @@
 #include <limits>
 #include <optional>
 
+#include "command_line/program.h"
 #include "lcmtypes/bus.h"
-#include "lcmtypes/program.h"
-#include "mechanics/events_file.h"
-#include "mechanics/states_file.h"
 #include "observer/confidence_record.h"
 #include "observer/notices.h"
 #include "observer/recording.h"
 #include "observer/report.h"
 #include "observer/session_tracker.h"
-#include "observer/time_line.h"
 #include "observer/wake.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/files/events_file.h"
+#include "sprag/files/states_file.h"
 
 namespace sprag {
 namespace {

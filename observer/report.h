@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "mechanics/flow.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/flow.h"
 
 namespace sprag {
 

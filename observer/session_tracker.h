@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "lcmtypes/freshness.h"
-#include "mechanics/contact_report.h"
 #include "observer/arrival.h"
 #include "observer/continuity.h"
+#include "sprag/estimation/contact_report.h"
 
 namespace sprag {
 

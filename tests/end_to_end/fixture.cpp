@@ -7,8 +7,8 @@
 #include <iostream>
 #include <map>
 
-#include "mechanics/csv.h"
-#include "mechanics/states_file.h"
+#include "sprag/files/csv.h"
+#include "sprag/files/states_file.h"
 
 namespace sprag::test {
 

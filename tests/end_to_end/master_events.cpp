@@ -5,8 +5,8 @@
 #include <exception>
 #include <vector>
 
-#include "mechanics/master.h"
-#include "mechanics/scene.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/master.h"
 
 int main(int argc, char** argv) try {
   if (argc != 3) return 2;

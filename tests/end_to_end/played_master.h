@@ -14,7 +14,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/report_builder.h"
-#include "mechanics/events_file.h"
+#include "sprag/files/events_file.h"
 
 namespace sprag::test {
 

@@ -13,12 +13,12 @@
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/packet.h"
 #include "lcmtypes/state_codec.h"
-#include "mechanics/events_file.h"
-#include "mechanics/replica.h"
-#include "mechanics/scene.h"
 #include "observer/master_clock.h"
 #include "observer/session_tracker.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/files/events_file.h"
+#include "sprag/files/scene_file.h"
 
 namespace sprag::fuzz {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "mechanics/csv.h"
+#include "sprag/files/csv.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 

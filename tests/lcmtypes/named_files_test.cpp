@@ -1,4 +1,4 @@
-#include "lcmtypes/named_files.h"
+#include "command_line/named_files.h"
 
 #include <gtest/gtest.h>
 

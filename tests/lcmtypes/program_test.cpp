@@ -1,4 +1,4 @@
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/bus.h"
-#include "mechanics/csv.h"
-#include "mechanics/scene.h"
+#include "sprag/files/csv.h"
+#include "sprag/files/scene_file.h"
 #include "tests/support/temporary_directory.h"
 
 namespace sprag {

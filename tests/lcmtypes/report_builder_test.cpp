@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "observer/event_history.h"
+#include "sprag/estimation/event_history.h"
 #include "tests/observer/random_events.h"
 
 namespace sprag {

@@ -1,4 +1,4 @@
-#include "mechanics/beam.h"
+#include "sprag/mechanics/beam.h"
 
 #include <gtest/gtest.h>
 

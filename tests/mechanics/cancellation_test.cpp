@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/master.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "mechanics/impact_law.h"
+#include "sprag/mechanics/impact_law.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

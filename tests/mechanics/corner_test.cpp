@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "mechanics/master.h"
+#include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -1,4 +1,4 @@
-#include "mechanics/energy.h"
+#include "sprag/mechanics/energy.h"
 
 #include <gtest/gtest.h>
 

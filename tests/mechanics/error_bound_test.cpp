@@ -1,5 +1,5 @@
 // The bound B on the error energy V: it holds at every tick, and it is not void.
-#include "mechanics/error_bound.h"
+#include "sprag/estimation/error_bound.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <cmath>
 #include <iostream>
 
-#include "mechanics/impact_law.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/mechanics/impact_law.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"

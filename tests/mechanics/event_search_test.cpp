@@ -1,4 +1,4 @@
-#include "mechanics/event_search.h"
+#include "sprag/mechanics/event_search.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/scene.h"
+#include "sprag/files/scene_file.h"
 #include "tests/mechanics/search_problem.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"

@@ -1,4 +1,4 @@
-#include "mechanics/events_file.h"
+#include "sprag/files/events_file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "mechanics/flow.h"
+#include "sprag/mechanics/flow.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <string>
 
-#include "mechanics/impact_law.h"
+#include "sprag/mechanics/impact_law.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -1,7 +1,7 @@
 // The impact laws by numbers worked out by hand and by what must hold of every impact. How two
 // machines' distance changes is in impact_distance_test.cpp, the complementarity problem alone in
 // complementarity_test.cpp.
-#include "mechanics/impact_law.h"
+#include "sprag/mechanics/impact_law.h"
 
 #include <gtest/gtest.h>
 

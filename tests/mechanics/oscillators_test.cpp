@@ -1,4 +1,4 @@
-#include "mechanics/oscillators.h"
+#include "sprag/mechanics/oscillators.h"
 
 #include <gtest/gtest.h>
 

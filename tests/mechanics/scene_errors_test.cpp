@@ -4,6 +4,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/files/scene_file.h"
 #include "tests/mechanics/scene_texts.h"
 
 namespace sprag {

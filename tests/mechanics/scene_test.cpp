@@ -1,5 +1,3 @@
-#include "mechanics/scene.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -11,7 +9,8 @@
 #include <string>
 #include <string_view>
 
-#include "mechanics/scale.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/scale.h"
 #include "tests/mechanics/scene_texts.h"
 
 namespace sprag {

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "mechanics/scene.h"
+#include "sprag/files/scene_file.h"
 
 namespace sprag {
 

@@ -9,8 +9,8 @@
 #include <numbers>
 #include <vector>
 
-#include "mechanics/beam.h"
-#include "mechanics/flow.h"
+#include "sprag/mechanics/beam.h"
+#include "sprag/mechanics/flow.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

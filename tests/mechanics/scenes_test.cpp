@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "mechanics/replica.h"
+#include "sprag/estimation/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

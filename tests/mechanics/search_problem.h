@@ -11,8 +11,8 @@
 #include <optional>
 #include <utility>
 
-#include "mechanics/event_search.h"
-#include "mechanics/flow.h"
+#include "sprag/mechanics/event_search.h"
+#include "sprag/mechanics/flow.h"
 #include "tests/support/random.h"
 
 namespace sprag {

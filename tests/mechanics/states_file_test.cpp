@@ -1,4 +1,4 @@
-#include "mechanics/states_file.h"
+#include "sprag/files/states_file.h"
 
 #include <gtest/gtest.h>
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <iostream>
 
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/moreau.h"
+#include "sprag/estimation/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -6,9 +6,9 @@
 
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
-#include "observer/event_history.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
+#include "sprag/estimation/event_history.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"

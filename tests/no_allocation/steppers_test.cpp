@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "observer/estimators.h"
+#include "sprag/estimation/estimators.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/observer/random_events.h"
 #include "tests/support/random_model.h"

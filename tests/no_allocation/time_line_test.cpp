@@ -1,6 +1,6 @@
 // The observer's time line in use: reports that arrive late, one after the other, and everything
 // that it hands out on its way through the queue to a message.
-#include "observer/time_line.h"
+#include "sprag/estimation/time_line.h"
 
 #include <gtest/gtest.h>
 
@@ -10,11 +10,11 @@
 
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
-#include "observer/estimators.h"
-#include "observer/histogram.h"
 #include "observer/master_clock.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/histogram.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "observer/estimators.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/time_line.h"
 #include "tests/observer/recorded_run.h"
 
 namespace sprag {

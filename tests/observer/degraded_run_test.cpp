@@ -3,10 +3,10 @@
 
 #include <iostream>
 
-#include "mechanics/energy.h"
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/moreau.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/energy.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/observer/supervised_steppers.h"
 

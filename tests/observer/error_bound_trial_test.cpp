@@ -9,9 +9,9 @@
 #include <map>
 #include <optional>
 
-#include "mechanics/energy.h"
-#include "mechanics/replica.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/energy.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random_model.h"

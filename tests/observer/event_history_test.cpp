@@ -1,4 +1,4 @@
-#include "observer/event_history.h"
+#include "sprag/estimation/event_history.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "observer/event_mixture.h"
+#include "sprag/estimation/event_mixture.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "observer/histogram.h"
+#include "sprag/estimation/histogram.h"
 
 #include <gtest/gtest.h>
 

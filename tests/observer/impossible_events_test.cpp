@@ -9,8 +9,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "observer/estimators.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/time_line.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "mechanics/contact_event.h"
+#include "sprag/mechanics/contact_event.h"
 #include "tests/support/random.h"
 
 namespace sprag {

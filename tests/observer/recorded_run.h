@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "lcmtypes/report_builder.h"
-#include "mechanics/instant.h"
-#include "mechanics/master.h"
-#include "mechanics/scene.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 
 namespace sprag {

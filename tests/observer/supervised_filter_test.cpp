@@ -1,6 +1,6 @@
 // Replica and timing filter side by side: which is believed, and what is said of events that do not
 // fit.
-#include "observer/supervised_filter.h"
+#include "sprag/estimation/supervised_filter.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,9 @@
 #include <iostream>
 #include <random>
 
-#include "mechanics/energy.h"
-#include "observer/estimators.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/energy.h"
 #include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/support/random_model.h"

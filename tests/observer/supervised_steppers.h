@@ -1,7 +1,7 @@
 // Replica and timing filter side by side, to be made like a replica in suites of steppers.
 #pragma once
 
-#include "observer/supervised_filter.h"
+#include "sprag/estimation/supervised_filter.h"
 
 namespace sprag {
 

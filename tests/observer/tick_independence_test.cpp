@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "observer/estimators.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/files/scene_file.h"
 #include "tests/observer/recorded_run.h"
 
 namespace sprag {

@@ -5,10 +5,10 @@
 #include <iostream>
 #include <limits>
 
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
 #include "observer/session_tracker.h"
-#include "observer/time_line.h"
+#include "sprag/estimation/moreau.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/time_line.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/observer/supervised_steppers.h"
 #include "tests/support/random.h"

@@ -1,12 +1,12 @@
-#include "observer/time_line.h"
+#include "sprag/estimation/time_line.h"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <limits>
 
-#include "mechanics/moreau.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/moreau.h"
+#include "sprag/estimation/replica.h"
 #include "tests/observer/random_events.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/observer/supervised_steppers.h"

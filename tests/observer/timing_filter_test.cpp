@@ -1,4 +1,4 @@
-#include "observer/timing_filter.h"
+#include "sprag/estimation/timing_filter.h"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 #include <map>
 #include <random>
 
-#include "mechanics/energy.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/mechanics/energy.h"
 #include "tests/observer/recorded_run.h"
 #include "tests/support/repetitions.h"
 

@@ -7,9 +7,10 @@
 #include <iostream>
 #include <vector>
 
-#include "mechanics/energy.h"
-#include "mechanics/master.h"
-#include "observer/estimators.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
 
 namespace sprag {
 namespace {

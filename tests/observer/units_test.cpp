@@ -12,9 +12,10 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/master.h"
-#include "mechanics/scale.h"
-#include "observer/estimators.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/scale.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"

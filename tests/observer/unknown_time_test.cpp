@@ -1,6 +1,6 @@
 // Against dense integration over the time of the event: every hypothesis at its own time, thousands
 // of them, with full matrices.
-#include "observer/unknown_time.h"
+#include "sprag/estimation/unknown_time.h"
 
 #include <gtest/gtest.h>
 

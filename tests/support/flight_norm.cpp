@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mechanics/energy.h"
+#include "sprag/mechanics/energy.h"
 
 namespace sprag {
 

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "mechanics/flow.h"
+#include "sprag/mechanics/flow.h"
 
 namespace sprag {
 

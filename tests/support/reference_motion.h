@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mechanics/model.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/energy.h"
-#include "mechanics/master.h"
-#include "mechanics/scene.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
 
 namespace sprag::test {
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "mechanics/scene.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

@@ -8,14 +8,14 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "mechanics/energy.h"
-#include "mechanics/master.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
+#include "studies/calibration/machines.h"
+#include "studies/calibration/study.h"
+#include "studies/tolerance/random.h"
 #include "tests/support/process.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
-#include "tools/calibration/machines.h"
-#include "tools/calibration/study.h"
-#include "tools/tolerance/random.h"
 
 namespace sprag::calibration {
 namespace {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "sprag/files/scene_file.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_directory.h"
 #include "tools/check_scene/assessment.h"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "lcmtypes/program.h"
-#include "mechanics/csv.h"
+#include "command_line/program.h"
+#include "sprag/files/csv.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/column_file.h"
 #include "tools/import_events/decimal.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tools/stability/failures.h"
+#include "studies/stability/failures.h"
 
 namespace sprag::stability {
 namespace {

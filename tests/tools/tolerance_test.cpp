@@ -5,10 +5,10 @@
 #include <iostream>
 #include <limits>
 
+#include "studies/tolerance/machines.h"
+#include "studies/tolerance/studies.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
-#include "tools/tolerance/machines.h"
-#include "tools/tolerance/studies.h"
 
 namespace sprag::tolerance {
 namespace {

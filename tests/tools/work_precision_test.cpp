@@ -7,10 +7,10 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "mechanics/csv.h"
+#include "sprag/files/csv.h"
+#include "studies/work_precision/measure.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
-#include "tools/work_precision/measure.h"
 
 namespace sprag::work_precision {
 namespace {

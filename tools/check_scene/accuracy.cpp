@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <numbers>
 
-#include "mechanics/interrupt.h"
-#include "mechanics/master.h"
-#include "mechanics/replica.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/master.h"
 #include "tools/check_scene/reduction.h"
 
 namespace sprag {

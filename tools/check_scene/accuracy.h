@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "mechanics/scene.h"
+#include "sprag/mechanics/scene.h"
 #include "tools/check_scene/trial.h"
 
 namespace sprag {

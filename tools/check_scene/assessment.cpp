@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "mechanics/master.h"
+#include "sprag/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/flow.h"
-#include "mechanics/scene.h"
+#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/scene.h"
 #include "tools/check_scene/accuracy.h"
 #include "tools/check_scene/structure.h"
 #include "tools/check_scene/trial.h"

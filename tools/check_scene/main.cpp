@@ -1,8 +1,9 @@
 // check_scene: whether the replica of a scene will synchronize with its master, and why.
 #include <nlohmann/json.hpp>
 
-#include "lcmtypes/program.h"
-#include "mechanics/output_file.h"
+#include "command_line/program.h"
+#include "sprag/files/output_file.h"
+#include "sprag/files/scene_file.h"
 #include "tools/check_scene/assessment.h"
 #include "tools/check_scene/print.h"
 

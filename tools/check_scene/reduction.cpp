@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "mechanics/linear_algebra.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {

@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mechanics/scene.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "mechanics/linear_algebra.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {

@@ -6,8 +6,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mechanics/flow.h"
-#include "mechanics/model.h"
+#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 

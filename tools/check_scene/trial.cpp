@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "mechanics/master.h"
+#include "sprag/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "mechanics/scene.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

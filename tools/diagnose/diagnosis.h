@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/diagnose/parameters.h"
+#include "sprag/estimation/parameters.h"
 #include "tools/diagnose/prediction.h"
 
 namespace sprag {

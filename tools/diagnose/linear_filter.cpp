@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "mechanics/impact_law.h"
+#include "sprag/mechanics/impact_law.h"
 
 namespace sprag {
 namespace {

@@ -20,11 +20,11 @@
 #include <span>
 #include <vector>
 
-#include "mechanics/contact_event.h"
-#include "mechanics/flow.h"
-#include "mechanics/scene.h"
-#include "observer/belief.h"
-#include "observer/uncertainty.h"
+#include "sprag/estimation/belief.h"
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

@@ -1,5 +1,5 @@
 // diagnose: whether recorded contact events fit a scene's machine, and which parameter is wrong.
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 #include "tools/diagnose/run.h"
 
 int main(int argc, char** argv) {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "mechanics/interrupt.h"
+#include "sprag/mechanics/interrupt.h"
 #include "tools/diagnose/linear_filter.h"
 
 namespace sprag {

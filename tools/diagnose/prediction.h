@@ -12,8 +12,8 @@
 #include <cstdint>
 #include <span>
 
-#include "mechanics/contact_event.h"
-#include "mechanics/scene.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 

@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "mechanics/output_file.h"
-#include "mechanics/scene.h"
 #include "observer/recorded_events.h"
+#include "sprag/files/output_file.h"
+#include "sprag/files/scene_file.h"
 #include "tools/diagnose/diagnosis.h"
 #include "tools/diagnose/print.h"
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 
 namespace sprag {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <map>
 
-#include "lcmtypes/program.h"
-#include "mechanics/contact_event.h"
-#include "mechanics/csv.h"
+#include "command_line/program.h"
+#include "sprag/files/csv.h"
+#include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "mechanics/csv.h"
-#include "mechanics/interrupt.h"
-#include "mechanics/nearest_word.h"
+#include "sprag/files/csv.h"
+#include "sprag/files/nearest_word.h"
+#include "sprag/mechanics/interrupt.h"
 #include "tools/import_events/decimal.h"
 
 namespace sprag {

@@ -3,8 +3,8 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "lcmtypes/program.h"
-#include "mechanics/scene.h"
+#include "command_line/program.h"
+#include "sprag/files/scene_file.h"
 #include "tools/import_events/run.h"
 #include "tools/import_events/unit.h"
 

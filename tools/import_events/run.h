@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/import.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "lcmtypes/program.h"
+#include "command_line/program.h"
 
 namespace sprag {
 

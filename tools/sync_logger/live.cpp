@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/freshness.h"
-#include "lcmtypes/program.h"
 #include "lcmtypes/state_codec.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/sync_logger/report.h"

@@ -6,8 +6,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "lcmtypes/program.h"
-#include "mechanics/model.h"
+#include "command_line/program.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 

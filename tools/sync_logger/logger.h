@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "lcmtypes/state_codec.h"
-#include "mechanics/energy.h"
+#include "sprag/mechanics/energy.h"
 
 namespace sprag {
 

@@ -3,8 +3,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "lcmtypes/program.h"
-#include "mechanics/states_file.h"
+#include "command_line/program.h"
+#include "sprag/files/states_file.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/sync_logger/report.h"
 #include "tools/sync_logger/sync_file.h"

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 
-#include "mechanics/model.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "mechanics/output_file.h"
+#include "sprag/files/output_file.h"
 #include "tools/sync_logger/logger.h"
 
 namespace sprag {

@@ -1,0 +1,209 @@
+#include "command_line/program.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "command_line/signals.h"
+#include "sprag/files/csv.h"
+#include "sprag/files/output_file.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/model.h"
+
+namespace sprag {
+
+namespace {
+
+CLI::Option* add_number(CLI::App& app, const std::string& name, double& value,
+                        const std::string& unit, const std::string& help, bool max_allowed) {
+  const auto store = [&value, name, max_allowed](const std::string& text) {
+    const auto number = max_allowed && text == "max"
+                            ? std::optional(std::numeric_limits<double>::infinity())
+                            : parse_double(text);
+    if (!number || !(*number > 0.0))
+      throw CLI::ValidationError(name, text + " is not allowed; must be a finite number > 0" +
+                                           (max_allowed ? " or max" : ""));
+    value = *number;
+  };
+  return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+}
+
+/// A log that the bus itself reads or writes, file://LOG?mode=w.
+NamedFile log_of(const std::string& url) {
+  constexpr std::string_view scheme = "file://";
+  NamedFile file{.option = "--url", .path = {}, .use = NamedFile::Use::read};
+  if (!url.starts_with(scheme)) return file;
+  const std::size_t question = std::min(url.find('?'), url.size());
+  file.path = url.substr(scheme.size(), question - scheme.size());
+  if (url.find("mode=w", question) != std::string::npos) file.use = NamedFile::Use::written;
+  return file;
+}
+
+std::string overwritten_by(const CommonOptions& options) {
+  std::vector<NamedFile> files;
+  for (const auto& file : options.files) files.push_back(file());
+  return overwritten(files);
+}
+
+bool write_report(const std::filesystem::path& file, const nlohmann::ordered_json& report) {
+  OutputFile output(file);
+  output.write(report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  output.write("\n");
+  if (!output.close()) std::cerr << output.error() << '\n';
+  return output.good();
+}
+
+/// Runs and turns exceptions into an exit code and a message.
+int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const CommonOptions& options,
+            nlohmann::ordered_json& report, std::string& error) {
+  try {
+    return run(report);
+  } catch (const Interrupted& e) {
+    if (options.runs_until_signal) return exit_done;
+    error = e.what();
+    return exit_failed;
+  } catch (const UsageError& e) {
+    error = e.what();
+  } catch (const UrlError& e) {
+    error = e.what();
+  } catch (const InputError& e) {
+    error = e.what();
+  } catch (const SceneError& e) {
+    error = e.what();
+  } catch (const ModelError& e) {
+    error = e.what();
+  } catch (const std::exception& e) {
+    error = e.what();
+    return exit_failed;
+  }
+  return exit_usage;
+}
+
+}  // namespace
+
+std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name) {
+  return std::make_shared<CLI::App>(description, name);
+}
+
+void add_common_options(CLI::App& app, CommonOptions& options) {
+  app.set_version_flag("--version", app.get_name() + " " SPRAG_VERSION);
+  app.add_option("--url", options.url, "LCM address")
+      ->type_name("LCM_URL")
+      ->capture_default_str()
+      ->check([](const std::string& text) -> std::string {
+        try {
+          parse_url(text);
+          return {};
+        } catch (const UrlError& e) {
+          return e.what();
+        }
+      });
+  options.files.emplace_back([&options] { return log_of(options.url); });
+  add_file(app, options, "--key", NamedFile::Use::read, options.key, "FILE",
+           "Sign all messages, and hear only signed ones");
+  add_file(app, options, "--report", NamedFile::Use::written, options.report, "FILE.json",
+           "Write the run's figures to this file");
+}
+
+CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,
+                      NamedFile::Use use, std::filesystem::path& file, const std::string& type,
+                      const std::string& help) {
+  options.files.emplace_back([name, use, &file] { return NamedFile{name, file, use}; });
+  return app.add_option(name, file, help)->type_name(type)->required(!name.starts_with('-'));
+}
+
+CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
+  return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)");
+}
+
+CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value,
+                      const std::string& help) {
+  return app.add_flag(name, value, help);
+}
+
+void needs(CLI::Option* option, CLI::Option* other) { option->needs(other); }
+
+void excludes(CLI::Option* option, CLI::Option* other) { option->excludes(other); }
+
+std::string choose(const std::string& given, std::span<const std::string> choices) {
+  std::string text = given + "; choose ";
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (i > 0) text += i + 1 < choices.size() ? ", " : " or ";
+    text += choices[i];
+  }
+  return text;
+}
+
+CLI::Option* add_choice(CLI::App& app, const std::string& name, std::vector<std::string> choices,
+                        std::function<void(std::size_t)> take, const std::string& help) {
+  std::string type;
+  for (const std::string& choice : choices) type += (type.empty() ? "" : "|") + choice;
+  const auto store = [name, choices = std::move(choices),
+                      take = std::move(take)](const std::string& text) {
+    const auto found = std::find(choices.begin(), choices.end(), text);
+    if (found == choices.end()) throw CLI::ValidationError(name, choose(text, choices));
+    take(static_cast<std::size_t>(found - choices.begin()));
+  };
+  return app.add_option_function<std::string>(name, store, help)->type_name(type);
+}
+
+std::optional<Key> key_of(const CommonOptions& options) {
+  if (options.key.empty()) return std::nullopt;
+  return Key(options.key);
+}
+
+nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
+                                const BusCounts& bus) {
+  nlohmann::ordered_json counts = nlohmann::ordered_json::object();
+  const auto add = [&counts](std::string_view cause, std::int64_t count) {
+    if (count > 0) counts[std::string(cause)] = count;
+  };
+  for (int i = 1; i < refusal_kinds; ++i) {
+    add(name(static_cast<Refusal>(i)), refused[static_cast<std::size_t>(i)]);
+  }
+  for (int i = 1; i < packet_faults; ++i) {
+    add(name(static_cast<PacketFault>(i)), bus.faults[static_cast<std::size_t>(i)]);
+  }
+  add("unauthenticated", bus.unauthenticated);
+  add("other_host", bus.other_host);
+  return counts;
+}
+
+CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
+                          const std::string& unit, const std::string& help) {
+  return add_number(app, name, value, unit, help, false);
+}
+
+CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
+                                 const std::string& unit, const std::string& help) {
+  return add_number(app, name, value, unit, help, true);
+}
+
+int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
+                const std::function<int(nlohmann::ordered_json& report)>& run) {
+  const Signals signals(app.get_name());
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? exit_done : exit_usage;
+  }
+  if (const std::string clash = overwritten_by(options); !clash.empty()) {
+    std::cerr << app.get_name() << ": " << clash << '\n';
+    return exit_usage;
+  }
+  nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
+  std::string error;
+  int code = guarded(run, options, report, error);
+  if (!error.empty()) {
+    std::cerr << app.get_name() << ": " << error << '\n';
+    report["error"] = error;
+  }
+  report["exit"] = code;
+  if (!options.report.empty() && !write_report(options.report, report)) code = exit_failed;
+  return code;
+}
+
+}  // namespace sprag

@@ -1,0 +1,83 @@
+#include "command_line/signals.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <csignal>
+#include <ctime>
+
+#include "sprag/mechanics/interrupt.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SPRAG_SANITIZED 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SPRAG_SANITIZED 1
+#endif
+#endif
+
+namespace sprag {
+namespace {
+
+#if defined(SPRAG_SANITIZED)
+constexpr timespec patience{15, 0};
+#else
+constexpr timespec patience{0, 900'000'000};
+#endif
+
+// A timer rather than a thread: a handler may set it, and it takes no stack.
+timer_t last_resort;
+bool has_last_resort = false;
+std::array<char, 160> message;
+std::size_t message_size = 0;
+
+void end_here(int) {
+  (void)!::write(STDERR_FILENO, message.data(), message_size);
+  ::_exit(1);
+}
+
+void ask_to_stop(int) {
+  if (interrupted()) return;  // the first one counts
+  request_interrupt();
+  const itimerspec once{{0, 0}, patience};
+  if (has_last_resort) ::timer_settime(last_resort, 0, &once, nullptr);
+}
+
+void handle(int signal, void (*handler)(int)) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  action.sa_flags = SA_RESTART;  // poll() and sleeps return all the same
+  ::sigaction(signal, &action, nullptr);
+}
+
+bool ignored(int signal) {
+  struct sigaction action {};
+  return ::sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+}  // namespace
+
+Signals::Signals(const std::string& program) {
+  clear_interrupt();
+  const std::string text = program + ": does not end by itself after the signal; ended as it is\n";
+  message_size = std::min(text.size(), message.size());
+  std::copy_n(text.begin(), message_size, message.begin());
+  sigevent event{};
+  event.sigev_notify = SIGEV_SIGNAL;
+  event.sigev_signo = SIGRTMIN;
+  handle(SIGRTMIN, end_here);
+  has_last_resort = ::timer_create(CLOCK_MONOTONIC, &event, &last_resort) == 0;
+  handle(SIGINT, ask_to_stop);
+  handle(SIGTERM, ask_to_stop);
+  if (!ignored(SIGHUP)) handle(SIGHUP, ask_to_stop);
+  std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write that fails, and is reported
+}
+
+Signals::~Signals() {
+  if (has_last_resort) ::timer_delete(last_resort);
+  has_last_resort = false;
+  clear_interrupt();
+}
+
+}  // namespace sprag

@@ -1,0 +1,70 @@
+// What a filter knows of the state x = (q, u) at an instant: mean and a square root S of the
+// covariance, P = S S^T. And what a report says that is to be made of it.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/flow.h"
+
+namespace sprag {
+
+struct Belief {
+  Eigen::VectorXd q, u;      ///< mean, f entries each
+  Eigen::MatrixXd S_q, S_u;  ///< f rows each; the first `columns` columns are S
+  Eigen::Index columns = 0;
+};
+
+/// The covariance of a start; the mean stays.
+void set_start(const Uncertainty& uncertainty, Belief& belief);
+
+/// What the model lacks in tau >= 0: as many columns more as `uncertainty` has of drift.
+void add_drift(const Uncertainty& uncertainty, double tau, Belief& belief);
+
+/// Whether mean and covariance are numbers that can be gone on with.
+bool is_sane(const Belief& belief);
+
+/// Moves and merges the columns of beliefs of one machine: nothing but scratch, so that neither
+/// allocates.
+class BeliefColumns {
+ public:
+  BeliefColumns() = default;
+  /// For up to `columns` columns; `free` is the machine's free flight, f its coordinates.
+  BeliefColumns(const Flow& free, Eigen::Index f, Eigen::Index columns);
+
+  /// S on this flow for tau; nothing where tau is not positive. The mean stays.
+  void move(const Flow& flow, double tau, Belief& belief);
+
+  /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
+  /// 2 f zero.
+  void merge(Belief& belief);
+
+ private:
+  Eigen::MatrixXd z_, v_;  // S in a flow's oscillators
+  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
+  Eigen::ArrayXd no_alpha_;
+  Eigen::MatrixXd merged_;  // columns x 2 f
+};
+
+/// Largest terms of gaps [m] and of their velocities [m/s]: their roundings are in proportion.
+struct Terms {
+  double length = 0.0, speed = 0.0;
+};
+
+/// An event of one contact at a time that is not quite known.
+struct Report {
+  enum class Kind : std::int8_t {
+    none,     ///< no event, or several at one instant
+    pulse,    ///< an impact
+    burst,    ///< an impact so soon after the last that their times cannot be told apart
+    stays,    ///< an impact after which the contact stays closed
+    releases  ///< of a contact that was locked
+  };
+  Kind kind = Kind::none;
+  int contact = 0;
+  ContactSet held = 0;  ///< closed before and after
+};
+
+}  // namespace sprag

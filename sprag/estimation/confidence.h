@@ -1,0 +1,63 @@
+// What an estimate says of its own error, without knowing the truth.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+
+#include "sprag/estimation/innovation.h"
+
+namespace sprag {
+
+/// What an innovation that does not fit points to.
+enum class Suspicion : std::int8_t {
+  none = 0,
+  model = 1,           ///< the contact was near, but not there: model, uncertainty or event times
+  spurious_event = 2,  ///< no contact was near
+  missing_event = 3    ///< the estimate had gone through the support before
+};
+
+/// "none", "model", "spurious event", "missing event".
+constexpr const char* name(Suspicion suspicion) {
+  switch (suspicion) {
+    case Suspicion::model:
+      return "model";
+    case Suspicion::spurious_event:
+      return "spurious event";
+    case Suspicion::missing_event:
+      return "missing event";
+    default:
+      return "none";
+  }
+}
+
+struct Inconsistency {
+  double t = -1.0;  ///< [s]; before the first one -1
+  int contact = 0;  ///< from 0
+  Suspicion suspicion = Suspicion::none;
+  double square = 0.0;  ///< of the innovation, over the variance that it should have
+};
+
+/// Contacts that were reported closed while others already held their directions.
+struct Redundancy {
+  std::int64_t closings = 0;
+  int contact = 0;  ///< the last of them, from 0: it carries no force of its own
+};
+
+struct Confidence {
+  bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
+  bool has_filter = false;   ///< a timing filter runs: all the rest is its own
+  bool from_filter = false;  ///< the estimate that goes with this is the filter's
+  double bound = std::numeric_limits<double>::infinity();  ///< V of the replica is at most this
+  Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
+  Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]
+  Innovation replica, filter;        ///< of the same closing
+  std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
+  Inconsistency last;
+  std::int64_t forgotten = 0;  ///< covariances that were gone when the filter went on from them
+  bool remembered = true;      ///< false: this one is gone, and the deviations begin at the start's
+  Redundancy redundancy;
+  std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
+};
+
+}  // namespace sprag

@@ -1,0 +1,138 @@
+#include "sprag/estimation/event_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t max_degraded = 4096;
+
+// chi before the first record a report carries: its `closed`, the records undone.
+ContactSet closed_before_records(const ContactReport& report) {
+  ContactSet closed = report.closed;
+  for (int i = report.records; i-- > 0;) {
+    const ContactEvent& event = report.record[static_cast<std::size_t>(i)];
+    if (event.contact < 0 || event.contact >= report.contacts) continue;
+    if (event.kind == ContactEventKind::opens) {
+      closed |= bit(event.contact);
+    } else {
+      closed &= ~bit(event.contact);
+    }
+  }
+  return closed;
+}
+
+}  // namespace
+
+EventHistory::EventHistory(int contacts, std::size_t capacity) : contacts_(contacts) {
+  events_.reserve(capacity);
+  degraded_.reserve(max_degraded);
+}
+
+void EventHistory::restart(std::int64_t next_record, ContactSet chi, double horizon) {
+  events_.clear();
+  next_record_ = next_record;
+  chi_ = chi;
+  last_t_ = std::max(horizon, 0.0);
+  last_of_.fill(last_t_);
+  horizon_ = horizon;
+  complete_to_ = std::numeric_limits<double>::infinity();
+  ++start_;
+}
+
+bool EventHistory::add(const ContactEvent& event) {
+  if (event.contact < 0 || event.contact >= contacts_) {
+    return skip(Skip::unknown_contact, event, event.t);
+  }
+  if (!(event.t >= last_t_) || event.t <= horizon_) return skip(Skip::backwards, event, event.t);
+  const bool closed = contains(chi_, event.contact);
+  if (closed != (event.kind == ContactEventKind::opens)) {
+    // What is missing happened since the contact's last event.
+    return skip(Skip::contradicting, event, last_of_[static_cast<std::size_t>(event.contact)]);
+  }
+  append(event);
+  return true;
+}
+
+void EventHistory::append(const ContactEvent& event) {
+  chi_ = after(chi_, event);
+  last_t_ = last_of_[static_cast<std::size_t>(event.contact)] = event.t;
+  events_.push_back(event);
+  ++counts_.events;
+}
+
+// Settled ticks are handed out before a later report is heard, or after it: their bound must not
+// depend on which, so that an interval never begins before the horizon.
+void EventHistory::degrade(double from, double to) {
+  from = std::isnan(from) ? horizon_ : from;
+  from = std::max({from, horizon_, 0.0});
+  to = to > from ? to : from;
+  complete_to_ = std::min(complete_to_, from);
+  if (!degraded_.empty() && degraded_.back().start == start_ && from <= degraded_.back().to) {
+    degraded_.back().from = std::min(degraded_.back().from, from);
+    degraded_.back().to = std::max(degraded_.back().to, to);
+  } else if (degraded_.size() < max_degraded) {
+    degraded_.push_back({from, to, start_});
+  }
+}
+
+void EventHistory::lose(const ContactReport& report) {
+  counts_.lost_records += std::max<std::int64_t>(report.records_total - next_record_, 0);
+  if (report.horizon > horizon_) degrade(last_t_, report.horizon);
+}
+
+bool EventHistory::skip(Skip cause, const ContactEvent& event, double missing_from) {
+  const auto index = static_cast<std::size_t>(cause);
+  ++counts_.skipped[index];
+  last_skipped_[index] = event;
+  degrade(missing_from, event.t);
+  return false;
+}
+
+std::size_t EventHistory::add(const ContactReport& report) {
+  const std::size_t before = events_.size();
+  const std::int64_t first = report.records_total - report.records;
+  const bool gap = first > next_record_;
+  if (gap) {
+    counts_.lost_records += first - next_record_;
+    const double to = report.records > 0 ? report.record[0].t : report.horizon;
+    degrade(last_t_, to);
+    next_record_ = first;
+    make_up(closed_before_records(report), to);
+  }
+  for (std::int64_t number = next_record_; number < report.records_total; ++number) {
+    const ContactEvent& event = report.record[static_cast<std::size_t>(number - first)];
+    if (event.t > report.horizon) {
+      (void)skip(Skip::beyond_horizon, event, horizon_);
+    } else {
+      (void)add(event);
+    }
+  }
+  next_record_ = std::max(next_record_, report.records_total);
+  if (gap) make_up(report.closed, report.horizon);
+  set_horizon(report.horizon);
+  return events_.size() - before;
+}
+
+// Switches the contacts that lost records have left otherwise than `closed`, at t or as soon after
+// as nothing settled changes.
+void EventHistory::make_up(ContactSet closed, double t) {
+  const double after_horizon =
+      horizon_ < 0.0 ? 0.0 : std::nextafter(horizon_, std::numeric_limits<double>::infinity());
+  for (int i = 0; i < contacts_; ++i) {
+    if (contains(closed, i) == contains(chi_, i)) continue;
+    append({std::max({t, last_t_, after_horizon}), i,
+            contains(closed, i) ? ContactEventKind::closes : ContactEventKind::opens});
+    ++counts_.made_up;
+  }
+}
+
+void EventHistory::set_horizon(double t) { horizon_ = std::max(horizon_, t); }
+
+void EventHistory::drop(std::size_t n) {
+  events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(n));
+}
+
+}  // namespace sprag

@@ -1,0 +1,217 @@
+#include "sprag/estimation/replica.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+// Clutch switchings within one interval before the rest of it is taken as it is.
+constexpr int max_switchings = 1000;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Replica::Replica(Model model, double h) : Replica(std::make_shared<Flows>(std::move(model)), h) {}
+
+Replica::Replica(std::shared_ptr<Flows> flows, double h)
+    : flows_(std::move(flows)),
+      h_(h),
+      solver_(*flows_, DependentContacts::share),
+      error_bound_(*flows_) {
+  build_foreseeable(*flows_);
+  flight_ = TickedFlight((*flows_)[0], h);
+  const auto m = index(flows_->dynamics().contacts());
+  order_.assign(m, 0);
+  epsilon_.assign(m, 0.0);
+  watches_.reserve(m);
+  search_.reserve(m, (*flows_)[0].size());
+}
+
+void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                    ReplicaState& state) {
+  state.tick = k;
+  state.chi = chi;
+  state.idle = 0;
+  state.redundancy = {};
+  state.refused_impacts = 0;
+  state.innovation = {};
+  solver_.start(start, tick_instant(k, h_), state.motion);
+  error_bound_.start(state.motion, chi, state.error_bound);
+  if (chi != 0) {
+    std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
+    if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
+      ++state.refused_impacts;
+    }
+    note_idle(chi, state);
+  }
+  TickedFlight::set_anchor(state.motion, state.anchor);
+}
+
+void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
+  if (events.empty() && state.chi == 0) {
+    ++state.tick;
+    flight_.step(state.tick, state.motion, state.anchor);
+    return;
+  }
+  open_tick(state);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) { take(of_one, state); });
+  close_tick(state);
+}
+
+void Replica::open_tick(ReplicaState& state) const {
+  state.motion.t = tick_instant(state.tick, h_);
+  ++state.tick;
+}
+
+void Replica::take(std::span<const ContactEvent> of_one_instant, ReplicaState& state) {
+  advance(at(of_one_instant.front().t), state);
+  apply_group(of_one_instant, state);
+}
+
+void Replica::close_tick(ReplicaState& state) {
+  advance(tick_instant(state.tick, h_), state);
+  TickedFlight::set_anchor(state.motion, state.anchor);
+}
+
+void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
+  apply_group(events, state);
+  std::fill(order_.begin(), order_.end(), 0);
+  TickedFlight::set_anchor(state.motion, state.anchor);
+}
+
+// Events of one instant: one impact of the contacts that close, pulse or are closed already.
+void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& state) {
+  const Model& model = flows_->dynamics().model();
+  const ContactSet before = state.chi;
+  ContactSet closing = 0;
+  for (std::size_t i = 0; i < epsilon_.size(); ++i) epsilon_[i] = model.contacts[i].restitution;
+  for (const ContactEvent& event : events) {
+    state.chi = after(state.chi, event);
+    if (event.kind == ContactEventKind::opens) continue;
+    closing |= bit(event.contact);
+    if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
+  }
+  std::fill(order_.begin(), order_.end(), 0);
+  error_bound_.event(before, closing, state.chi, epsilon_, state.motion, state.error_bound);
+  if (closing == 0) {
+    release(before & ~state.chi, 0, state);
+    return;
+  }
+  note_innovation(closing, state);
+  if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
+    ++state.refused_impacts;
+    release(before & ~state.chi, 0, state);
+    return;
+  }
+  note_idle(closing, state);
+  const ContactSet locked = state.motion.flow->locked();
+  const ContactSet from_zero = (solver_.resting() & ~locked) | solver_.unloaded();
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    order_[i] = contains(from_zero, static_cast<int>(i)) ? 1 : 0;
+  }
+}
+
+// Takes `leaving`, which open, and `unlocking`, which stay closed, out of the locked set. What they
+// held together with others is then held by itself.
+void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& state) {
+  ContactSet carried = state.motion.flow->tied() & state.chi;
+  solver_.release(leaving | unlocking, state.motion);
+  carried &= ~state.motion.flow->tied();
+  const ContactSet parting = solver_.parting(carried, state.motion);
+  const ContactSet closed = state.chi & ~(unlocking | parting);
+  for_each(unlocking | parting, [&](int i) { order_[index(i)] = 2; });
+  if ((carried & ~parting) != 0 || solver_.pressed_in(closed & state.idle, state.motion) != 0) {
+    std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
+    if (solver_.collide(closed, epsilon_, closed, 0, state.motion) != Solved::yes) {
+      ++state.refused_impacts;
+    }
+  }
+  note_idle(0, state);
+}
+
+// `closing`: contacts that have just closed.
+void Replica::note_idle(ContactSet closing, ReplicaState& state) const {
+  if (solver_.unsatisfied() != 0) ++state.refused_impacts;
+  const ContactSet tied = state.motion.flow->tied() & state.chi;
+  state.idle = tied | (solver_.unsatisfied() & state.chi);
+  if ((tied & closing) == 0) return;
+  ++state.redundancy.closings;
+  state.redundancy.contact = std::countr_zero(tied & closing);
+}
+
+void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
+  state.innovation = {state.motion.t.hi, -1, 0.0, 0.0};
+  for_each(closing, [&](int i) {
+    const double gap = solver_.gap(i, state.motion);
+    if (state.innovation.contact >= 0 && std::abs(gap) <= std::abs(state.innovation.gap)) return;
+    state.innovation.contact = i;
+    state.innovation.gap = gap;
+  });
+}
+
+double Replica::error_bound(const ReplicaState& state, double initial) {
+  if (!error_bound_.guaranteed() || state.refused_impacts > 0) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return error_bound_.bound(state.error_bound, initial, tick_instant(state.tick, h_),
+                            state.chi == 0);
+}
+
+// Exact flow to t, through the clutches' own switchings.
+void Replica::advance(Instant t, ReplicaState& state) {
+  Motion& motion = state.motion;
+  for (int switchings = 0; state.chi != 0 && switchings < max_switchings; ++switchings) {
+    const ContactSet locked = motion.flow->locked();
+    watches_.clear();
+    for (int i = 0; i < static_cast<int>(order_.size()); ++i) {
+      if (!contains(state.chi & ~state.idle, i)) continue;
+      if (contains(locked, i)) {
+        watches_.push_back({&motion.flow->force(i), 1.0, order_[index(i)], i});
+      } else {
+        watches_.push_back({&motion.flow->gap_velocity(i), 1.0, order_[index(i)], i});
+      }
+    }
+    const double interval = t - motion.t;
+    search_.begin(motion, watches_);
+    search_.advance(interval);
+    if (!search_.found() || search_.tau() > interval) break;
+
+    ContactSet unlocking = 0;
+    ContactSet locking = 0;
+    for (std::size_t w = 0; w < watches_.size(); ++w) {
+      if (!search_.fires(w)) continue;
+      (contains(locked, watches_[w].id) ? unlocking : locking) |= bit(watches_[w].id);
+    }
+    motion.flow->propagate(motion, motion.t + search_.tau(), motion);
+    std::fill(order_.begin(), order_.end(), 0);
+    if (unlocking != 0) release(0, unlocking, state);
+    if (locking != 0 && solver_.lock(motion.flow->locked() | locking, 0, motion) != Solved::yes) {
+      ++state.refused_impacts;
+      break;
+    }
+    if (locking == 0) continue;
+    note_idle(0, state);
+    // What is pressed in and not to be held is let be until something else happens.
+    const ContactSet free = locking & ~motion.flow->locked();
+    state.idle |= solver_.pressed_in(free, motion);
+    for_each(free & ~state.idle, [&](int i) { order_[index(i)] = 1; });
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      if (contains(solver_.unloaded(), static_cast<int>(i))) order_[i] = 1;
+    }
+  }
+  if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
+  // Across a tick a signal that started from zero is known by its value alone: all that a tick
+  // depends on is in the state.
+  std::fill(order_.begin(), order_.end(), 0);
+}
+
+void Replica::output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
+                     Eigen::Ref<Eigen::VectorXd> u) const {
+  state.motion.flow->state(state.motion, q, u);
+}
+
+}  // namespace sprag

@@ -1,0 +1,134 @@
+#include "sprag/estimation/supervised_filter.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace sprag {
+namespace {
+
+// Squares of innovations over their variances: chi^2 of one degree of freedom exceeds the first
+// once in 10^11 events, the mean over 16 the second once in 10^7.
+constexpr double largest_square = 45.0;
+constexpr double largest_mean = 4.0;
+
+// Of the start's: a filter that expects more of its error has lost more than it has learnt.
+constexpr double most_energy = 1.2;
+
+// Shares of a flight's duration, and of the machine's displacements, that are no matter of event
+// times or of a model that is slightly wrong.
+constexpr double long_inside = 0.05;
+constexpr double far_away = 0.05;
+
+// A trial takes twice as many events each time that the model is to blame, until so many times as
+// many have fitted.
+constexpr std::int64_t longest_trial = 1024;
+constexpr std::int64_t forgiven_after = 8;
+
+}  // namespace
+
+SupervisedFilter::SupervisedFilter(const Model& model, double h, Uncertainty uncertainty)
+    : flows_(std::make_shared<Flows>(model)),
+      replica_(flows_, h),
+      filter_(flows_, h, std::move(uncertainty)) {
+  q_.setZero(model.coordinates());
+  u_.setZero(model.coordinates());
+}
+
+void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                             SupervisedState& state) {
+  replica_.start(start, k, chi, state);
+  filter_.start(start, k, chi, state.filter);
+  state.trusted = !filter_.scale_is_open();
+  state.trial = trial_events;
+  state.inconsistencies = 0;
+  state.last = {};
+}
+
+void SupervisedFilter::tick(std::span<const ContactEvent> events, SupervisedState& state) {
+  const std::int64_t silences = state.filter.silences;
+  if (events.empty()) {
+    replica_.tick(events, state);
+    filter_.tick(events, state.filter);
+    supervise_silence(silences, state);
+    return;
+  }
+  replica_.open_tick(state);
+  filter_.open_tick(state.filter);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+    const std::int64_t before = state.filter.silences;
+    const std::int64_t believed = state.filter.instants;
+    replica_.take(of_one, state);
+    filter_.take(of_one, state.filter);
+    supervise_silence(before, state);
+    supervise(believed, state);
+  });
+  const std::int64_t before = state.filter.silences;
+  replica_.close_tick(state);
+  filter_.close_tick(state.filter);
+  supervise_silence(before, state);
+}
+
+void SupervisedFilter::apply(std::span<const ContactEvent> events, SupervisedState& state) {
+  const std::int64_t believed = state.filter.instants;
+  replica_.apply(events, state);
+  filter_.apply(events, state.filter);
+  supervise(believed, state);
+}
+
+// An event has not come that had to: from then on nothing is known of the filter's state, and at
+// the next event it starts from the replica's.
+void SupervisedFilter::supervise_silence(std::int64_t silences, SupervisedState& state) const {
+  if (state.filter.silences == silences) return;
+  ++state.inconsistencies;
+  state.trusted = false;
+  state.last = state.filter.last;
+}
+
+// At an instant with events. `believed`: the filter's last instant before it.
+void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) {
+  const Consistency& consistency = state.filter.consistency;
+  // Where sigma is so large against the machine's periods that the filter knows less than it did at
+  // the start, the replica knows more.
+  if (state.filter.began_again ||
+      state.filter.expected_energy > most_energy * filter_.energy_of_start()) {
+    state.trusted = false;
+    replica_.output(state, q_, u_);
+    filter_.restart(q_, u_, believed, state.filter);
+    return;
+  }
+  if (consistency.largest <= largest_square && consistency.mean <= largest_mean) {
+    if (consistency.count >= 2 * q_.size() + state.trial) {
+      state.trusted = !filter_.scale_is_open();
+    }
+    if (consistency.count >= forgiven_after * state.trial) state.trial = trial_events;
+    return;
+  }
+  const Innovation& innovation = state.filter.innovation;
+  state.last = {innovation.t, innovation.contact, suspicion(state), consistency.largest};
+  ++state.inconsistencies;
+  if (state.last.suspicion == Suspicion::model) {
+    state.trial = std::min(2 * state.trial, longest_trial);
+  }
+  state.trusted = false;
+  replica_.output(state, q_, u_);
+  filter_.restart(q_, u_, believed, state.filter);
+}
+
+Suspicion SupervisedFilter::suspicion(const SupervisedState& state) {
+  const Innovation& innovation = state.filter.innovation;
+  const double far = far_away * state.filter.terms.length;
+  const TimingFilter::LastFlight flight = filter_.last_flight(innovation.contact, state.filter);
+  if (flight.inside > long_inside && flight.lowest < -far) return Suspicion::missing_event;
+  return innovation.gap > far ? Suspicion::spurious_event : Suspicion::model;
+}
+
+void SupervisedFilter::output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,
+                              Eigen::Ref<Eigen::VectorXd> u) {
+  if (state.trusted) {
+    filter_.output(state.filter, q, u);
+  } else {
+    replica_.output(state, q, u);
+  }
+}
+
+}  // namespace sprag

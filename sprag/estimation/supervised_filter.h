@@ -1,0 +1,65 @@
+// A replica and a timing filter side by side. The filter knows the state after a few events if
+// model and events are right; the replica converges whatever the filter does. So the filter's
+// innovations are watched, at each instant with events: each against the variance that the filter
+// expects of it, and their mean over about 16; and whether an event has not come that had to. While
+// they fit, the estimate is the filter's. Where they do not, it is the replica's, and the filter
+// starts again from there; it is believed again after the 2 f events that determine it and as many
+// more as a trial takes, which grows if the model fails again and again.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "sprag/estimation/confidence.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/timing_filter.h"
+
+namespace sprag {
+
+/// Everything that changes, at tick `tick`. Copies between states of one estimator do not allocate.
+struct SupervisedState : ReplicaState {
+  TimingState filter;
+  bool trusted = true;
+  std::int64_t trial = 0;  ///< events that must fit before the filter is believed again
+  std::int64_t inconsistencies = 0;
+  Inconsistency last;
+};
+
+class SupervisedFilter {
+ public:
+  using State = SupervisedState;
+
+  /// Throws ModelError, as Replica and TimingFilter.
+  SupervisedFilter(const Model& model, double h, Uncertainty uncertainty);
+
+  /// As Replica's.
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, SupervisedState& state);
+  void tick(std::span<const ContactEvent> events, SupervisedState& state);
+  void apply(std::span<const ContactEvent> events, SupervisedState& state);
+
+  /// The estimate at the present tick, f entries each.
+  void output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,
+              Eigen::Ref<Eigen::VectorXd> u);
+
+  double h() const { return replica_.h(); }
+  const Flows& flows() const { return *flows_; }
+  Flows& flows() { return *flows_; }
+  Replica& replica() { return replica_; }
+  TimingFilter& filter() { return filter_; }
+
+  /// Of the first trial.
+  static constexpr std::int64_t trial_events = 8;
+
+ private:
+  void supervise(std::int64_t believed, SupervisedState& state);
+  void supervise_silence(std::int64_t silences, SupervisedState& state) const;
+  Suspicion suspicion(const SupervisedState& state);
+
+  std::shared_ptr<Flows> flows_;
+  Replica replica_;
+  TimingFilter filter_;
+  Eigen::VectorXd q_, u_;  // scratch
+};
+
+}  // namespace sprag

@@ -1,0 +1,51 @@
+// Free flight by ticks of a fixed step: products of one rounded step, and every so many ticks one
+// exact step from the last anchor instead, so that roundings do not add up.
+#pragma once
+
+#include <cstdint>
+
+#include "sprag/mechanics/flow.h"
+
+namespace sprag {
+
+class TickedFlight {
+ public:
+  /// Where the last exact step ended.
+  struct Anchor {
+    OscillatorState x;
+    int ticks_since = 0;
+  };
+
+  TickedFlight() = default;
+  /// `free` is the flow of no locked contact; it must outlive this. Tick h > 0.
+  TickedFlight(const Flow& free, double h);
+
+  /// The motion, which is on the free flow at a tick or at an event after it, is an anchor.
+  static void set_anchor(const Motion& motion, Anchor& anchor) {
+    anchor.x = motion.x;
+    anchor.ticks_since = 0;
+  }
+
+  /// From tick k - 1, at which the motion is, to tick k. Leaves motion.t behind.
+  void step(std::int64_t k, Motion& motion, Anchor& anchor) const {
+    if (++anchor.ticks_since < block) {
+      tick_.apply(motion.x, motion.alpha, drifts_);
+      if (!driven_tick_.empty()) driven_tick_.apply(motion.x);
+    } else {
+      step_from_anchor(k, motion, anchor);
+    }
+  }
+
+ private:
+  static constexpr int block = 64;  // ticks
+
+  void step_from_anchor(std::int64_t k, Motion& motion, Anchor& anchor) const;
+
+  const Flow* free_ = nullptr;
+  double h_ = 0.0;
+  TickTable tick_, block_;
+  DriveTable driven_tick_, driven_block_;
+  bool drifts_ = false;  // a constant force pushes
+};
+
+}  // namespace sprag

@@ -1,0 +1,281 @@
+// The observer's time line. Ticks are at t_k = k h of simulated time. The replica runs ahead to
+// "now"; when an event turns up that is older than now, the time line goes back to the last tick
+// before it and runs forward again, so that every tick is what it would have been without delay.
+// Ticks up to the horizon (all events known) are settled: they are handed out once, in order, and
+// depend on the events alone. The last ticks are kept to go back to, and always the last settled
+// one: an event that is older than what is kept costs more, never accuracy. A pure core: it knows
+// neither clock nor transport, and does not allocate once it is made.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "sprag/estimation/event_history.h"
+#include "sprag/estimation/histogram.h"
+#include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/model.h"
+
+namespace sprag {
+
+struct RollbackCounts {
+  std::int64_t rollbacks = 0;
+  std::int64_t ticks_redone = 0;
+  std::int64_t beyond_history = 0;  ///< went back further than the history, to the settled tick
+  Histogram depth;                  ///< ticks redone by each
+};
+
+/// Stepper is Replica, MoreauReplica, TimingFilter or SupervisedFilter.
+template <typename Stepper>
+class TimeLine {
+ public:
+  using ReplicaState = typename Stepper::State;
+
+  /// Keeps at least `history` ticks (>= 1) to go back to.
+  TimeLine(Stepper& stepper, int contacts, const State& start, std::int64_t history)
+      : stepper_(&stepper), start_(start), history_(history), events_(contacts, event_capacity) {
+    saved_.resize(static_cast<std::size_t>(history) + 2);
+    for (ReplicaState& state : saved_) stepper.start(start, 0, 0, state);
+    stepper.start(start, 0, 0, frontier_);
+  }
+
+  /// Puts the scene's replica state at tick k; every event before has been dealt with.
+  void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
+    events_.restart(next_record, chi, horizon);
+    first_ = now_ = k;
+    chi_ = chi;
+    consumed_ = 0;
+    handed_out_ = reached_ = k - 1;
+    started_ = true;
+    start_again();
+  }
+
+  /// Starts from the first report of a session: at t = 0 if it still carries every event since
+  /// then and its horizon is not far, else at the first tick after its horizon. A machine's clock
+  /// may start anywhere.
+  void restart(const ContactReport& report) {
+    const bool whole = report.records_total == report.records;
+    if (whole && last_tick(report.horizon, h()) <= far) {
+      restart(0, 0, 0, no_horizon);
+      receive(report);
+    } else {
+      restart_behind(report);
+    }
+  }
+
+  /// Takes what is new in a report, and goes back if it is older than now. run() goes forward.
+  /// Behind a long gap of which nothing is known it starts again, at the first tick after the
+  /// report's horizon: then true.
+  bool receive(const ContactReport& report) {
+    const bool gap = report.records_total - report.records > events_.next_record();
+    if (gap && is_far(report.horizon)) {
+      events_.lose(report);
+      restart_behind(report);
+      return true;
+    }
+    const std::size_t known = events_.events().size();
+    if (events_.add(report) > 0) go_back(known);
+    return false;
+  }
+
+  /// The same when the machine's clock or its counts have jumped: starts again too where the report
+  /// does not go on from those before, or is far ahead of them.
+  bool resume(const ContactReport& report) {
+    if (report.horizon >= events_.horizon() && !is_far(report.horizon) &&
+        report.records_total >= events_.next_record()) {
+      return receive(report);
+    }
+    events_.lose(report);
+    restart_behind(report);
+    return true;
+  }
+
+  /// Takes one event from a file.
+  void receive(const ContactEvent& event) {
+    const std::size_t known = events_.events().size();
+    if (events_.add(event)) go_back(known);
+  }
+
+  /// Every event up to t is known.
+  void set_horizon(double t) { events_.set_horizon(t); }
+
+  /// Events may be missing between these times.
+  void degrade(double from, double to) { events_.degrade(from, to); }
+
+  /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
+  void go_back_to(std::int64_t k) {
+    if (started_ && k < now_) redo_after(std::max({k, handed_out_, first_}));
+  }
+
+  /// Runs to tick `target`, or as far as the horizon when that is later, by at most `budget` ticks;
+  /// returns whether it got there. `on_tick(state)` sees every tick reached for the first time,
+  /// `on_settled(state)` every settled one, once and in order; it may return false to be asked
+  /// again at the next call, and while it does so the time line waits for it.
+  template <typename OnTick, typename OnSettled>
+  bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
+           std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
+    if (!started_) return true;
+    const std::int64_t settled = settled_tick();
+    target = std::max(target, settled);
+    if (handed_out_ < settled && handed_out_ + 1 < oldest_) redo_after(handed_out_);
+    bool arrived = false;
+    while (true) {
+      if (now_ > reached_) {
+        reached_ = now_;
+        on_tick(saved(now_));
+      }
+      while (handed_out_ < std::min(settled, now_)) {
+        if (!on_settled(saved(handed_out_ + 1))) break;
+        ++handed_out_;
+      }
+      arrived = now_ >= target;
+      const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
+      if (arrived || waits || budget-- <= 0) break;
+      step();
+    }
+    forget();
+    return arrived;
+  }
+
+  bool started() const { return started_; }
+  double h() const { return stepper_->h(); }
+  /// Whether the estimate has heard of every event from t = 0 on up to t, which then is not behind
+  /// the horizon, as far as is known.
+  bool complete_to(double t) const {
+    return first_ == 0 && t <= std::min(events_.complete_to(), events_.horizon());
+  }
+  std::int64_t now() const { return now_; }
+  /// The state at tick now().
+  const ReplicaState& present() const { return saved(now_); }
+  /// The first tick that contains all events that are known.
+  std::int64_t tick_of_last_event() const {
+    return events_.events().empty() ? first_ : tick_of(events_.events().back());
+  }
+  /// Last tick at or before the horizon; before the first tick where there is none.
+  std::int64_t settled_tick() const {
+    if (events_.horizon() < 0.0) return first_ - 1;
+    return std::max(last_tick(events_.horizon(), h()), first_ - 1);
+  }
+  /// Last tick handed out as settled.
+  std::int64_t handed_out() const { return handed_out_; }
+  const EventHistory& events() const { return events_; }
+  const RollbackCounts& rollbacks() const { return rollbacks_; }
+
+ private:
+  static constexpr std::size_t event_capacity = 1U << 16U;
+  // Ticks that are run through at a start or behind a gap: some tenths of a second.
+  static constexpr std::int64_t far = 100'000;
+
+  bool is_far(double horizon) const { return last_tick(horizon, h()) - settled_tick() > far; }
+
+  void restart_behind(const ContactReport& report) {
+    restart(last_tick(report.horizon, h()) + 1, report.records_total, report.closed,
+            report.horizon);
+  }
+
+  ReplicaState& saved(std::int64_t k) { return saved_[slot(k)]; }
+  const ReplicaState& saved(std::int64_t k) const { return saved_[slot(k)]; }
+  std::size_t slot(std::int64_t k) const {
+    return static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()));
+  }
+
+  // First tick at or after the event.
+  std::int64_t tick_of(const ContactEvent& event) const {
+    const std::int64_t k = last_tick(event.t, h());
+    return std::max(tick_instant(k, h()) - at(event.t) >= 0.0 ? k : k + 1, first_);
+  }
+
+  // The events of one tick, from `consumed_` on.
+  std::span<const ContactEvent> events_of(std::int64_t k) {
+    const auto& all = events_.events();
+    std::size_t end = consumed_;
+    while (end < all.size() && tick_of(all[end]) == k) ++end;
+    const std::span<const ContactEvent> events(all.data() + consumed_, end - consumed_);
+    consumed_ = end;
+    return events;
+  }
+
+  void start_again() {
+    now_ = oldest_ = first_;
+    ReplicaState& state = saved(first_);
+    stepper_->start(start_, first_, chi_, state);
+    consumed_ = 0;
+    for_each_instant(events_of(first_),
+                     [&](std::span<const ContactEvent> of_one) { stepper_->apply(of_one, state); });
+  }
+
+  void step() {
+    if (now_ + 1 - oldest_ == static_cast<std::int64_t>(saved_.size())) {
+      if (oldest_ == handed_out_) frontier_ = saved(oldest_);
+      ++oldest_;
+    }
+    const ReplicaState& from = saved(now_);
+    ReplicaState& to = saved(now_ + 1);
+    to = from;
+    ++now_;
+    stepper_->tick(events_of(now_), to);
+  }
+
+  // Back to the last tick before the event number `first_new`.
+  void go_back(std::size_t first_new) {
+    const std::int64_t tick = tick_of(events_.events()[first_new]);
+    if (tick > now_) return;
+    ++rollbacks_.rollbacks;
+    rollbacks_.depth.add(now_ - tick + 1);
+    const std::int64_t present = now_;
+    if (tick == first_) {
+      if (oldest_ > first_) ++rollbacks_.beyond_history;
+      start_again();
+    } else {
+      if (oldest_ > tick - 1) ++rollbacks_.beyond_history;
+      redo_after(tick - 1);
+    }
+    rollbacks_.ticks_redone += present - now_;
+  }
+
+  // The state at tick k >= handed_out_ becomes the present one, or an earlier one if it is not
+  // kept.
+  void redo_after(std::int64_t k) {
+    if (k >= oldest_) {
+      now_ = k;
+    } else if (handed_out_ < first_) {
+      start_again();
+      return;
+    } else {
+      now_ = oldest_ = handed_out_;
+      saved(now_) = frontier_;
+    }
+    const auto& all = events_.events();
+    while (consumed_ > 0 && tick_of(all[consumed_ - 1]) > now_) --consumed_;
+  }
+
+  // Events of ticks that are handed out are not needed again, except those of the first tick.
+  void forget() {
+    if (consumed_ < event_capacity / 2 || handed_out_ <= first_) return;
+    const auto& all = events_.events();
+    std::size_t n = 0;
+    while (n < consumed_ && tick_of(all[n]) <= handed_out_) ++n;
+    events_.drop(n);
+    consumed_ -= n;
+  }
+
+  Stepper* stepper_;
+  State start_;
+  std::int64_t history_;
+  EventHistory events_;
+  std::vector<ReplicaState> saved_;  // ring: tick k in slot k mod size, for oldest_ <= k <= now_
+  ReplicaState frontier_;            // at handed_out_, once that is older than oldest_
+  bool started_ = false;
+  ContactSet chi_ = 0;  // at the first tick
+  std::int64_t first_ = 0;
+  std::int64_t oldest_ = 0;
+  std::int64_t now_ = 0;
+  std::int64_t reached_ = -1;
+  std::int64_t handed_out_ = -1;
+  std::size_t consumed_ = 0;  // events up to and including tick now_
+  RollbackCounts rollbacks_;
+};
+
+}  // namespace sprag

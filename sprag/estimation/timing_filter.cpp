@@ -1,0 +1,475 @@
+#include "sprag/estimation/timing_filter.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t kept_bytes = 64 << 20;
+// A restart takes this multiple of the squares by which two estimates differ, and not nothing.
+constexpr double reserve = 4.0;
+constexpr double least_share = 1e-12;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+// An event may be on its way where the gap, or the force, is less than so many of its deviations.
+constexpr double deviations_to_expect = 4.0;
+// Silence that is less likely than a deviation of seven sigma is no silence.
+constexpr double most_square = 49.0;
+constexpr double looks_a_period = 16.0;
+constexpr double growth_of_looks = 0.25;
+// What is published looks at so many of the last reports again.
+constexpr std::int64_t most_unsettled = 4;
+constexpr double as_good_as_over = 1e-6;  // probability that it is not
+
+}  // namespace
+
+TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
+    : TimingFilter(std::make_shared<Flows>(std::move(model)), h, std::move(uncertainty)) {}
+
+TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty)
+    : flows_(std::move(flows)), h_(h), uncertainty_(std::move(uncertainty)) {
+  build_foreseeable(*flows_);
+  flight_ = TickedFlight((*flows_)[0], h);
+  const int m = flows_->dynamics().contacts();
+  for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
+  const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
+  // Twice what an instant can add: an event of unknown time, and that none has come since.
+  const Eigen::Index added = std::max<Eigen::Index>(2 * EventMixture::added_columns(), 3L * m);
+  const Eigen::Index columns = 4 * f() + of_drift + added;
+  now_.q.setZero(f());
+  now_.u.setZero(f());
+  now_.S_q.setZero(f(), columns);
+  now_.S_u.setZero(f(), columns);
+  no_gaps_.setZero(m);
+  if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
+  if (uncertainty_.jitter > 0.0) {
+    unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
+    scale_is_open_ = is_homogeneous(flows_->dynamics().model());
+  }
+  (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
+  published_ = sample_;
+  // As many columns as merging leaves. Not initialized: memory that is never used
+  // stays the system's.
+  const auto bytes = static_cast<std::size_t>(8 * f() * f()) * sizeof(double);
+  covariances_.resize(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024));
+  for (Covariance& S : covariances_) {
+    S.S_q.resize(f(), 4 * f());
+    S.S_u.resize(f(), 4 * f());
+    S.mean = sample_;
+  }
+  for (Eigen::VectorXd* x : {&u_before_, &before_impact_, &u_sequence_, &on_q_, &on_u_,
+                             &difference_q_, &difference_u_}) {
+    x->setZero(f());
+  }
+  from_start_q_ = uncertainty_.q.inverse();
+  from_start_u_ = uncertainty_.u.inverse();
+  closings_.reserve(static_cast<std::size_t>(m));
+  phi_.setZero(columns);
+  z_.setZero(f(), columns);
+  v_.setZero(f(), columns);
+  directions_.setZero(f(), m);
+  const Flow& free = (*flows_)[0];
+  columns_ = BeliefColumns(free, f(), columns);
+  set_looks(free);
+  set_start(uncertainty_, now_);
+  energy_of_start_ = expected_energy();
+}
+
+// Of the error, by the covariance.
+double TimingFilter::expected_energy() const {
+  const Model& model = flows_->dynamics().model();
+  const auto trace = [&](const Eigen::MatrixXd& A, const Eigen::MatrixXd& S) {
+    double sum = 0.0;
+    for (Eigen::Index j = 0; j < now_.columns; ++j) {
+      if (flows_->dynamics().diagonal()) {
+        sum += (A.diagonal().array() * S.col(j).array().square()).sum();
+      } else {
+        for (Eigen::Index i = 0; i < f(); ++i) sum += S(i, j) * A.col(i).dot(S.col(j));
+      }
+    }
+    return 0.5 * sum;
+  };
+  return trace(model.K, now_.S_q) + trace(model.M, now_.S_u);
+}
+
+// Silence is judged when a share of the slowest motion has passed since an instant, and then again
+// and again, less and less often at first.
+void TimingFilter::set_looks(const Flow& free) {
+  const Eigen::Index n = free.frequencies() + free.modes();
+  double slowest = infinity;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double omega = free.oscillators().root_kappa()[i];
+    if (omega > 0.0) slowest = std::min(slowest, omega);
+  }
+  const double period = 2.0 * std::numbers::pi / slowest;
+  longest_look_ = slowest < infinity ? period / looks_a_period : infinity;
+  first_look_ =
+      slowest < infinity ? longest_look_ / looks_a_period : flows_->dynamics().model().chatter_time;
+}
+
+void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                         TimingState& state) {
+  state.tick = k;
+  state.chi = chi;
+  state.instants = -1;
+  state.inside = 0;
+  state.redundancy = {};
+  state.refused_impacts = 0;
+  state.ambiguous_impacts = 0;
+  state.lost = state.silences = state.forgotten = 0;
+  state.unknown = state.began_again = false;
+  state.last = {};
+  state.innovation = {};
+  state.consistency = {};
+  state.terms = {};
+  state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
+  report_ = {};
+  start_ = start;
+  now_.q = start.q;
+  now_.u = start.u;
+  set_start(uncertainty_, now_);
+  state.motion.flow = &(*flows_)[0];
+  state.motion.t = tick_instant(k, h_);
+  go_on(state);
+}
+
+void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
+                           const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
+                           TimingState& state) {
+  const Instant t = state.motion.t;
+  const Covariance& from = slot(believed);
+  on_q_.setOnes();
+  if (from.instants == believed) {
+    load(from, t);
+    from.mean.flow->propagate(from.mean, t, sample_);
+    sample_.flow->state(sample_, now_.q, now_.u);
+    // In terms of the modes' deviations at a start.
+    const Eigen::Index c = now_.columns;
+    difference_q_ = q - now_.q;
+    difference_u_ = u - now_.u;
+    now_.q.noalias() = from_start_q_.lazyProduct(difference_q_);
+    now_.u.noalias() = from_start_u_.lazyProduct(difference_u_);
+    z_.leftCols(c).noalias() = from_start_q_.lazyProduct(now_.S_q.leftCols(c));
+    v_.leftCols(c).noalias() = from_start_u_.lazyProduct(now_.S_u.leftCols(c));
+    for (Eigen::Index i = 0; i < f(); ++i) {
+      const double unsure = z_.row(i).head(c).squaredNorm() + v_.row(i).head(c).squaredNorm();
+      const double apart = now_.q[i] * now_.q[i] + now_.u[i] * now_.u[i];
+      const double share = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
+      on_q_[i] = std::sqrt(share);
+    }
+  }
+  set_start(uncertainty_, now_);
+  for (Eigen::Index i = 0; i < f(); ++i) {
+    now_.S_q.col(i) *= on_q_[i];
+    now_.S_u.col(f() + i) *= on_q_[i];
+  }
+  now_.q = q;
+  now_.u = u;
+  state.consistency = {};
+  report_ = {};
+  go_on(state);
+}
+
+// Mean and covariance, `now_`, go on from the motion's instant.
+void TimingFilter::go_on(TimingState& state) {
+  const Instant t = state.motion.t;
+  ++state.instants;
+  Covariance& S = slot(state.instants);
+  S.instants = state.instants;
+  S.columns = now_.columns;
+  S.S_q.leftCols(S.columns) = now_.S_q.leftCols(S.columns);
+  S.S_u.leftCols(S.columns) = now_.S_u.leftCols(S.columns);
+  state.covariance_time = t;
+  state.watched = 0.0;
+  state.unknown = false;
+  if (unknown_time_) state.expected_energy = expected_energy();
+  const ContactSet closed = state.chi & ~state.inside;
+  const ContactSet kept = state.motion.flow->locked() & closed;
+  enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
+  S.mean = state.motion;
+  S.report = report_;
+}
+
+// The mean goes on from t with these contacts locked at g = 0.
+void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
+  const Flow* flow = flows_->find(locked);
+  if (flow == nullptr) {
+    ++state.refused_impacts;
+    locked = 0;
+    flow = &(*flows_)[0];
+  }
+  flow->enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(locked)), state.motion);
+  TickedFlight::set_anchor(state.motion, state.anchor);
+}
+
+void TimingFilter::tick(std::span<const ContactEvent> events, TimingState& state) {
+  if (events.empty() && state.chi == 0) {
+    ++state.tick;
+    flight_.step(state.tick, state.motion, state.anchor);
+    listen(tick_instant(state.tick, h_), state);
+    return;
+  }
+  open_tick(state);
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) { take(of_one, state); });
+  close_tick(state);
+}
+
+void TimingFilter::open_tick(TimingState& state) const {
+  state.motion.t = tick_instant(state.tick, h_);
+  ++state.tick;
+}
+
+void TimingFilter::take(std::span<const ContactEvent> of_one_instant, TimingState& state) {
+  const Instant t = at(of_one_instant.front().t);
+  state.motion.flow->propagate(state.motion, t, state.motion);
+  listen(t, state);
+  take_instant(of_one_instant, state);
+}
+
+void TimingFilter::close_tick(TimingState& state) {
+  const Instant t = tick_instant(state.tick, h_);
+  Motion& motion = state.motion;
+  if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
+  TickedFlight::set_anchor(motion, state.anchor);
+  listen(t, state);
+}
+
+void TimingFilter::apply(std::span<const ContactEvent> events, TimingState& state) {
+  take_instant(events, state);
+}
+
+void TimingFilter::follow(std::span<const ContactEvent> events, TimingState& state) {
+  take(events, state);
+}
+
+void TimingFilter::output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                          Eigen::Ref<Eigen::VectorXd> u) {
+  if (unknown_time_ && !state.unknown && publish(state)) {
+    q = now_.q;
+    u = now_.u;
+  } else {
+    state.motion.flow->state(state.motion, q, u);
+  }
+}
+
+// The covariance of a state, moved to t. False where it is gone: as if nothing had been learnt.
+bool TimingFilter::load(const TimingState& state, Instant t) {
+  const Covariance& S = slot(state.instants);
+  if (S.instants == state.instants) {
+    load(S, t);
+    return true;
+  }
+  set_start(uncertainty_, now_);
+  columns_.move(*state.motion.flow, t - state.covariance_time, now_);
+  return false;
+}
+
+void TimingFilter::load(const Covariance& from, Instant t) {
+  const double tau = t - from.mean.t;
+  now_.columns = from.columns;
+  now_.S_q.leftCols(from.columns) = from.S_q.leftCols(from.columns);
+  now_.S_u.leftCols(from.columns) = from.S_u.leftCols(from.columns);
+  columns_.move(*from.mean.flow, tau, now_);
+  if (tau > 0.0) add_drift(uncertainty_, tau, now_);
+}
+
+void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                              Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
+  if (state.unknown || scale_is_open_) {
+    q.setConstant(infinity);
+    u.setConstant(infinity);
+    gap.setConstant(infinity);
+    return;
+  }
+  if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
+  const Eigen::Index c = now_.columns;
+  const double unseen_q = rounding * state.terms.length / largest_w_;
+  const double unseen_u = rounding * state.terms.speed / largest_w_;
+  for (Eigen::Index i = 0; i < f(); ++i) {
+    q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), unseen_q);
+    u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), unseen_u);
+  }
+  for (Eigen::Index i = 0; i < gap.size(); ++i) {
+    auto phi = phi_.head(c);
+    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
+    gap[i] = std::hypot(phi.norm(), rounding * state.terms.length);
+  }
+}
+
+// What the last reports say of t, in `now_` and `published_`: what they are about may have happened
+// by then, or not, and not in their order. Contacts for which it certainly has leave `unsettled`.
+// False where there are none.
+bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& unsettled) {
+  std::int64_t first = state.instants;
+  while (first > 0 && state.instants - first < most_unsettled) {
+    const Covariance& last = slot(first);
+    const Covariance& before = slot(first - 1);
+    const bool kept = last.instants == first && before.instants == first - 1;
+    if (!kept || last.report.kind == Report::Kind::none) break;
+    if (!(t - last.mean.t < unknown_time_->latest()) || last.mean.t - before.mean.t < 0.0) break;
+    --first;
+  }
+  if (first == state.instants) return false;
+  load(slot(first), t);
+  slot(first).mean.flow->propagate(slot(first).mean, t, published_);
+  while (first < state.instants) {
+    const Covariance& next = slot(++first);
+    published_.flow->state(published_, now_.q, now_.u);
+    UnknownTime::Innovation innovation;
+    if (!unknown_time_->take(next.report, published_, state.terms, t - next.mean.t, true, now_,
+                             innovation)) {
+      return false;
+    }
+    columns_.merge(now_);
+    if (innovation.to_come < as_good_as_over) {
+      unsettled &= ~bit(next.report.contact);
+    } else {
+      unsettled |= bit(next.report.contact);
+    }
+    const Flow& flow = *next.mean.flow;
+    flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+  }
+  return true;
+}
+
+// Around an event that jitters: the expectation over what may have happened by the present tick,
+// in `now_`. False where there is nothing of the kind.
+bool TimingFilter::publish(const TimingState& state) {
+  const Instant t = tick_instant(state.tick, h_);
+  ContactSet unsettled = recently_reported(state, t);
+  bool near = take_so_far(state, t, unsettled);
+  if (!near) {
+    load(state, t);
+    published_ = state.motion;
+    published_.t = t;
+    published_.flow->state(published_, now_.q, now_.u);
+  }
+  // Several contacts may have met or left their supports.
+  ContactSet heard = 0;
+  for (Report due = next_due(state, published_, heard, unsettled); due.kind != Report::Kind::none;
+       due = next_due(state, published_, heard, unsettled)) {
+    heard |= bit(due.contact);
+    unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
+    if (due.kind == Report::Kind::pulse) {
+      const Flow& flow = *published_.flow;
+      flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+    }
+    columns_.merge(now_);
+    near = true;
+  }
+  return near && is_sane(now_);
+}
+
+// Contacts whose last reports may be of what is still to come.
+ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) const {
+  ContactSet recently = 0;
+  for (int i = 0; i < flows_->dynamics().contacts() && unknown_time_; ++i) {
+    if (t.hi - state.last_report[i] < unknown_time_->latest()) recently |= bit(i);
+  }
+  return recently;
+}
+
+// What is most likely to be reported next of any contact but `heard`, if anything is; of those of
+// `unsettled` only what is beyond doubt. `now_` is at the motion's time.
+Report TimingFilter::next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+                              ContactSet unsettled) {
+  Report nearest;
+  double least = deviations_to_expect;
+  const ContactSet locked = motion.flow->locked();
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    const bool held = contains(locked, i);
+    if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
+    if (held && !unknown_time_) continue;
+    const Report due{held ? Report::Kind::releases : Report::Kind::pulse, i, locked & ~bit(i)};
+    const double margin = unknown_time_
+                              ? unknown_time_->margin(due, motion, state.terms, now_)
+                              : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
+    if (contains(unsettled, i) && !(margin < -deviations_to_expect)) continue;
+    if (!(margin < least)) continue;
+    least = margin;
+    nearest = due;
+  }
+  return nearest;
+}
+
+double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
+  const auto w = flows_->dynamics().W().col(contact);
+  double variance = std::pow(rounding * state.terms.length, 2);
+  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += std::pow(w.dot(now_.S_q.col(j)), 2);
+  return std::sqrt(variance);
+}
+
+// Silence is information: an open contact whose gap is negative beyond doubt must have closed.
+void TimingFilter::listen(Instant t, TimingState& state) {
+  const double since = t - state.covariance_time;
+  while (!state.unknown) {
+    const double next =
+        state.watched == 0.0
+            ? first_look_
+            : state.watched + std::min(growth_of_looks * state.watched, longest_look_);
+    if (!(next <= since)) return;
+    state.watched = next;
+    const Inconsistency silence = overdue(state, state.covariance_time + next);
+    if (!(silence.square > most_square)) continue;
+    state.unknown = true;
+    ++state.silences;
+    state.last = silence;
+  }
+}
+
+// How unlikely it is that nothing has been reported by t.
+Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
+  const Covariance& from = slot(state.instants);
+  if (from.instants != state.instants) return {};
+  from.mean.flow->propagate(from.mean, t, sample_);
+  bool suspect = false;
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    const bool held = contains(sample_.flow->locked(), i);
+    if (contains(state.inside, i) || (contains(state.chi, i) && !held)) continue;
+    const Signal& margin = held ? sample_.flow->force(i) : sample_.flow->gap(i);
+    suspect = suspect || value(margin, sample_) < 0.0;
+  }
+  if (!suspect) return {};
+  load(from, t);
+  sample_.flow->state(sample_, now_.q, now_.u);
+  // The mean goes on from behind what was reported, even where that is still to come.
+  const Report due = next_due(state, sample_, recently_reported(state, t), 0);
+  if (due.kind == Report::Kind::none) return {};
+  const double log_probability =
+      unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)
+                    : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
+                                     deviation_of_gap(due.contact, state));
+  return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};
+}
+
+TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingState& state) {
+  constexpr int samples = 64;
+  LastFlight flight;
+  if (state.instants < 1) return flight;
+  const Covariance& from = slot(state.instants - 1);
+  if (from.instants != state.instants - 1 || from.mean.flow == nullptr ||
+      contains(from.mean.flow->locked(), contact)) {
+    return flight;
+  }
+  const double tau = state.covariance_time - from.mean.t;
+  for (int i = 1; i < samples; ++i) {
+    from.mean.flow->propagate(from.mean, from.mean.t + tau * i / samples, sample_);
+    const double gap = value(from.mean.flow->gap(contact), sample_);
+    if (gap < 0.0) flight.inside += 1.0 / samples;
+    flight.lowest = std::min(flight.lowest, gap);
+  }
+  return flight;
+}
+
+Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {
+  if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
+  Eigen::MatrixXd S(2 * f(), now_.columns);
+  S << now_.S_q.leftCols(now_.columns), now_.S_u.leftCols(now_.columns);
+  return S * S.transpose();
+}
+
+}  // namespace sprag

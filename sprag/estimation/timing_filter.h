@@ -1,0 +1,246 @@
+// The timing filter: event times as measurements of the state, not only as switches.
+//
+// Between events the master's own path is affine in its unknown state x = (q, u): free flight or,
+// while contacts stay closed, the flow with all of them locked (flow.h). At an instant where the
+// contacts A close it jumps by the active branch of the impact law, whatever the signs of gamma in
+// the estimate. For one contact
+//
+//   u+ = u- - (1 + epsilon_i) M^-1 w_i G_ii^-1 gamma_i-,   epsilon_i = 0 where it closes to stay;
+//
+// for several, and with others that stay closed, the same with G of all of them (Poisson: Lambda =
+// -(1 + E) G^-1 gamma-, Newton: Lambda = -G^-1 (1 + E) gamma-). And each event says something of x:
+// at a closing g_i = 0, where a chatter ends gamma_i = 0 as well, at a release lambda_i = 0. So
+// mean and covariance of x given the events follow from a Kalman filter, exactly for one contact: 2
+// f impacts determine 2 f unknowns.
+//
+// Event times that are off by tau ~ N(0, sigma^2) make each event a mixture over tau
+// (event_mixture.h): what it says and does is linear given tau, for any omega_max sigma. The same
+// mixture is what is published around an event, when it is not known on which side of it a tick
+// lies. Where no event comes though the gap has closed, nothing is known any longer.
+//
+// Which contacts take an impulse is not always known: where several close at one instant, or others
+// are closed or open at it. There the impact law decides on the mean, and what it would have been
+// otherwise widens the covariance.
+//
+// The covariance is kept as P = S S^T, propagated column by column and conditioned by Potter's
+// square root for scalar measurements, so that it cannot turn indefinite and stays accurate
+// relative to the smallest of its axes, with exact measurements too. Columns that events add are
+// merged by Householder reflections. Covariances belong to instants with events; states share them.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "sprag/estimation/belief.h"
+#include "sprag/estimation/confidence.h"
+#include "sprag/estimation/innovation.h"
+#include "sprag/estimation/ticked_flight.h"
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/estimation/unknown_time.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/impact_law.h"
+
+namespace sprag {
+
+/// How the innovations of a filter fit what it holds possible: squares over their variances, which
+/// are 1 in the mean where model, events and uncertainty are right.
+struct Consistency {
+  std::int64_t count = 0;  ///< innovations since the start
+  double mean = 1.0;       ///< over about the last 16, weights falling exponentially
+  double largest = 0.0;    ///< at the last instant with events
+};
+
+/// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
+struct TimingState {
+  std::int64_t tick = 0;
+  ContactSet chi = 0;
+  ContactSet inside = 0;  ///< closed since t = 0: the machine may have started inside the support
+  Motion motion;          ///< of the mean; in free flight its t is that of the anchor
+  TickedFlight::Anchor anchor;
+  Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
+  std::int64_t instants = 0;  ///< instants with events since the start
+  Redundancy redundancy;
+  std::int64_t refused_impacts = 0;    ///< sets of closed contacts without a flow
+  std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
+  std::int64_t lost = 0;               ///< how often it was no longer a number and began again
+  std::int64_t silences = 0;           ///< how often an event did not come that had to
+  /// The last event that did not come: when that was certain, twice minus the log of the
+  /// probability of having heard nothing. Or one after which nothing was known, any square.
+  Inconsistency last;
+  std::int64_t forgotten = 0;    ///< covariances that were gone when they were needed
+  bool unknown = false;          ///< nothing is known until the next event
+  bool began_again = false;      ///< at the last instant, behind what was not known
+  double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
+  double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
+  Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
+  Innovation innovation;
+  Consistency consistency;
+  Terms terms;  ///< the largest so far
+};
+
+class TimingFilter {
+ public:
+  using State = TimingState;
+
+  /// Tick h > 0. Keeps the covariances of the last 1024 instants with events, fewer of large
+  /// machines (64 MiB in all), so that a time line can go back behind as many; further back it
+  /// would start from the uncertainty of a start. Throws ModelError.
+  TimingFilter(Model model, double h, Uncertainty uncertainty);
+  /// The same with flows that others use as well.
+  TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty);
+  TimingFilter(const TimingFilter&) = delete;
+  TimingFilter& operator=(const TimingFilter&) = delete;
+
+  /// Puts the mean at (q, u) with chi at tick k, with the uncertainty of a start. May allocate.
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
+
+  /// Puts the mean at (q, u), f entries each, at the instant that it is at. Mode by mode, its
+  /// covariance is that of a start, less as far as the filter, had it heard of no event since
+  /// instant number `believed`, would have been both sure and close to (q, u).
+  void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
+               const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
+               TimingState& state);
+
+  /// As Replica's. They do not allocate once the locked sets that occur have been met.
+  void tick(std::span<const ContactEvent> events, TimingState& state);
+  void apply(std::span<const ContactEvent> events, TimingState& state);
+
+  /// A tick in parts, as Replica's.
+  void open_tick(TimingState& state) const;
+  void take(std::span<const ContactEvent> of_one_instant, TimingState& state);
+  void close_tick(TimingState& state);
+
+  /// Moves the mean from the last instant with events, or the start, to the instant of these, and
+  /// applies them. For who needs no ticks: the tick does not count on, and outputs are of no use.
+  void follow(std::span<const ContactEvent> events, TimingState& state);
+
+  /// The expectation of the state at the present tick, f entries each.
+  void output(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+              Eigen::Ref<Eigen::VectorXd> u);
+
+  /// Standard deviations of q and u, f entries each, and of the gaps of all contacts, at the
+  /// present tick; infinite where nothing is known.
+  void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                  Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
+
+  /// Whether a state's covariance is still kept; deviations begin at the start's where it is not.
+  bool remembers(const TimingState& state) const {
+    return covariances_[slot_of(state.instants)].instants == state.instants;
+  }
+
+  /// Of a contact's gap between the last two instants with events: the share of the time in which
+  /// it was negative, and its smallest value [m].
+  struct LastFlight {
+    double inside = 0.0;
+    double lowest = 0.0;
+  };
+  LastFlight last_flight(int contact, const TimingState& state);
+
+  /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
+  Eigen::MatrixXd covariance(const TimingState& state);
+
+  /// Whether events say nothing of how large the motion is (is_homogeneous), and jitter, which is
+  /// in proportion to it, keeps the covariance from telling so. Deviations are infinite then.
+  bool scale_is_open() const { return scale_is_open_; }
+
+  /// Expected energy of the error of a start, of which nothing more is known.
+  double energy_of_start() const { return energy_of_start_; }
+
+  double h() const { return h_; }
+  const Flows& flows() const { return *flows_; }
+  Flows& flows() { return *flows_; }
+
+ private:
+  // A measurement whose deviation is below this share of its terms tells nothing but their
+  // rounding.
+  static constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
+
+  struct Covariance {
+    std::int64_t instants = -1;  // another number than a state's: it is gone
+    Eigen::Index columns = 0;
+    Eigen::MatrixXd S_q, S_u;  // S, f rows each
+    Motion mean;               // as it goes on from there
+    Report report;             // the event that led to it, where events jitter
+  };
+  struct Closing {
+    int contact;
+    double epsilon;
+    double gamma, gamma_rate;  // before the impact
+  };
+
+  std::size_t slot_of(std::int64_t instants) const {
+    return static_cast<std::size_t>(instants % static_cast<std::int64_t>(covariances_.size()));
+  }
+  Covariance& slot(std::int64_t instants) { return covariances_[slot_of(instants)]; }
+  Eigen::Index f() const { return flows_->dynamics().coordinates(); }
+  void set_looks(const Flow& free);
+  double expected_energy() const;
+  void go_on(TimingState& state);
+  bool load(const TimingState& state, Instant t);
+  void load(const Covariance& from, Instant t);
+  void enter(ContactSet locked, Instant t, TimingState& state);
+  void begin_again(int contact, TimingState& state);
+  void note(double square, Consistency& consistency) const;
+  void note_terms(int contact, TimingState& state) const;
+  double known_of(const Functional& functional) const;
+
+  // An instant with events.
+  void take_instant(std::span<const ContactEvent> events, TimingState& state);
+  void take_exact(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
+  void take_uncertain(const ContactEvent& event, ContactSet before, TimingState& state);
+  ContactSet drop_redundant(ContactSet held, ContactSet closing, TimingState& state) const;
+  void measure_release(int contact, TimingState& state);
+  void measure_closings(bool several, TimingState& state);
+  double condition(double residual, double noise, double scale, Consistency& consistency);
+  void reset(ContactSet staying, ContactSet leaving, TimingState& state);
+  void decide(ContactSet staying, ContactSet leaving, TimingState& state);
+  void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
+  void add_time_rounding(const TimingState& state);
+  void add_unknown(const Eigen::VectorXd& on_u);
+  std::vector<Closing>::iterator find_closing(int contact);
+
+  // What is said of the present, and what does not come.
+  bool publish(const TimingState& state);
+  bool take_so_far(const TimingState& state, Instant t, ContactSet& unsettled);
+  Report next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+                  ContactSet unsettled);
+  ContactSet recently_reported(const TimingState& state, Instant t) const;
+  double deviation_of_gap(int contact, const TimingState& state) const;
+  void listen(Instant t, TimingState& state);
+  Inconsistency overdue(const TimingState& state, Instant t);
+
+  std::shared_ptr<Flows> flows_;
+  double h_;
+  double largest_w_ = 1.0;
+  double energy_of_start_ = 0.0;
+  bool scale_is_open_ = false;
+  double first_look_ = 0.0, longest_look_ = 0.0;  // at silence, after an instant [s]
+  Uncertainty uncertainty_;
+  sprag::State start_;
+  TickedFlight flight_;
+  std::vector<Functional> acceleration_;         // gamma_i' without contact forces
+  Eigen::MatrixXd from_start_q_, from_start_u_;  // inverses of the uncertainty of a start
+  std::vector<Covariance> covariances_;
+  std::optional<UnknownTime> unknown_time_;  // where events jitter
+
+  // Scratch of an instant.
+  Belief now_;
+  Report report_;
+  BeliefColumns columns_;
+  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_q_, on_u_, difference_q_,
+      difference_u_;
+  std::vector<Closing> closings_;
+  Eigen::VectorXd phi_;         // what a measurement sees of each column
+  Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
+  Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
+  Eigen::VectorXd no_gaps_;
+  Motion sample_, published_;
+};
+
+}  // namespace sprag

@@ -1,0 +1,24 @@
+// How far a scene's model, its start and its event times are to be trusted.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// What is not known of a machine's start and of its events. The errors of q and u at the start are
+/// independent, with covariances q q^T and u u^T.
+struct Uncertainty {
+  Eigen::MatrixXd q, u;              ///< f x f
+  double jitter = 0.0;               ///< sigma, standard deviation of event times [s]
+  Eigen::MatrixXd drift_q, drift_u;  ///< of what the model lacks per unit of time; or empty
+};
+
+/// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
+/// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
+/// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
+/// largest length.
+Uncertainty uncertainty_of(const Scene& scene);
+
+}  // namespace sprag

@@ -1,0 +1,559 @@
+#include "sprag/estimation/unknown_time.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "sprag/mechanics/impact_law.h"
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double half_log_two_pi = 0.91893853320467274178;
+
+// A first look at tau, over +- so many sigma.
+constexpr int scan_nodes = 17;
+constexpr double scan_reach = 4.5;
+// What is narrower than so many of its steps is looked at more closely.
+constexpr double resolved = 1.2;
+constexpr double closer = 1.5;
+constexpr int bisections = 40;
+// From one node to the best place beside it, the exponent falls by less.
+constexpr double nearly_least = 4.0;
+// The hypotheses themselves: +- so many deviations of what the look has found.
+constexpr double node_reach = 5.0;
+constexpr double node_density = 5.2;
+constexpr int least_nodes = 5, most_nodes = 30;
+constexpr int looks_at_nodes = 3;
+constexpr int burst_nodes = 11;
+constexpr double burst_reach = 3.0;
+constexpr int unheard_nodes = 16;
+constexpr double unheard_reach = 5.0;
+constexpr int crossing_steps = 16;
+// A mode that has decayed by exp(12) since is not there any more, and is not made to grow back.
+constexpr double most_growth = 12.0;
+// Of a burst, whose pulses are not told apart: share of the energy that restitution takes which it
+// may still have.
+constexpr double burst_energy = 0.49;
+
+// Where the fastest mode turns further in sigma, its phase is not known on either flow, and what
+// one flow makes of it and the other does not says nothing.
+constexpr double one_turn = 2.0 * std::numbers::pi;
+constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
+
+// Of a variance: what is known exactly is divided by it.
+constexpr double least = 1e-200;
+
+double square(double x) { return x * x; }
+
+double fastest_of(const Flow& flow) {
+  return flow.modes() > 0
+             ? flow.oscillators().root_kappa().segment(flow.frequencies(), flow.modes()).maxCoeff()
+             : 0.0;
+}
+
+}  // namespace
+
+UnknownTime::UnknownTime(const Flows& flows, double sigma, Eigen::Index columns)
+    : flows_(&flows), sigma_(sigma), mixture_(columns, flows.dynamics().coordinates()) {
+  const Eigen::Index f = flows.dynamics().coordinates();
+  const Eigen::Index n = flows[0].size();
+  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
+  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
+  from_z_ = unit_z_;
+  from_v_ = unit_v_;
+  no_alpha_.setZero(n);
+  Z_.setZero(f, columns);
+  V_.setZero(f, columns);
+  row_z_.setZero(f);
+  row_v_.setZero(f);
+  phi_.setZero(columns);
+  psi_.setZero(columns);
+  xi_.setZero(columns);
+  no_gaps_.setZero(flows.dynamics().contacts());
+  for (Eigen::VectorXd* x :
+       {&no_q_, &impact_u_, &off_z_, &off_v_, &q_, &u_, &q_after_, &u_after_}) {
+    x->setZero(f);
+  }
+  for (Eigen::MatrixXd* x : {&impact_z_, &impact_v_, &moved_z_, &moved_v_, &moved_q_, &moved_u_}) {
+    x->setZero(f, 1);
+  }
+  flows[0].enter(no_q_, no_q_, Instant{}, no_gaps_.head(0), then_);
+  after_ = then_;
+}
+
+// `signal` is zero at the event, on the flow of the motion.
+void UnknownTime::look(const Signal& signal, double value_rounding, double rate_rounding,
+                       const Motion& motion, const Belief& belief) {
+  flow_ = motion.flow;
+  motion_ = &motion;
+  signal_ = &signal;
+  value_rounding_ = value_rounding;
+  rate_rounding_ = rate_rounding;
+  rate_noise_ = 0.0;
+  columns_ = belief.columns;
+  best_weight_ = -infinity;
+  innovation_ = {};
+  const Oscillators& of = flow_->oscillators();
+  const Eigen::Index n = flow_->modes();
+  const Eigen::Index nf = flow_->frequencies();
+  flow_->enter_differences(belief.S_q.leftCols(columns_), belief.S_u.leftCols(columns_),
+                           Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
+  fastest_ = fastest_of(*flow_);
+  growth_ = 0.0;
+  for (Eigen::Index i = nf; i < nf + n; ++i) {
+    const double excess = square(of.delta()[i]) - of.kappa()[i];
+    growth_ = std::max(growth_, of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0));
+  }
+  then_ = motion;
+}
+
+// Mean and columns at `age` before the motion, which may be negative: what they were if nothing has
+// happened since.
+void UnknownTime::go_back(double age) {
+  const Oscillators& of = flow_->oscillators();
+  const Eigen::Index n = flow_->modes();
+  const Eigen::Index nf = flow_->frequencies();
+  const auto move = [&](double tau, Eigen::Index first, Eigen::Index count) {
+    of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
+    of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
+    of.propagate(motion_->x, motion_->alpha, tau, first, count, then_.x);
+  };
+  if (growth_ * age <= most_growth) {
+    move(-age, nf, n);
+  } else {
+    for (Eigen::Index i = nf; i < nf + n; ++i) {
+      const double excess = square(of.delta()[i]) - of.kappa()[i];
+      const double growth = of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
+      move(-std::min(age, most_growth / growth), i, 1);
+    }
+  }
+  then_.t = motion_->t + -age;
+  flow_->set_phases(then_.t, then_.x);
+  const auto depend = [&](const auto& p, const auto& r, auto on) {
+    row_z_.head(n) = p * from_z_.z.segment(nf, n) + r * from_z_.v.segment(nf, n);
+    row_v_.head(n) = p * from_v_.z.segment(nf, n) + r * from_v_.v.segment(nf, n);
+    on.noalias() = Z_.topLeftCorner(n, columns_).transpose().lazyProduct(row_z_.head(n));
+    on.noalias() += V_.topLeftCorner(n, columns_).transpose().lazyProduct(row_v_.head(n));
+  };
+  const auto p = signal_->p.segment(nf, n);
+  const auto r = signal_->r.segment(nf, n);
+  depend(p, r, phi_.head(columns_));
+  const auto kappa = of.kappa().segment(nf, n);
+  const auto delta = of.delta().segment(nf, n);
+  depend(-r * kappa, p - 2.0 * r * delta, psi_.head(columns_));
+}
+
+// Afterwards phi_ and psi_ are those of a hypothesis.
+UnknownTime::Sight UnknownTime::see(Report::Kind kind, double age) {
+  go_back(age);
+  Sight sight{};
+  sight.value = value(*signal_, then_);
+  sight.rate = rate(*signal_, then_);
+  auto phi = phi_.head(columns_);
+  auto psi = psi_.head(columns_);
+  const double r = square(value_rounding_) + least;
+  sight.s2 = phi.squaredNorm() + r;
+  const double kappa = phi.dot(psi) / sight.s2;
+  psi -= kappa * phi;
+  sight.mu = sight.rate - kappa * sight.value;
+  sight.d = std::sqrt(psi.squaredNorm() + square(kappa) * r + square(rate_rounding_) + least);
+  sight.rest_phi = r / sight.s2;
+  sight.log_weight = -0.5 * square(sight.value) / sight.s2 - 0.5 * std::log(sight.s2);
+  if (kind == Report::Kind::stays) {
+    // No crossing: the contact has come to rest.
+    const double all = square(sight.d) + square(rate_noise_);
+    sight.mean_rate = sight.mu * square(rate_noise_) / all;
+    sight.variance = square(sight.d) * square(rate_noise_) / all;
+    sight.log_weight -= 0.5 * square(sight.mu) / all + 0.5 * std::log(all);
+  } else {
+    const FluxMoments flux = flux_moments(sight.mu, sight.d);
+    sight.mean_rate = flux.mean;
+    sight.variance = flux.variance;
+    sight.log_weight += flux.log_weight;
+  }
+  return sight;
+}
+
+double UnknownTime::log_prior(double age) const { return -0.5 * square((age - delay_) / sigma_); }
+
+// log of the weight of a reported event's age. Remembers how well the best one fits.
+double UnknownTime::weigh(const Sight& sight, double age) {
+  const double weight = sight.log_weight + log_prior(age);
+  if (weight > best_weight_) {
+    best_weight_ = weight;
+    // The least of tau^2 / sigma^2 + g^2 / s^2 as if g were linear; what is further away is not.
+    const double tau = age - delay_;
+    const double here = square(tau / sigma_) + square(sight.value) / sight.s2;
+    const double least =
+        square(sight.value + sight.rate * tau) / (sight.s2 + square(sight.rate * sigma_));
+    innovation_.square = here - least < nearly_least ? least : here;
+  }
+  return weight;
+}
+
+// Where the signal is zero, between two ages where it is not of one sign.
+double UnknownTime::find_zero(Report::Kind kind, double low, double high, double at_low) {
+  for (int i = 0; i < bisections; ++i) {
+    const double middle = 0.5 * (low + high);
+    const double at_middle = see(kind, middle).value;
+    ((at_middle < 0.0) == (at_low < 0.0) ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
+  double low = delay_ - scan_reach * sigma_;
+  double high = delay_ + scan_reach * sigma_;
+  double mean = 0.0;
+  bool first_scan = true;
+  double deviation = 0.0;  // NOLINT(clang-analyzer-deadcode.DeadStores): g++ warns without
+  const double least_step = 16.0 * std::numeric_limits<double>::epsilon() * motion_->t.hi;
+  while (true) {
+    const double step = (high - low) / (scan_nodes - 1);
+    double weights[scan_nodes], values[scan_nodes];
+    int best = 0;
+    for (int i = 0; i < scan_nodes; ++i) {
+      const Sight sight = see(kind, low + i * step);
+      values[i] = sight.value;
+      weights[i] = weigh(sight, low + i * step);
+      if (!(weights[i] <= weights[best]) && weights[i] > -infinity) best = i;
+    }
+    double sum = 0.0, first = 0.0, second = 0.0;
+    for (int i = 0; i < scan_nodes; ++i) {
+      const double w = std::exp(weights[i] - weights[best]);
+      if (!(w > 0.0)) continue;
+      sum += w;
+      first += w * i;
+      second += w * i * i;
+    }
+    mean = low + first / sum * step;
+    deviation = std::sqrt(std::max(second / sum - square(first / sum), 0.0)) * step;
+    if (deviation >= resolved * step || !(step > least_step) || !(sum > 0.0)) break;
+
+    // Narrow: by Gauss-Newton on the exponent, as long as the weight rises.
+    double age = low + best * step;
+    double weight = weights[best];
+    bool found = false;
+    for (int i = 0; i < 8 && !found; ++i) {
+      const Sight sight = see(kind, age);
+      const double precision = 1.0 / square(sigma_) + square(sight.rate) / sight.s2;
+      const double next = delay_ + sight.rate * (sight.value + sight.rate * (age - delay_)) /
+                                       (sight.s2 * precision);
+      deviation = 1.0 / std::sqrt(precision);
+      if (std::abs(next - age) < 0.05 * deviation) {
+        found = deviation < resolved * step;
+        mean = age;
+        break;
+      }
+      const double risen = weigh(see(kind, next), next);
+      if (!(risen > weight)) break;
+      weight = risen;
+      age = next;
+    }
+    if (found) break;
+    // Or where it is zero: what is not known so well elsewhere may seem to be the best of the
+    // nodes.
+    double around = low + best * step;
+    weight = weights[best];
+    for (int i = 1; i < scan_nodes && first_scan; ++i) {
+      if ((values[i - 1] < 0.0) == (values[i] < 0.0)) continue;
+      const double zero = find_zero(kind, low + (i - 1) * step, low + i * step, values[i - 1]);
+      const double risen = weigh(see(kind, zero), zero);
+      if (!(risen > weight)) continue;
+      weight = risen;
+      around = zero;
+    }
+    first_scan = false;
+    low = around - closer * step;
+    high = around + closer * step;
+  }
+  // What lies where is then seen by the nodes themselves, which may have to move.
+  Nodes nodes{};
+  for (int look = 0; look < looks_at_nodes; ++look) {
+    nodes = nodes_about(mean, std::max(deviation, least_step));
+    double total = 0.0, first = 0.0, second = 0.0;
+    double highest = -infinity;
+    double weights[EventMixture::capacity];
+    for (int i = 0; i < nodes.count; ++i) {
+      const double age = nodes.first + i * nodes.step;
+      weights[i] = weigh(see(kind, age), age);
+      if (weights[i] > highest) highest = weights[i];
+    }
+    for (int i = 0; i < nodes.count; ++i) {
+      const double w = std::exp(weights[i] - highest);
+      if (!(w > 0.0)) continue;
+      total += w;
+      first += w * i;
+      second += w * i * i;
+    }
+    const double centre = nodes.first + first / total * nodes.step;
+    const double width =
+        std::sqrt(std::max(second / total - square(first / total), 0.0)) * nodes.step;
+    const bool fits =
+        std::abs(centre - mean) < 0.3 * deviation && std::abs(width - deviation) < 0.15 * deviation;
+    if (fits || !(width > 0.0)) break;
+    mean = centre;
+    deviation = width;
+  }
+  return nodes;
+}
+
+UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation) const {
+  const double spacing = 2.0 * std::numbers::pi / (2.0 * fastest_ + node_density / deviation);
+  const double wanted = std::ceil(2.0 * node_reach * deviation / spacing) + 1.0;
+  const int count = static_cast<int>(
+      std::clamp(wanted, static_cast<double>(least_nodes), static_cast<double>(most_nodes)));
+  return {mean - node_reach * deviation, 2.0 * node_reach * deviation / (count - 1), count};
+}
+
+// The impact of the contact for one unit of change of its gap velocity; what is held stays.
+void UnknownTime::set_impact(const Report& report) {
+  const Dynamics& dynamics = flows_->dynamics();
+  const int i = report.contact;
+  impact_u_ = dynamics.MinvW().col(i);
+  if (report.held != 0) {
+    ContactVector pushed(std::popcount(report.held)), Lambda;
+    Eigen::Index row = 0;
+    for_each(report.held, [&](int j) { pushed[row++] = dynamics.G()(j, i); });
+    if (arrest(of_contacts(dynamics.G(), report.held), pushed, Lambda) == Solved::yes) {
+      row = 0;
+      for_each(report.held, [&](int j) { impact_u_ += Lambda[row++] * dynamics.MinvW().col(j); });
+    }
+  }
+  impact_u_ /= dynamics.W().col(i).dot(impact_u_);
+  const Eigen::Index n = flow_->modes();
+  flow_->enter_differences(no_q_, impact_u_, impact_z_.topRows(n), impact_v_.topRows(n));
+}
+
+// b of the hypothesis just added: the impact, moved on by `age`.
+void UnknownTime::add_moved_impact(double age) {
+  const Oscillators& of = flow_->oscillators();
+  const Eigen::Index n = flow_->modes();
+  const Eigen::Index nf = flow_->frequencies();
+  const auto move = [&](double tau, Eigen::Index first, Eigen::Index count) {
+    of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
+    of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
+  };
+  if (-growth_ * age <= most_growth) {
+    move(age, nf, n);
+  } else {
+    for (Eigen::Index i = nf; i < nf + n; ++i) {
+      const double excess = square(of.delta()[i]) - of.kappa()[i];
+      const double growth = of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
+      move(std::max(age, -most_growth / growth), i, 1);
+    }
+  }
+  const auto z = impact_z_.col(0).head(n).array();
+  const auto v = impact_v_.col(0).head(n).array();
+  moved_z_.col(0).head(n) = from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
+  moved_v_.col(0).head(n) = from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
+  flow_->state_differences(moved_z_.topRows(n), moved_v_.topRows(n), moved_q_, moved_u_);
+  mixture_.b_q() = moved_q_.col(0);
+  mixture_.b_u() = moved_u_.col(0);
+}
+
+// b of the hypothesis just added: what it makes of its mean that it has moved on another flow
+// since. xi_ is its mean; then_ and the kernels are those of its age.
+void UnknownTime::add_changed_flow(const Flow& after) {
+  const Eigen::Index n = flow_->modes();
+  const Eigen::Index nf = flow_->frequencies();
+  off_z_.head(n).noalias() = Z_.topLeftCorner(n, columns_).lazyProduct(xi_.head(columns_));
+  off_v_.head(n).noalias() = V_.topLeftCorner(n, columns_).lazyProduct(xi_.head(columns_));
+  const auto z = off_z_.head(n).array();
+  const auto v = off_v_.head(n).array();
+  then_.x.z.segment(nf, n) += from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
+  then_.x.v.segment(nf, n) += from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
+  flow_->state(then_, q_, u_);
+  after.enter(q_, u_, then_.t, no_gaps_.head(std::popcount(after.locked())), after_);
+  after.propagate(after_, motion_->t, after_);
+  after.state(after_, q_after_, u_after_);
+  then_.x = motion_->x;
+  then_.x.z.segment(nf, n) += z;
+  then_.x.v.segment(nf, n) += v;
+  then_.t = motion_->t;
+  flow_->state(then_, q_, u_);
+  mixture_.b_q() = q_after_ - q_;
+  mixture_.b_u() = u_after_ - u_;
+}
+
+void UnknownTime::add(const Report& report, double age, double log_weight, bool has_happened) {
+  const Sight sight = see(report.kind, age);
+  EventMixture::Hypothesis of;
+  const double s = std::sqrt(sight.s2);
+  of.log_weight = sight.log_weight + log_weight;
+  of.rest_phi = sight.rest_phi;
+  of.shift_phi = -sight.value / s;
+  of.shift_psi = (sight.mean_rate - sight.mu) / sight.d;
+  of.taken_along_phi = 1.0;
+  of.taken_along_psi = 1.0 - sight.variance / square(sight.d);
+  const auto phi = phi_.head(columns_);
+  const auto psi = psi_.head(columns_);
+  const bool impact = report.kind == Report::Kind::pulse;
+  const Flow* after = nullptr;
+  if (has_happened && impact) {
+    const double kick =
+        -1.0 -
+        flows_->dynamics().model().contacts[static_cast<std::size_t>(report.contact)].restitution;
+    of.alpha = kick * sight.mean_rate;
+    of.beta = square(kick) * sight.variance;
+    of.slope = kick * sight.variance / sight.d;
+  } else if (has_happened && any_phase_ && -growth_ * age <= most_growth) {
+    const bool stays = report.kind == Report::Kind::stays;
+    after = flows_->find(stays ? report.held | bit(report.contact) : report.held);
+    if (after != nullptr) of.alpha = 1.0;
+  }
+  mixture_.add(of);
+  mixture_.phi() = phi / s;
+  mixture_.psi() = psi / sight.d;
+  if (has_happened && impact) add_moved_impact(age);
+  if (after == nullptr) return;
+  xi_.head(columns_) = of.shift_phi / s * phi + of.shift_psi / sight.d * psi;
+  add_changed_flow(*after);
+}
+
+// A pulse too close to the one before: it turns the gap velocity round wherever it goes, and says
+// nothing else.
+void UnknownTime::add_burst(const Report& report, double age, bool has_happened) {
+  go_back(age);
+  const double mu = rate(*signal_, then_);
+  auto psi = psi_.head(columns_);
+  const double d = std::sqrt(psi.squaredNorm() + square(rate_rounding_) + least);
+  EventMixture::Hypothesis of;
+  of.log_weight = log_prior(age);
+  if (has_happened) {
+    const double restitution =
+        flows_->dynamics().model().contacts[static_cast<std::size_t>(report.contact)].restitution;
+    const double a = mu / d;
+    const double p = std::erf(a / std::numbers::sqrt2);
+    const double all = square(mu) + square(d);
+    const double after =
+        restitution * (2.0 * d * std::exp(-0.5 * a * a - half_log_two_pi) + mu * p);
+    const double slope = restitution * p - 1.0;
+    const double further = square(restitution) * all - square(after) - square(restitution * p * d) +
+                           burst_energy * (1.0 - square(restitution)) * all;
+    of.alpha = after - mu;
+    of.slope = slope * d;
+    of.beta = square(slope * d) + std::max(further, 0.0);
+  }
+  mixture_.add(of);
+  mixture_.phi().setZero();
+  mixture_.psi() = psi / d;
+  if (has_happened) add_moved_impact(age);
+}
+
+// Closings are seen by the gap, releases by the force.
+void UnknownTime::look_for(const Report& report, const Motion& motion, const Terms& terms,
+                           const Belief& belief) {
+  if (report.kind == Report::Kind::releases) {
+    const Signal& force = motion.flow->force(report.contact);
+    const double largest = std::abs(force.constant) + (force.p * motion.x.z).abs().sum() +
+                           (force.r * motion.x.v).abs().sum();
+    look(force, rounding * largest, rounding * largest / sigma_, motion, belief);
+  } else {
+    look(motion.flow->gap(report.contact), rounding * terms.length, rounding * terms.speed, motion,
+         belief);
+    set_impact(report);
+  }
+}
+
+bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& terms, double delay,
+                       bool so_far, Belief& belief, Innovation& innovation) {
+  delay_ = delay;
+  any_phase_ = so_far || fastest_of(*motion.flow) * sigma_ < one_turn;
+  look_for(report, motion, terms, belief);
+  mixture_.begin(columns_);
+  const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
+  Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
+              burst_nodes};
+  if (report.kind == Report::Kind::burst) {
+    for (int i = 0; i < nodes.count; ++i) {
+      const double age = nodes.first + i * nodes.step;
+      add_burst(report, age, has_happened(age));
+    }
+  } else {
+    if (report.kind == Report::Kind::stays) {
+      const double chatter = flows_->dynamics().model().chatter_time;
+      rate_noise_ = chatter * std::abs(second_rate(*signal_, motion)) + rate_rounding_;
+    }
+    const Sight reported = see(report.kind, delay_);
+    nodes = find_nodes(report.kind);
+    innovation_.gap = reported.value;
+    innovation_.deviation = std::sqrt(reported.s2 + square(reported.rate * sigma_));
+    innovation_.measured = true;
+    for (int i = 0; i < nodes.count; ++i) {
+      const double age = nodes.first + i * nodes.step;
+      add(report, age, log_prior(age), has_happened(age));
+    }
+  }
+  int first_over = 0;
+  while (first_over < nodes.count && nodes.first + first_over * nodes.step < 0.0) ++first_over;
+  innovation_.to_come = std::exp(mixture_.log_total_of_first(first_over) - mixture_.log_total());
+  innovation = innovation_;
+  const Eigen::Index columns = mixture_.collapse(belief.q, belief.u, belief.S_q, belief.S_u);
+  if (columns > 0) belief.columns = columns;
+  return columns > 0;
+}
+
+double UnknownTime::margin(const Report& due, const Motion& motion, const Terms& terms,
+                           const Belief& belief) {
+  look_for(due, motion, terms, belief);
+  const Sight sight = see(due.kind, 0.0);
+  return sight.value / std::sqrt(sight.s2);
+}
+
+double UnknownTime::hear_nothing(const Report& due, const Motion& motion, const Terms& terms,
+                                 bool condition, Belief& belief) {
+  delay_ = 0.0;
+  any_phase_ = true;
+  look_for(due, motion, terms, belief);
+  mixture_.begin(columns_);
+
+  // It has not happened yet.
+  Sight sight = see(due.kind, 0.0);
+  const double s = std::sqrt(sight.s2);
+  const double x = sight.value / s;
+  const double hazard = normal_hazard(x);
+  EventMixture::Hypothesis not_yet;
+  not_yet.log_weight = log_normal_cdf(x);
+  not_yet.rest_phi = sight.rest_phi;
+  not_yet.shift_phi = hazard;
+  not_yet.taken_along_phi = std::clamp(hazard * (x + hazard), 0.0, 1.0);
+  mixture_.add(not_yet);
+  mixture_.phi() = phi_.head(columns_) / s;
+  mixture_.psi().setZero();
+
+  // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
+  // shorter than reports may take.
+  double age = 0.0;
+  if (sight.value < 0.0 && !(sight.rate < 0.0)) {
+    for (int i = 1; i <= scan_nodes && !(sight.value < 0.0 && sight.rate < 0.0); ++i) {
+      age = i * latest() / scan_nodes;
+      sight = see(due.kind, age);
+    }
+  }
+  for (int i = 0; i < crossing_steps && sight.rate < 0.0; ++i) {
+    const double next = std::clamp(age + sight.value / sight.rate, 0.0, latest());
+    if (std::abs(next - age) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
+    age = next;
+    sight = see(due.kind, age);
+  }
+  const double width = std::abs(std::sqrt(sight.s2) / sight.rate);
+  const double low = std::max(0.0, age - unheard_reach * width);
+  const double high = std::min(latest(), age + unheard_reach * width);
+  const double step = (high - low) / unheard_nodes;
+  for (int i = 0; i < unheard_nodes && step > 0.0; ++i) {
+    const double at_age = low + (i + 0.5) * step;
+    add(due, at_age, std::log(step) - half_log_two_pi + log_normal_cdf(-at_age / sigma_), true);
+  }
+  const double total = mixture_.log_total();
+  if (!condition) return total;
+  const Eigen::Index columns = mixture_.collapse(belief.q, belief.u, belief.S_q, belief.S_u);
+  if (columns > 0) belief.columns = columns;
+  return total;
+}
+
+}  // namespace sprag

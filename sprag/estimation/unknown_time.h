@@ -1,0 +1,120 @@
+// Events whose times are known up to tau ~ N(0, sigma^2): what they say of the state and do to it,
+// and what it says that none has come. A mixture over the true time (event_mixture.h): given the
+// time, the machine is linear, however fast its modes are against sigma.
+//
+// An event of contact i, reported at t_m, happened at t_m - tau. Then g_i = 0 there (lambda_i = 0
+// where it was locked and releases), and the gap velocity has the density of a crossing. So tau has
+// the weight
+//
+//   exp(-tau^2 / (2 sigma^2)) N(g; 0, s^2) E[(-gamma)^+ | g = 0],
+//
+// g, gamma and the deviation s of g from mean and covariance, which have gone back by tau; and the
+// impact that it means has moved since.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "sprag/estimation/belief.h"
+#include "sprag/estimation/event_mixture.h"
+#include "sprag/mechanics/flow.h"
+
+namespace sprag {
+
+class UnknownTime {
+ public:
+  /// sigma > 0 [s]. For beliefs of up to `columns` columns. `flows` must outlive this.
+  UnknownTime(const Flows& flows, double sigma, Eigen::Index columns);
+
+  /// A pulse that follows on the contact's last one by less is a burst: its time says nothing.
+  double indistinct() const { return 2.0 * sigma_; }
+  /// What is reported at t has happened before t + latest(), and what happens is reported by then.
+  double latest() const { return 4.5 * sigma_; }
+
+  /// Square of the innovation, over the variance that it should have, and the gap's own part.
+  struct Innovation {
+    double square = 0.0;                ///< chi^2 of one degree of freedom
+    double gap = 0.0, deviation = 0.0;  ///< at the reported time
+    bool measured = false;
+    double to_come = 0.0;  ///< probability that it has not happened by the time of the motion
+  };
+
+  /// Conditions a belief on a report that came `delay` before `motion`, and takes the event. The
+  /// belief is that at the motion's time, and the motion its mean, as if the event had not been: on
+  /// the flow before. With `so_far`, what would be later than that time has not happened.
+  /// Afterwards the belief has more columns. False where no time at all is possible; the belief is
+  /// then as it was.
+  bool take(const Report& report, const Motion& motion, const Terms& terms, double delay,
+            bool so_far, Belief& belief, Innovation& innovation);
+
+  /// log of the probability that by now, at `motion`, nothing has been reported of a contact: that
+  /// it has closed (due.kind pulse), or that it has released. Conditions the belief on it where
+  /// `condition`.
+  double hear_nothing(const Report& due, const Motion& motion, const Terms& terms, bool condition,
+                      Belief& belief);
+
+  /// How far it is from that, in standard deviations of the belief.
+  double margin(const Report& due, const Motion& motion, const Terms& terms, const Belief& belief);
+
+ private:
+  // What a hypothesis about the age tau of an event says, up to what the impact does.
+  struct Sight {
+    double value, rate;          // of the signal that is zero at the event
+    double s2;                   // variance of the value, with its rounding
+    double mu, d;                // rate given that the value is zero: mean, deviation
+    double mean_rate, variance;  // and weighted by the flux, or known to be nothing
+    double log_weight;           // but for that of tau itself
+    double rest_phi;
+  };
+  // Where on the time axis the hypotheses lie.
+  struct Nodes {
+    double first, step;
+    int count;
+  };
+
+  void look(const Signal& signal, double value_rounding, double rate_rounding, const Motion& motion,
+            const Belief& belief);
+  void look_for(const Report& report, const Motion& motion, const Terms& terms,
+                const Belief& belief);
+  void go_back(double age);
+  Sight see(Report::Kind kind, double age);
+  double log_prior(double age) const;
+  double weigh(const Sight& sight, double age);
+  double find_zero(Report::Kind kind, double low, double high, double at_low);
+  Nodes find_nodes(Report::Kind kind);
+  Nodes nodes_about(double mean, double deviation) const;
+  void set_impact(const Report& report);
+  void add_moved_impact(double age);
+  void add_changed_flow(const Flow& after);
+  void add(const Report& report, double age, double log_weight, bool has_happened);
+  void add_burst(const Report& report, double age, bool has_happened);
+
+  const Flows* flows_;
+  double sigma_;
+  double delay_ = 0.0;
+  bool any_phase_ = true;  // what a change of flows makes of the mean is taken at any omega sigma
+  EventMixture mixture_;
+  double best_weight_ = 0.0;
+  Innovation innovation_;
+
+  // What is looked at.
+  const Flow* flow_ = nullptr;
+  const Motion* motion_ = nullptr;
+  const Signal* signal_ = nullptr;
+  double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
+  double fastest_ = 0.0, growth_ = 0.0;
+  Eigen::Index columns_ = 0;
+  Eigen::MatrixXd Z_, V_;  // S in the flow's oscillators
+
+  // At one age.
+  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
+  Eigen::ArrayXd no_alpha_;
+  Motion then_, after_;
+  Eigen::VectorXd row_z_, row_v_, phi_, psi_;
+  Eigen::VectorXd xi_, off_z_, off_v_, q_, u_, q_after_, u_after_;
+
+  // The impact for one unit of change of the gap velocity.
+  Eigen::VectorXd no_q_, impact_u_, no_gaps_;
+  Eigen::MatrixXd impact_z_, impact_v_, moved_z_, moved_v_, moved_q_, moved_u_;
+};
+
+}  // namespace sprag

@@ -1,0 +1,358 @@
+#include "sprag/files/scene_file.h"
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <system_error>
+#include <vector>
+
+#include "sprag/files/toml_reader.h"
+#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/scale.h"
+
+namespace sprag {
+namespace {
+
+// amplitude and frequency are required, phase is optional.
+Harmonic read_harmonic(const TomlTable& table) {
+  return {.amplitude = table.number("amplitude", any_number),
+          .frequency = table.number("frequency", not_negative),
+          .phase = table.number_or("phase", 0.0, any_number)};
+}
+
+Harmonic second_derivative(const Harmonic& harmonic) {
+  return {-harmonic.amplitude * harmonic.frequency * harmonic.frequency, harmonic.frequency,
+          harmonic.phase};
+}
+
+// e(t), the motion of the frame.
+Harmonic read_excitation(const TomlTable& root) {
+  const auto table = root.table("excitation", {"amplitude", "frequency", "phase"});
+  if (!table) return {};
+  const Harmonic excitation = read_harmonic(*table);
+  if (!std::isfinite(second_derivative(excitation).amplitude)) {
+    table->fail("frequency", "is " + to_text(excitation.frequency) +
+                                 "; must be smaller (amplitude frequency^2 overflows)");
+  }
+  return excitation;
+}
+
+std::vector<TomlTable> read_contact_tables(const TomlTable& root, TomlKeys keys) {
+  std::vector<TomlTable> tables = root.tables("contact", keys);
+  if (tables.empty()) root.fail_here("missing table [[contact]]");
+  if (tables.size() > max_contacts) {
+    tables[max_contacts].fail_here("contact has " + std::to_string(tables.size()) +
+                                   " tables; must have at most " + std::to_string(max_contacts));
+  }
+  return tables;
+}
+
+// A computed number in a message, where all digits would only distract.
+std::string rounded(double value) {
+  std::array<char, 32> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
+                                 std::chars_format::general, 5)
+                       .ptr;
+  return {buffer.data(), end};
+}
+
+Eigen::VectorXd read_direction(const TomlTable& table, Eigen::Index f) {
+  Eigen::VectorXd direction = table.vector("direction");
+  if (direction.size() != f) {
+    table.fail("direction", "has size " + std::to_string(direction.size()) + "; must be " +
+                                std::to_string(f) + ", as many as coordinates");
+  }
+  return direction;
+}
+
+// Below this ||w||^2 the quotients by w^T M^-1 w that the impact law needs have no meaning.
+bool sees_nothing(const Eigen::VectorXd& w) {
+  return w.squaredNorm() < std::numeric_limits<double>::min();
+}
+
+Beam read_beam_table(const TomlTable& table) {
+  const Beam beam{.modes = table.integer("modes", 1, 200),
+                  .length = table.number("length", positive),
+                  .bending_stiffness = table.number("bending_stiffness", positive),
+                  .mass_per_length = table.number("mass_per_length", positive),
+                  .damping = table.number("damping", not_negative)};
+  const auto usable = [](const Eigen::VectorXd& diagonal) {
+    return diagonal.allFinite() && diagonal.minCoeff() > 0;
+  };
+  if (!usable(mass(beam)) || !usable(stiffness(beam)) || !damping(beam).allFinite()) {
+    table.fail_here("beam has M, C or K beyond the range of doubles; must be in other units");
+  }
+  return beam;
+}
+
+Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmonic& excitation) {
+  const double x_c = table.number("position", {0.0, beam.length, true});
+  const double sign = table.choice("side", {"below", "above"}) == "below" ? 1.0 : -1.0;
+  Contact contact{.w = sign * mode_shapes(beam, x_c),
+                  .clearance = table.number_or("clearance", 0.0, any_number),
+                  .motion = {}};
+  if (sees_nothing(contact.w)) {
+    table.fail("position", "is " + to_text(x_c) + "; must be where the beam moves (all v_i are 0)");
+  }
+  if (table.choice("mount", {"ground", "frame"}) == "ground") {
+    contact.motion = excitation;
+    contact.motion.amplitude *= sign;
+  }
+  return contact;
+}
+
+std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, Scene& scene) {
+  if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
+  const Beam beam = read_beam_table(table);
+  const Harmonic excitation = read_excitation(root);
+  scene.beam = beam;
+  scene.model.M = mass(beam).asDiagonal();
+  scene.model.C = damping(beam).asDiagonal();
+  scene.model.K = stiffness(beam).asDiagonal();
+  if (root.has("excitation")) {
+    scene.model.forces.push_back({inertia_direction(beam), 0.0, second_derivative(excitation)});
+  }
+  std::vector<TomlTable> contacts =
+      read_contact_tables(root, {"position", "clearance", "side", "mount", "restitution"});
+  for (const TomlTable& contact : contacts) {
+    scene.model.contacts.push_back(read_beam_contact(contact, beam, excitation));
+    scene.positions.push_back(contact.number("position", any_number));
+  }
+  return contacts;
+}
+
+struct Definiteness {
+  double smallest;    // eigenvalue
+  bool semidefinite;  // up to rounding
+  bool definite;      // beyond rounding
+};
+
+// Rows and columns are first scaled to a unit diagonal, which keeps all signs: what counts as
+// rounding must not depend on the units of single coordinates.
+Definiteness definiteness(const Eigen::MatrixXd& given) {
+  const double largest_entry = given.cwiseAbs().maxCoeff();
+  const double unit = largest_entry > 0.0 ? power_of_two_above(largest_entry) : 1.0;
+  const Eigen::MatrixXd matrix = given / unit;
+  const Eigen::VectorXd diagonal = matrix.diagonal();
+  const double largest = diagonal.cwiseAbs().maxCoeff();
+  const double usual = largest > 0 ? largest : 1.0;
+  const Eigen::VectorXd scale =
+      diagonal.unaryExpr([usual](double d) { return 1 / std::sqrt(d > 0 ? d : usual); });
+  const Eigen::VectorXd scaled = eigenvalues(scale.asDiagonal() * matrix * scale.asDiagonal());
+  const double rounding = 1e-13 * scaled.cwiseAbs().maxCoeff();
+  return {unit * eigenvalues(matrix).minCoeff(), scaled.minCoeff() >= -rounding,
+          scaled.minCoeff() > rounding};
+}
+
+Eigen::MatrixXd read_semidefinite(const TomlTable& table, std::string_view key, Eigen::Index f) {
+  Eigen::MatrixXd matrix = table.symmetric_matrix(key);
+  if (matrix.rows() != f) {
+    const std::string given = std::to_string(matrix.rows());
+    const std::string wanted = std::to_string(f);
+    table.fail(key, "is " + given + " x " + given + "; must be " + wanted + " x " + wanted +
+                        ", as system.M");
+  }
+  const Definiteness signs = definiteness(matrix);
+  if (!signs.semidefinite) {
+    table.fail(key,
+               "has the eigenvalue " + rounded(signs.smallest) + "; must be positive semidefinite");
+  }
+  return matrix;
+}
+
+Force read_force(const TomlTable& table, Eigen::Index f) {
+  Force force{.direction = read_direction(table, f),
+              .constant = table.number_or("constant", 0.0, any_number),
+              .harmonic = {}};
+  const bool oscillates = table.has("amplitude") || table.has("frequency") || table.has("phase");
+  if (oscillates) force.harmonic = read_harmonic(table);
+  if (!oscillates && !table.has("constant")) {
+    table.fail_here("missing key " + table.path_of("constant") + " or " +
+                    table.path_of("amplitude"));
+  }
+  return force;
+}
+
+Contact read_system_contact(const TomlTable& table, Eigen::Index f) {
+  Contact contact{.w = read_direction(table, f),
+                  .clearance = table.number_or("clearance", 0.0, any_number),
+                  .motion = {}};
+  if (sees_nothing(contact.w)) {
+    table.fail("direction", "is zero; must have an entry that is not (the contact sees nothing)");
+  }
+  const auto motion = table.table("motion", {"amplitude", "frequency", "phase"});
+  if (motion) contact.motion = read_harmonic(*motion);
+  return contact;
+}
+
+std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table, Scene& scene) {
+  if (root.has("excitation")) {
+    root.fail("excitation", "is for a [beam]; a [system] has [[force]] and contact motion");
+  }
+  Model& model = scene.model;
+  model.M = table.symmetric_matrix("M");
+  const Definiteness signs = definiteness(model.M);
+  if (!signs.definite) {
+    table.fail("M",
+               "has the eigenvalue " + rounded(signs.smallest) + "; must be positive definite");
+  }
+  const Eigen::Index f = model.M.rows();
+  model.C = read_semidefinite(table, "C", f);
+  model.K = read_semidefinite(table, "K", f);
+  for (const TomlTable& force :
+       root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase"})) {
+    model.forces.push_back(read_force(force, f));
+  }
+  std::vector<TomlTable> contacts =
+      read_contact_tables(root, {"direction", "clearance", "motion", "restitution"});
+  for (const TomlTable& contact : contacts) {
+    model.contacts.push_back(read_system_contact(contact, f));
+  }
+  return contacts;
+}
+
+// Whether it gives the chatter_time.
+bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
+  const Limits restitution{0.0, 1.0};
+  const auto impact = root.table("impact", {"law", "restitution", "chatter_time"});
+  std::optional<double> common;
+  if (impact) {
+    model.law = impact->choice("law", {"poisson", "newton"}) == "newton" ? ImpactLaw::newton
+                                                                         : ImpactLaw::poisson;
+    if (impact->has("chatter_time")) model.chatter_time = impact->number("chatter_time", positive);
+    if (impact->has("restitution")) common = impact->number("restitution", restitution);
+  }
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    if (!common && !contacts[i].has("restitution")) {
+      (impact ? *impact : contacts[i])
+          .fail_here("missing key impact.restitution or " + contacts[i].path_of("restitution"));
+    }
+    model.contacts[i].restitution = common
+                                        ? contacts[i].number_or("restitution", *common, restitution)
+                                        : contacts[i].number("restitution", restitution);
+  }
+  return impact && impact->has("chatter_time");
+}
+
+// Of the machine's own time; where nothing moves nothing chatters.
+void set_chatter_time(Scene& scene) {
+  constexpr double share = 1e-8;
+  const double own = share * time_scale(scene.model, scene.master);
+  if (own > 0.0 && std::isfinite(own)) scene.model.chatter_time = own;
+}
+
+Eigen::VectorXd read_padded(const TomlTable& table, std::string_view key, Eigen::Index f) {
+  Eigen::VectorXd padded = Eigen::VectorXd::Zero(f);
+  if (!table.has(key)) return padded;
+  const Eigen::VectorXd given = table.vector(key);
+  if (given.size() > f) {
+    table.fail(key, "has size " + std::to_string(given.size()) + "; must be at most " +
+                        std::to_string(f) + ", the number of coordinates");
+  }
+  padded.head(given.size()) = given;
+  return padded;
+}
+
+State read_state(const TomlTable& table, Eigen::Index f) {
+  return {read_padded(table, "q", f), read_padded(table, "u", f)};
+}
+
+// A start on the support must not be refused for the rounding of q or c.
+bool starts_inside(const Contact& contact, const Eigen::VectorXd& q) {
+  const double scale = contact.w.cwiseAbs().dot(q.cwiseAbs()) + std::abs(contact.clearance) +
+                       std::abs(value(contact.motion, 0.0));
+  return gap(contact, q, 0.0) < -1e-12 * scale;
+}
+
+void read_master(const TomlTable& root, Scene& scene) {
+  const Model& model = scene.model;
+  const auto table = root.table("master", {"q", "u", "penetration"});
+  scene.master = table ? read_state(*table, model.coordinates())
+                       : State{Eigen::VectorXd::Zero(model.coordinates()),
+                               Eigen::VectorXd::Zero(model.coordinates())};
+  scene.release_penetration =
+      table && table->choice("penetration", {"refuse", "release"}) == "release";
+  if (scene.release_penetration) return;
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    if (!starts_inside(model.contacts[i], scene.master.q)) continue;
+    const std::string number = std::to_string(i + 1);
+    std::string message = "starts inside the support of contact " + number + ": its gap is ";
+    message += rounded(gap(model.contacts[i], scene.master.q, 0.0));
+    message += "; must be >= 0 (move master.q or contact[" + number;
+    message += "].clearance), or set master.penetration = \"release\"";
+    if (table) table->fail("q", message);
+    root.fail_here("master.q " + message);
+  }
+}
+
+void read_replica(const TomlTable& root, Scene& scene) {
+  const Eigen::Index f = scene.model.coordinates();
+  const auto table = root.table("replica", {"q", "u", "uncertainty", "drift"});
+  scene.replica =
+      table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
+  if (table) scene.drift = table->number_or("drift", 0.0, not_negative);
+  if (!table || !table->has("uncertainty")) return;
+  const Eigen::VectorXd energies = table->numbers("uncertainty");
+  if (energies.size() != 1 && energies.size() != f) {
+    table->fail("uncertainty", "has " + std::to_string(energies.size()) +
+                                   " numbers; must be one energy or " + std::to_string(f));
+  }
+  if (!(energies.minCoeff() > 0.0)) {
+    table->fail("uncertainty", "has " + to_text(energies.minCoeff()) + "; must be > 0");
+  }
+  scene.uncertainty = energies.size() == f
+                          ? energies
+                          : Eigen::VectorXd::Constant(f, energies[0] / static_cast<double>(f));
+}
+
+void read_events(const TomlTable& root, Scene& scene) {
+  const auto table = root.table("events", {"jitter"});
+  if (table) scene.jitter = table->number_or("jitter", 0.0, not_negative);
+}
+
+std::string contents(const std::filesystem::path& file) {
+  errno = 0;
+  std::ifstream in(file, std::ios::binary);
+  std::string text;
+  std::vector<char> buffer(65536);
+  while (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || in.gcount() > 0) {
+    text.append(buffer.data(), static_cast<std::size_t>(in.gcount()));
+  }
+  if (!in.is_open() || in.bad()) {
+    throw SceneError(file.string() + ": cannot be read: " + std::generic_category().message(errno));
+  }
+  return text;
+}
+
+}  // namespace
+
+Scene parse_scene(std::string_view text, const std::string& file) {
+  const TomlDocument document(text, file);
+  const TomlTable root = document.root({"name", "beam", "excitation", "system", "force", "impact",
+                                        "contact", "master", "replica", "events"});
+  Scene scene;
+  scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
+  const auto beam =
+      root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length", "damping"});
+  const auto system = root.table("system", {"M", "C", "K"});
+  if (beam && system) system->fail_here("system and beam exclude each other; must be one of them");
+  if (!beam && !system) root.fail_here("missing table [beam] or [system]");
+  const std::vector<TomlTable> contacts =
+      beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene);
+  const bool chatter_time_given = read_impact(root, contacts, scene.model);
+  read_master(root, scene);
+  if (!chatter_time_given) set_chatter_time(scene);
+  read_replica(root, scene);
+  read_events(root, scene);
+  return scene;
+}
+
+Scene read_scene(const std::filesystem::path& file) {
+  return parse_scene(contents(file), file.string());
+}
+
+}  // namespace sprag

@@ -1,0 +1,312 @@
+#include "sprag/files/toml_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "sprag/files/nearest_word.h"
+#include "sprag/files/scene_file.h"
+
+namespace sprag {
+namespace {
+
+std::string located(const std::string& file, const toml::source_position& position,
+                    const std::string& message) {
+  std::string text = file;
+  if (position) text += ":" + std::to_string(position.line) + ":" + std::to_string(position.column);
+  return text + ": " + message;
+}
+
+// How many of `c` stand at text[i].
+std::size_t run_of(char c, std::string_view text, std::size_t i) {
+  const std::size_t end = text.find_first_not_of(c, i);
+  return (end == std::string_view::npos ? text.size() : end) - i;
+}
+
+// Behind the string or comment that begins at text[i], or i + 1 where none does.
+std::size_t behind_token(std::string_view text, std::size_t i) {
+  const char c = text[i];
+  if (c == '#') return std::min(text.find('\n', i), text.size());
+  if (c != '"' && c != '\'') return i + 1;
+  const std::size_t quotes = run_of(c, text, i);
+  if (quotes == 2) return i + 2;  // an empty string
+  const bool long_string = quotes >= 3;
+  const std::size_t closing = long_string ? 3 : 1;
+  for (i += closing; i < text.size(); ++i) {
+    if (text[i] == '\n' && !long_string) return i;  // without an end: the parser's to say
+    if (text[i] == '\\' && c == '"') {
+      ++i;
+    } else if (text[i] == c && run_of(c, text, i) >= closing) {
+      return i + closing;
+    }
+  }
+  return text.size();
+}
+
+// toml++ 3 has no defined behaviour for characters beyond ASCII that stand alone.
+void refuse_beyond_ascii(std::string_view text, const std::string& file) {
+  for (std::size_t i = 0; i < text.size(); i = behind_token(text, i)) {
+    if (static_cast<unsigned char>(text[i]) < 0x80) continue;
+    if (i == 0 && text.starts_with("\xEF\xBB\xBF")) {  // a byte order mark
+      i = 2;
+      continue;
+    }
+    const std::string_view before = text.substr(0, i);
+    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const std::size_t newline = before.rfind('\n');
+    const std::size_t column = newline == std::string_view::npos ? i + 1 : i - newline;
+    throw SceneError(file + ":" + std::to_string(line) + ":" + std::to_string(column) +
+                     ": a character beyond ASCII; may only be in a comment or between quotes");
+  }
+}
+
+std::string_view type_name(const toml::node& node) {
+  switch (node.type()) {
+    case toml::node_type::table:
+      return "a table";
+    case toml::node_type::array:
+      return node.as_array()->is_homogeneous<toml::table>() ? "an array of tables" : "an array";
+    case toml::node_type::string:
+      return "a string";
+    case toml::node_type::integer:
+      return "an integer";
+    case toml::node_type::floating_point:
+      return "a float";
+    case toml::node_type::boolean:
+      return "a boolean";
+    case toml::node_type::date:
+      return "a date";
+    case toml::node_type::time:
+      return "a time";
+    case toml::node_type::date_time:
+      return "a date-time";
+    case toml::node_type::none:
+      break;
+  }
+  return "nothing";
+}
+
+std::string must_be(const toml::node& node, std::string_view wanted) {
+  return " is " + std::string(type_name(node)) + "; must be " + std::string(wanted);
+}
+
+std::string described(const Limits& limits) {
+  if (std::isfinite(limits.high)) {
+    return (limits.without_low ? "in (" : "in [") + to_text(limits.low) + ", " +
+           to_text(limits.high) + "]";
+  }
+  return (limits.without_low ? "> " : ">= ") + to_text(limits.low);
+}
+
+std::string entry(const std::string& path, std::size_t index) {
+  return path + "[" + std::to_string(index + 1) + "]";
+}
+
+std::string listed(TomlKeys words, std::string_view last_separator, std::string_view quote) {
+  std::string text;
+  for (const std::string_view* word = words.begin(); word != words.end(); ++word) {
+    if (word != words.begin()) text += word + 1 == words.end() ? last_separator : ", ";
+    text += quote;
+    text += *word;
+    text += quote;
+  }
+  return text;
+}
+
+bool precedes(const toml::source_position& a, const toml::source_position& b) {
+  return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+}
+
+}  // namespace
+
+std::string to_text(double value) {
+  std::array<char, 32> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+  return {buffer.data(), end};
+}
+
+TomlDocument::TomlDocument(std::string_view text, std::string file) : file_(std::move(file)) {
+  refuse_beyond_ascii(text, file_);
+  try {
+    table_ = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    throw SceneError(located(file_, error.source().begin, std::string(error.description())));
+  }
+}
+
+TomlTable::TomlTable(const toml::table& table, std::string path, const std::string& file,
+                     TomlKeys keys)
+    : table_(&table), path_(std::move(path)), file_(&file) {
+  refuse_unknown_keys(keys);
+}
+
+void TomlTable::refuse_unknown_keys(TomlKeys keys) const {
+  const toml::key* first = nullptr;
+  for (const auto& [key, node] : *table_) {
+    if (std::find(keys.begin(), keys.end(), key.str()) != keys.end()) continue;
+    if (!first || precedes(key.source().begin, first->source().begin)) first = &key;
+  }
+  if (!first) return;
+  const std::optional<std::string_view> suggestion =
+      nearest_word(first->str(), {keys.begin(), keys.size()});
+  const std::string path = path_.empty() ? "" : path_ + ".";
+  fail_at(first->source().begin,
+          "unknown key " + path + std::string(first->str()) +
+              (suggestion ? "; did you mean " + std::string(*suggestion) + "?"
+                          : "; must be one of " + listed(keys, ", ", "")));
+}
+
+double TomlTable::number(std::string_view key, const Limits& limits) const {
+  return checked_number(required(key), path_of(key), limits);
+}
+
+double TomlTable::number_or(std::string_view key, double fallback, const Limits& limits) const {
+  return has(key) ? number(key, limits) : fallback;
+}
+
+int TomlTable::integer(std::string_view key, int low, int high) const {
+  const toml::node& node = required(key);
+  const auto* integer = node.as_integer();
+  if (!integer) fail(key, must_be(node, "an integer").substr(1));
+  const std::int64_t value = integer->get();
+  if (value < low || value > high) {
+    fail(key, "is " + std::to_string(value) + "; must be in " + std::to_string(low) + ".." +
+                  std::to_string(high));
+  }
+  return static_cast<int>(value);
+}
+
+std::string TomlTable::string_or(std::string_view key, const std::string& fallback) const {
+  if (!has(key)) return fallback;
+  const toml::node& node = required(key);
+  if (!node.is_string()) fail(key, must_be(node, "a string").substr(1));
+  return node.as_string()->get();
+}
+
+std::string_view TomlTable::choice(std::string_view key, TomlKeys options) const {
+  const std::string given = string_or(key, std::string(*options.begin()));
+  const auto* option = std::find(options.begin(), options.end(), given);
+  if (option == options.end()) {
+    fail(key, "is \"" + given + "\"; must be " + listed(options, " or ", "\""));
+  }
+  return *option;
+}
+
+Eigen::VectorXd TomlTable::vector(std::string_view key) const {
+  return checked_vector(required(key), path_of(key));
+}
+
+Eigen::VectorXd TomlTable::numbers(std::string_view key) const {
+  const toml::node& node = required(key);
+  if (node.is_array()) return checked_vector(node, path_of(key));
+  return Eigen::VectorXd::Constant(1, checked_number(node, path_of(key), any_number));
+}
+
+Eigen::MatrixXd TomlTable::symmetric_matrix(std::string_view key) const {
+  const std::string path = path_of(key);
+  const toml::array& rows = checked_array(required(key), path, "an array of rows of numbers");
+  const auto size = static_cast<Eigen::Index>(rows.size());
+  if (size == 0) fail(key, "is empty; must have at least one row");
+  std::vector<Eigen::VectorXd> vectors;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    vectors.push_back(checked_vector(rows[i], entry(path, i)));
+    if (vectors.back().size() != size) {
+      fail_at(rows[i].source().begin, entry(path, i) + " has size " +
+                                          std::to_string(vectors.back().size()) + "; must be " +
+                                          std::to_string(size) + ", the number of rows");
+    }
+  }
+  Eigen::MatrixXd matrix(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) matrix.row(i) = vectors[static_cast<std::size_t>(i)];
+  const double rounding = 1e-12 * matrix.cwiseAbs().maxCoeff();
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      if (std::abs(matrix(i, j) - matrix(j, i)) <= rounding) continue;
+      const auto [row, column] =
+          std::pair(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+      fail_at((*rows[row].as_array())[column].source().begin,
+              entry(entry(path, row), column) + " is " + to_text(matrix(i, j)) + "; must be " +
+                  to_text(matrix(j, i)) + ", as " + entry(entry(path, column), row) +
+                  " (symmetric)");
+    }
+  }
+  return 0.5 * matrix + 0.5 * matrix.transpose();
+}
+
+std::optional<TomlTable> TomlTable::table(std::string_view key, TomlKeys keys) const {
+  if (!has(key)) return std::nullopt;
+  const toml::node& node = required(key);
+  if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
+  return TomlTable(*node.as_table(), path_of(key), *file_, keys);
+}
+
+std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) const {
+  std::vector<TomlTable> result;
+  if (!has(key)) return result;
+  const std::string path = path_of(key);
+  const toml::array& array =
+      checked_array(required(key), path, "an array of tables, [[" + std::string(key) + "]]");
+  for (std::size_t i = 0; i < array.size(); ++i) {
+    if (!array[i].is_table()) {
+      fail_at(array[i].source().begin, entry(path, i) + must_be(array[i], "a table"));
+    }
+    result.emplace_back(*array[i].as_table(), entry(path, i), *file_, keys);
+  }
+  return result;
+}
+
+void TomlTable::fail(std::string_view key, const std::string& message) const {
+  const toml::node* node = table_->get(key);
+  fail_at((node ? *node : *table_).source().begin, path_of(key) + " " + message);
+}
+
+void TomlTable::fail_here(const std::string& message) const {
+  fail_at(table_->source().begin, message);
+}
+
+std::string TomlTable::path_of(std::string_view key) const {
+  return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
+}
+
+const toml::node& TomlTable::required(std::string_view key) const {
+  if (!has(key)) fail_here("missing key " + path_of(key));
+  return *table_->get(key);
+}
+
+double TomlTable::checked_number(const toml::node& node, const std::string& path,
+                                 const Limits& limits) const {
+  const toml::source_position position = node.source().begin;
+  if (!node.is_number()) fail_at(position, path + must_be(node, "a number"));
+  const double value = node.is_integer() ? static_cast<double>(node.as_integer()->get())
+                                         : node.as_floating_point()->get();
+  if (!std::isfinite(value)) fail_at(position, path + " is " + to_text(value) + "; must be finite");
+  if (value < limits.low || value > limits.high || (limits.without_low && value == limits.low)) {
+    fail_at(position, path + " is " + to_text(value) + "; must be " + described(limits));
+  }
+  return value;
+}
+
+const toml::array& TomlTable::checked_array(const toml::node& node, const std::string& path,
+                                            std::string_view wanted) const {
+  if (!node.is_array()) fail_at(node.source().begin, path + must_be(node, wanted));
+  return *node.as_array();
+}
+
+Eigen::VectorXd TomlTable::checked_vector(const toml::node& node, const std::string& path) const {
+  const toml::array& array = checked_array(node, path, "an array of numbers");
+  Eigen::VectorXd vector(static_cast<Eigen::Index>(array.size()));
+  for (std::size_t i = 0; i < array.size(); ++i) {
+    vector(static_cast<Eigen::Index>(i)) = checked_number(array[i], entry(path, i), any_number);
+  }
+  return vector;
+}
+
+void TomlTable::fail_at(const toml::source_position& position, const std::string& message) const {
+  throw SceneError(located(*file_, position, message));
+}
+
+}  // namespace sprag

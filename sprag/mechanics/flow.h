@@ -1,0 +1,260 @@
+// Exact flow of the machine while a set L of contacts is locked (gamma_L = 0, g_L constant):
+//
+//   M u' + C u + K q = W_L lambda + f(t),   w_i^T q + s_i(t) + c_i = g_i for i in L,
+//
+// eqs. (2), (4) of Baumann & Leine 2014 with a constant set L. On null(W_L^T) the motion is a bank
+// of scalar oscillators z; q and u, and with them every gap, gap velocity and contact force, are
+// linear in (z, z', 1). The excitation's frequencies ride along as undamped oscillators in front of
+// the modes; a mode moves about its steady response to them, or is driven by them where that is far
+// beyond where it moves (drives.h). L = {} is free flight.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sprag/mechanics/drives.h"
+#include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/modal_analysis.h"
+#include "sprag/mechanics/model.h"
+#include "sprag/mechanics/oscillators.h"
+
+namespace sprag {
+
+/// phi = constant + held . g_L + sum over oscillators of p z + r z'.
+struct Signal {
+  Eigen::ArrayXd p, r;
+  double constant = 0.0;
+  Eigen::VectorXd held;
+};
+
+/// Linear in the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
+struct Functional {
+  Eigen::VectorXd a, b;
+  double constant = 0.0;
+  Eigen::VectorXcd h;
+};
+
+/// What all flows of one model share: frequencies, complex amplitudes, W, M^-1 W and
+/// G = W^T M^-1 W.
+class Dynamics {
+ public:
+  /// Throws ModelError when the sizes do not fit or M is not positive definite.
+  explicit Dynamics(Model model);
+
+  const Model& model() const { return model_; }
+  Eigen::Index coordinates() const { return model_.coordinates(); }
+  int contacts() const { return static_cast<int>(model_.contacts.size()); }
+  bool diagonal() const { return diagonal_; }
+
+  const Eigen::VectorXd& frequencies() const { return frequencies_; }
+  const Eigen::MatrixXcd& force_amplitudes() const { return force_amplitudes_; }
+  const Eigen::VectorXd& force_constant() const { return force_constant_; }
+  const Eigen::MatrixXcd& motion_amplitudes() const { return motion_amplitudes_; }
+  const Eigen::VectorXd& offsets() const {
+    return offsets_;
+  }                                                        ///< c_i and constant motion, m entries
+  const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
+  const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
+  const Eigen::MatrixXd& G() const { return G_; }          ///< m x m
+
+  Functional gap(int contact) const;
+  Functional gap_velocity(int contact) const;
+  /// gamma_i' without any contact force.
+  Functional free_acceleration(int contact) const;
+
+ private:
+  Model model_;
+  bool diagonal_ = false;
+  Eigen::VectorXd frequencies_, force_constant_, offsets_;
+  Eigen::MatrixXcd force_amplitudes_, motion_amplitudes_;  // f x nf, m x nf
+  Eigen::MatrixXd W_, MinvW_, G_;
+};
+
+/// A point on a flow: everything that changes. Copies between objects of one model do not allocate
+/// once both have been used.
+struct Motion {
+  const class Flow* flow = nullptr;
+  Instant t;
+  OscillatorState x;
+  Eigen::ArrayXd alpha;  ///< per oscillator: what pushes it for good
+  Eigen::VectorXd held;  ///< m entries; the first are g_i of the locked contacts, by ascending i
+};
+
+enum class FlowPath {
+  diagonal,  ///< M, C, K diagonal: the coordinates are the modes
+  modal,     ///< one transformation diagonalizes M, C and K
+  dense      ///< complex modes: C couples the real ones
+};
+
+/// "diagonal", "modal" or "dense".
+constexpr const char* name(FlowPath path) {
+  switch (path) {
+    case FlowPath::diagonal:
+      return "diagonal";
+    case FlowPath::modal:
+      return "modal";
+    default:
+      return "dense";
+  }
+}
+
+class Flow {
+ public:
+  /// Throws ModelError: linearly dependent directions in L, defective modes.
+  Flow(const Dynamics& dynamics, ContactSet locked);
+
+  ContactSet locked() const { return locked_; }
+  /// Contacts outside L whose directions depend on those of L: L moves them.
+  ContactSet tied() const { return tied_; }
+  FlowPath path() const { return path_; }
+  /// Oscillators, the same for all flows of a model: frequencies, modes, then idle ones.
+  Eigen::Index size() const { return oscillators_.size(); }
+  Eigen::Index frequencies() const { return nf_; }
+  Eigen::Index modes() const { return modes_; }
+  const Oscillators& oscillators() const { return oscillators_; }
+  const Drives& drives() const { return drives_; }
+  /// Whether a constant force acts where all held gaps are zero: some alpha is not zero.
+  bool pushed() const { return (alpha0_ != 0.0).any(); }
+
+  /// Puts `motion` on this flow at (q, u, t), f entries each. The locked contacts keep the gaps
+  /// `held` (as many entries as L has contacts).
+  void enter(const Eigen::Ref<const Eigen::VectorXd>& q, const Eigen::Ref<const Eigen::VectorXd>& u,
+             Instant t, const Eigen::Ref<const Eigen::VectorXd>& held, Motion& motion) const;
+
+  /// Moves from `from` to the instant t >= from.t; `to` may be the same object.
+  void propagate(const Motion& from, Instant t, Motion& to) const;
+
+  /// The first `count` modes tau >= 0 after `from`, written into x.
+  void move_modes(const Motion& from, double tau, Eigen::Index count, OscillatorState& x) const;
+
+  /// The excitation's oscillators at t, written into the first frequencies() entries of x.
+  void set_phases(Instant t, OscillatorState& x) const;
+
+  /// q and u of a motion on this flow, f entries each.
+  void state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
+             Eigen::Ref<Eigen::VectorXd> u) const;
+
+  /// Differences between motions on this flow that hold the same gaps, one a column: those of q and
+  /// u, f rows each, to those of z and z', modes() rows each, and back. The first projects, in the
+  /// metric of M, what does not fit the locked contacts. They do not allocate.
+  void enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
+                         const Eigen::Ref<const Eigen::MatrixXd>& u, Eigen::Ref<Eigen::MatrixXd> z,
+                         Eigen::Ref<Eigen::MatrixXd> v) const;
+  void state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
+                         const Eigen::Ref<const Eigen::MatrixXd>& v, Eigen::Ref<Eigen::MatrixXd> q,
+                         Eigen::Ref<Eigen::MatrixXd> u) const;
+
+  /// Adds the impulse Lambda (one entry, contact i) to a motion on this flow. Only where
+  /// accepts_kicks(); the sum of all kicks must leave gamma_L alone.
+  void kick(int contact, double Lambda, Motion& motion) const;
+  bool accepts_kicks() const { return path_ != FlowPath::dense; }
+
+  /// g_i, gamma_i for i outside L (for i in L they are `held` and 0), lambda_i for i in L.
+  const Signal& gap(int contact) const { return gap_[static_cast<std::size_t>(contact)]; }
+  const Signal& gap_velocity(int contact) const {
+    return gap_velocity_[static_cast<std::size_t>(contact)];
+  }
+  const Signal& force(int contact) const { return force_[static_cast<std::size_t>(contact)]; }
+
+  Signal signal(const Functional& functional) const;
+
+ private:
+  void build_diagonal();
+  void build_on_nullspace();
+  struct Nullspace;
+  void build_modal(const Nullspace& space);
+  void build_dense(const Nullspace& space);
+  void set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha,
+                const MatrixCR& drive);
+  void build_signals();
+  Signal tied_gap_velocity(int contact) const;
+
+  const Dynamics* dynamics_;
+  ContactSet locked_;
+  ContactSet tied_ = 0;
+  FlowPath path_ = FlowPath::diagonal;
+  Eigen::Index nf_ = 0;
+  Eigen::Index modes_ = 0;
+  Oscillators oscillators_;
+  Drives drives_;
+  std::vector<int> locked_contacts_;
+
+  // What follows the excitation, in a space of any dimension: constant + held g_L + cos z_f +
+  // sin z_f', z_f the excitation's oscillators.
+  struct Forced {
+    Eigen::VectorXd constant;
+    Eigen::MatrixXd held, cos, sin;
+  };
+  Forced forced(const MatrixR& push, const MatrixCR& harmonics) const;
+  Forced rate(const Forced& forced) const;
+  void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
+
+  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): constant
+  // forces and drives leave Psi (alpha + F) in u_forced. z = enter_zq
+  // q + enter_zu u - z_forced, z' likewise. Phi and enter_zq = enter_vu are the identity on the
+  // diagonal path; Psi, enter_zu and enter_vq are zero but on the dense path, where all of them are
+  // set.
+  Forced q_forced_, u_forced_, z_forced_, v_forced_;
+  Eigen::MatrixXd Phi_, Psi_;
+  Eigen::MatrixXd enter_zq_, enter_zu_, enter_vq_, enter_vu_;
+  Eigen::ArrayXd alpha0_;
+  Eigen::MatrixXd alpha_held_;
+  Eigen::MatrixXd kick_;  // modes x m
+
+  std::vector<Signal> gap_, gap_velocity_, force_;
+};
+
+/// Flows of one model by locked set, each built once and kept: at first use by who asks for it, or
+/// by another thread (on_missing()). One thread may ask while another builds.
+class Flows {
+ public:
+  /// Builds free flight. Throws ModelError.
+  explicit Flows(Model model);
+  Flows(const Flows&) = delete;
+  Flows& operator=(const Flows&) = delete;
+  ~Flows();
+
+  const Dynamics& dynamics() const { return dynamics_; }
+  /// Throws ModelError as Flow does.
+  const Flow& operator[](ContactSet locked) const;
+  /// Null where Flow throws. Neither allocates nor throws where the flow is there already, or
+  /// where another thread builds it.
+  const Flow* find(ContactSet locked) const;
+
+  /// Builds what is not there yet. Not by two threads at a time.
+  void build(ContactSet locked) const;
+  bool built(ContactSet locked) const { return entry(locked) != nullptr; }
+
+  /// Whoever asks for a flow that is not there calls `build_elsewhere`, which must return when
+  /// build() has been called for it; with none it is built at once, by who asks.
+  void on_missing(std::function<void(ContactSet)> build_elsewhere) {
+    missing_ = std::move(build_elsewhere);
+  }
+
+ private:
+  struct Entry;
+  const Entry* entry(ContactSet locked) const;
+  const Entry* entry_when_built(ContactSet locked) const;
+  std::atomic<const Entry*>& slot(ContactSet locked) const;
+
+  Dynamics dynamics_;
+  // Open addressing; entries are added, never moved or removed.
+  mutable std::vector<std::atomic<const Entry*>> slots_;
+  mutable std::vector<std::unique_ptr<const Entry>> entries_;
+  std::function<void(ContactSet)> missing_;
+};
+
+/// Builds the flows that a machine driven by contact events is likely to meet, as far as that is
+/// cheap: those of few locked contacts first.
+void build_foreseeable(const Flows& flows);
+
+/// Value of a signal, and its first two time derivatives, at a point of the motion's flow.
+double value(const Signal& signal, const Motion& motion);
+double rate(const Signal& signal, const Motion& motion);
+double second_rate(const Signal& signal, const Motion& motion);
+
+}  // namespace sprag

@@ -1,0 +1,40 @@
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "sprag/mechanics/linear_algebra.h"
+
+namespace sprag {
+
+MatrixR product(const MatrixR& A, const MatrixR& B) {
+  if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * B;
+  return A * B;
+}
+
+MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) {
+  return A.cast<std::complex<Extended>>() * B;
+}
+
+MatrixR congruent(const MatrixR& B, const MatrixR& A) {
+  return product(B.transpose(), product(A, B));
+}
+
+MatrixR inverse(const MatrixR& A) { return A.inverse(); }
+
+Solution solve(const MatrixR& A, const MatrixR& B) {
+  const Eigen::PartialPivLU<MatrixR> lu(A);
+  return {lu.solve(B), lu.rcond()};
+}
+
+MatrixR cholesky_factor(const MatrixR& M) { return Eigen::LLT<MatrixR>(M).matrixL(); }
+
+MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
+  return Eigen::LLT<MatrixR>(M).solve(B);
+}
+
+ExtendedEigenpairs eigenpairs(const MatrixR& A) {
+  const Eigen::SelfAdjointEigenSolver<MatrixR> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+}  // namespace sprag

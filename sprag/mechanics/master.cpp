@@ -1,0 +1,356 @@
+#include "sprag/mechanics/master.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "sprag/mechanics/interrupt.h"
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+// So many events that are no further apart than a few roundings of t are a standstill of time.
+constexpr int events_of_standstill = 10000;
+constexpr double roundings_of_standstill = 4.0;
+// Bounces cannot be told apart that are shorter than this share of the time, and of a chatter's
+// rest.
+constexpr double resolvable = 1e-14;
+constexpr double resolvable_of_chatter = 1e-6;
+// A start closer to contact than this share of the gap's terms is at contact.
+constexpr double touching = 1e-12;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Master::Master(Model model, const State& start)
+    : flows_(std::move(model)), solver_(flows_, DependentContacts::refuse), start_(start) {
+  const int m = flows_.dynamics().contacts();
+  order_.assign(index(m), 0);
+  completion_.assign(index(m), infinity);
+  epsilon_.assign(index(m), 0.0);
+  solver_.start(start, at(0.0), motion_);
+}
+
+void Master::fail(const std::string& what) const {
+  throw SimulationError("t = " + std::to_string(now()) + ": " + what);
+}
+
+void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events) {
+  const ContactEvent event{now(), contact, kind};
+  closed_ = after(closed_, event);
+  events.push_back(event);
+}
+
+void Master::start_contacts(std::vector<ContactEvent>& events) {
+  const Model& model = flows_.dynamics().model();
+  const int m = flows_.dynamics().contacts();
+  ContactSet closing = 0;
+  ContactSet touched = 0;
+  for (int i = 0; i < m; ++i) {
+    const Contact& contact = model.contacts[index(i)];
+    const double scale = contact.w.cwiseAbs().dot(start_.q.cwiseAbs()) +
+                         std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
+    const double g = gap(contact, start_.q, 0.0);
+    const double gamma = gap_velocity(contact, start_.u, 0.0);
+    if (g > touching * scale) continue;
+    if (g < -touching * scale) {
+      penetrating_ |= bit(i);
+      closing |= bit(i);
+    } else if (gamma < 0.0) {
+      closing |= bit(i);
+    } else if (gamma == 0.0) {
+      touched |= bit(i);
+    } else {
+      order_[index(i)] = 1;
+    }
+  }
+  if (touched != 0) {
+    if (solver_.lock(touched, ~penetrating_, motion_) != Solved::yes) {
+      fail("the contacts closed at the start have linearly dependent directions");
+    }
+    for (int i = 0; i < m; ++i) {
+      if (!contains(touched, i)) continue;
+      if (contains(motion_.flow->locked(), i)) {
+        order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+        record(i, ContactEventKind::closes, events);
+      } else {
+        order_[index(i)] = 2;
+      }
+    }
+  }
+  if (closing != 0) close(closing, penetrating_, events);
+}
+
+// Lists what can end the present phase, and starts the search for the first of it.
+void Master::watch() {
+  watches_.clear();
+  const Flow& flow = *motion_.flow;
+  const int m = flows_.dynamics().contacts();
+  for (int i = 0; i < m; ++i) {
+    const int order = order_[index(i)];
+    if (contains(flow.locked(), i)) {
+      watches_.push_back({&flow.force(i), 1.0, order, 4 * i + force_falls});
+    } else if (contains(penetrating_, i)) {
+      watches_.push_back({&flow.gap(i), -1.0, 0, 4 * i + gap_rises});
+      watches_.push_back({&flow.gap_velocity(i), 1.0, order, 4 * i + velocity_falls});
+    } else if (completion_[index(i)] == infinity) {
+      watches_.push_back({&flow.gap(i), 1.0, order, 4 * i + gap_falls});
+    }
+  }
+  search_.begin(motion_, watches_);
+}
+
+bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough) {
+  const std::size_t most = events.size() + std::min(enough, events.max_size() - events.size());
+  if (!started_) {
+    started_ = true;
+    start_contacts(events);
+    watch();
+  }
+  while (true) {
+    check_interrupt();
+    const double completion =
+        completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
+    search_.advance(std::min(t - motion_.t, completion - now()));
+    const double event = std::min(search_.found() ? now() + search_.tau() : infinity, completion);
+    if (at(event) - t > 0.0) return true;
+    if (search_.certified() == infinity && event == infinity) return true;
+    if (events.size() >= most) return false;
+    check_progress(event);
+    const bool from_search = search_.found() && now() + search_.tau() <= event;
+    if (event > now()) std::fill(order_.begin(), order_.end(), 0);
+    motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
+    take_event(from_search, events);
+    watch();
+  }
+}
+
+void Master::check_progress(double event) {
+  if (++events_since_ < events_of_standstill) return;
+  const double standstill = events_of_standstill * roundings_of_standstill *
+                            std::numeric_limits<double>::epsilon() * std::abs(event);
+  if (event - since_ <= standstill) {
+    fail("time stands still: " + std::to_string(events_of_standstill) +
+         " events at one instant; a larger impact.chatter_time may help");
+  }
+  events_since_ = 0;
+  since_ = event;
+}
+
+void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
+  const int m = flows_.dynamics().contacts();
+  ContactSet closing = 0;
+  ContactSet completed = 0;
+  ContactSet releasing = 0;
+  ContactSet surfacing = 0;
+  ContactSet locking = 0;
+  if (from_search) {
+    for (std::size_t w = 0; w < watches_.size(); ++w) {
+      if (!search_.fires(w)) continue;
+      const ContactSet contact = bit(watches_[w].id / 4);
+      switch (watches_[w].id % 4) {
+        case gap_falls:
+          closing |= contact;
+          break;
+        case gap_rises:
+          surfacing |= contact;
+          break;
+        case velocity_falls:
+          locking |= contact;
+          break;
+        default:
+          releasing |= contact;
+          break;
+      }
+    }
+  }
+  for (int i = 0; i < m; ++i) {
+    if (completion_[index(i)] <= now()) {
+      completed |= bit(i);
+      completion_[index(i)] = infinity;
+    }
+  }
+
+  for (int i = 0; i < m; ++i) {
+    if (contains(surfacing, i)) {
+      penetrating_ &= ~bit(i);
+      order_[index(i)] = 1;
+      record(i, ContactEventKind::opens, events);
+    }
+  }
+  if (releasing != 0) {
+    solver_.release(releasing, motion_);
+    for (int i = 0; i < m; ++i) {
+      if (!contains(releasing, i)) continue;
+      if (contains(penetrating_, i)) {
+        order_[index(i)] = 2;
+      } else {
+        order_[index(i)] = 3;
+        record(i, ContactEventKind::opens, events);
+      }
+    }
+  }
+  if ((locking & penetrating_) != 0) {
+    const ContactSet candidates = motion_.flow->locked() | (locking & penetrating_);
+    if (solver_.lock(candidates, ~penetrating_, motion_) != Solved::yes) {
+      fail("locked contacts have linearly dependent directions");
+    }
+    for (int i = 0; i < m; ++i) {
+      if (!contains(motion_.flow->locked(), i)) continue;
+      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+    }
+  }
+  if ((closing | completed) != 0) {
+    completed |= wedged(closing | completed) & ~closed_;
+    close(closing | completed, completed, events);
+  }
+}
+
+// Bounces that time cannot tell apart would never end.
+double Master::shortest_time() const {
+  return resolvable * now() + resolvable_of_chatter * flows_.dynamics().model().chatter_time;
+}
+
+// Rest of a bounce sequence that is completed.
+double Master::shortest_chatter() const {
+  return std::max(flows_.dynamics().model().chatter_time, shortest_time());
+}
+
+// The contacts whose impacts on each other have come to chatter, counting this one.
+ContactSet Master::wedged(ContactSet closing) {
+  constexpr int repeatedly = 3;
+  constexpr double window = 16.0;  // chatter times
+  const auto size = static_cast<long>(recent_.size());
+  recent_[static_cast<std::size_t>(impacts_ % size)] = {now(), closing};
+  const Impact& oldest = recent_[static_cast<std::size_t>((impacts_ + 1) % size)];
+  if (now() - oldest.t > window * shortest_chatter()) return 0;
+  ContactSet wedged = 0;
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    const auto count = std::count_if(recent_.begin(), recent_.end(), [&](const Impact& impact) {
+      return contains(impact.closing, i);
+    });
+    if (count >= repeatedly) wedged |= bit(i);
+  }
+  if (std::popcount(wedged) < 2) return 0;
+  recent_.fill({});
+  return wedged;
+}
+
+// A contact that has parted at this very instant takes part in the impacts that follow it: the next
+// search takes its gap for zero and would not see that it is pressed in.
+bool Master::touches(int contact) const {
+  const Signal& g = motion_.flow->gap(contact);
+  const double scale =
+      std::abs(g.constant) + (g.p * motion_.x.z).abs().sum() + (g.r * motion_.x.v).abs().sum();
+  return std::abs(value(g, motion_)) <= touching * scale;
+}
+
+// Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
+// come back at once, throw others off in turn, and so on without end.
+ContactSet Master::hardly_parted(ContactSet contacts) const {
+  ContactSet brief = 0;
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    if (!contains(contacts & ~penetrating_ & ~motion_.flow->locked(), i)) continue;
+    const double gamma = solver_.gamma_plus(i);
+    const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
+    if (gamma > 0.0 && 2.0 * gamma < -acceleration * shortest_chatter()) brief |= bit(i);
+  }
+  return brief;
+}
+
+// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
+void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
+  const Model& model = flows_.dynamics().model();
+  const int m = flows_.dynamics().contacts();
+  const ContactSet closed_before = closed_;
+  ContactSet touched = 0;
+  for (int i = 0; i < m; ++i) {
+    if (contains(closed_before | closing, i) || !touches(i)) continue;
+    touched |= bit(i);
+    completion_[index(i)] = infinity;
+  }
+  closing |= touched;
+  const ContactSet participants = closed_before | closing;
+  before_ = motion_;
+
+  // A closing contact that ends up staying takes restitution 0, one that is thrown off its own:
+  // that is how a replica knows it. Either may change who stays.
+  ContactSet staying = to_stay;
+  ContactSet thrown_off = 0;
+  ContactSet locked = 0;
+  while (true) {
+    for (int i = 0; i < m; ++i) {
+      epsilon_[index(i)] = contains(staying, i) ? 0.0 : model.contacts[index(i)].restitution;
+    }
+    if (solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_) !=
+        Solved::yes) {
+      fail("contacts that close at once have linearly dependent directions");
+    }
+    // To hold one may lift another as little.
+    ContactSet brief = 0;
+    do {
+      brief = hardly_parted(closed_before | staying);
+    } while (brief != 0 && solver_.hold(solver_.resting() | brief, participants, ~penetrating_,
+                                        motion_) == Solved::yes);
+    locked = motion_.flow->locked();
+    const ContactSet sticking = closing & locked & ~staying & ~thrown_off;
+    const ContactSet thrown = staying & ~locked & ~penetrating_;
+    staying = (staying | sticking) & ~thrown;
+    thrown_off |= thrown;
+    bool restitution_matters = false;
+    for_each(sticking | thrown, [&](int i) {
+      if (model.contacts[index(i)].restitution != 0.0) restitution_matters = true;
+    });
+    if (!restitution_matters) break;
+    motion_ = before_;
+  }
+  ++impacts_;
+
+  for (int i = 0; i < m; ++i) {
+    if (!contains(participants, i)) continue;
+    const double gamma = solver_.gamma_plus(i);
+    if (contains(penetrating_, i)) {
+      if (!contains(closed_before, i)) record(i, ContactEventKind::closes, events);
+      order_[index(i)] = contains(solver_.resting(), i) ? 1 : 0;
+      continue;
+    }
+    if (contains(locked, i)) {
+      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+      completion_[index(i)] = infinity;
+      if (contains(closing, i)) record(i, ContactEventKind::closes, events);
+      continue;
+    }
+    order_[index(i)] = contains(solver_.resting(), i) ? 2 : 1;
+    if (contains(closed_before, i)) {
+      record(i, ContactEventKind::opens, events);
+    } else if (!contains(touched, i) || contains(solver_.struck(), i)) {
+      record(i, ContactEventKind::pulse, events);
+    }
+    if (contains(closing, i) && !contains(staying, i) && gamma > 0.0) {
+      const double epsilon = model.contacts[index(i)].restitution;
+      const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
+      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.
+      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
+        completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
+      } else if (2.0 * gamma < -acceleration * shortest_time()) {
+        completion_[index(i)] = now() + 2.0 * gamma / -acceleration;
+      }
+    }
+  }
+}
+
+double Master::next_event() const {
+  double event = search_.found() ? now() + search_.tau() : infinity;
+  for (const double completion : completion_) event = std::min(event, completion);
+  return event;
+}
+
+void Master::state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u) {
+  motion_.flow->propagate(motion_, t, here_);
+  motion_.flow->state(here_, q, u);
+}
+
+}  // namespace sprag

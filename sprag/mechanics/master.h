@@ -1,0 +1,103 @@
+// The master: the machine with geometric unilateral constraints, eq. (5) of Baumann & Leine 2014,
+// simulated event by event with exact flows. It produces the contact events an observer lives on.
+//
+// An isolated impact is a pulse with the contact's restitution. A bounce sequence whose rest
+// 2 gamma+ / (|g''| (1 - epsilon)) is shorter than Model::chatter_time is completed: the contact
+// closes to stay, with restitution 0, at the instant where the sequence would have ended. Contacts
+// that throw the machine to and fro between them, as in a wedge, have no such formula: they are
+// completed together once 32 impacts take less than 16 chatter_time. A closed contact opens when
+// its force would turn negative.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/contact_solver.h"
+#include "sprag/mechanics/event_search.h"
+#include "sprag/mechanics/flow.h"
+
+namespace sprag {
+
+/// The simulation cannot go on; what() says when and why.
+struct SimulationError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+class Master {
+ public:
+  /// Starts at t = 0. A contact with g < 0 stays closed (gamma >= 0) until g rises through zero;
+  /// the scene reader decides whether such a start is allowed. Throws ModelError.
+  Master(Model model, const State& start);
+  Master(const Master&) = delete;
+  Master& operator=(const Master&) = delete;
+
+  /// Simulates every event up to and including t and appends them to `events` in order. Gives up
+  /// before t, with false, after `enough` of them; call again to go on. Throws SimulationError (no
+  /// progress, dependent directions) or Interrupted (interrupt.h); events found until then are
+  /// kept, and the master is not to be advanced any more.
+  bool advance(Instant t, std::vector<ContactEvent>& events,
+               std::size_t enough = std::numeric_limits<std::size_t>::max());
+
+  /// State at t, right-continuous; t between the last event and the next one, as after advance(t).
+  /// q and u have f entries each.
+  void state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
+
+  /// Time of the next event if it is known already, else infinity. It is known at the latest when
+  /// advance() comes close to it.
+  double next_event() const;
+
+  /// chi at the time of the last advance().
+  ContactSet closed() const { return closed_; }
+  const Flows& flows() const { return flows_; }
+
+  /// Work done so far.
+  long impacts() const { return impacts_; }
+  long expansions() const { return search_.expansions(); }
+
+ private:
+  enum WatchKind { gap_falls, gap_rises, velocity_falls, force_falls };
+
+  void start_contacts(std::vector<ContactEvent>& events);
+  void watch();
+  void check_progress(double event);
+  void take_event(bool from_search, std::vector<ContactEvent>& events);
+  bool touches(int contact) const;
+  void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
+  double shortest_time() const;
+  double shortest_chatter() const;
+  ContactSet wedged(ContactSet closing);
+  ContactSet hardly_parted(ContactSet contacts) const;
+  void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
+  [[noreturn]] void fail(const std::string& what) const;
+  double now() const { return motion_.t.hi; }
+
+  struct Impact {
+    double t = -std::numeric_limits<double>::infinity();
+    ContactSet closing = 0;
+  };
+
+  Flows flows_;
+  ContactSolver solver_;
+  EventSearch search_;
+  Motion motion_;  // at the last event
+  Motion here_;    // scratch for state()
+  Motion before_;  // scratch for close()
+  State start_;
+  ContactSet closed_ = 0;       // chi
+  ContactSet penetrating_ = 0;  // closed since the start, g < 0
+  std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
+  std::vector<double> completion_;  // per contact: time at which its chatter ends, or infinity
+  std::array<Impact, 32> recent_;   // ring of the last impacts
+  std::vector<double> epsilon_;     // scratch
+  std::vector<Watch> watches_;      // scratch
+  bool started_ = false;
+  long impacts_ = 0;
+  int events_since_ = 0;  // since_ [s]
+  double since_ = 0.0;
+};
+
+}  // namespace sprag

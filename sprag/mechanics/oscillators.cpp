@@ -1,0 +1,147 @@
+#include "sprag/mechanics/oscillators.h"
+
+#include <cmath>
+
+// Sanitizers do not work with functions that are chosen at load time.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define SPRAG_WIDEST __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define SPRAG_WIDEST
+#endif
+
+namespace sprag {
+namespace {
+
+using Kernel = OscillatorKernel;
+
+Kernel underdamped(double delta, double kappa, double omega, double decay, double tau) {
+  const double c = decay * std::cos(omega * tau);
+  const double s = omega > 0.0 ? decay * std::sin(omega * tau) / omega : decay * tau;
+  return {c + delta * s, s, -kappa * s, c - delta * s};
+}
+
+// sigma = sqrt(delta^2 - kappa) > 0. Written with exponents <= 0 only; delta - sigma without
+// cancellation.
+Kernel overdamped(double delta, double kappa, double sigma, double tau) {
+  const double slow = std::exp(-kappa / (delta + sigma) * tau);
+  const double one_minus_fast = -std::expm1(-2.0 * sigma * tau);
+  const double s = slow * one_minus_fast / (2.0 * sigma);
+  const double c = slow * (1.0 - 0.5 * one_minus_fast);
+  return {c + delta * s, s, -kappa * s, c - delta * s};
+}
+
+// Response of z to alpha = 1, its rate is k.zv; all its digits, whatever cancels in (1 - zz) /
+// kappa.
+double step_response(double delta, double kappa, double omega, const Kernel& k, double tau) {
+  if (delta == 0.0) {
+    const double half = 0.5 * omega * tau;
+    const double sinc = half == 0.0 ? 1.0 : std::sin(half) / half;
+    return 0.5 * tau * tau * sinc * sinc;
+  }
+  const double x = 2.0 * delta * tau;
+  const double y = kappa * tau * tau;
+  if (1.0 - k.zz > 0.25 || (y > 1.0 && delta * delta <= kappa)) return (1.0 - k.zz) / kappa;
+  if (x < 2.0) {
+    // tau^2 (s_0 + s_1 + ...), (n + 2)(n + 1) s_n = -x (n + 1) s_(n-1) - y s_(n-2); y <= 1 here.
+    double before = 0.0;
+    double term = 0.5;
+    double sum = 0.5;
+    for (int n = 1; n < 30 && std::abs(term) + std::abs(before) > 0x1p-56; ++n) {
+      const double next = -(x * term + y * before / (n + 1)) / (n + 2);
+      before = term;
+      term = next;
+      sum += term;
+    }
+    return tau * tau * sum;
+  }
+  // Far overdamped: a slow and a fast decay that have little to do with each other.
+  const double fast = delta + omega;
+  const double slow = kappa / fast;
+  const double slowly = slow > 0.0 ? -std::expm1(-slow * tau) / slow : tau;
+  return (slowly + std::expm1(-fast * tau) / fast) / (2.0 * omega);
+}
+
+}  // namespace
+
+Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kappa)
+    : delta_(delta),
+      kappa_(kappa),
+      root_kappa_(kappa.sqrt()),
+      omega_((kappa - delta.square()).abs().sqrt()) {}
+
+OscillatorKernel Oscillators::kernel(Eigen::Index i, double tau) const {
+  const double delta = delta_[i];
+  const double kappa = kappa_[i];
+  if (delta * delta > kappa) return overdamped(delta, kappa, omega_[i], tau);
+  return underdamped(delta, kappa, omega_[i], std::exp(-delta * tau), tau);
+}
+
+void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
+                            Eigen::Index first, Eigen::Index count, OscillatorState& to) const {
+  // Neighbours often share their damping (a beam's modes all do): one exponential serves them.
+  double decay_delta = 0.0;
+  double decay = 1.0;
+  for (Eigen::Index i = first; i < first + count; ++i) {
+    const double delta = delta_[i];
+    const double kappa = kappa_[i];
+    const double z = from.z[i];
+    const double v = from.v[i];
+    Kernel k;
+    if (delta * delta > kappa) {
+      k = overdamped(delta, kappa, omega_[i], tau);
+    } else {
+      if (delta != decay_delta) {
+        decay_delta = delta;
+        decay = std::exp(-delta * tau);
+      }
+      k = underdamped(delta, kappa, omega_[i], decay, tau);
+    }
+    to.z[i] = k.zz * z + k.zv * v;
+    to.v[i] = k.vz * z + k.vv * v;
+    if (alpha[i] != 0.0) {
+      to.z[i] += alpha[i] * step_response(delta, kappa, omega_[i], k, tau);
+      to.v[i] += alpha[i] * k.zv;
+    }
+  }
+}
+
+TickTable::TickTable(const Oscillators& oscillators, double h) {
+  const Eigen::Index n = oscillators.size();
+  const Eigen::ArrayXd one = Eigen::ArrayXd::Ones(n);
+  const Eigen::ArrayXd zero = Eigen::ArrayXd::Zero(n);
+  OscillatorState response{zero, zero};
+  oscillators.propagate({one, zero}, zero, h, 0, n, response);
+  zz = response.z;
+  vz = response.v;
+  oscillators.propagate({zero, one}, zero, h, 0, n, response);
+  zv = response.z;
+  vv = response.v;
+  oscillators.propagate({zero, zero}, one, h, 0, n, response);
+  z_alpha = response.z;
+  v_alpha = response.v;
+}
+
+// Wider registers where the processor has them; the same roundings, since nothing is fused.
+SPRAG_WIDEST void TickTable::rotate_many(Eigen::Index n, const double* __restrict zz,
+                                         const double* __restrict zv, const double* __restrict vz,
+                                         const double* __restrict vv, double* __restrict z,
+                                         double* __restrict v) {
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double moved = zz[i] * z[i] + zv[i] * v[i];
+    v[i] = vz[i] * z[i] + vv[i] * v[i];
+    z[i] = moved;
+  }
+}
+
+void TickTable::apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, bool drifts,
+                      OscillatorState& to) const {
+  to.z = zz * from.z + zv * from.v;
+  to.v = vz * from.z + vv * from.v;
+  if (drifts) {
+    to.z += z_alpha * alpha;
+    to.v += v_alpha * alpha;
+  }
+}
+
+}  // namespace sprag

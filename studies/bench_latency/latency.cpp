@@ -1,0 +1,281 @@
+#include "studies/bench_latency/latency.h"
+
+#include <fcntl.h>
+#include <lcm/lcm.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/state_codec.h"
+#include "observer/wake.h"
+
+namespace sprag::bench_latency {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t millisecond = 1'000'000;
+
+/// A process that ends with this one.
+class Child {
+ public:
+  template <typename Body>
+  explicit Child(const Body& body) : pid_(::fork()) {
+    if (pid_ < 0) throw std::runtime_error("fork failed");
+    if (pid_ > 0) return;
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    body();
+    ::_exit(127);
+  }
+  ~Child() {
+    ::kill(pid_, SIGTERM);
+    ::waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  bool running() const { return ::waitpid(pid_, nullptr, WNOHANG) == 0; }
+
+ private:
+  pid_t pid_;
+};
+
+using Payload = ContactsMessage;
+
+/// Sends every datagram back to where it came from.
+void echo_udp(int socket) {
+  ::signal(SIGTERM, SIG_DFL);
+  Payload payload;
+  while (true) {
+    sockaddr_in from{};
+    socklen_t size = sizeof from;
+    const ssize_t bytes = ::recvfrom(socket, payload.data(), payload.size(), 0,
+                                     reinterpret_cast<sockaddr*>(&from), &size);
+    if (bytes < 0) return;
+    ::sendto(socket, payload.data(), static_cast<std::size_t>(bytes), 0,
+             reinterpret_cast<const sockaddr*>(&from), size);
+  }
+}
+
+void echo_lcm(const std::string& url) {
+  ::signal(SIGTERM, SIG_DFL);
+  lcm_t* lcm = lcm_create(url.c_str());
+  if (lcm == nullptr) return;
+  lcm_subscribe(
+      lcm, "PING",
+      [](const lcm_recv_buf_t* received, const char*, void* user) {
+        lcm_publish(static_cast<lcm_t*>(user), "PONG", received->data, received->data_size);
+      },
+      lcm);
+  while (lcm_handle(lcm) == 0) {
+  }
+}
+
+class UdpPing {
+ public:
+  UdpPing() : far_(open()), near_(open()), echo_([this] { echo_udp(far_); }) {
+    socklen_t size = sizeof to_;
+    ::getsockname(far_, reinterpret_cast<sockaddr*>(&to_), &size);
+  }
+  ~UdpPing() {
+    ::close(far_);
+    ::close(near_);
+  }
+  UdpPing(const UdpPing&) = delete;
+  UdpPing& operator=(const UdpPing&) = delete;
+
+  /// There and back [ns]; negative if nothing came back.
+  std::int64_t measure() {
+    const std::int64_t start = monotonic_now();
+    ::sendto(near_, payload_.data(), payload_.size(), 0, reinterpret_cast<const sockaddr*>(&to_),
+             sizeof to_);
+    pollfd ready{near_, POLLIN, 0};
+    if (::poll(&ready, 1, 1000) != 1) return -1;
+    (void)::recv(near_, payload_.data(), payload_.size(), 0);
+    return monotonic_now() - start;
+  }
+
+ private:
+  static int open() {
+    const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
+    sockaddr_in any{};
+    any.sin_family = AF_INET;
+    any.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (socket < 0 || ::bind(socket, reinterpret_cast<const sockaddr*>(&any), sizeof any) != 0) {
+      throw std::runtime_error("UDP does not work on this host");
+    }
+    return socket;
+  }
+
+  Payload payload_{};
+  int far_, near_;
+  sockaddr_in to_{};
+  Child echo_;
+};
+
+class LcmPing {
+ public:
+  explicit LcmPing(const std::string& url)
+      : echo_([&url] { echo_lcm(url); }), lcm_(lcm_create(url.c_str())) {
+    if (lcm_ == nullptr) throw std::runtime_error("LCM cannot open " + url);
+    lcm_subscribe(
+        lcm_, "PONG",
+        [](const lcm_recv_buf_t*, const char*, void* user) { ++*static_cast<int*>(user); },
+        &answers_);
+  }
+  ~LcmPing() { lcm_destroy(lcm_); }
+  LcmPing(const LcmPing&) = delete;
+  LcmPing& operator=(const LcmPing&) = delete;
+
+  std::int64_t measure() {
+    const int before = answers_;
+    const std::int64_t start = monotonic_now();
+    lcm_publish(lcm_, "PING", payload_.data(), static_cast<unsigned>(payload_.size()));
+    while (answers_ == before) {
+      if (lcm_handle_timeout(lcm_, 1000) <= 0) return -1;
+    }
+    return monotonic_now() - start;
+  }
+
+ private:
+  Payload payload_{};
+  Child echo_;
+  lcm_t* lcm_;
+  int answers_ = 0;
+};
+
+/// Plays the machine: a contact that closes and opens, at speed 1.
+class Machine {
+ public:
+  Machine(const std::string& url, std::optional<Key> key, int contacts)
+      : bus_(url, std::move(key)), start_(monotonic_now()) {
+    report_.session = static_cast<std::int64_t>(std::random_device{}());
+    report_.contacts = contacts;
+    report_.speed = 1.0;
+    bus_.subscribe(estimate_channel,
+                   [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+                     if (decode(data, estimate_) != Refusal::none) return;
+                     if (estimate_.session != report_.session) return;
+                     heard_ = true;
+                     if (estimate_.t >= event_ && estimate_.closed == report_.closed) {
+                       arrived_ = monotonic_now();
+                     }
+                   });
+  }
+
+  void heartbeat() {
+    report_.horizon = now();
+    send();
+    bus_.handle(0ms);
+  }
+
+  bool heard() const { return heard_; }
+
+  /// From the sending of an event to the first estimate that contains it [ns]; negative if none
+  /// came.
+  std::int64_t measure() {
+    bus_.handle(0ms);
+    event_ = report_.horizon = now();
+    report_.closed ^= 1U;
+    if (report_.records == max_records) {
+      std::rotate(report_.record.begin(), report_.record.begin() + 1, report_.record.end());
+    } else {
+      ++report_.records;
+    }
+    ++report_.records_total;
+    report_.record[static_cast<std::size_t>(report_.records) - 1] = {
+        event_, 0, report_.closed != 0 ? ContactEventKind::closes : ContactEventKind::opens};
+    arrived_ = 0;
+    const std::int64_t start = monotonic_now();
+    send();
+    const std::int64_t latest = start + 1000 * millisecond;
+    while (arrived_ == 0 && monotonic_now() < latest) bus_.handle(10ms);
+    return arrived_ == 0 ? -1 : arrived_ - start;
+  }
+
+ private:
+  double now() const { return 1e-9 * static_cast<double>(monotonic_now() - start_); }
+
+  void send() {
+    ++report_.sequence;
+    report_.utime = wall_clock_us();
+    encode(report_, message_);
+    (void)bus_.publish(contacts_channel, message_);
+  }
+
+  Bus bus_;
+  std::int64_t start_;
+  ContactReport report_;
+  Payload message_{};
+  EstimateSample estimate_;
+  double event_ = 0.0;
+  std::int64_t arrived_ = 0;
+  bool heard_ = false;
+};
+
+void wait(std::int64_t ns) { sleep_until(monotonic_now() + ns); }
+
+}  // namespace
+
+double Samples::us(double p) const {
+  if (ns.empty()) return 0.0;
+  std::vector<std::int64_t> sorted = ns;
+  std::sort(sorted.begin(), sorted.end());
+  return 1e-3 * static_cast<double>(
+                    sorted[static_cast<std::size_t>(p * static_cast<double>(sorted.size() - 1))]);
+}
+
+std::vector<Samples> measure(const Options& options, const CommonOptions& common, int contacts) {
+  LcmPing lcm(options.lcm_url);
+  UdpPing udp;
+  const Child observer([&] {
+    const std::string tick = std::to_string(options.tick);
+    std::vector<const char*> arguments{options.observer.c_str(),
+                                       options.scene.c_str(),
+                                       "--url",
+                                       common.url.c_str(),
+                                       "--estimator",
+                                       "replica",
+                                       "--tick",
+                                       tick.c_str()};
+    const std::string key = common.key.string();
+    if (!key.empty()) arguments.insert(arguments.end(), {"--key", key.c_str()});
+    if (options.real_time) arguments.push_back("--realtime");
+    arguments.push_back(nullptr);
+    ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
+    ::execv(options.observer.c_str(), const_cast<char* const*>(arguments.data()));
+  });
+  Machine machine(common.url, key_of(common), contacts);
+  while (!machine.heard()) {
+    machine.heartbeat();
+    wait(10 * millisecond);
+    if (!observer.running()) throw std::runtime_error(options.observer + " does not run");
+  }
+  std::mt19937 random(1);
+  std::vector<Samples> samples{{"event to estimate", {}}, {"LCM ping", {}}, {"UDP ping", {}}};
+  for (int i = 0; i < options.events && !stop_requested(); ++i) {
+    wait(2 * millisecond + static_cast<std::int64_t>(random() % (2 * millisecond)));
+    machine.heartbeat();
+    wait(2 * millisecond);
+    samples[0].add(machine.measure());
+    wait(2 * millisecond);
+    machine.heartbeat();
+    samples[1].add(lcm.measure());
+    wait(2 * millisecond);
+    samples[2].add(udp.measure());
+  }
+  return samples;
+}
+
+}  // namespace sprag::bench_latency

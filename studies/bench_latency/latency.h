@@ -1,0 +1,44 @@
+// Latency of an observer with a replica alone: from the sending of a contact event to the estimate
+// that contains it, beside a bare LCM ping and a bare UDP ping of the same size in the same run.
+// All three go there and back.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "command_line/program.h"
+
+namespace sprag::bench_latency {
+
+struct Options {
+  std::filesystem::path scene;
+  std::string observer;
+  double tick = 1e-3;
+  int events = 2000;
+  bool real_time = false;
+  std::string lcm_url = "udpm://239.255.76.67:7677?ttl=0";
+};
+
+struct Samples {
+  const char* what;
+  std::vector<std::int64_t> ns;
+  int lost = 0;
+
+  void add(std::int64_t value) {
+    if (value < 0) {
+      ++lost;
+    } else {
+      ns.push_back(value);
+    }
+  }
+
+  /// The value [us] that a share p of all does not exceed; 0 if there is none.
+  double us(double p) const;
+};
+
+/// Starts the observer and the two echoes, plays a machine of `contacts` contacts, and stops them
+/// all. Throws std::runtime_error where one of them does not work.
+std::vector<Samples> measure(const Options& options, const CommonOptions& common, int contacts);
+
+}  // namespace sprag::bench_latency

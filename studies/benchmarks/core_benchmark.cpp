@@ -1,0 +1,151 @@
+// Cost of the core: a tick of the replica, the master per unit of time and per impact, an event of
+// the estimators, a whole replay. The studies hold a tick against the least work a tick can be.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+#include <span>
+#include <vector>
+
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/moreau.h"
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/master.h"
+#include "studies/studies/study.h"
+
+namespace {
+
+using namespace sprag;
+
+constexpr double tick = 1e-3;
+
+Scene scene_of(const char* name) {
+  return read_scene(std::string(SPRAG_SOURCE_DIR "/scenes/") + name + ".toml");
+}
+
+// The paper's beam with n modes, in free flight: without its contact, so that the flow of a
+// thousand locked modes need not be built.
+Scene free_beam(int n) {
+  Scene scene = studies::paper_beam(n);
+  scene.model.contacts.clear();
+  return scene;
+}
+
+template <typename Stepper>
+void free_tick(benchmark::State& run) {
+  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  Stepper stepper = make_stepper<Stepper>(scene, tick);
+  typename Stepper::State state;
+  stepper.start(scene.master, 0, 0, state);
+  for ([[maybe_unused]] auto _ : run) {
+    stepper.tick({}, state);
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK(free_tick<Replica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
+BENCHMARK(free_tick<MoreauReplica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
+
+// The same with q and u written out at every tick, as the observer publishes them.
+void free_tick_with_output(benchmark::State& run) {
+  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  Replica replica(scene.model, tick);
+  Replica::State state;
+  replica.start(scene.master, 0, 0, state);
+  Eigen::VectorXd q(scene.master.q.size());
+  Eigen::VectorXd u(scene.master.u.size());
+  for ([[maybe_unused]] auto _ : run) {
+    replica.tick({}, state);
+    replica.output(state, q, u);
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK(free_tick_with_output)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
+
+// Master alone, up to where double precision follows the true path.
+void master(benchmark::State& run, const char* name, double T) {
+  const Scene scene = scene_of(name);
+  std::vector<ContactEvent> events;
+  long impacts = 0;
+  for ([[maybe_unused]] auto _ : run) {
+    run.PauseTiming();
+    Master machine(scene.model, scene.master);
+    (void)machine.flows()[1];
+    events.clear();
+    run.ResumeTiming();
+    machine.advance(at(T), events);
+    impacts = machine.impacts();
+  }
+  using benchmark::Counter;
+  const auto inverse_rate = Counter::kIsIterationInvariantRate | Counter::kInvert;
+  run.counters["s_per_unit_of_time"] = Counter(T, inverse_rate);
+  run.counters["s_per_impact"] = Counter(static_cast<double>(impacts), inverse_rate);
+}
+BENCHMARK_CAPTURE(master, paper_beam, "paper_beam", 60.0);
+BENCHMARK_CAPTURE(master, paper_beam_frame, "paper_beam_frame", 60.0);
+BENCHMARK_CAPTURE(master, paper_beam_chatter, "paper_beam_chatter", 60.0);
+BENCHMARK_CAPTURE(master, stiff_beam, "stiff_beam", 5.0);
+
+// Ticks with the events of 20 units of time, told over and over, less the same number of ticks
+// without any: the rest is the events'.
+template <typename Stepper>
+void events(benchmark::State& run) {
+  Scene scene = studies::paper_beam(static_cast<int>(run.range(0)));
+  scene.jitter = static_cast<double>(run.range(1)) * 1e-6;
+  Master machine(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  machine.advance(at(20.0), events);
+  constexpr double h = 1e-2;
+  constexpr int ticks = 2000;
+  Stepper stepper = make_stepper<Stepper>(scene, h);
+  typename Stepper::State state;
+  const auto seconds = [&](std::span<const ContactEvent> left) {
+    stepper.start(scene.replica, 0, 0, state);
+    const auto begin = std::chrono::steady_clock::now();
+    for (int k = 1; k <= ticks; ++k) {
+      std::size_t n = 0;
+      while (n < left.size() && left[n].t <= tick_instant(k, h).hi) ++n;
+      stepper.tick(left.first(n), state);
+      left = left.subspan(n);
+    }
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  for ([[maybe_unused]] auto _ : run) {
+    const double of_events = seconds(events) - seconds({});
+    run.SetIterationTime(std::max(of_events, 0.0) / static_cast<double>(events.size()));
+  }
+}
+BENCHMARK(events<Replica>)->Args({3, 0})->Args({50, 0})->UseManualTime()->Iterations(200);
+BENCHMARK(events<TimingFilter>)
+    ->Args({3, 0})
+    ->Args({3, 100})
+    ->Args({50, 0})
+    ->Args({50, 100})
+    ->UseManualTime()
+    ->Iterations(50);
+BENCHMARK(events<SupervisedFilter>)->Args({3, 100})->UseManualTime()->Iterations(200);
+BENCHMARK(free_tick<TimingFilter>)->Arg(3)->Arg(10)->Arg(100);
+
+// 100 units of time of the observer's time line at h = 1e-3, all events known.
+void replay(benchmark::State& run) {
+  const Scene scene = scene_of("paper_beam");
+  Master machine(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  machine.advance(at(100.0), events);
+  Replica replica(scene.model, tick);
+  for ([[maybe_unused]] auto _ : run) {
+    TimeLine<Replica> line(replica, 1, scene.replica, 1);
+    line.restart(0, 0, 0, no_horizon);
+    for (const ContactEvent& event : events) line.receive(event);
+    line.set_horizon(100.0);
+    line.run(
+        0, [](const Replica::State&) {}, [](const Replica::State&) { return true; });
+    benchmark::DoNotOptimize(line.handed_out());
+  }
+}
+BENCHMARK(replay)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+
+BENCHMARK_MAIN();

@@ -1,0 +1,258 @@
+#include "studies/calibration/study.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "sprag/estimation/parameters.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
+#include "studies/calibration/machines.h"
+#include "studies/tolerance/in_parallel.h"
+#include "studies/tolerance/random.h"
+#include "studies/tolerance/statistics.h"
+
+namespace sprag::calibration {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double usual_ticks = 20000.0;
+constexpr std::size_t enough_events = 2500;
+constexpr Eigen::Index large = 40;  // coordinates
+constexpr int fewer_seeds = 5;
+constexpr double troubled_share = 0.1;
+constexpr double much_worse = 10.0;
+constexpr double rounding = 1e-20;  // of V, over V at the start
+
+// Draws that those of the disturbance do not depend on.
+std::uint64_t other_seed(int seed, int purpose) {
+  return 1000000 * static_cast<std::uint64_t>(purpose) + static_cast<std::uint64_t>(seed);
+}
+
+const Consistency& consistency_of(const TimingState& state) { return state.consistency; }
+const Consistency& consistency_of(const SupervisedState& state) { return state.filter.consistency; }
+
+// The stepper through all ticks; on_sample(sample) at sampled ones.
+template <typename Stepper, typename OnTick, typename OnSample>
+void run(Stepper& stepper, typename Stepper::State& state, std::span<const ContactEvent> events,
+         const Truth& truth, const OnTick& on_tick, const OnSample& on_sample) {
+  auto next = events.begin();
+  const std::int64_t last = truth.q.cols() * truth.stride;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    const auto first = next;
+    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
+    stepper.tick({first, next}, state);
+    if (first != next) on_tick(k);
+    if (k % truth.stride == 0) on_sample(k / truth.stride - 1);
+  }
+}
+
+double duration_of(const Scene& scene) {
+  const double T = usual_duration(scene.model);
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  return master.advance(at(T), events, enough_events) ? T : to_digits(events.back().t, 2);
+}
+
+double or_infinity(double V) { return std::isfinite(V) ? V : infinity; }
+
+bool in_second_half(Eigen::Index sample, const Truth& truth) {
+  return 2 * (sample + 1) > truth.q.cols();
+}
+
+template <typename Stepper>
+Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEvent> events,
+             const Truth& truth, const std::vector<double>& V_replica) {
+  const Eigen::Index f = told.model.coordinates();
+  const auto& contacts = told.model.contacts;
+  auto stepper = make_stepper<Stepper>(told, truth.tick);
+  const ErrorEnergy energy(machine.model);
+  const double start =
+      energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
+  typename Stepper::State state;
+  stepper.start(told.replica, 0, 0, state);
+  Confidence confidence = empty_confidence<Stepper>(f, static_cast<int>(contacts.size()));
+  Eigen::VectorXd q(f), u(f);
+  Trial trial;
+  std::vector<double> V;
+  std::int64_t count = 0;
+  const auto on_tick = [&](std::int64_t k) {
+    const Consistency& consistency = consistency_of(state);
+    // A filter that started again counts anew.
+    const std::int64_t fresh = consistency.count - (consistency.count >= count ? count : 0);
+    count = consistency.count;
+    if (2 * k <= truth.q.cols() * truth.stride) return;
+    trial.innovations += static_cast<double>(fresh) * consistency.mean;
+    trial.innovation_count += fresh;
+  };
+  const auto on_sample = [&](Eigen::Index sample) {
+    stepper.output(state, q, u);
+    confide(stepper, state, infinity, confidence);
+    const Eigen::VectorXd off_q = q - truth.q.col(sample);
+    const Eigen::VectorXd off_u = u - truth.u.col(sample);
+    const double now = or_infinity(energy(truth.q.col(sample), truth.u.col(sample), q, u)[0]);
+    const double samples = static_cast<double>(truth.q.cols());
+    if (now > rounding * start && now > much_worse * V_replica[static_cast<std::size_t>(sample)]) {
+      trial.worse += 1.0 / samples;
+    }
+    if (confidence.from_filter) trial.from_filter += 1.0 / samples;
+    if (!in_second_half(sample, truth)) return;
+    V.push_back(now);
+    for (Eigen::Index i = 0; i < f; ++i) {
+      trial.state.add(off_q[i], confidence.sigma_q[i]);
+      trial.state.add(off_u[i], confidence.sigma_u[i]);
+    }
+    for (std::size_t i = 0; i < contacts.size(); ++i) {
+      trial.gaps.add(contacts[i].w.dot(off_q), confidence.sigma_g[static_cast<Eigen::Index>(i)]);
+    }
+  };
+  run(stepper, state, events, truth, on_tick, on_sample);
+  const std::vector<double> of_replica(V_replica.end() - static_cast<std::ptrdiff_t>(V.size()),
+                                       V_replica.end());
+  trial.inconsistencies = confidence.inconsistencies;
+  trial.V = tolerance::quantile(V, 0.5);
+  trial.V_largest = *std::max_element(V.begin(), V.end());
+  trial.V_replica = tolerance::quantile(of_replica, 0.5);
+  trial.V_replica_largest = *std::max_element(of_replica.begin(), of_replica.end());
+  return trial;
+}
+
+// The scene with the start of its estimate drawn out of its uncertainty.
+Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
+  tolerance::Random random(seed);
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  const auto draw = [&](const Eigen::MatrixXd& S) {
+    Eigen::VectorXd normal(S.cols());
+    for (double& one : normal) one = random.normal();
+    return Eigen::VectorXd(S * normal);
+  };
+  scene.replica.q = scene.master.q + draw(uncertainty.q);
+  scene.replica.u = scene.master.u + draw(uncertainty.u);
+  return scene;
+}
+
+// One parameter off by 1 to 5 %, to either side; a phase by 0.01 to 0.05 rad.
+Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
+  tolerance::Random random(seed);
+  std::vector<Parameter> parameters = parameters_of(scene, 1.0);
+  std::erase_if(parameters, [](const Parameter& one) { return !one.relative && !one.cyclic; });
+  const auto chosen =
+      static_cast<std::size_t>(random.uniform() * static_cast<double>(parameters.size()));
+  const Parameter& parameter = parameters[chosen];
+  const double share = (random.uniform() < 0.5 ? -1.0 : 1.0) * (0.01 + 0.04 * random.uniform());
+  const double value = parameter.nominal + share * (parameter.relative ? parameter.nominal : 1.0);
+  scene.model = with(scene, parameter, std::clamp(value, parameter.lowest, parameter.highest));
+  return scene;
+}
+
+Scene told_of(const Scene& scene, double jitter, const Options& options, int seed) {
+  Scene told = scene;
+  if (options.start == Start::prior) told = with_start_of_prior(told, other_seed(seed, 1));
+  if (options.trouble == Trouble::wrong) told = with_wrong_parameter(told, other_seed(seed, 2));
+  told.jitter = jitter;
+  return told;
+}
+
+tolerance::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
+                                   std::size_t contacts) {
+  tolerance::Disturbance all;
+  all.jitter = jitter;
+  if (trouble == Trouble::missing || trouble == Trouble::mixed) all.missed = troubled_share;
+  if (trouble == Trouble::spurious || trouble == Trouble::mixed) {
+    const auto each = static_cast<double>(truth.events.size()) / static_cast<double>(contacts);
+    all.spurious = troubled_share * each / truth.duration;
+  }
+  return all;
+}
+
+}  // namespace
+
+Truth simulate(const Scene& scene, const Options& options) {
+  Truth truth;
+  truth.duration = options.duration > 0.0 ? options.duration : duration_of(scene);
+  if (!(truth.duration > 0.0)) {
+    throw std::invalid_argument(scene.name + ": nothing in it has a period: give --duration");
+  }
+  truth.tick = options.tick > 0.0 ? options.tick : to_digits(truth.duration / usual_ticks, 1);
+  const std::int64_t ticks = last_tick(truth.duration, truth.tick);
+  truth.stride = std::max<std::int64_t>(ticks / options.samples, 1);
+  const Eigen::Index samples = ticks / truth.stride;
+  if (samples < 2) throw std::invalid_argument(scene.name + ": fewer than two ticks");
+  truth.q.resize(scene.model.coordinates(), samples);
+  truth.u.resize(scene.model.coordinates(), samples);
+  Master master(scene.model, scene.master);
+  for (Eigen::Index i = 0; i < samples; ++i) {
+    const Instant t = tick_instant((i + 1) * truth.stride, truth.tick);
+    master.advance(t, truth.events);
+    master.state(t, truth.q.col(i), truth.u.col(i));
+  }
+  return truth;
+}
+
+std::vector<double> follow_replica(const Scene& told, const Scene& machine,
+                                   std::span<const ContactEvent> events, const Truth& truth) {
+  Replica replica(told.model, truth.tick);
+  const ErrorEnergy energy(machine.model);
+  Replica::State state;
+  replica.start(told.replica, 0, 0, state);
+  Eigen::VectorXd q(told.model.coordinates()), u(q.size());
+  std::vector<double> V;
+  run(
+      replica, state, events, truth, [](std::int64_t) {},
+      [&](Eigen::Index sample) {
+        replica.output(state, q, u);
+        V.push_back(or_infinity(energy(truth.q.col(sample), truth.u.col(sample), q, u)[0]));
+      });
+  return V;
+}
+
+Trial follow(EstimatorKind estimator, const Scene& told, const Scene& machine,
+             std::span<const ContactEvent> events, const Truth& truth,
+             const std::vector<double>& V_replica) {
+  return estimator == EstimatorKind::both
+             ? follow<SupervisedFilter>(told, machine, events, truth, V_replica)
+             : follow<TimingFilter>(told, machine, events, truth, V_replica);
+}
+
+void study(const Scene& scene, const std::vector<double>& jitters,
+           const std::vector<EstimatorKind>& estimators, const Options& options,
+           const std::function<void(const Row&)>& on_row) {
+  const Truth truth = simulate(scene, options);
+  const auto contacts = static_cast<int>(scene.model.contacts.size());
+  const bool is_large = scene.model.coordinates() > large;
+  const int seeds = is_large ? std::max(options.seeds / fewer_seeds, 1) : options.seeds;
+  for (const double jitter : jitters) {
+    std::vector<std::vector<Trial>> trials(estimators.size(),
+                                           std::vector<Trial>(static_cast<std::size_t>(seeds)));
+    tolerance::in_parallel(options.threads, seeds, [&](int i) {
+      const Scene told = told_of(scene, jitter, options, i + 1);
+      const auto events = tolerance::disturb(
+          truth.events, disturbance(jitter, options.trouble, truth, scene.model.contacts.size()),
+          contacts, truth.duration, static_cast<std::uint64_t>(i) + 1);
+      const std::vector<double> V_replica = follow_replica(told, scene, events, truth);
+      for (std::size_t j = 0; j < estimators.size(); ++j) {
+        trials[j][static_cast<std::size_t>(i)] =
+            follow(estimators[j], told, scene, events, truth, V_replica);
+      }
+    });
+    for (std::size_t j = 0; j < estimators.size(); ++j) {
+      Row row;
+      row.scene = scene.name;
+      row.estimator = estimators[j];
+      row.coordinates = scene.model.coordinates();
+      row.contacts = contacts;
+      row.jitter = jitter;
+      row.omega_sigma = highest_frequency(scene.model) * jitter;
+      row.duration = truth.duration;
+      row.tick = truth.tick;
+      row.events = truth.events.size();
+      row.seeds = seeds;
+      row.summary = summarize(trials[j]);
+      if (options.trouble == Trouble::none) row.missed = missed_bars(row.summary, row.omega_sigma);
+      on_row(row);
+    }
+  }
+}
+
+}  // namespace sprag::calibration

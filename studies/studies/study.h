@@ -1,0 +1,75 @@
+// Studies behind the charts of docs/speed_accuracy.md, one CSV each.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "sprag/files/output_file.h"
+#include "sprag/mechanics/scene.h"
+#include "studies/work_precision/measure.h"
+
+namespace sprag::studies {
+
+/// A CSV's field: text, or a number with 6 significant digits.
+struct Field {
+  Field(const char* given) : text(given) {}
+  Field(double value);
+
+  std::string text;
+};
+
+/// A CSV with a header line.
+class Table {
+ public:
+  Table(const std::string& file, const std::string& header) : out_(file) {
+    out_.write(header + "\n");
+  }
+  void add(const std::vector<Field>& fields);
+  /// Throws std::runtime_error if not everything could be written.
+  void close();
+
+ private:
+  OutputFile out_;
+};
+
+/// V after 100 units of time on the paper's beam, and what a unit of time costs, for replicas and
+/// ticks.
+void observer(Table& table);
+inline constexpr const char* observer_columns = "method,tick,V100,cpu_us_per_time";
+
+/// A 40-mode master observed with fewer modes, by frequency and by share in the contact.
+void modes(Table& table);
+inline constexpr const char* modes_columns = "order,modes,V_floor,tip_error,ns_per_tick";
+
+/// ns per tick and us per impact against modes and contacts.
+void growth(Table& table);
+inline constexpr const char* growth_columns = "what,against,count,value";
+
+/// ns per tick beside a hand-written minimal loop.
+void limit(Table& table);
+inline constexpr const char* limit_columns = "modes,ours_ns,limit_ns";
+
+/// Which method finds what on the paper's beam with more and more modes.
+void stability(Table& table);
+inline constexpr const char* stability_columns = "method,modes,step,result,found,impacts";
+
+/// The paper's beam with other than three modes.
+Scene paper_beam(int modes);
+
+/// Shortest CPU time [s] of run(), repeated for about `seconds`.
+template <typename Run>
+double shortest_cpu_time(const Run& run, double seconds = 0.3) {
+  using work_precision::cpu_seconds;
+  double shortest = std::numeric_limits<double>::infinity();
+  const double begin = cpu_seconds();
+  do {
+    const double start = cpu_seconds();
+    run();
+    shortest = std::min(shortest, cpu_seconds() - start);
+  } while (cpu_seconds() - begin < seconds);
+  return shortest;
+}
+
+}  // namespace sprag::studies

@@ -1,0 +1,118 @@
+#include "studies/tolerance/run.h"
+
+#include <cmath>
+#include <limits>
+
+#include "sprag/estimation/estimators.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
+#include "studies/tolerance/forced_replica.h"
+
+namespace sprag::tolerance {
+namespace {
+
+template <typename Stepper>
+std::vector<double> follow(Stepper& stepper, const State& start,
+                           std::span<const ContactEvent> events, const Truth& truth,
+                           const Sampling& sampling) {
+  const double h = stepper.h();
+  const std::int64_t stride = std::llround(sampling.interval / h);
+  const ErrorEnergy energy(truth.model);
+  typename Stepper::State state;
+  stepper.start(start, 0, 0, state);
+  State estimate = start;
+  std::vector<double> V;
+  auto next = events.begin();
+  for (std::int64_t k = 1; k <= sampling.last() * stride; ++k) {
+    const auto first = next;
+    while (next != events.end() && next->t <= tick_instant(k, h).hi) ++next;
+    stepper.tick({first, next}, state);
+    const Eigen::Index sample = k / stride - sampling.first();
+    if (k % stride != 0 || sample < 0) continue;
+    stepper.output(state, estimate.q, estimate.u);
+    const double value =
+        energy(truth.q.col(sample), truth.u.col(sample), estimate.q, estimate.u)[0];
+    V.push_back(std::isfinite(value) ? value : std::numeric_limits<double>::infinity());
+  }
+  return V;
+}
+
+}  // namespace
+
+std::int64_t Sampling::first() const { return std::llround(0.5 * duration / interval); }
+
+std::int64_t Sampling::last() const { return std::llround(duration / interval); }
+
+Truth simulate(const Scene& scene, const Sampling& sampling) {
+  Truth truth{scene.model, {}, {}, {}};
+  const Eigen::Index samples = sampling.last() - sampling.first() + 1;
+  truth.q.resize(scene.model.coordinates(), samples);
+  truth.u.resize(scene.model.coordinates(), samples);
+  Master master(scene.model, scene.master);
+  const std::int64_t stride = std::llround(sampling.interval / sampling.tick);
+  for (Eigen::Index i = 0; i < samples; ++i) {
+    const Instant t = tick_instant((sampling.first() + i) * stride, sampling.tick);
+    master.advance(t, truth.events);
+    master.state(t, truth.q.col(i), truth.u.col(i));
+  }
+  return truth;
+}
+
+std::string name(Method method) {
+  switch (method) {
+    case Method::replica:
+      return "replica";
+    case Method::moreau:
+      return "Moreau replica";
+    case Method::forced:
+      return "forced impacts";
+    case Method::timing:
+      return "timing";
+    case Method::both:
+      return "both";
+    case Method::timing_untold:
+      return "timing not told";
+    case Method::both_untold:
+      return "both not told";
+    case Method::timing_drift:
+      return "timing with drift";
+    default:
+      return "both with drift";
+  }
+}
+
+std::vector<double> error_energies(Method method, Scene believed,
+                                   std::span<const ContactEvent> events, const Truth& truth,
+                                   const Sampling& sampling) {
+  const auto of = [&](auto& stepper) {
+    return follow(stepper, believed.replica, events, truth, sampling);
+  };
+  if (method == Method::timing_drift || method == Method::both_drift) believed.drift = usual_drift;
+  if (method == Method::timing_untold || method == Method::both_untold) believed.jitter = 0.0;
+  switch (method) {
+    case Method::replica: {
+      Replica stepper(believed.model, sampling.tick);
+      return of(stepper);
+    }
+    case Method::moreau: {
+      MoreauReplica stepper(believed.model, sampling.moreau_tick);
+      return of(stepper);
+    }
+    case Method::forced: {
+      ForcedReplica stepper(believed.model, sampling.tick);
+      return of(stepper);
+    }
+    case Method::timing:
+    case Method::timing_untold:
+    case Method::timing_drift: {
+      TimingFilter stepper(believed.model, sampling.tick, uncertainty_of(believed));
+      return of(stepper);
+    }
+    default: {
+      SupervisedFilter stepper(believed.model, sampling.tick, uncertainty_of(believed));
+      return of(stepper);
+    }
+  }
+}
+
+}  // namespace sprag::tolerance

@@ -1,0 +1,51 @@
+// One method at one setting on one scene, measured in a child process: a method that crashes,
+// exits or hangs costs a row that says so, and each finds the memory as fresh as the others did.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "studies/work_precision/matching.h"
+#include "studies/work_precision/method.h"
+
+namespace sprag::work_precision {
+
+/// CPU time of this process [s].
+double cpu_seconds();
+
+struct Limits {
+  double timeout = 60.0;  ///< of the child, wall clock [s]
+  double timing = 0.3;    ///< CPU time to spend on repeats [s]
+  int least_repeats = 3;  ///< unless they take more than a third of the timeout
+  int most_repeats = 200;
+  double timed_span = 0.0;   ///< time is taken over the horizon or this, whichever is longer [s]
+  double fine_step = 0.01;   ///< of the samples at which penetration is looked for [s]
+  bool (*stop)() = nullptr;  ///< asked when a signal arrives: true ends the child
+};
+
+/// What is not known is NaN.
+struct Figures {
+  ImpactScore impacts;
+  StateScore states;
+  double penetration = not_known;      ///< [m]
+  double cpu_us_per_time = not_known;  ///< shortest CPU time of the repeats [us] / their span [s]
+  double memory_kb = not_known;        ///< peak that the first run adds, without code [kB]
+  std::int64_t steps = 0;              ///< of the last run, as the two below
+  std::int64_t solves = 0;
+  std::int64_t right_hand_sides = 0;
+};
+
+struct Measurement {
+  Figures figures;
+  std::string failure;  ///< empty if every run reached its end; else the first reason
+};
+
+/// Runs the method from `start` up to the reference's horizon: once with the reference's samples,
+/// which also shows its memory, once with fine samples, then repeatedly without any for the time
+/// and the counts. After a failure the figures known until then stay. Throws std::system_error
+/// where no process can be started.
+Measurement measure(const Method& method, double setting, const Model& model, const State& start,
+                    const Reference& reference, const Limits& limits = {});
+
+}  // namespace sprag::work_precision
