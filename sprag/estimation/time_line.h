@@ -183,8 +183,7 @@ class TimeLine {
 
   // First tick at or after the event.
   std::int64_t tick_of(const ContactEvent& event) const {
-    const std::int64_t k = last_tick(event.t, h());
-    return std::max(tick_instant(k, h()) - at(event.t) >= 0.0 ? k : k + 1, first_);
+    return std::max(first_tick_after(event.t, h()), first_);
   }
 
   // The events of one tick, from `consumed_` on.

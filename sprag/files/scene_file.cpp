@@ -24,11 +24,6 @@ Harmonic read_harmonic(const TomlTable& table) {
           .phase = table.number_or("phase", 0.0, any_number)};
 }
 
-Harmonic second_derivative(const Harmonic& harmonic) {
-  return {-harmonic.amplitude * harmonic.frequency * harmonic.frequency, harmonic.frequency,
-          harmonic.phase};
-}
-
 // e(t), the motion of the frame.
 Harmonic read_excitation(const TomlTable& root) {
   const auto table = root.table("excitation", {"amplitude", "frequency", "phase"});
@@ -91,16 +86,13 @@ Beam read_beam_table(const TomlTable& table) {
 
 Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmonic& excitation) {
   const double x_c = table.number("position", {0.0, beam.length, true});
-  const double sign = table.choice("side", {"below", "above"}) == "below" ? 1.0 : -1.0;
-  Contact contact{.w = sign * mode_shapes(beam, x_c),
-                  .clearance = table.number_or("clearance", 0.0, any_number),
-                  .motion = {}};
+  const Side side = table.choice("side", {"below", "above"}) == "below" ? Side::below : Side::above;
+  const bool on_ground = table.choice("mount", {"ground", "frame"}) == "ground";
+  // restitution is read with [impact]'s.
+  Contact contact = beam_contact(beam, x_c, side, table.number_or("clearance", 0.0, any_number),
+                                 0.0, on_ground ? excitation : Harmonic{});
   if (sees_nothing(contact.w)) {
     table.fail("position", "is " + to_text(x_c) + "; must be where the beam moves (all v_i are 0)");
-  }
-  if (table.choice("mount", {"ground", "frame"}) == "ground") {
-    contact.motion = excitation;
-    contact.motion.amplitude *= sign;
   }
   return contact;
 }
@@ -110,12 +102,7 @@ std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, 
   const Beam beam = read_beam_table(table);
   const Harmonic excitation = read_excitation(root);
   scene.beam = beam;
-  scene.model.M = mass(beam).asDiagonal();
-  scene.model.C = damping(beam).asDiagonal();
-  scene.model.K = stiffness(beam).asDiagonal();
-  if (root.has("excitation")) {
-    scene.model.forces.push_back({inertia_direction(beam), 0.0, second_derivative(excitation)});
-  }
+  scene.model = beam_model(beam, excitation);
   std::vector<TomlTable> contacts =
       read_contact_tables(root, {"position", "clearance", "side", "mount", "restitution"});
   for (const TomlTable& contact : contacts) {

@@ -110,4 +110,23 @@ Eigen::VectorXd inertia_direction(const Beam& beam) {
   return direction;
 }
 
+Model beam_model(const Beam& beam, const Harmonic& excitation) {
+  Model model;
+  model.M = mass(beam).asDiagonal();
+  model.C = damping(beam).asDiagonal();
+  model.K = stiffness(beam).asDiagonal();
+  if (excitation.amplitude != 0.0) {
+    model.forces.push_back({inertia_direction(beam), 0.0, second_derivative(excitation)});
+  }
+  return model;
+}
+
+Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, double restitution,
+                     const Harmonic& motion) {
+  const double sign = side == Side::below ? 1.0 : -1.0;
+  Contact contact{sign * mode_shapes(beam, x_c), clearance, motion, restitution};
+  contact.motion.amplitude *= sign;
+  return contact;
+}
+
 }  // namespace sprag

@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 
+#include "sprag/mechanics/model.h"
+
 namespace sprag {
 
 struct Beam {
@@ -34,5 +36,16 @@ Eigen::VectorXd stiffness(const Beam& beam);
 
 /// Direction of f(t) per unit of frame acceleration e''(t): -integral of v rho A dx, n entries.
 Eigen::VectorXd inertia_direction(const Beam& beam);
+
+/// M, C and K of (22), without contacts; with the force of a shaken frame, e(t) = `excitation`,
+/// where its amplitude is not 0.
+Model beam_model(const Beam& beam, const Harmonic& excitation = {});
+
+/// A support at x_c in [0, length]: below the beam, g = +w + c, or above it, g = -w + c. `motion`:
+/// e(t) where it stands on the ground, which the coordinates' frame moves against; {} where it
+/// moves with the frame.
+enum class Side { below, above };
+Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, double restitution,
+                     const Harmonic& motion = {});
 
 }  // namespace sprag

@@ -52,4 +52,10 @@ inline std::int64_t last_tick(double t, double h) {
   return k;
 }
 
+/// First tick at or after t >= 0: the tick at which an event of that time is in the estimate.
+inline std::int64_t first_tick_after(double t, double h) {
+  const std::int64_t k = last_tick(t, h);
+  return tick_instant(k, h) - at(t) >= 0.0 ? k : k + 1;
+}
+
 }  // namespace sprag

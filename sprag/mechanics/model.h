@@ -83,6 +83,11 @@ inline double rate(const Harmonic& harmonic, double t) {
          std::sin(harmonic.frequency * t + harmonic.phase);
 }
 
+inline Harmonic second_derivative(const Harmonic& harmonic) {
+  return {-harmonic.amplitude * harmonic.frequency * harmonic.frequency, harmonic.frequency,
+          harmonic.phase};
+}
+
 /// g_i(q, t) [m].
 inline double gap(const Contact& contact, const Eigen::VectorXd& q, double t) {
   return contact.w.dot(q) + value(contact.motion, t) + contact.clearance;

@@ -1,0 +1,246 @@
+#include "sprag/estimation/observer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "sprag/estimation/time_line.h"
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// What is settled is never gone back behind.
+constexpr std::int64_t history = 1;
+
+bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
+
+}  // namespace
+
+class Observer::Core {
+ public:
+  Core() = default;
+  Core(const Core&) = delete;
+  Core& operator=(const Core&) = delete;
+  virtual ~Core() = default;
+
+  virtual bool take(const ContactEvent& event) = 0;
+  virtual void set_horizon(double t) = 0;
+  virtual std::vector<Estimate> settle() = 0;
+  virtual Estimate at(double t) = 0;
+  virtual double tick() const = 0;
+  virtual const EventHistory& events() const = 0;
+};
+
+template <typename Stepper>
+class Observer::CoreOf final : public Observer::Core {
+ public:
+  CoreOf(const Scene& scene, double h)
+      : contacts_(static_cast<int>(scene.model.contacts.size())),
+        stepper_(make_stepper<Stepper>(scene, h)),
+        time_line_(stepper_, contacts_, scene.replica, history),
+        initial_bound_(initial_bound(scene)),
+        confidence_(empty_confidence<Stepper>(scene.model.coordinates(), contacts_)),
+        q_(scene.model.coordinates()),
+        u_(scene.model.coordinates()) {
+    time_line_.restart(0, 0, 0, no_horizon);
+    settled_ = time_line_.present();
+  }
+
+  bool take(const ContactEvent& event) override {
+    // The history refuses it and says why.
+    if (!(event.t >= 0.0) || !std::isfinite(event.t) || event.contact < 0 ||
+        event.contact >= contacts_ || event.t <= time_line_.events().horizon()) {
+      time_line_.receive(event);
+      return false;
+    }
+    const auto place = std::upper_bound(waiting_.begin(), waiting_.end(), event, earlier);
+    waiting_.insert(place, event);
+    if (ahead_ && event.t <= time_of(ahead_->tick)) ahead_.reset();
+    return true;
+  }
+
+  void set_horizon(double t) override {
+    if (!(t > time_line_.events().horizon())) return;
+    const auto end =
+        std::upper_bound(waiting_.begin(), waiting_.end(), ContactEvent{t, 0, {}}, earlier);
+    for (auto event = waiting_.begin(); event != end; ++event) time_line_.receive(*event);
+    waiting_.erase(waiting_.begin(), end);
+    time_line_.set_horizon(t);
+  }
+
+  std::vector<Estimate> settle() override {
+    std::vector<Estimate> estimates;
+    time_line_.run(
+        0, [](const auto&) {},
+        [&](const State& state) {
+          const bool complete = time_line_.complete_to(time_of(state.tick));
+          estimates.push_back(estimate(state, true, complete ? initial_bound_ : infinity));
+          settled_ = state;
+          return true;
+        });
+    if (!estimates.empty()) ahead_.reset();
+    return estimates;
+  }
+
+  Estimate at(double t) override {
+    if (!(t >= time_of(settled_.tick)) || !std::isfinite(t)) {
+      throw std::invalid_argument("no estimate at t = " + std::to_string(t) +
+                                  ": it must be at or after the last settled tick");
+    }
+    const std::int64_t last = last_tick(t, tick());
+    if (!ahead_ || ahead_->tick > last) start_ahead();
+    while (ahead_->tick < last) step_ahead();
+    return estimate(*ahead_, false, infinity);
+  }
+
+  double tick() const override { return stepper_.h(); }
+  const EventHistory& events() const override { return time_line_.events(); }
+
+ private:
+  using State = typename Stepper::State;
+
+  double time_of(std::int64_t k) const { return tick_instant(k, stepper_.h()).hi; }
+
+  // The next events up to this tick; what contradicts those before it is left out.
+  std::span<const ContactEvent> events_of(std::int64_t tick, ContactSet chi) {
+    of_tick_.clear();
+    for (; next_ < known_.size() && first_tick_after(known_[next_].t, stepper_.h()) <= tick;
+         ++next_) {
+      const ContactEvent& event = known_[next_];
+      if (contains(chi, event.contact) != (event.kind == ContactEventKind::opens)) continue;
+      chi = after(chi, event);
+      of_tick_.push_back(event);
+    }
+    return of_tick_;
+  }
+
+  // From the last tick handed out, with all that is known behind it.
+  void start_ahead() {
+    const auto& history_events = time_line_.events().events();
+    const bool from_start = time_line_.handed_out() < 0;
+    known_.clear();
+    for (const ContactEvent& event : history_events) {
+      const bool behind = first_tick_after(event.t, stepper_.h()) > settled_.tick;
+      if (behind || from_start) known_.push_back(event);
+    }
+    known_.insert(known_.end(), waiting_.begin(), waiting_.end());
+    next_ = 0;
+    ahead_ = settled_;
+    if (!from_start) return;
+    for_each_instant(
+        events_of(settled_.tick, ahead_->chi),
+        [&](std::span<const ContactEvent> of_one) { stepper_.apply(of_one, *ahead_); });
+  }
+
+  void step_ahead() {
+    const std::span<const ContactEvent> events = events_of(ahead_->tick + 1, ahead_->chi);
+    stepper_.tick(events, *ahead_);
+  }
+
+  Estimate estimate(const State& state, bool settled, double bound) {
+    stepper_.output(state, q_, u_);
+    confide(stepper_, state, bound, confidence_);
+    Estimate estimate;
+    estimate.tick = state.tick;
+    estimate.t = time_of(state.tick);
+    estimate.q = q_;
+    estimate.u = u_;
+    estimate.closed = state.chi;
+    estimate.settled = settled;
+    estimate.of_filter = confidence_.from_filter;
+    estimate.sigma_q = confidence_.sigma_q;
+    estimate.sigma_u = confidence_.sigma_u;
+    estimate.sigma_gap = confidence_.sigma_g;
+    estimate.bound = confidence_.bound;
+    return estimate;
+  }
+
+  int contacts_;
+  Stepper stepper_;
+  TimeLine<Stepper> time_line_;
+  double initial_bound_;
+  Confidence confidence_;
+  Eigen::VectorXd q_, u_;
+  State settled_;                      // at the last tick handed out; at first, at tick 0
+  std::vector<ContactEvent> waiting_;  // behind the horizon, in order
+  std::optional<State> ahead_;         // and further, provisional
+  std::vector<ContactEvent> known_;    // what ahead_ goes through, `next_` comes next
+  std::size_t next_ = 0;
+  std::vector<ContactEvent> of_tick_;
+};
+
+Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
+  if (!(settings.tick > 0.0) || !std::isfinite(settings.tick)) {
+    throw std::invalid_argument("tick is " + std::to_string(settings.tick) + "; must be > 0");
+  }
+  if (settings.stepper != StepperKind::exact && settings.estimator != EstimatorKind::replica) {
+    throw std::invalid_argument("the moreau stepper is one of the replica alone");
+  }
+  with_stepper(settings.estimator, settings.stepper, [&]<typename Stepper>() {
+    core_ = std::make_unique<CoreOf<Stepper>>(scene, settings.tick);
+    return 0;
+  });
+}
+
+Observer::~Observer() = default;
+Observer::Observer(Observer&&) noexcept = default;
+Observer& Observer::operator=(Observer&&) noexcept = default;
+
+bool Observer::take(const ContactEvent& event) { return core_->take(event); }
+void Observer::set_horizon(double t) { core_->set_horizon(t); }
+std::vector<Estimate> Observer::settle() { return core_->settle(); }
+Estimate Observer::at(double t) { return core_->at(t); }
+double Observer::tick() const { return core_->tick(); }
+const EventHistory& Observer::events() const { return core_->events(); }
+
+Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
+                  const ObserverSettings& settings) {
+  if (!(duration >= 0.0) || !std::isfinite(duration)) {
+    throw std::invalid_argument("duration is " + std::to_string(duration) + "; must be >= 0");
+  }
+  Observer observer(scene, settings);
+  const Eigen::Index f = scene.model.coordinates();
+  const auto m = static_cast<Eigen::Index>(scene.model.contacts.size());
+  const Eigen::Index n = last_tick(duration, settings.tick) + 1;
+  const bool filters = settings.estimator != EstimatorKind::replica;
+  Estimates all;
+  all.t.resize(n);
+  all.q.resize(n, f);
+  all.u.resize(n, f);
+  all.sigma_q.resize(n, filters ? f : 0);
+  all.sigma_u.resize(n, filters ? f : 0);
+  all.sigma_gap.resize(n, filters ? m : 0);
+  all.bound.resize(n);
+  all.of_filter.resize(static_cast<std::size_t>(n));
+  for (const ContactEvent& event : events) {
+    if (event.t <= duration) observer.take(event);
+  }
+  // In pieces, so that few estimates are held twice.
+  constexpr Eigen::Index piece = 4096;
+  for (Eigen::Index k = 0; k < n;) {
+    const Eigen::Index last = std::min(k + piece, n) - 1;
+    observer.set_horizon(last == n - 1 ? duration : tick_instant(last, settings.tick).hi);
+    for (const Estimate& estimate : observer.settle()) {
+      all.t[k] = estimate.t;
+      all.q.row(k) = estimate.q;
+      all.u.row(k) = estimate.u;
+      if (filters) {
+        all.sigma_q.row(k) = estimate.sigma_q;
+        all.sigma_u.row(k) = estimate.sigma_u;
+        all.sigma_gap.row(k) = estimate.sigma_gap;
+      }
+      all.bound[k] = estimate.bound;
+      all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
+      ++k;
+    }
+  }
+  all.counts = observer.events().counts();
+  return all;
+}
+
+}  // namespace sprag

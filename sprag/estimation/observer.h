@@ -1,0 +1,103 @@
+// The observer as a library: contact events in, in any order and late; estimates of the full state
+// out. One object is what a process `observer` or its --replay is, without LCM and without a clock:
+// settled estimates are the same bits.
+//
+//   sprag::Observer observer(sprag::read_scene("scenes/paper_beam.toml"), {.tick = 0.01});
+//   observer.take({0.4565, 0, sprag::ContactEventKind::pulse});
+//   observer.set_horizon(1.0);                     // every event up to t = 1 has been taken
+//   for (const sprag::Estimate& estimate : observer.settle()) use(estimate.t, estimate.q);
+//   sprag::Estimate now = observer.at(1.2);        // provisional: events may still come
+//
+// An object belongs to one thread at a time; different objects do not share anything. Everything
+// allocates: what must not, takes TimeLine (time_line.h) and an estimator.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/event_history.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// What an observer says of one tick. f coordinates, m contacts, in the scene's units.
+struct Estimate {
+  std::int64_t tick = 0;
+  double t = 0.0;          ///< tick h [s]
+  Eigen::VectorXd q, u;    ///< f entries each
+  ContactSet closed = 0;   ///< chi: bit i for contact i, as reported
+  bool settled = false;    ///< it never changes: every event up to t was taken
+  bool of_filter = false;  ///< q and u are the timing filter's; else the replica's
+  /// Standard deviations of q, u (f entries each) and of the gaps (m entries); infinite where
+  /// nothing is known, empty without a timing filter.
+  Eigen::VectorXd sigma_q, sigma_u, sigma_gap;
+  /// The replica's V is at most this; infinite where nothing guarantees it.
+  double bound = std::numeric_limits<double>::infinity();
+};
+
+struct ObserverSettings {
+  double tick = 0.01;  ///< h > 0 [s]
+  EstimatorKind estimator = EstimatorKind::both;
+  StepperKind stepper = StepperKind::exact;  ///< of EstimatorKind::replica
+};
+
+class Observer {
+ public:
+  /// At tick 0, in scene.replica. Throws ModelError, or std::invalid_argument for a tick that is
+  /// not > 0 or an estimator that has no such stepper.
+  explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
+  ~Observer();
+  Observer(Observer&&) noexcept;
+  Observer& operator=(Observer&&) noexcept;
+
+  /// Takes an event of any time behind the horizon, in any order: estimates are as if it had come
+  /// in time. False if it is refused: at or before the horizon, at a time that is no number or
+  /// negative, or of a contact that the machine does not have. Events that contradict those before
+  /// them (a contact closes that is closed) are skipped where they settle. Both leave the bound
+  /// infinite; events() counts them.
+  bool take(const ContactEvent& event);
+
+  /// Every event up to t has been taken; never goes back.
+  void set_horizon(double t);
+
+  /// The estimates of the ticks up to the horizon that were not handed out yet, in order.
+  std::vector<Estimate> settle();
+
+  /// The estimate at the last tick at or before t, with all events that have been taken; t is not
+  /// before the last settled tick, else it throws std::invalid_argument. It costs the ticks from
+  /// the last call, or from the last settled tick where an event came late.
+  Estimate at(double t);
+
+  double tick() const;  ///< h [s]
+  /// Events taken and skipped, and where they may be missing.
+  const EventHistory& events() const;
+
+ private:
+  class Core;
+  template <typename Stepper>
+  class CoreOf;
+  std::unique_ptr<Core> core_;
+};
+
+/// Estimates of many ticks, one a row: row k is tick k.
+struct Estimates {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Eigen::VectorXd t;                    ///< n entries [s]
+  Rows q, u;                            ///< n x f
+  Rows sigma_q, sigma_u, sigma_gap;     ///< n x f, n x f, n x m; no columns without a timing filter
+  Eigen::VectorXd bound;                ///< n entries
+  std::vector<std::uint8_t> of_filter;  ///< n entries, 0 or 1
+  EventCounts counts;                   ///< events taken and skipped
+};
+
+/// What an observer says of recorded events, in any order, up to `duration`: as --replay.
+Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
+                  const ObserverSettings& settings = {});
+
+}  // namespace sprag
