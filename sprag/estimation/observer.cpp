@@ -19,6 +19,11 @@ constexpr std::int64_t history = 1;
 
 bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
 
+// Behind those of the same instant.
+void insert(const ContactEvent& event, std::vector<ContactEvent>& ordered) {
+  ordered.insert(std::upper_bound(ordered.begin(), ordered.end(), event, earlier), event);
+}
+
 }  // namespace
 
 class Observer::Core {
@@ -58,9 +63,9 @@ class Observer::CoreOf final : public Observer::Core {
       time_line_.receive(event);
       return false;
     }
-    const auto place = std::upper_bound(waiting_.begin(), waiting_.end(), event, earlier);
-    waiting_.insert(place, event);
+    insert(event, waiting_);
     if (ahead_ && event.t <= time_of(ahead_->tick)) ahead_.reset();
+    if (ahead_) insert(event, known_);
     return true;
   }
 

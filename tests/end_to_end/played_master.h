@@ -13,7 +13,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/report_builder.h"
+#include "sprag/estimation/report_builder.h"
 #include "sprag/files/events_file.h"
 
 namespace sprag::test {

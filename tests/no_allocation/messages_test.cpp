@@ -9,9 +9,9 @@
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
 #include "sprag/estimation/event_history.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/no_allocation/allocations.h"
-#include "tests/observer/random_events.h"
-#include "tests/observer/recorded_run.h"
 #include "tests/support/random.h"
 
 namespace sprag::test {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "sprag/estimation/estimators.h"
+#include "tests/estimation/random_events.h"
 #include "tests/no_allocation/allocations.h"
-#include "tests/observer/random_events.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
 

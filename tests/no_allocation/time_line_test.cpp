@@ -15,9 +15,9 @@
 #include "observer/spsc_queue.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/histogram.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/no_allocation/allocations.h"
-#include "tests/observer/random_events.h"
-#include "tests/observer/recorded_run.h"
 
 namespace sprag::test {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/time_line.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/recorded_run.h"
 
 namespace sprag {
 namespace {

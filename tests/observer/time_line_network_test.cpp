@@ -9,8 +9,8 @@
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
-#include "tests/observer/recorded_run.h"
-#include "tests/observer/supervised_steppers.h"
+#include "tests/estimation/recorded_run.h"
+#include "tests/estimation/supervised_steppers.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

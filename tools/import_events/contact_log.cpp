@@ -9,7 +9,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/report_builder.h"
+#include "sprag/estimation/report_builder.h"
 
 namespace sprag {
 

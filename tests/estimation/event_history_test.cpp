@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/observer/random_events.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
 
 namespace sprag {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/time_line.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 

@@ -1,4 +1,4 @@
-#include "lcmtypes/report_builder.h"
+#include "sprag/estimation/report_builder.h"
 
 #include <algorithm>
 #include <cmath>

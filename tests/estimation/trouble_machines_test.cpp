@@ -18,7 +18,7 @@ namespace {
 class ChatteringMachine : public testing::TestWithParam<const char*> {};
 
 TEST_P(ChatteringMachine, IsNotTakenForAnother) {
-  Scene scene = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/observer/machines" /
+  Scene scene = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/estimation/machines" /
                            (std::string(GetParam()) + ".toml"));
   const ErrorEnergy energy(scene.model);
   const Eigen::Index f = scene.model.coordinates();

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "lcmtypes/report_builder.h"
+#include "sprag/estimation/report_builder.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/instant.h"

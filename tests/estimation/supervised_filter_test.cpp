@@ -12,8 +12,8 @@
 #include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
-#include "tests/observer/random_events.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 

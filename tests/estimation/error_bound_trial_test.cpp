@@ -12,7 +12,7 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

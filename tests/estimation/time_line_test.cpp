@@ -7,9 +7,9 @@
 
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
-#include "tests/observer/random_events.h"
-#include "tests/observer/recorded_run.h"
-#include "tests/observer/supervised_steppers.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
+#include "tests/estimation/supervised_steppers.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -10,7 +10,7 @@
 
 #include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/recorded_run.h"
 
 namespace sprag {
 namespace {
@@ -38,7 +38,7 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
 const Scene& scene_of(const Case& c) {
   static const Scene coupled = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) /
-                                          "tests/observer/coupled_two_contacts.toml");
+                                          "tests/estimation/coupled_two_contacts.toml");
   return std::string(c.scene) == "coupled" ? coupled : shipped_scene(c.scene);
 }
 

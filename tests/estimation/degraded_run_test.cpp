@@ -7,8 +7,8 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
-#include "tests/observer/recorded_run.h"
-#include "tests/observer/supervised_steppers.h"
+#include "tests/estimation/recorded_run.h"
+#include "tests/estimation/supervised_steppers.h"
 
 namespace sprag {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/energy.h"
-#include "tests/observer/recorded_run.h"
+#include "tests/estimation/recorded_run.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag {

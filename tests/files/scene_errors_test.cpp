@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sprag/files/scene_file.h"
-#include "tests/mechanics/scene_texts.h"
+#include "tests/files/scene_texts.h"
 
 namespace sprag {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/scale.h"
-#include "tests/mechanics/scene_texts.h"
+#include "tests/files/scene_texts.h"
 
 namespace sprag {
 namespace {

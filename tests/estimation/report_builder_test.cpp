@@ -1,4 +1,4 @@
-#include "lcmtypes/report_builder.h"
+#include "sprag/estimation/report_builder.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "sprag/estimation/event_history.h"
-#include "tests/observer/random_events.h"
+#include "tests/estimation/random_events.h"
 
 namespace sprag {
 namespace {
