@@ -13,13 +13,13 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 
 #include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
 #include "lcmtypes/packet.h"
+#include "sprag/mechanics/error.h"
 
 namespace sprag {
 
@@ -30,8 +30,8 @@ inline constexpr const char* settled_channel = "SPRAG_SETTLED";
 
 /// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with
 /// the two lines that mend it.
-struct BusError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct BusError : Error {
+  using Error::Error;
 };
 
 /// What was not let through to a handler.

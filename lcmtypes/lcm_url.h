@@ -3,8 +3,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 #include <string>
+
+#include "sprag/mechanics/error.h"
 
 namespace sprag {
 
@@ -12,8 +13,8 @@ namespace sprag {
 inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
 
 /// An address that LCM would misread or refuse. what() says what is allowed.
-struct UrlError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct UrlError : Error {
+  using Error::Error;
 };
 
 struct MulticastAddress {

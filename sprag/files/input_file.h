@@ -5,16 +5,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include "sprag/mechanics/error.h"
+
 namespace sprag {
 
 /// An input file that cannot be opened or is of another kind. what() reads "FILE: reason".
-struct InputError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct InputError : Error {
+  using Error::Error;
 };
 
 class InputFile {

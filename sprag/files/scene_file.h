@@ -3,17 +3,17 @@
 #pragma once
 
 #include <filesystem>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 
+#include "sprag/mechanics/error.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
 /// what() reads "file:line:column: key is value; must be ..." (line and column where known).
-struct SceneError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct SceneError : Error {
+  using Error::Error;
 };
 
 /// Reads and checks a scene file. Throws SceneError.

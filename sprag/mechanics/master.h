@@ -11,20 +11,20 @@
 
 #include <array>
 #include <limits>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/contact_solver.h"
+#include "sprag/mechanics/error.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
 
 namespace sprag {
 
 /// The simulation cannot go on; what() says when and why.
-struct SimulationError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct SimulationError : Error {
+  using Error::Error;
 };
 
 class Master {

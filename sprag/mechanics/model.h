@@ -6,11 +6,11 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/error.h"
 
 namespace sprag {
 
@@ -71,8 +71,8 @@ struct State {
 };
 
 /// A machine whose motion has no exact flow (M not positive definite, defective modes, ...).
-struct ModelError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct ModelError : Error {
+  using Error::Error;
 };
 
 inline double value(const Harmonic& harmonic, double t) {
