@@ -43,7 +43,7 @@ void probe(const LcmUrl& url) {
 
 struct Bus::Impl {
   Impl(const std::string& address, std::optional<Key> secret)
-      : url(parse_url(address)), key(std::move(secret)), lcm(nullptr, lcm_destroy) {
+      : url(parse_url(address)), key(secret), lcm(nullptr, lcm_destroy) {
     probe(url);
     lcm.reset(lcm_create(url.text.c_str()));
     if (!lcm) throw BusError(url.text + ": LCM cannot open it");
@@ -140,7 +140,7 @@ struct Bus::Impl {
 };
 
 Bus::Bus(const std::string& url, std::optional<Key> key)
-    : impl_(std::make_unique<Impl>(url, std::move(key))) {}
+    : impl_(std::make_unique<Impl>(url, key)) {}
 Bus::Bus(Bus&&) noexcept = default;
 Bus& Bus::operator=(Bus&&) noexcept = default;
 Bus::~Bus() = default;

@@ -159,7 +159,7 @@ class LcmPing {
 class Machine {
  public:
   Machine(const std::string& url, std::optional<Key> key, int contacts)
-      : bus_(url, std::move(key)), start_(monotonic_now()) {
+      : bus_(url, key), start_(monotonic_now()) {
     report_.session = static_cast<std::int64_t>(std::random_device{}());
     report_.contacts = contacts;
     report_.speed = 1.0;

@@ -178,7 +178,7 @@ TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
 TEST(Observer, HasABoundWhereTheEventsAreComplete) {
   const Scene scene = scene_of("paper_beam");
   const Estimates all = observe(scene, events_of(scene), duration, {.tick = h});
-  EXPECT_DOUBLE_EQ(all.bound[0], scene.uncertainty.sum());
+  EXPECT_NEAR(all.bound[0], scene.uncertainty.sum(), 1e-12);
   EXPECT_LT(all.bound[all.bound.size() - 1], 0.2 * all.bound[0]);
 }
 

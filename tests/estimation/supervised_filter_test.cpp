@@ -232,7 +232,7 @@ TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
 // instant, and one contact that opens, closes and opens again within one.
 // A beam that swings freely on its support is hit at the same times at any amplitude.
 TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
-  Scene scene = read_scene("scenes/paper_beam.toml");
+  Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   for (Force& force : scene.model.forces) {
     force.constant = 0.0;
     force.harmonic.amplitude = 0.0;

@@ -274,7 +274,7 @@ TEST(TimingFilter, BearsAnyOmegaSigma) {
     Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
     for (int k = 0; k < 200; ++k) {
       run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += sigma * normal(engine);
+        for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
         std::ranges::sort(events, {}, &ContactEvent::t);
       });
       ASSERT_TRUE(run.mean.q.allFinite() && run.mean.u.allFinite()) << name << ", tick " << k;

@@ -137,8 +137,9 @@ TEST(UnitTest, IsTakenFromTheHeaderOrAskedFor) {
   EXPECT_EQ(choose_unit(parse_unit("s"), file, pair(0, 3), "f").remark,
             "f: column 'a [ms]' says ms; --unit says something else, and counts");
   const std::string asked = "--unit s, ms, us, ns or a number of seconds";
-  for (const auto& [on, off] : {std::pair(0, 2), std::pair(0, 3), std::pair(3, 0), std::pair(0, 4)})
-    EXPECT_TRUE(what_of([&] { exponent({}, std::size_t(on), std::size_t(off)); }).ends_with(asked));
+  for (const std::pair<std::size_t, std::size_t> of : {std::pair(0, 2), {0, 3}, {3, 0}, {0, 4}}) {
+    EXPECT_TRUE(what_of([&] { exponent({}, of.first, of.second); }).ends_with(asked));
+  }
 }
 
 TEST(ColumnFileTest, LinesMayEndWithCarriageReturnsAlone) {

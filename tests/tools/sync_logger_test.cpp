@@ -84,10 +84,11 @@ TEST(PairingTest, TicksMayDifferAndTheRowHasTheEstimates) {
   for (int k = 0; k <= 100; ++k) {
     pairing.add_truth(sample(k, 0.001 * k));
     if (k % 10 != 0) continue;
-    const SyncRow* row = pairing.add_estimate(sample(k / 10, 0.01 * (k / 10)));
+    const int tick = k / 10;
+    const SyncRow* row = pairing.add_estimate(sample(tick, 0.01 * tick));
     ASSERT_NE(row, nullptr) << k;
     ticks.push_back(row->k);
-    EXPECT_EQ(row->t, 0.01 * (k / 10));
+    EXPECT_EQ(row->t, 0.01 * tick);
   }
   EXPECT_EQ(ticks, (std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
   EXPECT_EQ(pairing.figures().unpaired_truth, 90);

@@ -172,7 +172,7 @@ void dies_without_samples(const Task& task, double setting, Outcome& outcome) {
 }
 void holds_memory(const Task& task, double, Outcome& outcome) {
   constexpr std::size_t megabytes = 20;
-  std::vector<char> memory(megabytes << 20, 1);
+  std::vector<unsigned char> memory(megabytes << 20, 1);
   outcome.steps = memory[static_cast<std::size_t>(task.horizon)];
 }
 
