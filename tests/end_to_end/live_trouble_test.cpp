@@ -38,8 +38,8 @@ class LiveTroubleTest : public EndToEnd {
   }
   void expect_live_as_replay(const std::string& machine, const Arguments& more = {}) {
     std::uintmax_t size = 0;
-    EXPECT_TRUE(in_time([&] {  // what is still on its way on a busy machine
-      std::this_thread::sleep_for(700ms);
+    EXPECT_TRUE(in_time([&] {  // the recorder writes once a second
+      std::this_thread::sleep_for(1200ms);
       const std::uintmax_t before =
           std::exchange(size, std::filesystem::file_size(file("run.lcmlog")));
       return before == size && size > 0;
