@@ -23,10 +23,37 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/sprag-config-version.cmak
 install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/sprag-config-version.cmake
         DESTINATION ${package} COMPONENT development)
 
+# Nothing that is called `observer` or `diagnose` belongs on a PATH: the command `sprag` runs them.
 if(SPRAG_PROGRAMS)
+  set(programs ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
   install(TARGETS master_sim observer sync_logger check_scene import_events diagnose
-          RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+          RUNTIME DESTINATION ${programs} COMPONENT runtime)
+  file(RELATIVE_PATH SPRAG_PROGRAMS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${programs})
+  set(SPRAG_SCENES_FOLDER "${CMAKE_INSTALL_DATADIR}/sprag/scenes, below the folder of the installation")
+  configure_file(command_line/sprag.in ${PROJECT_BINARY_DIR}/sprag_command/sprag @ONLY)
+  install(PROGRAMS ${PROJECT_BINARY_DIR}/sprag_command/sprag DESTINATION ${CMAKE_INSTALL_BINDIR}
+          COMPONENT runtime)
 endif()
 install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/sprag COMPONENT runtime)
 install(FILES README.md LICENSE CITATION.cff CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR}
         COMPONENT runtime)
+
+# cpack -G DEB: sprag and libsprag-dev.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME sprag)
+set(CPACK_PACKAGE_CONTACT "The Sprag developers <sprag@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL runtime development)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME sprag)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libsprag-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, liblcm-dev, libsodium-dev")
+set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "Programs, scenes and documents")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "Headers, static libraries and the CMake package")
+include(CPack)

@@ -49,7 +49,7 @@ struct CommonOptions {
 /// options are of the kinds below does without its headers.
 std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name);
 
-/// Adds --url, --key, --report and --version ("NAME 0.1.0", with the app's name); CLI11 has --help.
+/// Adds --url, --key, --report and --version ("NAME VERSION", with the app's name); CLI11 has --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
 
 /// Adds an option, or an argument, which is required, for a file that the program reads or writes.
