@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {
@@ -228,6 +229,7 @@ Estimates observe(const Scene& scene, std::span<const ContactEvent> events, doub
   // In pieces, so that few estimates are held twice.
   constexpr Eigen::Index piece = 4096;
   for (Eigen::Index k = 0; k < n;) {
+    check_interrupt();
     const Eigen::Index last = std::min(k + piece, n) - 1;
     observer.set_horizon(last == n - 1 ? duration : tick_instant(last, settings.tick).hi);
     for (const Estimate& estimate : observer.settle()) {

@@ -96,7 +96,8 @@ struct Estimates {
   EventCounts counts;                   ///< events taken and skipped
 };
 
-/// What an observer says of recorded events, in any order, up to `duration`: as --replay.
+/// What an observer says of recorded events, in any order, up to `duration`: as --replay. Throws
+/// ModelError, std::invalid_argument, or Interrupted (interrupt.h).
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
                   const ObserverSettings& settings = {});
 

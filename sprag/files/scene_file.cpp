@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "sprag/files/toml_reader.h"
@@ -310,12 +311,27 @@ std::string contents(const std::filesystem::path& file) {
     text.append(buffer.data(), static_cast<std::size_t>(in.gcount()));
   }
   if (!in.is_open() || in.bad()) {
-    throw SceneError(file.string() + ": cannot be read: " + std::generic_category().message(errno));
+    throw SceneError(file.string(), "cannot be read: " + std::generic_category().message(errno));
   }
   return text;
 }
 
 }  // namespace
+
+SceneError::SceneError(std::string in_file, int at_line, int at_column,
+                       const std::string& what_is_wrong)
+    : Error(in_file + ":" + std::to_string(at_line) + ":" + std::to_string(at_column) + ": " +
+            what_is_wrong),
+      file(std::move(in_file)),
+      line(at_line),
+      column(at_column),
+      message(what_is_wrong) {}
+
+SceneError::SceneError(std::string in_file, const std::string& what_is_wrong)
+    : Error(in_file + ": " + what_is_wrong), file(std::move(in_file)), message(what_is_wrong) {}
+
+SceneError::SceneError(const std::string& what_is_wrong)
+    : Error(what_is_wrong), message(what_is_wrong) {}
 
 Scene parse_scene(std::string_view text, const std::string& file) {
   const TomlDocument document(text, file);

@@ -13,7 +13,14 @@ namespace sprag {
 
 /// what() reads "file:line:column: key is value; must be ..." (line and column where known).
 struct SceneError : Error {
-  using Error::Error;
+  SceneError(std::string in_file, int at_line, int at_column, const std::string& what_is_wrong);
+  SceneError(std::string in_file, const std::string& what_is_wrong);
+  explicit SceneError(const std::string& what_is_wrong);
+
+  std::string file;     ///< empty: not known
+  int line = 0;         ///< from 1; 0: not known
+  int column = 0;       ///< from 1; 0: not known
+  std::string message;  ///< what() behind the place
 };
 
 /// Reads and checks a scene file. Throws SceneError.

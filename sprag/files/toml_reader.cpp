@@ -14,11 +14,10 @@
 namespace sprag {
 namespace {
 
-std::string located(const std::string& file, const toml::source_position& position,
+SceneError error_at(const std::string& file, const toml::source_position& position,
                     const std::string& message) {
-  std::string text = file;
-  if (position) text += ":" + std::to_string(position.line) + ":" + std::to_string(position.column);
-  return text + ": " + message;
+  if (!position) return {file, message};
+  return {file, static_cast<int>(position.line), static_cast<int>(position.column), message};
 }
 
 // How many of `c` stand at text[i].
@@ -59,8 +58,8 @@ void refuse_beyond_ascii(std::string_view text, const std::string& file) {
     const auto line = 1 + std::count(before.begin(), before.end(), '\n');
     const std::size_t newline = before.rfind('\n');
     const std::size_t column = newline == std::string_view::npos ? i + 1 : i - newline;
-    throw SceneError(file + ":" + std::to_string(line) + ":" + std::to_string(column) +
-                     ": a character beyond ASCII; may only be in a comment or between quotes");
+    throw SceneError(file, static_cast<int>(line), static_cast<int>(column),
+                     "a character beyond ASCII; may only be in a comment or between quotes");
   }
 }
 
@@ -134,7 +133,7 @@ TomlDocument::TomlDocument(std::string_view text, std::string file) : file_(std:
   try {
     table_ = toml::parse(text);
   } catch (const toml::parse_error& error) {
-    throw SceneError(located(file_, error.source().begin, std::string(error.description())));
+    throw error_at(file_, error.source().begin, std::string(error.description()));
   }
 }
 
@@ -306,7 +305,7 @@ Eigen::VectorXd TomlTable::checked_vector(const toml::node& node, const std::str
 }
 
 void TomlTable::fail_at(const toml::source_position& position, const std::string& message) const {
-  throw SceneError(located(*file_, position, message));
+  throw error_at(*file_, position, message);
 }
 
 }  // namespace sprag

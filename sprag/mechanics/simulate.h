@@ -17,7 +17,7 @@ struct Simulation {
 };
 
 /// From `start` at t = 0 up to `duration`, with the states at every tick h > 0; no states where h
-/// is 0. Throws ModelError, SimulationError, or std::invalid_argument.
+/// is 0. Throws ModelError, SimulationError, std::invalid_argument, or Interrupted (interrupt.h).
 Simulation simulate(const Model& model, const State& start, double duration, double h);
 
 }  // namespace sprag

@@ -33,7 +33,7 @@ Scene read_paper_beam(const std::string& file) {
   Scene scene = read_scene(file);
   if (!scene.beam || scene.model.contacts.size() != 1 ||
       scene.model.contacts[0].w != mode_shapes(*scene.beam, contact_position)) {
-    throw SceneError(file + ": the studies need a beam with one contact, below, at 0.868");
+    throw SceneError(file, "the studies need a beam with one contact, below, at 0.868");
   }
   return scene;
 }

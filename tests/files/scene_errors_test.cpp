@@ -32,6 +32,27 @@ TEST(SceneErrors, SyntaxErrorsHaveAPosition) {
         "'modes'"}});
 }
 
+TEST(SceneErrors, PlaceAndMessageCanBeRead) {
+  try {
+    parse("\nname = 1");
+    FAIL() << "not refused";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.file, "x.toml");
+    EXPECT_EQ(error.line, 2);
+    EXPECT_EQ(error.column, 8);
+    EXPECT_EQ("x.toml:2:8: " + error.message, error.what());
+  }
+  try {
+    read_scene("/nowhere/x.toml");
+    FAIL() << "not refused";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.file, "/nowhere/x.toml");
+    EXPECT_EQ(error.line, 0);
+    EXPECT_EQ(error.column, 0);
+    EXPECT_EQ("/nowhere/x.toml: " + error.message, error.what());
+  }
+}
+
 // toml++ 3.3 has an assertion that this trips.
 TEST(SceneErrors, SyntaxErrorsDoNotAbort) {
   EXPECT_EQ(error_of("[^]"),
