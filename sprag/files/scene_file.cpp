@@ -226,13 +226,6 @@ bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, 
   return impact && impact->has("chatter_time");
 }
 
-// Of the machine's own time; where nothing moves nothing chatters.
-void set_chatter_time(Scene& scene) {
-  constexpr double share = 1e-8;
-  const double own = share * time_scale(scene.model, scene.master);
-  if (own > 0.0 && std::isfinite(own)) scene.model.chatter_time = own;
-}
-
 Eigen::VectorXd read_padded(const TomlTable& table, std::string_view key, Eigen::Index f) {
   Eigen::VectorXd padded = Eigen::VectorXd::Zero(f);
   if (!table.has(key)) return padded;
@@ -348,7 +341,7 @@ Scene parse_scene(std::string_view text, const std::string& file) {
       beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene);
   const bool chatter_time_given = read_impact(root, contacts, scene.model);
   read_master(root, scene);
-  if (!chatter_time_given) set_chatter_time(scene);
+  if (!chatter_time_given) set_chatter_time(scene.model, scene.master);
   read_replica(root, scene);
   read_events(root, scene);
   return scene;

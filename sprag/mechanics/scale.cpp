@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace sprag {
@@ -46,6 +47,12 @@ double time_scale(const Model& model, const State& start) {
   }
   const double vibrates = fastest > 0.0 ? some_periods / fastest : infinity;
   return slowest > 0.0 ? std::min(vibrates, slowest) : vibrates;
+}
+
+void set_chatter_time(Model& model, const State& start) {
+  constexpr double share = 1e-8;
+  const double own = share * time_scale(model, start);
+  if (own > 0.0 && std::isfinite(own)) model.chatter_time = own;
 }
 
 }  // namespace sprag

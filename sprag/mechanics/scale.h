@@ -22,4 +22,8 @@ inline double power_of_two_above(double x) {
 /// positive definite.
 double time_scale(const Model& model, const State& start);
 
+/// Makes the model's chatter_time 1e-8 time_scale(); where nothing moves nothing chatters, and it
+/// stays.
+void set_chatter_time(Model& model, const State& start);
+
 }  // namespace sprag

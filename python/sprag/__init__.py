@@ -1,0 +1,61 @@
+"""State observer for impacting machines, driven by contact times alone.
+
+A scene is a machine with contacts. simulate() gives its contact events and states; observe() and
+Observer find its state from the events. Contacts count from 1. Units are the scene's own, SI in the
+scenes that ship. Arrays of many ticks are n x f in C order; all results are read-only views of what
+C++ computed, without copies, and stay valid for as long as they are used.
+"""
+
+from ._core import (
+    Beam,
+    Contact,
+    Energies,
+    Estimate,
+    Estimates,
+    Force,
+    Harmonic,
+    Model,
+    Observer,
+    Scene,
+    Simulation,
+    State,
+    beam_contact,
+    beam_model,
+    energies,
+    event_dtype,
+    observe,
+    parse_scene,
+    read_scene,
+    simulate,
+)
+from ._errors import Error, ModelError, SceneError, SimulationError
+from ._events import ContactEventKind, pulses
+
+__all__ = [
+    "Beam",
+    "Contact",
+    "ContactEventKind",
+    "Energies",
+    "Error",
+    "Estimate",
+    "Estimates",
+    "Force",
+    "Harmonic",
+    "Model",
+    "ModelError",
+    "Observer",
+    "Scene",
+    "SceneError",
+    "Simulation",
+    "SimulationError",
+    "State",
+    "beam_contact",
+    "beam_model",
+    "energies",
+    "event_dtype",
+    "observe",
+    "parse_scene",
+    "pulses",
+    "read_scene",
+    "simulate",
+]

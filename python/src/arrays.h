@@ -1,0 +1,41 @@
+// Results as numpy arrays: views of what C++ computed, read-only, that keep their owner alive.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "sprag/mechanics/contact_event.h"
+
+namespace sprag::python {
+
+namespace py = pybind11;
+
+using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// The same array, read-only.
+py::array read_only(py::array array);
+
+/// n entries.
+py::array view(const Eigen::VectorXd& values, py::handle owner);
+/// n x f, C order.
+py::array view(const Rows& rows, py::handle owner);
+/// f x f, Fortran order.
+py::array view(const Eigen::MatrixXd& matrix, py::handle owner);
+
+/// Fields t, contact and kind, in the layout of ContactEvent. In Python contacts count from 1.
+py::dtype event_dtype();
+
+/// n entries of event_dtype(), whose contacts were made to count from 1.
+py::array view(const std::vector<ContactEvent>& events, py::handle owner);
+
+/// ContactEvents, contacts from 0, from an array of event_dtype() or what numpy makes one of.
+/// Throws std::invalid_argument if an entry is no event of a machine with `contacts` contacts.
+std::vector<ContactEvent> to_events(const py::object& events, std::size_t contacts);
+
+/// One event; `contact` from 1. Throws std::invalid_argument.
+ContactEvent to_event(double t, int contact, int kind, std::size_t contacts);
+
+}  // namespace sprag::python

@@ -1,0 +1,10 @@
+// Beams, models and scenes in Python.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace sprag::python {
+
+void bind_machines(pybind11::module_& module);
+
+}  // namespace sprag::python

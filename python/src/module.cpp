@@ -1,0 +1,55 @@
+// The module sprag._core: the package `sprag` shows it under its own name.
+#include <pybind11/pybind11.h>
+
+#include <exception>
+
+#include "python/src/arrays.h"
+#include "python/src/machines.h"
+#include "python/src/runs.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/model.h"
+
+namespace sprag::python {
+namespace {
+
+// The classes are Python's own, made once and never freed.
+struct ErrorClasses {
+  py::object scene, model, simulation;
+};
+
+const ErrorClasses* error_classes = nullptr;
+
+py::object number_or_none(int number) {
+  return number > 0 ? py::object(py::int_(number)) : py::object(py::none());
+}
+
+void translate(std::exception_ptr thrown) {
+  try {
+    if (thrown) std::rethrow_exception(thrown);
+  } catch (const SceneError& error) {
+    const py::object raised =
+        error_classes->scene(error.what(), error.file, number_or_none(error.line),
+                             number_or_none(error.column), error.message);
+    PyErr_SetObject(error_classes->scene.ptr(), raised.ptr());
+  } catch (const ModelError& error) {
+    PyErr_SetString(error_classes->model.ptr(), error.what());
+  } catch (const SimulationError& error) {
+    PyErr_SetString(error_classes->simulation.ptr(), error.what());
+  }
+}
+
+}  // namespace
+}  // namespace sprag::python
+
+PYBIND11_MODULE(_core, module) {
+  using namespace sprag::python;
+  module.doc() = "Sprag's C++ library; import sprag instead.";
+  const py::module_ errors = py::module_::import("sprag._errors");
+  error_classes = new ErrorClasses{errors.attr("SceneError"), errors.attr("ModelError"),
+                                   errors.attr("SimulationError")};
+  py::register_local_exception_translator(&translate);
+  module.attr("event_dtype") = event_dtype();
+  bind_machines(module);
+  bind_runs(module);
+}

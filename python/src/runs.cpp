@@ -1,0 +1,298 @@
+#include "python/src/runs.h"
+
+#include <pybind11/stl.h>
+
+#include <cstdint>
+#include <mutex>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "python/src/arrays.h"
+#include "python/src/long_call.h"
+#include "sprag/estimation/observer.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/simulate.h"
+
+namespace sprag::python {
+namespace {
+
+using Table = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+// In Python contacts count from 1.
+Simulation run_master(const Scene& scene, double duration, double tick) {
+  Simulation run = simulate(scene.model, scene.master, duration, tick);
+  for (ContactEvent& event : run.events) ++event.contact;
+  return run;
+}
+
+EstimatorKind to_estimator(const std::string& name) {
+  if (name == "both") return EstimatorKind::both;
+  if (name == "timing") return EstimatorKind::timing;
+  if (name == "replica") return EstimatorKind::replica;
+  throw std::invalid_argument("estimator is \"" + name +
+                              "\"; must be \"both\", \"timing\" or \"replica\"");
+}
+
+StepperKind to_stepper(const std::string& name) {
+  if (name == "exact") return StepperKind::exact;
+  if (name == "moreau") return StepperKind::moreau;
+  throw std::invalid_argument("stepper is \"" + name + "\"; must be \"exact\" or \"moreau\"");
+}
+
+ObserverSettings to_settings(double tick, const std::string& estimator,
+                             const std::string& stepper) {
+  return {tick, to_estimator(estimator), to_stepper(stepper)};
+}
+
+std::int64_t skipped(const EventCounts& counts) {
+  return std::accumulate(counts.skipped.begin(), counts.skipped.end(), std::int64_t{0});
+}
+
+// An observer that threads may share: calls wait for each other.
+class SharedObserver {
+  // The interpreter's lock is not waited for while this one is held.
+  template <typename Call>
+  auto locked(const Call& call) {
+    const py::gil_scoped_release released;
+    const std::lock_guard lock(mutex_);
+    return call();
+  }
+
+ public:
+  SharedObserver(const Scene& scene, const ObserverSettings& settings)
+      : contacts_(scene.model.contacts.size()),
+        observer_(long_call([&] { return Observer(scene, settings); })) {}
+
+  bool take(double t, int contact, int kind) {
+    const ContactEvent event = to_event(t, contact, kind, contacts_);
+    return locked([&] { return observer_.take(event); });
+  }
+  void set_horizon(double t) {
+    locked([&] { observer_.set_horizon(t); });
+  }
+  std::vector<Estimate> settle() {
+    return locked([&] { return observer_.settle(); });
+  }
+  Estimate at(double t) {
+    return locked([&] { return observer_.at(t); });
+  }
+  double tick() const { return observer_.tick(); }
+  EventCounts counts() {
+    return locked([&] { return observer_.events().counts(); });
+  }
+
+ private:
+  std::size_t contacts_;
+  std::mutex mutex_;
+  Observer observer_;
+};
+
+template <typename Result, typename Member>
+auto array_property(Member Result::*member) {
+  return
+      [member](const py::object& self) { return view(self.cast<const Result&>().*member, self); };
+}
+
+void bind_simulation(py::module_& module) {
+  py::class_<Simulation>(module, "Simulation",
+                         "A machine's run. All arrays are read-only views; row k is tick k.")
+      .def_property_readonly("events", array_property(&Simulation::events),
+                             "Contact events in order: entries of event_dtype.")
+      .def_property_readonly("t", array_property(&Simulation::t), "Times k h [s], n entries.")
+      .def_property_readonly("q", array_property(&Simulation::q), "Coordinates, n x f.")
+      .def_property_readonly("u", array_property(&Simulation::u),
+                             "Velocities, n x f, those behind an impact at a tick.");
+
+  module.def(
+      "simulate",
+      [](const Scene& scene, double duration, double tick) {
+        return long_call([&] { return run_master(scene, duration, tick); });
+      },
+      py::arg("scene"), py::arg("duration"), py::kw_only(), py::arg("tick") = 0.01,
+      "The machine from its start at t = 0 up to duration [s], with its states at every tick [s]; "
+      "no states where tick is 0. Raises ModelError, SimulationError or ValueError.");
+}
+
+void bind_estimates(py::module_& module) {
+  py::class_<Estimates>(module, "Estimates",
+                        "What an observer says of many ticks. All arrays are read-only views; row "
+                        "k is tick k. Sigmas have no columns without a timing filter.")
+      .def_property_readonly("t", array_property(&Estimates::t), "Times k h [s], n entries.")
+      .def_property_readonly("q", array_property(&Estimates::q), "Coordinates, n x f.")
+      .def_property_readonly("u", array_property(&Estimates::u), "Velocities, n x f.")
+      .def_property_readonly("sigma_q", array_property(&Estimates::sigma_q),
+                             "Standard deviations of q, n x f; inf where nothing is known.")
+      .def_property_readonly("sigma_u", array_property(&Estimates::sigma_u),
+                             "Standard deviations of u, n x f.")
+      .def_property_readonly("sigma_gap", array_property(&Estimates::sigma_gap),
+                             "Standard deviations of the gaps [m], n x m.")
+      .def_property_readonly("bound", array_property(&Estimates::bound),
+                             "The replica's V is at most this, n entries [energy]; inf where "
+                             "nothing guarantees it.")
+      .def_property_readonly(
+          "of_filter",
+          [](const py::object& self) {
+            const auto& flags = self.cast<const Estimates&>().of_filter;
+            return read_only(py::array(py::dtype::of<bool>(),
+                                       {static_cast<py::ssize_t>(flags.size())}, {1}, flags.data(),
+                                       self));
+          },
+          "Whether q and u are the timing filter's, n entries; else the replica's.")
+      .def_property_readonly(
+          "taken", [](const Estimates& all) { return all.counts.events; },
+          "How many events counted.")
+      .def_property_readonly(
+          "skipped", [](const Estimates& all) { return skipped(all.counts); },
+          "How many events contradicted those before them, and were left out.");
+
+  module.def(
+      "observe",
+      [](const Scene& scene, const py::object& events, double duration, double tick,
+         const std::string& estimator, const std::string& stepper) {
+        const auto taken = to_events(events, scene.model.contacts.size());
+        const ObserverSettings settings = to_settings(tick, estimator, stepper);
+        return long_call([&] { return observe(scene, taken, duration, settings); });
+      },
+      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
+      py::arg("tick") = 0.01, py::arg("estimator") = "both", py::arg("stepper") = "exact",
+      "What an observer says of recorded events up to duration [s], at every tick [s]. events: an "
+      "array of event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", "
+      "\"timing\" or \"replica\"; stepper: \"exact\" or, of the replica, \"moreau\". Raises "
+      "ModelError or ValueError.");
+}
+
+void bind_observer(py::module_& module) {
+  py::class_<Estimate>(module, "Estimate",
+                       "What an observer says of one tick. All arrays are read-only views.")
+      .def_readonly("tick", &Estimate::tick)
+      .def_readonly("t", &Estimate::t, "tick h [s].")
+      .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
+      .def_property_readonly("u", array_property(&Estimate::u), "Velocities, f entries.")
+      .def_property_readonly(
+          "closed",
+          [](const Estimate& estimate) {
+            std::vector<int> contacts;
+            for_each(estimate.closed, [&](int i) { contacts.push_back(i + 1); });
+            return py::tuple(py::cast(contacts));
+          },
+          "The contacts that are closed, from 1.")
+      .def_readonly("settled", &Estimate::settled, "Whether it never changes any more.")
+      .def_readonly("of_filter", &Estimate::of_filter,
+                    "Whether q and u are the timing filter's; else the replica's.")
+      .def_property_readonly("sigma_q", array_property(&Estimate::sigma_q),
+                             "Standard deviations of q, f entries; none without a timing filter.")
+      .def_property_readonly("sigma_u", array_property(&Estimate::sigma_u),
+                             "Standard deviations of u, f entries.")
+      .def_property_readonly("sigma_gap", array_property(&Estimate::sigma_gap),
+                             "Standard deviations of the gaps [m], m entries.")
+      .def_readonly("bound", &Estimate::bound,
+                    "The replica's V is at most this; inf where nothing guarantees it.");
+
+  py::class_<SharedObserver>(
+      module, "Observer",
+      "Takes contact events in any order and late, gives settled estimates in order and the "
+      "estimate at any time. Threads may share one: calls wait for each other.")
+      .def(py::init([](const Scene& scene, double tick, const std::string& estimator,
+                       const std::string& stepper) {
+             return std::make_unique<SharedObserver>(scene, to_settings(tick, estimator, stepper));
+           }),
+           py::arg("scene"), py::kw_only(), py::arg("tick") = 0.01, py::arg("estimator") = "both",
+           py::arg("stepper") = "exact")
+      .def("take", &SharedObserver::take, py::arg("t"), py::arg("contact") = 1,
+           py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
+           "Takes an event at t [s] of a contact, from 1, of a ContactEventKind. False if it is "
+           "refused: it is not behind the horizon.")
+      .def("set_horizon", &SharedObserver::set_horizon, py::arg("t"),
+           "Every event up to t [s] has been taken; never goes back.")
+      .def("settle", &SharedObserver::settle,
+           "The estimates up to the horizon that were not handed out yet, in order.")
+      .def("at", &SharedObserver::at, py::arg("t"),
+           "The estimate at the last tick at or before t [s], provisional. Raises ValueError "
+           "before the last settled tick.")
+      .def_property_readonly("tick", &SharedObserver::tick, "h [s].")
+      .def_property_readonly(
+          "taken", [](SharedObserver& observer) { return observer.counts().events; },
+          "How many events counted so far, of those up to the horizon.")
+      .def_property_readonly(
+          "skipped", [](SharedObserver& observer) { return skipped(observer.counts()); },
+          "How many were refused or contradicted those before them.");
+}
+
+struct Energies {
+  Eigen::VectorXd V;
+  Rows V_i;
+};
+
+// n x columns; one state counts as one row.
+struct Given {
+  const double* data;
+  Eigen::Index rows, columns;
+
+  explicit Given(const char* name, const Table& table) : data(table.data()) {
+    if (table.ndim() != 1 && table.ndim() != 2) {
+      throw std::invalid_argument(std::string(name) + " must have one dimension or two");
+    }
+    rows = table.ndim() == 1 ? 1 : table.shape(0);
+    columns = table.shape(table.ndim() - 1);
+  }
+  Eigen::Map<const Eigen::VectorXd> row(Eigen::Index k) const {
+    return {data + k * columns, columns};
+  }
+};
+
+Energies energies_of(const Scene& scene, const Given& q_m, const Given& u_m, const Given& q,
+                     const Given& u) {
+  const ErrorEnergy energy(scene.model);
+  Energies all{Eigen::VectorXd(q_m.rows), Rows(q_m.rows, scene.model.coordinates())};
+  for (Eigen::Index k = 0; k < q_m.rows; ++k) {
+    const Eigen::VectorXd of_tick = energy(q_m.row(k), u_m.row(k), q.row(k), u.row(k));
+    all.V[k] = of_tick[0];
+    all.V_i.row(k) = of_tick.tail(of_tick.size() - 1);
+  }
+  return all;
+}
+
+void bind_energies(py::module_& module) {
+  py::class_<Energies>(module, "Energies",
+                       "Synchronization error energy of many ticks. Arrays are read-only views.")
+      .def_property_readonly("V", array_property(&Energies::V), "n entries, >= 0.")
+      .def_property_readonly("V_i", array_property(&Energies::V_i),
+                             "Parts that belong to the natural modes, n x f; rows sum to V.");
+  module.def(
+      "energies",
+      [](const Scene& scene, const Table& q_m, const Table& u_m, const Table& q, const Table& u) {
+        const Given of_q_m("q_m", q_m), of_u_m("u_m", u_m), of_q("q", q), of_u("u", u);
+        const Eigen::Index f = scene.model.coordinates();
+        if (of_q_m.columns != f || of_u_m.columns != f) {
+          throw std::invalid_argument("q_m and u_m must have " + std::to_string(f) + " columns");
+        }
+        if (of_q.columns > f || of_u.columns > f) {
+          throw std::invalid_argument("q and u must have at most " + std::to_string(f) +
+                                      " columns");
+        }
+        for (const Given* given : {&of_u_m, &of_q, &of_u}) {
+          if (given->rows != of_q_m.rows) {
+            throw std::invalid_argument("q_m, u_m, q and u must have as many rows");
+          }
+        }
+        return long_call([&] { return energies_of(scene, of_q_m, of_u_m, of_q, of_u); });
+      },
+      py::arg("scene"), py::arg("q_m"), py::arg("u_m"), py::arg("q"), py::arg("u"),
+      "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns: what "
+      "they "
+      "lack counts as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
+}
+
+}  // namespace
+
+void bind_runs(py::module_& module) {
+  bind_simulation(module);
+  bind_estimates(module);
+  bind_observer(module);
+  bind_energies(module);
+}
+
+}  // namespace sprag::python

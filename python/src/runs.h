@@ -1,0 +1,10 @@
+// Simulation, observer and energies in Python.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace sprag::python {
+
+void bind_runs(pybind11::module_& module);
+
+}  // namespace sprag::python
