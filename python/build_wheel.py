@@ -1,0 +1,97 @@
+"""`pip install .`: builds the package with CMake and puts it into a wheel.
+
+It needs the standard library alone, so that pip has nothing to fetch. The build directory stays:
+build/wheel, or SPRAG_BUILD.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def version() -> str:
+    project = (ROOT / "CMakeLists.txt").read_text()
+    found = re.search(r"project\(sprag VERSION ([0-9.]+)", project)
+    assert found
+    return found[1]
+
+
+def build(stage: Path) -> None:
+    folder = Path(os.environ.get("SPRAG_BUILD", ROOT / "build" / "wheel"))
+    configure = [
+        "cmake",
+        "-S", str(ROOT),
+        "-B", str(folder),
+        "-DCMAKE_BUILD_TYPE=Release",
+        "-DSPRAG_PYTHON=ON",
+        "-DSPRAG_TESTS=OFF",
+        "-DSPRAG_BENCHMARKS=OFF",
+        "-DSPRAG_PYTHON_DIR=.",
+        f"-DPython3_EXECUTABLE={sys.executable}",
+    ]  # fmt: skip
+    if "CMAKE_GENERATOR" not in os.environ and not (folder / "CMakeCache.txt").exists():
+        configure += ["-G", "Ninja"]
+    target = ["--target", "sprag_python", "--parallel", str(os.cpu_count() or 1)]
+    install = ["--prefix", str(stage), "--component", "python", "--strip"]
+    for command in (
+        configure,
+        ["cmake", "--build", str(folder), *target],
+        ["cmake", "--install", str(folder), *install],
+    ):
+        subprocess.run(command, check=True)
+
+
+def build_wheel(
+    wheel_directory: str,
+    config_settings: dict[str, Any] | None = None,
+    metadata_directory: str | None = None,
+) -> str:
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
+    tag = f"{python}-{python}-{platform}"
+    info = f"sprag-{version()}.dist-info"
+    with tempfile.TemporaryDirectory() as stage:
+        build(Path(stage))
+        files = {
+            str(file.relative_to(stage)): file.read_bytes()
+            for file in sorted(Path(stage).rglob("*"))
+            if file.is_file()
+        }
+    files[f"{info}/METADATA"] = (
+        f"Metadata-Version: 2.1\nName: sprag\nVersion: {version()}\n"
+        "Summary: State observer for impacting machines, driven by contact times alone\n"
+        "License: BSD-3-Clause\nRequires-Python: >=3.10\nRequires-Dist: numpy\n"
+    ).encode()
+    files[f"{info}/WHEEL"] = (
+        f"Wheel-Version: 1.0\nGenerator: sprag\nRoot-Is-Purelib: false\nTag: {tag}\n"
+    ).encode()
+    files[f"{info}/LICENSE"] = (ROOT / "LICENSE").read_bytes()
+
+    record = f"{info}/RECORD"
+    lines = []
+    for name, content in files.items():
+        digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=")
+        lines.append(f"{name},sha256={digest.decode()},{len(content)}\n")
+    files[record] = "".join([*lines, f"{record},,\n"]).encode()
+
+    wheel = f"sprag-{version()}-{tag}.whl"
+    with zipfile.ZipFile(Path(wheel_directory) / wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return wheel
+
+
+def build_sdist(sdist_directory: str, config_settings: dict[str, Any] | None = None) -> str:
+    raise NotImplementedError("the package is built from a checkout of the repository")

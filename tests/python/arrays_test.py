@@ -1,0 +1,110 @@
+"""Results are views: C order, read-only, without copies, and alive for as long as they are used."""
+
+import gc
+import resource
+import unittest
+
+import numpy as np
+import sprag
+
+from support import scene
+
+TABLES = ["q", "u", "sigma_q", "sigma_u", "sigma_gap"]
+
+
+class ArraysTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scene = scene()
+        cls.run = sprag.simulate(cls.scene, 5.0, tick=0.01)
+        cls.estimates = sprag.observe(cls.scene, cls.run.events, 5.0, tick=0.01)
+
+    def all_arrays(self):
+        estimate = sprag.Observer(self.scene).at(0.5)
+        energies = sprag.energies(
+            self.scene, self.run.q, self.run.u, self.estimates.q, self.estimates.u
+        )
+        state = self.scene.master
+        owners = {
+            self.run: ["events", "t", "q", "u"],
+            self.estimates: ["t", "bound", "of_filter", *TABLES],
+            estimate: TABLES,
+            energies: ["V", "V_i"],
+            state: ["q", "u"],
+            self.scene: ["uncertainty"],
+            self.scene.model.contacts[0]: ["w"],
+        }
+        for owner, names in owners.items():
+            for name in names:
+                yield f"{type(owner).__name__}.{name}", owner, name
+
+    def test_shapes_are_ticks_by_coordinates(self):
+        self.assertEqual(self.run.t.shape, (501,))
+        for name in ["q", "u"]:
+            self.assertEqual(getattr(self.run, name).shape, (501, 3))
+            self.assertEqual(getattr(self.estimates, name).shape, (501, 3))
+            self.assertEqual(getattr(self.estimates, f"sigma_{name}").shape, (501, 3))
+        self.assertEqual(self.estimates.sigma_gap.shape, (501, 1))
+        self.assertEqual(self.estimates.of_filter.dtype, np.bool_)
+        self.assertEqual(self.run.events.dtype, sprag.event_dtype)
+        np.testing.assert_array_equal(self.run.t, np.arange(501) * 0.01)
+
+    def test_without_a_filter_there_are_no_sigmas(self):
+        estimates = sprag.observe(self.scene, self.run.events, 1.0, estimator="replica")
+        self.assertEqual(estimates.sigma_q.shape, (101, 0))
+        self.assertEqual(estimates.sigma_gap.shape, (101, 0))
+        self.assertFalse(estimates.of_filter.any())
+
+    def test_arrays_are_in_c_order_and_read_only(self):
+        for name, owner, attribute in self.all_arrays():
+            with self.subTest(name):
+                array = getattr(owner, attribute)
+                self.assertTrue(array.flags.c_contiguous)
+                self.assertFalse(array.flags.writeable)
+                with self.assertRaises(ValueError):
+                    array.flags.writeable = True
+                with self.assertRaises(ValueError):
+                    array[0] = array[0]
+
+    def test_nothing_is_copied(self):
+        for name, owner, attribute in self.all_arrays():
+            with self.subTest(name):
+                array = getattr(owner, attribute)
+                self.assertFalse(array.flags.owndata)
+                self.assertIs(array.base, owner)
+                again = getattr(owner, attribute)
+                self.assertEqual(array.ctypes.data, again.ctypes.data)
+
+    def test_a_long_run_is_held_once(self):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        run = sprag.simulate(self.scene, 1000.0, tick=1e-3)
+        views = [run.t, run.q, run.u]
+        grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+        self.assertLess(grown, 1.5 * sum(view.nbytes for view in views))
+
+    def test_arrays_outlive_what_they_were_taken_from(self):
+        def taken():
+            run = sprag.simulate(self.scene, 200.0, tick=1e-2)
+            return run.q, run.events, run.q.copy(), run.events.copy()
+
+        q, events, q_copy, events_copy = taken()
+        gc.collect()
+        sprag.simulate(self.scene, 200.0, tick=1e-2)  # takes memory that was given back
+        np.testing.assert_array_equal(q, q_copy)
+        np.testing.assert_array_equal(events, events_copy)
+
+    def test_parts_of_a_scene_outlive_it(self):
+        w = scene().model.contacts[0].w
+        q = scene().master.q
+        gc.collect()
+        np.testing.assert_array_equal(w, self.scene.model.contacts[0].w)
+        np.testing.assert_array_equal(q, [-0.05, 0.0, 0.0])
+
+    def test_matrices_are_those_of_the_model(self):
+        model = self.scene.model
+        np.testing.assert_allclose(np.diag(model.K) / np.diag(model.M), [12.36, 485.5, 3806.5], 1e-4)
+        self.assertFalse(model.M.flags.writeable)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,159 @@
+"""observe() and Observer say, to the last bit, what the program says; energies() is V."""
+
+import os
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import sprag
+
+from support import SOURCE, scene, write_events
+
+
+def replayed(name: str, events, duration: float, tick: float, options: list[str]):
+    """The states CSV of observer --replay, by column."""
+    with tempfile.TemporaryDirectory() as folder:
+        recorded, states = Path(folder) / "events.csv", Path(folder) / "states.csv"
+        write_events(recorded, events)
+        subprocess.run(
+            [
+                os.environ["OBSERVER"],
+                str(SOURCE / "scenes" / f"{name}.toml"),
+                *["--replay", str(recorded), "--states", str(states)],
+                *["--duration", repr(duration), "--tick", repr(tick), *options],
+            ],
+            check=True,
+            capture_output=True,
+        )
+        return np.genfromtxt(states, delimiter=",", names=True)
+
+
+def columns(table, name: str, count: int):
+    return np.column_stack([table[f"{name}{i + 1}"] for i in range(count)])
+
+
+class ObserverTest(unittest.TestCase):
+    def test_observe_is_what_the_program_writes(self):
+        cases = [
+            ("paper_beam", "both", "exact"),
+            ("paper_beam", "timing", "exact"),
+            ("paper_beam", "replica", "exact"),
+            ("paper_beam", "replica", "moreau"),
+            ("paper_beam_chatter", "both", "exact"),
+            ("two_stops_beam", "both", "exact"),
+        ]
+        duration, tick = 20.0, 1e-3
+        for name, estimator, stepper in cases:
+            with self.subTest(scene=name, estimator=estimator, stepper=stepper):
+                of = scene(name)
+                events = sprag.simulate(of, duration, tick=0.0).events
+                ours = sprag.observe(
+                    of, events, duration, tick=tick, estimator=estimator, stepper=stepper
+                )
+                options = ["--estimator", estimator, "--stepper", stepper]
+                theirs = replayed(name, events, duration, tick, options)
+                self.assertEqual(ours.skipped, 0)
+                self.assertGreaterEqual(ours.taken, len(events))
+                np.testing.assert_array_equal(ours.t, theirs["t"])
+                np.testing.assert_array_equal(ours.q, columns(theirs, "q", of.f))
+                np.testing.assert_array_equal(ours.u, columns(theirs, "u", of.f))
+                if estimator != "replica":
+                    np.testing.assert_array_equal(ours.sigma_q, columns(theirs, "sigma_q", of.f))
+                    np.testing.assert_array_equal(ours.sigma_u, columns(theirs, "sigma_u", of.f))
+                    np.testing.assert_array_equal(ours.sigma_gap, columns(theirs, "sigma_g", of.m))
+                if "B" in theirs.dtype.names:
+                    np.testing.assert_array_equal(ours.bound, theirs["B"])
+                if estimator == "both":
+                    np.testing.assert_array_equal(ours.of_filter, theirs["from_filter"] == 1)
+
+    def test_step_by_step_is_the_same(self):
+        for estimator in ("both", "timing", "replica"):
+            with self.subTest(estimator):
+                beam = scene()
+                events = sprag.simulate(beam, 10.0).events
+                at_once = sprag.observe(beam, events, 10.0, estimator=estimator)
+                observer = sprag.Observer(beam, estimator=estimator)
+                settled = []
+                for start in range(10):
+                    of_second = events[(events["t"] > start) & (events["t"] <= start + 1)]
+                    for t, contact, kind in of_second[::-1].tolist():
+                        self.assertTrue(observer.take(t, contact, kind))
+                    observer.at(start + 0.5)
+                    observer.set_horizon(start + 1)
+                    settled += observer.settle()
+                self.assertEqual([e.tick for e in settled], list(range(1001)))
+                self.assertTrue(all(e.settled for e in settled))
+                np.testing.assert_array_equal([e.q for e in settled], at_once.q)
+                np.testing.assert_array_equal([e.sigma_u for e in settled], at_once.sigma_u)
+                np.testing.assert_array_equal([e.bound for e in settled], at_once.bound)
+                self.assertEqual(observer.taken, len(events))
+
+    def test_what_may_come_is_provisional_and_what_is_late_is_refused(self):
+        observer = sprag.Observer(scene())
+        self.assertEqual(observer.tick, 0.01)
+        self.assertTrue(observer.take(0.4565))
+        before = observer.at(2.0)
+        self.assertFalse(before.settled)
+        self.assertTrue(observer.take(1.2957))
+        self.assertFalse(np.array_equal(before.q, observer.at(2.0).q))
+        observer.set_horizon(2.0)
+        self.assertEqual(len(observer.settle()), 201)
+        self.assertFalse(observer.take(1.9))
+        self.assertEqual(observer.skipped, 1)
+        self.assertEqual(observer.settle(), [])
+        with self.assertRaises(ValueError):
+            observer.at(1.0)
+
+    def test_contacts_count_from_one(self):
+        observer = sprag.Observer(scene("two_stops_beam"))
+        observer.take(0.5, 2, sprag.ContactEventKind.CLOSES)
+        self.assertEqual(observer.at(0.6).closed, (2,))
+        observer.take(0.7, 2, sprag.ContactEventKind.OPENS)
+        self.assertEqual(observer.at(0.8).closed, ())
+        events = sprag.simulate(scene("two_stops_beam"), 20.0, tick=0.0).events
+        self.assertEqual(set(events["contact"].tolist()), {1, 2})
+
+    def test_events_may_be_given_in_many_ways(self):
+        beam = scene()
+        run = sprag.simulate(beam, 5.0)
+        expected = sprag.observe(beam, run.events, 5.0).q
+        given = {
+            "triples": run.events.tolist(),
+            "lists": [list(event) for event in run.events.tolist()],
+            "in another order": run.events[::-1],
+            "every second of an array": np.repeat(run.events, 2)[::2],
+            "pulses": sprag.pulses(run.events["t"]),
+            "single entries": list(run.events),
+        }
+        self.assertTrue((run.events["kind"] == sprag.ContactEventKind.PULSE).all())
+        for name, events in given.items():
+            with self.subTest(name):
+                np.testing.assert_array_equal(sprag.observe(beam, events, 5.0).q, expected)
+        self.assertEqual(sprag.observe(beam, [], 5.0).taken, 0)
+
+    def test_events_that_contradict_are_counted(self):
+        estimates = sprag.observe(scene(), [(0.5, 1, 2), (0.6, 1, 3)], 1.0)
+        self.assertEqual((estimates.taken, estimates.skipped), (1, 1))
+
+    def test_energies_are_v(self):
+        beam = scene()
+        run = sprag.simulate(beam, 20.0)
+        estimates = sprag.observe(beam, run.events, 20.0, estimator="replica")
+        energies = sprag.energies(beam, run.q, run.u, estimates.q, estimates.u)
+        dq, du = run.q - estimates.q, run.u - estimates.u
+        M, K = np.diag(beam.model.M), np.diag(beam.model.K)
+        np.testing.assert_allclose(energies.V_i, 0.5 * (M * du**2 + K * dq**2), rtol=1e-12)
+        np.testing.assert_allclose(energies.V, energies.V_i.sum(axis=1), rtol=1e-12)
+        self.assertAlmostEqual(energies.V[0], 0.4783533, places=7)
+        self.assertTrue((energies.V <= estimates.bound).all())
+        # Fewer columns: what they lack is zero. One state: one row.
+        self.assertEqual(
+            sprag.energies(beam, run.q[0], run.u[0], estimates.q[0, :2], []).V[0],
+            sprag.energies(beam, run.q[0], run.u[0], [*estimates.q[0, :2], 0], [0, 0, 0]).V[0],
+        )
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,63 @@
+"""The examples of the README run as they stand."""
+
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+from support import SOURCE
+
+try:
+    import matplotlib
+except ImportError:
+    matplotlib = None
+
+
+def run(block: str, *, without: str = "") -> tuple[str, list[str]]:
+    """What it prints, and the files that it makes."""
+    refusal = f"import sys; sys.modules[{without!r}] = None\n" if without else ""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "scenes").symlink_to(SOURCE / "scenes")
+        done = subprocess.run(
+            [sys.executable, "-c", refusal + block],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode != 0:
+            raise AssertionError(done.stderr)
+        made = sorted(file.name for file in Path(folder).iterdir() if file.name != "scenes")
+        return done.stdout, made
+
+
+class ReadmeTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        text = (SOURCE / "python" / "README.md").read_text()
+        cls.blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
+
+    def test_the_first_example_is_short(self):
+        self.assertLessEqual(len(self.blocks[0].splitlines()), 15)
+
+    def test_the_first_example_prints_and_draws(self):
+        printed, files = run(self.blocks[0])
+        self.assertEqual(printed, "43 impacts; V falls from 0.478 to 1e-27\n")
+        self.assertEqual(files, ["synchronization.png"] if matplotlib else [])
+
+    def test_without_matplotlib_it_only_prints(self):
+        printed, files = run(self.blocks[0], without="matplotlib")
+        self.assertRegex(printed, r"^\d+ impacts; V falls")
+        self.assertEqual(files, [])
+
+    def test_all_examples_run(self):
+        self.assertGreaterEqual(len(self.blocks), 3)
+        for block in self.blocks[1:]:
+            with self.subTest(block.splitlines()[2]):
+                printed, _ = run(block)
+                self.assertTrue(printed)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,39 @@
+"""The type stubs are those of the package, by mypy where it is installed."""
+
+import importlib.util
+import subprocess
+import sys
+import unittest
+
+import sprag
+
+from support import BUILD, SOURCE
+
+
+@unittest.skipUnless(importlib.util.find_spec("mypy"), "mypy is not installed")
+class StubsTest(unittest.TestCase):
+    def mypy(self, *command: str):
+        return subprocess.run(
+            [sys.executable, "-m", *command], cwd=BUILD / "python", capture_output=True, text=True
+        )
+
+    def test_stubtest(self):
+        allowed = SOURCE / "tests" / "python" / "stubtest_allowlist"
+        done = self.mypy("mypy.stubtest", "sprag", "--allowlist", str(allowed))
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def test_the_package_is_typed(self):
+        cache = str(BUILD / "mypy_cache")
+        done = self.mypy("mypy", "--strict", "--cache-dir", cache, "sprag")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+
+class DocstringsTest(unittest.TestCase):
+    def test_all_that_is_public_says_what_it_is(self):
+        for name in sprag.__all__:
+            with self.subTest(name):
+                self.assertTrue(getattr(sprag, name).__doc__)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,23 @@
+"""What several tests share."""
+
+import os
+from pathlib import Path
+
+import sprag
+
+SOURCE = Path(os.environ["SPRAG_SOURCE_DIR"])
+BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
+
+
+def scene(name: str = "paper_beam") -> sprag.Scene:
+    return sprag.read_scene(SOURCE / "scenes" / f"{name}.toml")
+
+
+def write_events(file: Path, events) -> None:
+    """As an events file has them: a pulse is two rows."""
+    rows = {1: [1], 2: [0], 3: [1, 0]}
+    with file.open("w") as csv:
+        csv.write("t,contact,closed\n")
+        for t, contact, kind in events.tolist():
+            for closed in rows[kind]:
+                csv.write(f"{t!r},{contact},{closed}\n")
