@@ -16,17 +16,17 @@ class ArraysTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.scene = scene()
-        cls.run = sprag.simulate(cls.scene, 5.0, tick=0.01)
-        cls.estimates = sprag.observe(cls.scene, cls.run.events, 5.0, tick=0.01)
+        cls.machine = sprag.simulate(cls.scene, 5.0, tick=0.01)
+        cls.estimates = sprag.observe(cls.scene, cls.machine.events, 5.0, tick=0.01)
 
     def all_arrays(self):
         estimate = sprag.Observer(self.scene).at(0.5)
         energies = sprag.energies(
-            self.scene, self.run.q, self.run.u, self.estimates.q, self.estimates.u
+            self.scene, self.machine.q, self.machine.u, self.estimates.q, self.estimates.u
         )
         state = self.scene.master
         owners = {
-            self.run: ["events", "t", "q", "u"],
+            self.machine: ["events", "t", "q", "u"],
             self.estimates: ["t", "bound", "of_filter", *TABLES],
             estimate: TABLES,
             energies: ["V", "V_i"],
@@ -39,18 +39,18 @@ class ArraysTest(unittest.TestCase):
                 yield f"{type(owner).__name__}.{name}", owner, name
 
     def test_shapes_are_ticks_by_coordinates(self):
-        self.assertEqual(self.run.t.shape, (501,))
+        self.assertEqual(self.machine.t.shape, (501,))
         for name in ["q", "u"]:
-            self.assertEqual(getattr(self.run, name).shape, (501, 3))
+            self.assertEqual(getattr(self.machine, name).shape, (501, 3))
             self.assertEqual(getattr(self.estimates, name).shape, (501, 3))
             self.assertEqual(getattr(self.estimates, f"sigma_{name}").shape, (501, 3))
         self.assertEqual(self.estimates.sigma_gap.shape, (501, 1))
         self.assertEqual(self.estimates.of_filter.dtype, np.bool_)
-        self.assertEqual(self.run.events.dtype, sprag.event_dtype)
-        np.testing.assert_array_equal(self.run.t, np.arange(501) * 0.01)
+        self.assertEqual(self.machine.events.dtype, sprag.event_dtype)
+        np.testing.assert_array_equal(self.machine.t, np.arange(501) * 0.01)
 
     def test_without_a_filter_there_are_no_sigmas(self):
-        estimates = sprag.observe(self.scene, self.run.events, 1.0, estimator="replica")
+        estimates = sprag.observe(self.scene, self.machine.events, 1.0, estimator="replica")
         self.assertEqual(estimates.sigma_q.shape, (101, 0))
         self.assertEqual(estimates.sigma_gap.shape, (101, 0))
         self.assertFalse(estimates.of_filter.any())
@@ -102,7 +102,7 @@ class ArraysTest(unittest.TestCase):
 
     def test_matrices_are_those_of_the_model(self):
         model = self.scene.model
-        np.testing.assert_allclose(np.diag(model.K) / np.diag(model.M), [12.36, 485.5, 3806.5], 1e-4)
+        np.testing.assert_allclose(np.diag(model.K) / np.diag(model.M), [12.3624, 485.519, 3806.55], 1e-5)
         self.assertFalse(model.M.flags.writeable)
 
 

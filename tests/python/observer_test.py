@@ -106,6 +106,22 @@ class ObserverTest(unittest.TestCase):
         with self.assertRaises(ValueError):
             observer.at(1.0)
 
+    def test_events_that_come_while_one_looks_ahead_count(self):
+        beam = scene()
+        events = sprag.simulate(beam, 20.0, tick=0.0).events.tolist()
+        informed, looking = sprag.Observer(beam), sprag.Observer(beam)
+        for event in events:
+            informed.take(*event)
+        for event in events:
+            looking.at(event[0] - 1e-3)
+            looking.take(*event)
+        np.testing.assert_array_equal(looking.at(20.0).q, informed.at(20.0).q)
+        for observer in (informed, looking):
+            observer.set_horizon(20.0)
+        settled = informed.settle()[-1]
+        np.testing.assert_array_equal(looking.settle()[-1].q, settled.q)
+        np.testing.assert_array_equal(looking.at(20.0).q, settled.q)
+
     def test_contacts_count_from_one(self):
         observer = sprag.Observer(scene("two_stops_beam"))
         observer.take(0.5, 2, sprag.ContactEventKind.CLOSES)

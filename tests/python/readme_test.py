@@ -43,7 +43,7 @@ class ReadmeTest(unittest.TestCase):
 
     def test_the_first_example_prints_and_draws(self):
         printed, files = run(self.blocks[0])
-        self.assertEqual(printed, "43 impacts; V falls from 0.478 to 1e-27\n")
+        self.assertEqual(printed, "33 impacts; V falls from 0.478 to 7e-28\n")
         self.assertEqual(files, ["synchronization.png"] if matplotlib else [])
 
     def test_without_matplotlib_it_only_prints(self):

@@ -31,6 +31,8 @@ class StubsTest(unittest.TestCase):
 class DocstringsTest(unittest.TestCase):
     def test_all_that_is_public_says_what_it_is(self):
         for name in sprag.__all__:
+            if not callable(getattr(sprag, name)):
+                continue
             with self.subTest(name):
                 self.assertTrue(getattr(sprag, name).__doc__)
 
