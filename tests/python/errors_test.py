@@ -47,6 +47,8 @@ class ErrorsTest(unittest.TestCase):
         self.assertRegex(str(raised.exception), r"^t = 1\.41")
 
     def test_a_machine_without_an_exact_flow(self):
+        # Two equal oscillators, one damped: where the damping is twice the coupling, two modes
+        # become one.
         self.assertTrue(issubclass(sprag.ModelError, sprag.Error))
         for given in ([[0.0]], [[-1.0]]):
             with self.assertRaises(ValueError):
