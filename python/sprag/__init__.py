@@ -11,9 +11,12 @@ from ._core import (
     Contact,
     Energies,
     Estimate,
+    EstimateListener,
     Estimates,
+    EventPublisher,
     Force,
     Harmonic,
+    LiveEstimate,
     Model,
     Observer,
     Scene,
@@ -28,19 +31,24 @@ from ._core import (
     read_scene,
     simulate,
 )
-from ._errors import Error, ModelError, SceneError, SimulationError
+from ._errors import BusError, Error, InputError, ModelError, SceneError, SimulationError
 from ._events import ContactEventKind, pulses
 
 __all__ = [
     "Beam",
+    "BusError",
     "Contact",
     "ContactEventKind",
     "Energies",
     "Error",
     "Estimate",
+    "EstimateListener",
     "Estimates",
+    "EventPublisher",
     "Force",
     "Harmonic",
+    "InputError",
+    "LiveEstimate",
     "Model",
     "ModelError",
     "Observer",

@@ -36,5 +36,13 @@ class ModelError(Error):
     """A machine whose motion has no exact flow."""
 
 
+class BusError(Error):
+    """LCM cannot be reached; without a route for multicast the text says how to mend it."""
+
+
+class InputError(Error):
+    """A file, other than a scene, that cannot be read."""
+
+
 class SimulationError(Error):
     """A simulation that cannot go on; the text says when and why."""

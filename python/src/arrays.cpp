@@ -81,6 +81,12 @@ py::array view(const std::vector<ContactEvent>& events, py::handle owner) {
                              owner));
 }
 
+py::tuple contacts_of(ContactSet set) {
+  py::list contacts;
+  for_each(set, [&](int i) { contacts.append(i + 1); });
+  return py::tuple(contacts);
+}
+
 ContactEvent to_event(double t, int contact, int kind, std::size_t contacts) {
   if (!(t >= 0.0) || !std::isfinite(t)) {
     throw std::invalid_argument("t is " + std::to_string(t) + "; must be a number >= 0");

@@ -35,6 +35,9 @@ py::array view(const std::vector<ContactEvent>& events, py::handle owner);
 /// Throws std::invalid_argument if an entry is no event of a machine with `contacts` contacts.
 std::vector<ContactEvent> to_events(const py::object& events, std::size_t contacts);
 
+/// Contacts of a set in ascending order, from 1.
+py::tuple contacts_of(ContactSet set);
+
 /// One event; `contact` from 1. Throws std::invalid_argument.
 ContactEvent to_event(double t, int contact, int kind, std::size_t contacts);
 

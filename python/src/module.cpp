@@ -3,10 +3,15 @@
 
 #include <exception>
 
+#include "lcmtypes/bus.h"
+#include "lcmtypes/lcm_url.h"
 #include "python/src/arrays.h"
+#include "python/src/live.h"
 #include "python/src/machines.h"
 #include "python/src/runs.h"
+#include "sprag/files/input_file.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/mechanics/error.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/model.h"
 
@@ -15,7 +20,7 @@ namespace {
 
 // The classes are Python's own, made once and never freed.
 struct ErrorClasses {
-  py::object scene, model, simulation;
+  py::object base, scene, model, simulation, bus, input;
 };
 
 const ErrorClasses* error_classes = nullptr;
@@ -36,6 +41,14 @@ void translate(std::exception_ptr thrown) {
     PyErr_SetString(error_classes->model.ptr(), error.what());
   } catch (const SimulationError& error) {
     PyErr_SetString(error_classes->simulation.ptr(), error.what());
+  } catch (const BusError& error) {
+    PyErr_SetString(error_classes->bus.ptr(), error.what());
+  } catch (const InputError& error) {
+    PyErr_SetString(error_classes->input.ptr(), error.what());
+  } catch (const UrlError& error) {
+    PyErr_SetString(PyExc_ValueError, error.what());
+  } catch (const Error& error) {
+    PyErr_SetString(error_classes->base.ptr(), error.what());
   }
 }
 
@@ -46,10 +59,12 @@ PYBIND11_MODULE(_core, module) {
   using namespace sprag::python;
   module.doc() = "Sprag's C++ library; import sprag instead.";
   const py::module_ errors = py::module_::import("sprag._errors");
-  error_classes = new ErrorClasses{errors.attr("SceneError"), errors.attr("ModelError"),
-                                   errors.attr("SimulationError")};
+  error_classes = new ErrorClasses{errors.attr("Error"),      errors.attr("SceneError"),
+                                   errors.attr("ModelError"), errors.attr("SimulationError"),
+                                   errors.attr("BusError"),   errors.attr("InputError")};
   py::register_local_exception_translator(&translate);
   module.attr("event_dtype") = event_dtype();
   bind_machines(module);
   bind_runs(module);
+  bind_live(module);
 }

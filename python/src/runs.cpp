@@ -172,12 +172,7 @@ void bind_observer(py::module_& module) {
       .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
       .def_property_readonly("u", array_property(&Estimate::u), "Velocities, f entries.")
       .def_property_readonly(
-          "closed",
-          [](const Estimate& estimate) {
-            std::vector<int> contacts;
-            for_each(estimate.closed, [&](int i) { contacts.push_back(i + 1); });
-            return py::tuple(py::cast(contacts));
-          },
+          "closed", [](const Estimate& estimate) { return contacts_of(estimate.closed); },
           "The contacts that are closed, from 1.")
       .def_readonly("settled", &Estimate::settled, "Whether it never changes any more.")
       .def_readonly("of_filter", &Estimate::of_filter,

@@ -47,9 +47,20 @@ class ErrorsTest(unittest.TestCase):
         self.assertRegex(str(raised.exception), r"^t = 1\.41")
 
     def test_a_machine_without_an_exact_flow(self):
-        # Two equal oscillators, one damped: where the damping is twice the coupling, two modes
-        # become one.
-        self.assertTrue(issubclass(sprag.ModelError, sprag.Error))
+        # Its two modes have become one: (s^2 + s/2 + 1)^2.
+        defective = sprag.Model(
+            np.eye(2),
+            np.diag([1.0, 0.0]),
+            [[1.25, -0.5], [-0.5, 1.0]],
+            [sprag.Contact([1.0, 0.0], 0.5)],
+        )
+        for call in (sprag.Observer, lambda of: sprag.simulate(of, 1.0)):
+            with self.assertRaises(sprag.ModelError) as raised:
+                call(sprag.Scene(defective))
+            self.assertIsInstance(raised.exception, sprag.Error)
+            self.assertIn("defective mode", str(raised.exception))
+
+    def test_a_mass_that_is_none(self):
         for given in ([[0.0]], [[-1.0]]):
             with self.assertRaises(ValueError):
                 sprag.Model(given, [[0.0]], [[1.0]], [sprag.Contact([1.0], 0.5)])

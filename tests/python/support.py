@@ -1,6 +1,7 @@
 """What several tests share."""
 
 import os
+import re
 from pathlib import Path
 
 import sprag
@@ -11,6 +12,11 @@ BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
 
 def scene(name: str = "paper_beam") -> sprag.Scene:
     return sprag.read_scene(SOURCE / "scenes" / f"{name}.toml")
+
+
+def readme_examples() -> list[str]:
+    text = (SOURCE / "python" / "README.md").read_text()
+    return re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
 
 
 def write_events(file: Path, events) -> None:

@@ -1,0 +1,37 @@
+#include "lcmtypes/estimate_listener.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace sprag {
+
+EstimateListener::EstimateListener(EstimateChannel channel, const std::string& url,
+                                   std::optional<Key> key)
+    : bus_(url, std::move(key)) {
+  const char* name = channel == EstimateChannel::now ? estimate_channel : settled_channel;
+  bus_.subscribe(name, [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+    EstimateSample sample;
+    if (decode(data, sample) == Refusal::none) {
+      heard_.push_back(std::move(sample));
+    } else {
+      ++refused_;
+    }
+  });
+}
+
+std::optional<EstimateSample> EstimateListener::next(std::chrono::milliseconds timeout) {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + timeout;
+  while (heard_.empty()) {
+    // Rounded up, so that less than a millisecond is not waited for in a hurry.
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+    if (bus_.handle(std::max(left, std::chrono::milliseconds(0))) == 0 && Clock::now() >= end) {
+      return std::nullopt;
+    }
+  }
+  std::optional<EstimateSample> sample(std::move(heard_.front()));
+  heard_.pop_front();
+  return sample;
+}
+
+}  // namespace sprag

@@ -1,0 +1,38 @@
+// Hears what observers on the bus say: SPRAG_ESTIMATE, now, or SPRAG_SETTLED, final and in order.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/state_codec.h"
+
+namespace sprag {
+
+enum class EstimateChannel { now, settled };
+
+class EstimateListener {
+ public:
+  /// Throws BusError or UrlError.
+  explicit EstimateListener(EstimateChannel channel, const std::string& url = default_url,
+                            std::optional<Key> key = std::nullopt);
+  EstimateListener(const EstimateListener&) = delete;
+  EstimateListener& operator=(const EstimateListener&) = delete;
+
+  /// The next estimate, of any observer that sends on the channel; waits for it up to `timeout`.
+  /// Throws BusError.
+  std::optional<EstimateSample> next(std::chrono::milliseconds timeout);
+
+  /// Messages that were no estimates, or not made with the key.
+  std::int64_t refused() const { return refused_ + bus_.counts().unauthenticated; }
+
+ private:
+  Bus bus_;
+  std::deque<EstimateSample> heard_;
+  std::int64_t refused_ = 0;
+};
+
+}  // namespace sprag

@@ -1,0 +1,190 @@
+#include "python/src/live.h"
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "lcmtypes/estimate_listener.h"
+#include "lcmtypes/event_publisher.h"
+#include "python/src/arrays.h"
+
+namespace sprag::python {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+std::optional<Key> to_key(const std::optional<std::filesystem::path>& file) {
+  if (!file) return std::nullopt;
+  return Key(*file);
+}
+
+template <typename Call>
+auto without_lock(const Call& call) {
+  const py::gil_scoped_release released;
+  return call();
+}
+
+// Threads may share one; Python's signals are looked after while it waits.
+class Listener {
+ public:
+  Listener(EstimateChannel channel, const std::string& url, std::optional<Key> key)
+      : listener_(channel, url, std::move(key)) {}
+
+  std::optional<EstimateSample> next(std::optional<double> timeout) {
+    if (timeout && !(*timeout >= 0.0)) throw std::invalid_argument("timeout must be >= 0");
+    constexpr milliseconds piece(100);
+    // Longer than anybody waits.
+    constexpr double longest = 1e9;
+    const auto end =
+        Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                           std::min(timeout.value_or(longest), longest)));
+    while (true) {
+      const auto left = std::chrono::ceil<milliseconds>(end - Clock::now());
+      auto sample = without_lock([&] {
+        const std::lock_guard lock(mutex_);
+        return listener_.next(std::clamp(left, milliseconds(0), piece));
+      });
+      if (sample || left <= milliseconds(0)) return sample;
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    }
+  }
+
+  std::int64_t refused() {
+    return without_lock([&] {
+      const std::lock_guard lock(mutex_);
+      return listener_.refused();
+    });
+  }
+
+ private:
+  std::mutex mutex_;
+  EstimateListener listener_;
+};
+
+template <typename Member>
+auto sample_property(Member member) {
+  return [member](const py::object& self) {
+    return view(member(self.cast<const EstimateSample&>()), self);
+  };
+}
+
+void bind_publisher(py::module_& module) {
+  py::class_<EventPublisher>(
+      module, "EventPublisher",
+      "A machine of one's own as a master on the bus: takes contact events and does session, "
+      "numbers, repetition, horizon and heartbeat. contacts: how many the machine has; speed: "
+      "simulated s per s, inf without a pace; key: a file of 64 hexadecimal digits. Threads may "
+      "share one. A context that closes at its end. Raises BusError, InputError or ValueError.")
+      .def(py::init([](int contacts, double speed, const std::string& url,
+                       const std::optional<std::filesystem::path>& key) {
+             PublisherSettings settings{url, to_key(key), speed};
+             return without_lock(
+                 [&] { return std::make_unique<EventPublisher>(contacts, settings); });
+           }),
+           py::arg("contacts"), py::kw_only(), py::arg("speed") = 1.0, py::arg("url") = default_url,
+           py::arg("key") = py::none())
+      .def("__enter__", [](const py::object& self) { return self; })
+      .def("__exit__", [](EventPublisher& publisher,
+                          const py::args&) { without_lock([&] { publisher.close(); }); })
+      .def(
+          "take",
+          [](EventPublisher& publisher, double t, int contact, int kind) {
+            const ContactEvent event = to_event(t, contact, kind, max_contacts);
+            return without_lock([&] { return publisher.take(event); });
+          },
+          py::arg("t"), py::arg("contact") = 1,
+          py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
+          "Takes an event at t [s] of a contact, from 1, of a ContactEventKind, in any order; it "
+          "is sent when the horizon reaches it. False if it is not behind the horizon.")
+      .def("set_horizon", &EventPublisher::set_horizon, py::arg("t"),
+           py::call_guard<py::gil_scoped_release>(),
+           "Every event up to t [s] has been taken; never goes back. To be called with the "
+           "machine's time at least ten times a second, also while nothing happens.")
+      .def("close", &EventPublisher::close, py::call_guard<py::gil_scoped_release>(),
+           "Ends the session: the last message is repeated for 0.2 s.")
+      .def_property_readonly("session", &EventPublisher::session, "Random.")
+      .def_property_readonly(
+          "sent", py::cpp_function(&EventPublisher::sent, py::call_guard<py::gil_scoped_release>()),
+          "Messages so far.")
+      .def_property_readonly(
+          "unsent",
+          py::cpp_function(&EventPublisher::unsent, py::call_guard<py::gil_scoped_release>()),
+          "Messages that could not be sent.");
+}
+
+void bind_listener(py::module_& module) {
+  py::class_<EstimateSample>(module, "LiveEstimate",
+                             "What an observer on the bus says of one tick. All arrays are "
+                             "read-only views.")
+      .def_readonly("session", &EstimateSample::session, "The master's.")
+      .def_readonly("tick", &EstimateSample::tick)
+      .def_readonly("settled_tick", &EstimateSample::settled_tick,
+                    "Last tick that is final; -1: none yet.")
+      .def_readonly("t", &EstimateSample::t, "Simulated time of the tick [s].")
+      .def_property_readonly(
+          "q", sample_property([](const EstimateSample& s) -> const auto& { return s.q; }),
+          "Coordinates, f entries.")
+      .def_property_readonly(
+          "u", sample_property([](const EstimateSample& s) -> const auto& { return s.u; }),
+          "Velocities, f entries.")
+      .def_property_readonly(
+          "closed", [](const EstimateSample& sample) { return contacts_of(sample.closed); },
+          "The contacts that are closed, from 1.")
+      .def_property_readonly(
+          "of_filter", [](const EstimateSample& sample) { return sample.confidence.from_filter; },
+          "Whether q and u are the timing filter's; else the replica's.")
+      .def_property_readonly("sigma_q", sample_property([](const EstimateSample& s) -> const auto& {
+                               return s.confidence.sigma_q;
+                             }),
+                             "Standard deviations of q, f entries; none without a timing filter.")
+      .def_property_readonly("sigma_u", sample_property([](const EstimateSample& s) -> const auto& {
+                               return s.confidence.sigma_u;
+                             }),
+                             "Standard deviations of u, f entries.")
+      .def_property_readonly("sigma_gap",
+                             sample_property([](const EstimateSample& s) -> const auto& {
+                               return s.confidence.sigma_g;
+                             }),
+                             "Standard deviations of the gaps [m], m entries.")
+      .def_property_readonly(
+          "bound", [](const EstimateSample& sample) { return sample.confidence.bound; },
+          "The replica's V is at most this; inf where nothing guarantees it.");
+
+  py::class_<Listener>(
+      module, "EstimateListener",
+      "Hears what observers on the bus say: of now, or with settled=True what is final, in order. "
+      "Raises BusError, InputError or ValueError.")
+      .def(py::init([](bool settled, const std::string& url,
+                       const std::optional<std::filesystem::path>& file) {
+             const auto channel = settled ? EstimateChannel::settled : EstimateChannel::now;
+             std::optional<Key> key = to_key(file);
+             return without_lock(
+                 [&] { return std::make_unique<Listener>(channel, url, std::move(key)); });
+           }),
+           py::kw_only(), py::arg("settled") = false, py::arg("url") = default_url,
+           py::arg("key") = py::none())
+      .def("next", &Listener::next, py::arg("timeout") = py::none(),
+           "The next LiveEstimate; None once timeout [s] is over, if it is given. Other threads "
+           "run meanwhile, and Ctrl-C is heard.")
+      .def_property_readonly("refused", &Listener::refused,
+                             "Messages that were no estimates, or not made with the key.");
+}
+
+}  // namespace
+
+void bind_live(py::module_& module) {
+  bind_publisher(module);
+  bind_listener(module);
+}
+
+}  // namespace sprag::python

@@ -1,0 +1,190 @@
+#include "lcmtypes/event_publisher.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <limits>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/estimate_listener.h"
+#include "sprag/estimation/event_history.h"
+#include "tests/support/udp_url.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto pulse = ContactEventKind::pulse;
+
+/// Hears what is published.
+class Ear {
+ public:
+  explicit Ear(const std::string& url, std::optional<Key> key = std::nullopt) : bus_(url, key) {
+    bus_.subscribe(contacts_channel,
+                   [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+                     ContactReport report;
+                     EXPECT_EQ(decode(data, report), Refusal::none);
+                     reports.push_back(report);
+                   });
+  }
+
+  /// Whether so many reports have come, in the end.
+  bool hears(std::size_t count) {
+    for (int silence = 0; reports.size() < count && silence < 30;)
+      silence = bus_.handle(1s) > 0 ? 0 : silence + 1;
+    return reports.size() >= count;
+  }
+  /// Hears until nothing comes any more.
+  void hear_all() {
+    while (bus_.handle(500ms) > 0) continue;
+  }
+  std::int64_t unauthenticated() const { return bus_.counts().unauthenticated; }
+
+  std::vector<ContactReport> reports;
+
+ private:
+  Bus bus_;
+};
+
+TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
+  const std::string url = test::udp_url();
+  Ear ear(url);
+  EventPublisher publisher(2, {.url = url});
+  EXPECT_TRUE(publisher.take({0.7, 1, ContactEventKind::opens}));
+  EXPECT_TRUE(publisher.take({0.5, 1, ContactEventKind::closes}));
+  EXPECT_TRUE(publisher.take({0.5, 0, pulse}));
+  std::this_thread::sleep_for(50ms);
+  publisher.set_horizon(0.6);
+  ASSERT_TRUE(ear.hears(1));
+  const ContactReport& report = ear.reports.front();  // nothing was said before
+  EXPECT_EQ(report.session, publisher.session());
+  EXPECT_EQ(report.contacts, 2);
+  EXPECT_EQ(report.horizon, 0.6);
+  EXPECT_EQ(report.speed, 1.0);
+  EXPECT_EQ(report.closed, bit(1));
+  ASSERT_EQ(report.records, 2);
+  EXPECT_EQ(report.record[0], (ContactEvent{0.5, 1, ContactEventKind::closes}));
+  EXPECT_EQ(report.record[1], (ContactEvent{0.5, 0, pulse}));
+  EXPECT_FALSE(publisher.take({0.6, 0, pulse}));
+
+  ear.reports.clear();
+  publisher.set_horizon(0.8);
+  do {
+    ASSERT_TRUE(ear.hears(1));
+    if (ear.reports.back().horizon == 0.8) break;
+    ear.reports.clear();
+  } while (true);
+  EXPECT_EQ(ear.reports.back().records_total, 3);
+  EXPECT_EQ(ear.reports.back().closed, 0U);
+}
+
+TEST(EventPublisher, HeartbeatsGoOnAndTheLastMessageIsRepeated) {
+  const std::string url = test::udp_url();
+  Ear ear(url);
+  EventPublisher publisher(1, {.url = url, .speed = std::numeric_limits<double>::infinity()});
+  publisher.take({0.5, 0, pulse});
+  publisher.set_horizon(1.0);
+  ASSERT_TRUE(ear.hears(10));
+  publisher.close();
+  EXPECT_FALSE(publisher.take({2.0, 0, pulse}));
+  publisher.set_horizon(2.0);
+  publisher.close();
+  ear.hear_all();
+  ASSERT_GE(ear.reports.size(), 30U);
+  EXPECT_EQ(ear.reports.size(), static_cast<std::size_t>(publisher.sent()));
+  EXPECT_EQ(publisher.unsent(), 0);
+  for (std::size_t i = 0; i < ear.reports.size(); ++i) {
+    EXPECT_EQ(ear.reports[i].sequence, ear.reports[0].sequence + static_cast<std::int64_t>(i));
+    EXPECT_EQ(ear.reports[i].horizon, 1.0);
+    EXPECT_EQ(ear.reports[i].records_total, 1);
+  }
+}
+
+TEST(EventPublisher, APacedMachineThatStandsStillIsNotSaidToHaveEnded) {
+  const std::string url = test::udp_url();
+  Ear ear(url);
+  EventPublisher publisher(1, {.url = url});
+  publisher.set_horizon(1.0);
+  ear.hear_all();
+  EXPECT_EQ(ear.reports.size(), 3U);
+  publisher.set_horizon(2.0);
+  ear.hear_all();
+  EXPECT_EQ(ear.reports.size(), 6U);
+  publisher.close();
+  ear.hear_all();
+  EXPECT_EQ(ear.reports.size(), 26U);
+}
+
+TEST(EventPublisher, ManyEventsAtOnceAreAllHeard) {
+  const std::string url = test::udp_url();
+  Ear ear(url);
+  constexpr int events = 1000;
+  {
+    EventPublisher publisher(1, {.url = url, .speed = std::numeric_limits<double>::infinity()});
+    for (int i = 1; i <= events; ++i) publisher.take({1e-3 * i, 0, pulse});
+    publisher.set_horizon(2.0);
+  }
+  ear.hear_all();
+  EventHistory history(1, events);
+  history.restart(0, 0, no_horizon);
+  for (const ContactReport& report : ear.reports) history.add(report);
+  EXPECT_EQ(history.counts().events, events);
+  EXPECT_EQ(history.counts().lost_records, 0);
+  EXPECT_EQ(history.horizon(), 2.0);
+}
+
+TEST(EventPublisher, WithAKeyEveryMessageIsSigned) {
+  const std::string url = test::udp_url();
+  const Key key(std::array<std::uint8_t, Key::size>{1, 2, 3});
+  Ear with(url, key), other(url, Key(std::array<std::uint8_t, Key::size>{4}));
+  {
+    EventPublisher publisher(1, {.url = url, .key = key});
+    publisher.set_horizon(1.0);
+  }
+  EXPECT_TRUE(with.hears(20));
+  other.hear_all();
+  EXPECT_TRUE(other.reports.empty());
+  EXPECT_GE(other.unauthenticated(), 20);
+}
+
+TEST(EventPublisher, WrongArgumentsAreRefused) {
+  const std::string url = test::udp_url();
+  EXPECT_THROW(EventPublisher(0, {.url = url}), std::invalid_argument);
+  EXPECT_THROW(EventPublisher(61, {.url = url}), std::invalid_argument);
+  EXPECT_THROW(EventPublisher(1, {.url = url, .speed = 0.0}), std::invalid_argument);
+  EXPECT_THROW(EventPublisher(1, {.url = "carrier pigeon"}), UrlError);
+  EventPublisher publisher(1, {.url = url});
+  EXPECT_THROW(publisher.take({-1.0, 0, pulse}), std::invalid_argument);
+  EXPECT_THROW(publisher.take({1.0, 1, pulse}), std::invalid_argument);
+  EXPECT_THROW(publisher.set_horizon(std::numeric_limits<double>::quiet_NaN()),
+               std::invalid_argument);
+}
+
+TEST(EstimateListener, HearsTheEstimatesOfItsChannel) {
+  const std::string url = test::udp_url();
+  EstimateListener now(EstimateChannel::now, url), settled(EstimateChannel::settled, url);
+  Bus bus(url);
+  EstimateSample sample;
+  sample.tick = 7;
+  sample.t = 0.07;
+  sample.q = Eigen::Vector2d(1.0, 2.0);
+  sample.u = Eigen::Vector2d(3.0, 4.0);
+  std::vector<std::uint8_t> buffer;
+  ASSERT_TRUE(bus.publish(settled_channel, encode(sample, buffer)));
+  ASSERT_TRUE(bus.publish(settled_channel, std::vector<std::uint8_t>(10)));
+  const auto heard = settled.next(10s);
+  ASSERT_TRUE(heard);
+  EXPECT_EQ(heard->tick, 7);
+  EXPECT_EQ(heard->u, sample.u);
+  EXPECT_FALSE(settled.next(50ms));
+  EXPECT_EQ(settled.refused(), 1);
+  EXPECT_FALSE(now.next(0ms));
+}
+
+}  // namespace
+}  // namespace sprag

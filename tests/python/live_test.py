@@ -1,0 +1,160 @@
+"""A machine in Python, the observer's process and a listener in Python, over real LCM."""
+
+import math
+import os
+import secrets
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+import sprag
+
+from support import SOURCE, readme_examples, scene
+
+
+def free_url() -> str:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return f"udpm://239.255.76.67:{probe.getsockname()[1]}?ttl=0"
+
+
+def receivers(port: int) -> int:
+    """Sockets that hear the port."""
+    table = Path("/proc/net/udp").read_text().splitlines()[1:]
+    return sum(row.split()[1].endswith(f":{port:04X}") for row in table)
+
+
+def multicast_works() -> bool:
+    try:
+        sprag.EstimateListener(url=free_url())
+    except sprag.BusError:
+        return False
+    return True
+
+
+@unittest.skipUnless(multicast_works(), "multicast does not work on this host")
+class LiveTest(unittest.TestCase):
+    def start_observer(self, url: str, *options: str) -> None:
+        scene_file = str(SOURCE / "scenes" / "paper_beam.toml")
+        command = [os.environ["OBSERVER"], scene_file, "--url", url, "--tick", "0.01", *options]
+        port = int(url.split(":")[2].split("?")[0])
+        listening = receivers(port)
+        observer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        self.addCleanup(observer.wait)
+        self.addCleanup(observer.send_signal, signal.SIGINT)
+        # Its probe of multicast hears the port for a moment, too.
+        since = time.monotonic()
+        while time.monotonic() < since + 0.5:
+            self.assertIsNone(observer.poll())
+            if receivers(port) == listening:
+                since = time.monotonic()
+            time.sleep(0.01)
+
+    def observe_live(self, duration: float, **publisher_options):
+        """Publishes the paper's beam to an observer; its settled estimates up to the end."""
+        beam = scene()
+        events = sprag.simulate(beam, duration, tick=0.0).events
+        url = free_url()
+        key = publisher_options.get("key")
+        settled = sprag.EstimateListener(settled=True, url=url, key=key)
+        self.start_observer(url, *(["--key", str(key)] if key else []))
+        now = sprag.EstimateListener(url=url, key=key)
+        heard = []
+        with sprag.EventPublisher(1, url=url, **publisher_options) as publisher:
+            publisher.set_horizon(0.0)
+            self.assertIsNotNone(now.next(30.0))  # the observer is there
+            for t, contact, kind in events[::-1].tolist():
+                self.assertTrue(publisher.take(t, contact, kind))
+            # Messages may come faster than one process takes them where there is one core.
+            for part in np.linspace(0.0, duration, 21)[1:]:
+                publisher.set_horizon(part)
+                while not heard or heard[-1].t < part - 0.02:
+                    estimate = settled.next(30.0)
+                    self.assertIsNotNone(estimate)
+                    heard.append(estimate)
+            self.assertEqual(publisher.unsent, 0)
+        self.assertGreater(publisher.sent, 40)
+        self.assertFalse(publisher.take(duration + 1.0))
+        self.assertTrue(all(estimate.session == publisher.session for estimate in heard))
+        self.assertEqual(settled.refused, 0)
+        return sprag.observe(beam, events, duration), heard
+
+    def expect_same(self, offline, heard):
+        ticks = [estimate.tick for estimate in heard]
+        self.assertEqual(ticks, sorted(set(ticks)))
+        np.testing.assert_array_equal([e.t for e in heard], offline.t[ticks])
+        np.testing.assert_array_equal([e.q for e in heard], offline.q[ticks])
+        np.testing.assert_array_equal([e.u for e in heard], offline.u[ticks])
+        np.testing.assert_array_equal([e.sigma_q for e in heard], offline.sigma_q[ticks])
+        np.testing.assert_array_equal([e.sigma_gap for e in heard], offline.sigma_gap[ticks])
+        np.testing.assert_array_equal([e.of_filter for e in heard], offline.of_filter[ticks])
+        np.testing.assert_array_equal([e.bound for e in heard], offline.bound[ticks])
+        self.assertFalse(heard[0].q.flags.writeable)
+        self.assertEqual(heard[-1].closed, ())
+
+    def test_what_settles_live_is_what_is_observed_offline(self):
+        self.expect_same(*self.observe_live(4.0, speed=math.inf))
+
+    def test_the_example_of_the_readme(self):
+        (example,) = [block for block in readme_examples() if "EventPublisher" in block]
+        url = free_url()
+        self.start_observer(url)
+        for option in ("settled=True", "speed=math.inf"):
+            self.assertIn(option, example)
+            example = example.replace(option, f"{option}, url={url!r}")
+        done = subprocess.run(
+            [sys.executable, "-c", example], cwd=SOURCE, capture_output=True, text=True
+        )
+        self.assertEqual(done.returncode, 0, done.stderr)
+        times = [line.split()[0] for line in done.stdout.splitlines()]
+        self.assertEqual((times[0], times[-1]), ("0.0", "5.0"))
+
+    def test_with_a_key(self):
+        with tempfile.TemporaryDirectory() as folder:
+            key = Path(folder) / "key"
+            key.write_text(secrets.token_hex(32))
+            self.expect_same(*self.observe_live(2.0, speed=math.inf, key=key))
+
+    def test_a_listener_waits_no_longer_than_asked_and_hears_ctrl_c(self):
+        listener = sprag.EstimateListener(url=free_url())
+        self.assertIsNone(listener.next(0.0))
+        self.assertIsNone(listener.next(0.05))
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with self.assertRaises(KeyboardInterrupt):
+            listener.next()
+
+    def test_other_threads_run_while_it_waits(self):
+        listener = sprag.EstimateListener(url=free_url())
+        thread = threading.Thread(target=listener.next, args=(0.5,))
+        started = time.monotonic()
+        thread.start()
+        self.assertLess(time.monotonic() - started, 0.4)
+        thread.join()
+
+    def test_wrong_arguments(self):
+        url = free_url()
+        wrong = {
+            "contacts": lambda: sprag.EventPublisher(0, url=url),
+            "speed": lambda: sprag.EventPublisher(1, url=url, speed=-1.0),
+            "address": lambda: sprag.EventPublisher(1, url="carrier pigeon"),
+            "contact": lambda: sprag.EventPublisher(1, url=url).take(1.0, 2),
+            "time": lambda: sprag.EventPublisher(1, url=url).take(-1.0),
+            "horizon": lambda: sprag.EventPublisher(1, url=url).set_horizon(math.nan),
+            "timeout": lambda: sprag.EstimateListener(url=url).next(-1.0),
+        }
+        for name, call in wrong.items():
+            with self.subTest(name), self.assertRaises(ValueError):
+                call()
+        with self.assertRaises(sprag.InputError):
+            sprag.EstimateListener(url=url, key="/nowhere/key")
+
+
+if __name__ == "__main__":
+    unittest.main()
