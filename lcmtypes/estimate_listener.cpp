@@ -6,8 +6,8 @@
 namespace sprag {
 
 EstimateListener::EstimateListener(EstimateChannel channel, const std::string& url,
-                                   std::optional<Key> key)
-    : bus_(url, std::move(key)) {
+                                   const std::optional<Key>& key)
+    : bus_(url, key) {
   const char* name = channel == EstimateChannel::now ? estimate_channel : settled_channel;
   bus_.subscribe(name, [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
     EstimateSample sample;

@@ -18,7 +18,7 @@ class EstimateListener {
  public:
   /// Throws BusError or UrlError.
   explicit EstimateListener(EstimateChannel channel, const std::string& url = default_url,
-                            std::optional<Key> key = std::nullopt);
+                            const std::optional<Key>& key = std::nullopt);
   EstimateListener(const EstimateListener&) = delete;
   EstimateListener& operator=(const EstimateListener&) = delete;
 

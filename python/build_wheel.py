@@ -56,14 +56,42 @@ def build(stage: Path) -> None:
         subprocess.run(command, check=True)
 
 
+def tag() -> str:
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
+    return f"{python}-{python}-{platform}"
+
+
+def metadata() -> dict[str, bytes]:
+    about = (
+        f"Metadata-Version: 2.1\nName: sprag\nVersion: {version()}\n"
+        "Summary: State observer for impacting machines, driven by contact times alone\n"
+        "License: BSD-3-Clause\nRequires-Python: >=3.10\nRequires-Dist: numpy\n"
+    )
+    wheel = f"Wheel-Version: 1.0\nGenerator: sprag\nRoot-Is-Purelib: false\nTag: {tag()}\n"
+    return {
+        "METADATA": about.encode(),
+        "WHEEL": wheel.encode(),
+        "LICENSE": (ROOT / "LICENSE").read_bytes(),
+    }
+
+
+def prepare_metadata_for_build_wheel(
+    metadata_directory: str, config_settings: dict[str, Any] | None = None
+) -> str:
+    info = f"sprag-{version()}.dist-info"
+    folder = Path(metadata_directory) / info
+    folder.mkdir()
+    for name, content in metadata().items():
+        (folder / name).write_bytes(content)
+    return info
+
+
 def build_wheel(
     wheel_directory: str,
     config_settings: dict[str, Any] | None = None,
     metadata_directory: str | None = None,
 ) -> str:
-    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
-    tag = f"{python}-{python}-{platform}"
     info = f"sprag-{version()}.dist-info"
     with tempfile.TemporaryDirectory() as stage:
         build(Path(stage))
@@ -72,15 +100,7 @@ def build_wheel(
             for file in sorted(Path(stage).rglob("*"))
             if file.is_file()
         }
-    files[f"{info}/METADATA"] = (
-        f"Metadata-Version: 2.1\nName: sprag\nVersion: {version()}\n"
-        "Summary: State observer for impacting machines, driven by contact times alone\n"
-        "License: BSD-3-Clause\nRequires-Python: >=3.10\nRequires-Dist: numpy\n"
-    ).encode()
-    files[f"{info}/WHEEL"] = (
-        f"Wheel-Version: 1.0\nGenerator: sprag\nRoot-Is-Purelib: false\nTag: {tag}\n"
-    ).encode()
-    files[f"{info}/LICENSE"] = (ROOT / "LICENSE").read_bytes()
+    files |= {f"{info}/{name}": content for name, content in metadata().items()}
 
     record = f"{info}/RECORD"
     lines = []
@@ -89,7 +109,7 @@ def build_wheel(
         lines.append(f"{name},sha256={digest.decode()},{len(content)}\n")
     files[record] = "".join([*lines, f"{record},,\n"]).encode()
 
-    wheel = f"sprag-{version()}-{tag}.whl"
+    wheel = f"sprag-{version()}-{tag()}.whl"
     with zipfile.ZipFile(Path(wheel_directory) / wheel, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(name, content)

@@ -37,8 +37,8 @@ auto without_lock(const Call& call) {
 // Threads may share one; Python's signals are looked after while it waits.
 class Listener {
  public:
-  Listener(EstimateChannel channel, const std::string& url, std::optional<Key> key)
-      : listener_(channel, url, std::move(key)) {}
+  Listener(EstimateChannel channel, const std::string& url, const std::optional<Key>& key)
+      : listener_(channel, url, key) {}
 
   std::optional<EstimateSample> next(std::optional<double> timeout) {
     if (timeout && !(*timeout >= 0.0)) throw std::invalid_argument("timeout must be >= 0");
@@ -167,9 +167,8 @@ void bind_listener(py::module_& module) {
       .def(py::init([](bool settled, const std::string& url,
                        const std::optional<std::filesystem::path>& file) {
              const auto channel = settled ? EstimateChannel::settled : EstimateChannel::now;
-             std::optional<Key> key = to_key(file);
-             return without_lock(
-                 [&] { return std::make_unique<Listener>(channel, url, std::move(key)); });
+             const std::optional<Key> key = to_key(file);
+             return without_lock([&] { return std::make_unique<Listener>(channel, url, key); });
            }),
            py::kw_only(), py::arg("settled") = false, py::arg("url") = default_url,
            py::arg("key") = py::none())

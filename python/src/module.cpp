@@ -29,6 +29,7 @@ py::object number_or_none(int number) {
   return number > 0 ? py::object(py::int_(number)) : py::object(py::none());
 }
 
+// NOLINTNEXTLINE(performance-unnecessary-value-param): the type is pybind11's
 void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);
