@@ -11,7 +11,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "lcmtypes/estimate_listener.h"
 #include "lcmtypes/event_publisher.h"
