@@ -38,7 +38,7 @@ install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/sprag COMPONENT ru
 install(FILES README.md LICENSE CITATION.cff CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR}
         COMPONENT runtime)
 
-# cpack -G DEB: sprag and libsprag-dev.
+# cpack -G DEB: sprag, libsprag-dev and, with SPRAG_PYTHON, python3-sprag.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME sprag)
 set(CPACK_PACKAGE_CONTACT "The Sprag developers <sprag@localhost>")
@@ -56,4 +56,14 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, liblcm-dev, libsodium-dev")
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "Programs, scenes and documents")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "Headers, static libraries and the CMake package")
+if(SPRAG_PYTHON)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-sprag)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  # The module is that of one version of Python.
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${SPRAG_PYTHON_DEPENDS}")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-matplotlib)
+  set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The package sprag for Python")
+endif()
 include(CPack)
