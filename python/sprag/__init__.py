@@ -28,6 +28,7 @@ from ._core import (
     event_dtype,
     observe,
     parse_scene,
+    read_events,
     read_scene,
     simulate,
 )
@@ -64,6 +65,7 @@ __all__ = [
     "observe",
     "parse_scene",
     "pulses",
+    "read_events",
     "read_scene",
     "simulate",
 ]

@@ -1,8 +1,11 @@
 #include "python/src/runs.h"
 
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <cstdint>
+#include <filesystem>
+#include <memory>
 #include <mutex>
 #include <numeric>
 #include <stdexcept>
@@ -13,6 +16,7 @@
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
 #include "sprag/estimation/observer.h"
+#include "sprag/files/events_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/simulate.h"
 
@@ -96,7 +100,29 @@ auto array_property(Member Result::*member) {
       [member](const py::object& self) { return view(self.cast<const Result&>().*member, self); };
 }
 
+void warn(const std::filesystem::path& file, const FileProblem& problem) {
+  const std::string text = file.string() + ":" + std::to_string(problem.line) + ": " + problem.what;
+  if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+}
+
+py::array events_of_file(const std::filesystem::path& file, const Scene& scene) {
+  EventsFile recorded = read_events(file, static_cast<int>(scene.model.contacts.size()));
+  for (const FileProblem& problem : recorded.skipped) warn(file, problem);
+  if (recorded.damage) warn(file, *recorded.damage);
+  for (ContactEvent& event : recorded.events) ++event.contact;
+  using Events = std::vector<ContactEvent>;
+  auto owned = std::make_unique<Events>(std::move(recorded.events));
+  const py::capsule owner(owned.get(), [](void* events) { delete static_cast<Events*>(events); });
+  return view(*owned.release(), owner);
+}
+
 void bind_simulation(py::module_& module) {
+  module.def(
+      "read_events", &events_of_file, py::arg("file"), py::arg("scene"),
+      "The contact events of an events CSV, as an array of event_dtype. Rows that contradict "
+      "the rest are left out, nothing behind damage is used: of both a RuntimeWarning tells. "
+      "Raises InputError.");
+
   py::class_<Simulation>(module, "Simulation",
                          "A machine's run. All arrays are read-only views; row k is tick k.")
       .def_property_readonly("events", array_property(&Simulation::events),

@@ -149,6 +149,28 @@ class ObserverTest(unittest.TestCase):
                 np.testing.assert_array_equal(sprag.observe(beam, events, 5.0).q, expected)
         self.assertEqual(sprag.observe(beam, [], 5.0).taken, 0)
 
+    def test_an_events_file_is_read(self):
+        for name in ("two_stops_beam", "paper_beam_chatter"):
+            events = sprag.simulate(scene(name), 20.0, tick=0.0).events
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "events.csv"
+                write_events(file, events)
+                read = sprag.read_events(file, scene(name))
+                np.testing.assert_array_equal(read, events)
+                self.assertFalse(read.flags.writeable)
+                self.assertFalse(read.flags.owndata)
+                with file.open("a") as csv:
+                    csv.write("21,9,1\n22,1")
+                with self.assertWarns(RuntimeWarning) as told:
+                    np.testing.assert_array_equal(sprag.read_events(file, scene(name)), events)
+                lines = len(file.read_text().splitlines())
+                texts = [str(warning.message) for warning in told.warnings]
+                self.assertEqual(len(texts), 2)
+                self.assertTrue(texts[0].startswith(f"{file}:{lines - 1}: "), texts)
+                self.assertTrue(texts[1].startswith(f"{file}:{lines}: "), texts)
+        with self.assertRaises(sprag.InputError):
+            sprag.read_events("/nowhere/events.csv", scene())
+
     def test_events_that_contradict_are_counted(self):
         estimates = sprag.observe(scene(), [(0.5, 1, 2), (0.6, 1, 3)], 1.0)
         self.assertEqual((estimates.taken, estimates.skipped), (1, 1))
