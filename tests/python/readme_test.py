@@ -39,6 +39,10 @@ class ReadmeTest(unittest.TestCase):
         text = (SOURCE / "python" / "README.md").read_text()
         cls.printed = re.search(r"^It prints\n\n```\n(.*?)^```", text, flags=re.M | re.S)[1]
 
+    def test_the_readme_of_the_whole_has_the_first_example(self):
+        text = (SOURCE / "README.md").read_text(encoding="utf-8")
+        self.assertEqual(text.split("```python\n")[1].split("```")[0].strip(), self.blocks[0].strip())
+
     def test_the_first_example_is_short(self):
         self.assertLessEqual(len(self.blocks[0].splitlines()), 15)
 
