@@ -37,6 +37,8 @@ endif()
 install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/sprag COMPONENT runtime)
 install(FILES README.md LICENSE CITATION.cff CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR}
         COMPONENT runtime)
+install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime
+        FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 
 # cpack -G DEB: sprag, libsprag-dev and, with SPRAG_PYTHON, python3-sprag.
 set(CPACK_GENERATOR DEB)
