@@ -154,13 +154,13 @@ double ErrorBound::bound(const ErrorBoundState& state, double initial, Instant t
   const double b = std::sqrt(under_way(tau)) * (std::sqrt(initial * state.share) + state.remainder);
   // sqrt(2 E) rises by the forces alone.
   const double moving = b + std::sqrt(state.energy) + force_ * tau;
-  return std::pow(b + state_ulps * epsilon_machine * moving, 2);
+  return square(b + state_ulps * epsilon_machine * moving);
 }
 
 double ErrorBound::contraction(double tau) {
   const Flow& free = (*flows_)[0];
   const double rounding = state_ulps * epsilon_machine;
-  if (free.path() == FlowPath::dense) return std::min(1.0, std::pow(dense_(tau), 2) + rounding);
+  if (free.path() == FlowPath::dense) return std::min(1.0, square(dense_(tau)) + rounding);
   const Oscillators& o = free.oscillators();
   const Eigen::Index nf = free.frequencies();
   o.propagate(unit_z_, no_alpha_, tau, nf, free.modes(), from_z_);

@@ -398,8 +398,8 @@ Report TimingFilter::next_due(const TimingState& state, const Motion& motion, Co
 
 double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
   const auto w = flows_->dynamics().W().col(contact);
-  double variance = std::pow(rounding * state.terms.length, 2);
-  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += std::pow(w.dot(now_.S_q.col(j)), 2);
+  double variance = square(rounding * state.terms.length);
+  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(w.dot(now_.S_q.col(j)));
   return std::sqrt(variance);
 }
 

@@ -231,7 +231,7 @@ void TimingFilter::note_terms(int i, TimingState& state) const {
 double TimingFilter::known_of(const Functional& of) const {
   double variance = 0.0;
   for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    variance += std::pow(of.a.dot(now_.S_q.col(j)) + of.b.dot(now_.S_u.col(j)), 2);
+    variance += square(of.a.dot(now_.S_q.col(j)) + of.b.dot(now_.S_u.col(j)));
   }
   return variance;
 }
@@ -255,9 +255,9 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
     const double gap_before = gap(contact, now_.q, t);
     note_terms(closing.contact, state);
-    double noise = std::pow(time_rounding * t, 2) * speed2;
+    double noise = square(time_rounding * t) * speed2;
     // The master takes for one impact what touches within its rounding.
-    if (several) noise += std::pow(touching * state.terms.length, 2);
+    if (several) noise += square(touching * state.terms.length);
     const double deviation = condition(-gap_before, noise, state.terms.length, state.consistency);
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};
@@ -268,7 +268,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     // acceleration that may not be known. It is not taken for more than it can say: where gamma is
     // known almost as well already, it says nothing; nor where contacts may have wedged each other.
     const double off = std::max(model.chatter_time, time_rounding * t);
-    const double left = off * off * (std::pow(closing.gamma_rate, 2) + known_of(acceleration));
+    const double left = off * off * (square(closing.gamma_rate) + known_of(acceleration));
     if (phi.squaredNorm() > remainder_tells * left) {
       condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state.consistency);
     }
@@ -293,7 +293,7 @@ double TimingFilter::condition(double residual, double noise, double scale,
   const double alpha = known + r;
   const double deviation = std::sqrt(alpha);
   if (deviation > 0.0) {
-    note(residual * residual / (alpha + std::pow(insignificant * scale, 2)), consistency);
+    note(residual * residual / (alpha + square(insignificant * scale)), consistency);
   }
   if (!(known > floor * floor)) return deviation;
   // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).

@@ -47,8 +47,6 @@ constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
 
-double square(double x) { return x * x; }
-
 double fastest_of(const Flow& flow) {
   return flow.modes() > 0
              ? flow.oscillators().root_kappa().segment(flow.frequencies(), flow.modes()).maxCoeff()
