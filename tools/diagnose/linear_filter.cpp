@@ -186,8 +186,8 @@ void LinearFilter::add_event_unknowns() {
     double gamma = 0.0;
     double gamma_rate = 0.0;
     for (Eigen::Index j = 0; j < c; ++j) {
-      gamma += std::pow(w.dot(now_.S_u.col(j)), 2);
-      gamma_rate += std::pow(a.a.dot(now_.S_q.col(j)) + a.b.dot(now_.S_u.col(j)), 2);
+      gamma += square(w.dot(now_.S_u.col(j)));
+      gamma_rate += square(a.a.dot(now_.S_q.col(j)) + a.b.dot(now_.S_u.col(j)));
     }
     event_(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
     event_(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
@@ -232,8 +232,7 @@ void LinearFilter::measure_closings() {
     if (closing.epsilon > 0.0 || contact.restitution == 0.0) continue;
     phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
     const double off = std::max({uncertainty_.jitter, model.chatter_time, time_rounding * t});
-    condition(-gap_velocity(contact, now_.u, t), std::pow(off * closing.gamma_rate, 2),
-              terms_.speed);
+    condition(-gap_velocity(contact, now_.u, t), square(off * closing.gamma_rate), terms_.speed);
   }
 }
 
