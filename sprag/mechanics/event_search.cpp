@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "sprag/mechanics/bernstein.h"
 #include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
@@ -15,9 +16,8 @@ namespace {
 
 constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
-constexpr int degree = 6;
 // Lower bounds have one term more, the remainder.
-constexpr int top = degree + 1;
+constexpr int degree = bernstein::degree - 1;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 // Below this a motion has died out; its roundings are no longer relative.
@@ -26,7 +26,7 @@ constexpr double nothing = 1e-290;
 // Two events closer than this share of their time are one.
 constexpr double simultaneous = 1e-13;
 
-using Coefficients = std::array<double, top + 1>;
+using bernstein::Coefficients;
 
 constexpr std::array<double, degree + 2> inverse_factorials = [] {
   std::array<double, degree + 2> values{};
@@ -36,29 +36,6 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
     factorial *= j + 1;
   }
   return values;
-}();
-
-constexpr Coefficients inverses = [] {
-  Coefficients values{};
-  for (int j = 1; j <= top; ++j) values[index(j)] = 1.0 / j;
-  return values;
-}();
-
-// C(i, j) / C(top, j): from power coefficients on [0, 1] to Bernstein coefficients; transposed, so
-// that one power coefficient's share in all of them is a row.
-constexpr auto bernstein = [] {
-  std::array<Coefficients, top + 1> table{};
-  const auto binomial = [](int n, int k) {
-    double value = 1.0;
-    for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
-    return value;
-  };
-  for (int j = 0; j <= top; ++j) {
-    for (int i = j; i <= top; ++i) {
-      table[index(j)][index(i)] = binomial(i, j) / binomial(top, j);
-    }
-  }
-  return table;
 }();
 
 struct Expansion {
@@ -136,7 +113,7 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
   }
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
-  e.bound = bound * inverse_factorials[top];
+  e.bound = bound * inverse_factorials[degree + 1];
   e.noise = 4.0 * epsilon * magnitude + nothing;
   return e;
 }
@@ -177,86 +154,6 @@ double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
     magnitude += std::abs(signal.p[k] * before) + std::abs(signal.r[k] * now);
   }
   return 8.0 * epsilon * magnitude * inverse_factorials[index(order)] + nothing;
-}
-
-// Polynomial of degree `top` in Bernstein form on a piece [low, low + length] of [0, 1].
-struct Piece {
-  Coefficients b;
-  double low;
-  double length;
-};
-
-// Splits at s in (0, 1): `piece` becomes the left part, `right` the right one (de Casteljau).
-void split(Piece& piece, double s, Piece& right) {
-  right.b = piece.b;
-  for (std::size_t level = 1; level <= top; ++level) {
-    for (std::size_t i = top; i >= level; --i) {
-      piece.b[i] = piece.b[i - 1] + s * (piece.b[i] - piece.b[i - 1]);
-    }
-    right.b[top - level] = piece.b[top];
-  }
-  right.low = piece.low + s * piece.length;
-  right.length = (1.0 - s) * piece.length;
-  piece.length *= s;
-}
-
-// The right part alone, in place.
-void cut(Piece& piece, double s) {
-  for (std::size_t level = top; level >= 1; --level) {
-    for (std::size_t i = 0; i < level; ++i) piece.b[i] += s * (piece.b[i + 1] - piece.b[i]);
-  }
-  piece.low += s * piece.length;
-  piece.length *= 1.0 - s;
-}
-
-// Where the convex hull of the control points (i / top, b[i]), b[0] > 0, first meets zero; infinity
-// if it does not. Walks along the hull's lower edge.
-double hull_crossing(const Coefficients& b) {
-  std::size_t i = 0;
-  while (i < top) {
-    std::size_t next = top;
-    double steepest = infinity;
-    for (std::size_t j = i + 1; j <= top; ++j) {
-      const double slope = (b[j] - b[i]) * inverses[j - i];
-      if (slope <= steepest) {
-        steepest = slope;
-        next = j;
-      }
-    }
-    if (steepest >= 0.0) return infinity;
-    if (b[next] < 0.0) return (static_cast<double>(i) - b[i] / steepest) / top;
-    i = next;
-  }
-  return infinity;
-}
-
-// Lower bound, tight to a percent of b[0], of the first root in (0, 1] of a polynomial with
-// b[0] > 0; infinity where there is none. From the convex hull of the Bernstein coefficients.
-double first_root(const Coefficients& b) {
-  constexpr int max_depth = 40;
-  std::array<Piece, max_depth> later;
-  int depth = 0;
-  const double tolerance = 1e-2 * b[0];
-  Piece piece{b, 0.0, 1.0};
-  for (int iteration = 0; iteration < 400; ++iteration) {
-    const double s = hull_crossing(piece.b);
-    if (s > 1.0) {  // no root in this piece
-      if (depth == 0) return infinity;
-      piece = later[index(--depth)];
-      if (piece.b[0] <= tolerance) return piece.low;
-      continue;
-    }
-    if (s > 0.25 || depth == max_depth) {
-      if (s >= 1.0) return piece.low + piece.length;
-      cut(piece, s);
-      if (piece.b[0] <= tolerance) return piece.low;
-    } else {
-      // Not at 4 s alone: next to a start just above zero the hull says nothing of the root.
-      split(piece, std::clamp(4.0 * s, 0.03125, 0.5), later[index(depth++)]);
-    }
-    if (piece.length < 1e-15 * piece.low) return piece.low;
-  }
-  return piece.low;
 }
 
 struct Verdict {
@@ -358,11 +255,9 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   }
   const double remainder = e.bound * power;  // power = H^(n+1)
   lower[index(n) + 1] = -remainder;
-  Coefficients b{};
-  for (std::size_t j = 0; j <= index(n) + 1; ++j) {
-    for (std::size_t i = 0; i <= top; ++i) b[i] += bernstein[j][i] * lower[j];
-  }
-  double low = *std::min_element(b.begin(), b.end()) > 0.0 ? infinity : first_root(b);
+  const Coefficients b = bernstein::from_power(lower);
+  const bool positive = *std::min_element(b.begin(), b.end()) > 0.0;
+  double low = positive ? infinity : bernstein::first_root(b);
   if (low == infinity && in_sight < infinity) low = 1.0;
   const double end = std::min(low, 1.0);
 

@@ -1,0 +1,374 @@
+#include "sprag/mechanics/bernstein.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <iostream>
+#include <limits>
+#include <numbers>
+
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+using bernstein::Coefficients;
+using bernstein::degree;
+using bernstein::Piece;
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t top = degree;
+
+// In extended precision: what the polynomial is, next to what doubles make of it.
+long double horner(const Coefficients& a, double s) {
+  long double value = 0.0L;
+  for (std::size_t j = top + 1; j-- > 0;) value = value * s + a[j];
+  return value;
+}
+
+long double de_casteljau(const Coefficients& b, long double s) {
+  std::array<long double, top + 1> p{};
+  std::copy(b.begin(), b.end(), p.begin());
+  for (std::size_t level = top; level > 0; --level) {
+    for (std::size_t i = 0; i < level; ++i) p[i] += s * (p[i + 1] - p[i]);
+  }
+  return p[0];
+}
+
+double largest(const Coefficients& c) {
+  double most = 0.0;
+  for (const double x : c) most = std::max(most, std::abs(x));
+  return most;
+}
+
+double largest_second_difference(const Coefficients& b) {
+  double most = 0.0;
+  for (std::size_t i = 0; i + 2 <= top; ++i) {
+    most = std::max(most, std::abs(b[i] - 2.0 * b[i + 1] + b[i + 2]));
+  }
+  return most;
+}
+
+Coefficients random_coefficients(Random& random) {
+  Coefficients c{};
+  const double size = random.log_uniform(1e-9, 1e9);
+  for (double& x : c) x = random.chance(0.1) ? 0.0 : size * random.uniform(-1.0, 1.0);
+  return c;
+}
+
+// Positive at 0 and, with some luck, for a while; or never below zero.
+Coefficients random_falling(Random& random) {
+  Coefficients b = random_coefficients(random);
+  const double low = random.uniform(-1.0, 0.2) * largest(b);
+  for (double& x : b) x = std::max(x, low);
+  b[0] = std::max(std::abs(b[0]), random.log_uniform(1e-6, 1.0) * (largest(b) + 1e-9));
+  return b;
+}
+
+// A product of (1 - s / root) and of ((s - c)^2 + d^2) / (c^2 + d^2), in Bernstein form; the first
+// root in (0, 1), or infinity.
+struct Product {
+  Coefficients b;
+  double first;
+};
+
+Product random_product(Random& random) {
+  std::array<long double, top + 1> a{1.0L};
+  std::size_t n = 0;
+  double first = infinity;
+  // From the highest power down: the lower ones are still the old.
+  const auto multiply = [&](long double c1, long double c2) {
+    for (std::size_t j = top + 1; j-- > 0;) {
+      if (j >= 1) a[j] += c1 * a[j - 1];
+      if (j >= 2) a[j] += c2 * a[j - 2];
+    }
+  };
+  while (n < top) {
+    if (n + 2 <= top && random.chance(0.5)) {
+      const double c = random.uniform(-0.5, 1.5);
+      const double d = random.log_uniform(0.05, 2.0);
+      const long double size = static_cast<long double>(c) * c + static_cast<long double>(d) * d;
+      multiply(-2.0L * c / size, 1.0L / size);
+      n += 2;
+    } else {
+      const double root = (random.chance(0.3) ? -1.0 : 1.0) * random.log_uniform(0.02, 20.0);
+      multiply(-1.0L / root, 0.0L);
+      if (root > 0.0 && root < 1.0) first = std::min(first, root);
+      ++n;
+    }
+  }
+  Coefficients power{};
+  for (std::size_t j = 0; j <= top; ++j) power[j] = static_cast<double>(a[j]);
+  return {bernstein::from_power(power), first};
+}
+
+class Bernstein : public testing::Test {
+ protected:
+  static constexpr std::uint64_t seed = 20141;
+  Bernstein() { std::cout << "seed " << seed << "\n"; }
+  Random random_{seed};
+};
+
+TEST_F(Bernstein, CoefficientsOfPowersAreQuotientsOfBinomials) {
+  const auto binomial = [](std::size_t n, std::size_t k) {
+    return std::round(std::tgamma(static_cast<double>(n) + 1.0) /
+                      std::tgamma(static_cast<double>(k) + 1.0) /
+                      std::tgamma(static_cast<double>(n - k) + 1.0));
+  };
+  for (std::size_t k = 0; k <= top; ++k) {
+    Coefficients power{};
+    power[k] = 1.0;
+    const Coefficients b = bernstein::from_power(power);
+    for (std::size_t i = 0; i <= top; ++i) {
+      EXPECT_DOUBLE_EQ(b[i], i < k ? 0.0 : binomial(i, k) / binomial(top, k)) << i << ", " << k;
+    }
+  }
+}
+
+TEST_F(Bernstein, FormIsThePolynomialAndEnclosesIt) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    const Coefficients a = random_coefficients(random_);
+    const Coefficients b = bernstein::from_power(a);
+    const double rounding = 16.0 * epsilon * largest(a);
+    const auto [low, high] = std::minmax_element(b.begin(), b.end());
+    for (int k = 0; k <= 20; ++k) {
+      const double s = k / 20.0;
+      const auto value = static_cast<double>(horner(a, s));
+      ASSERT_NEAR(static_cast<double>(de_casteljau(b, s)), value, rounding) << i;
+      ASSERT_GE(value, *low - rounding) << i;
+      ASSERT_LE(value, *high + rounding) << i;
+    }
+  }
+}
+
+TEST_F(Bernstein, EndsAreExact) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    const Coefficients a = random_coefficients(random_);
+    const Coefficients b = bernstein::from_power(a);
+    double sum = 0.0;
+    for (const double x : a) sum += x;
+    ASSERT_EQ(b[0], a[0]);
+    ASSERT_EQ(b[top], sum);
+  }
+}
+
+TEST_F(Bernstein, SplitPartsAreTheSamePolynomialAndMeet) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    const Piece whole{random_coefficients(random_), random_.uniform(0.0, 0.5),
+                      random_.log_uniform(1e-6, 0.5)};
+    const double s = random_.log_uniform(1e-3, 1.0);
+    Piece left = whole;
+    Piece right{};
+    bernstein::split(left, s, right);
+    ASSERT_EQ(left.b[0], whole.b[0]);
+    ASSERT_EQ(left.b[top], right.b[0]);
+    ASSERT_EQ(right.b[top], whole.b[top]);
+    ASSERT_EQ(left.low, whole.low);
+    ASSERT_DOUBLE_EQ(left.low + left.length, right.low);
+    ASSERT_DOUBLE_EQ(right.low + right.length, whole.low + whole.length);
+    const double rounding = 16.0 * epsilon * largest(whole.b);
+    for (int k = 0; k <= 10; ++k) {
+      const long double x = k / 10.0L;
+      ASSERT_NEAR(static_cast<double>(de_casteljau(left.b, x)),
+                  static_cast<double>(de_casteljau(whole.b, s * x)), rounding);
+      ASSERT_NEAR(static_cast<double>(de_casteljau(right.b, x)),
+                  static_cast<double>(de_casteljau(whole.b, s + (1.0L - s) * x)), rounding);
+    }
+  }
+}
+
+TEST_F(Bernstein, CutLeavesTheRightPart) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    Piece left{random_coefficients(random_), 0.25, 0.5};
+    Piece cut = left;
+    const double s = random_.uniform(0.0, 1.0);
+    Piece right{};
+    bernstein::split(left, s, right);
+    bernstein::cut(cut, s);
+    ASSERT_EQ(cut.b, right.b);
+    ASSERT_EQ(cut.low, right.low);
+    ASSERT_EQ(cut.length, right.length);
+  }
+}
+
+// Second differences say how far the control points are from the polynomial; those of a part of
+// length s are means of those of the whole, times s^2.
+TEST_F(Bernstein, SubdivisionConvergesWithTheSquareOfTheLength) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    Piece left{random_coefficients(random_), 0.0, 1.0};
+    const double rounding = 32.0 * epsilon * largest(left.b);
+    const double whole = largest_second_difference(left.b);
+    const double s = random_.uniform(0.01, 0.99);
+    Piece right{};
+    bernstein::split(left, s, right);
+    ASSERT_LE(largest_second_difference(left.b), s * s * whole + rounding);
+    ASSERT_LE(largest_second_difference(right.b), (1.0 - s) * (1.0 - s) * whole + rounding);
+  }
+  // By halves, towards any point: the control points close on the polynomial there.
+  for (int i = 0; i < repetitions(200); ++i) {
+    const Coefficients b = random_coefficients(random_);
+    Piece piece{b, 0.0, 1.0};
+    const double at = random_.uniform(0.0, 1.0);
+    for (int halves = 0; halves < 25; ++halves) {
+      Piece right{};
+      bernstein::split(piece, 0.5, right);
+      if (at >= right.low) piece = right;
+    }
+    ASSERT_EQ(piece.length, 0x1p-25);
+    for (const double control : piece.b) {
+      ASSERT_NEAR(control, static_cast<double>(de_casteljau(b, at)), 1e-5 * largest(b));
+    }
+  }
+}
+
+// The hull is that of all segments from a control point above zero to one below behind it.
+TEST_F(Bernstein, HullCrossesZeroWhereTheFirstSegmentDoes) {
+  int crossings = 0;
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const Coefficients b = random_falling(random_);
+    double first = infinity;
+    for (std::size_t j = 0; j <= top; ++j) {
+      for (std::size_t k = j + 1; k <= top; ++k) {
+        if (b[j] < 0.0 || b[k] >= 0.0) continue;
+        const double share = b[j] / (b[j] - b[k]);
+        first =
+            std::min(first, (static_cast<double>(j) + share * static_cast<double>(k - j)) / degree);
+      }
+    }
+    const double crossing = bernstein::hull_crossing(b);
+    if (first == infinity) {
+      ASSERT_EQ(crossing, infinity) << i;
+      continue;
+    }
+    ++crossings;
+    ASSERT_NEAR(crossing, first, 8.0 * epsilon) << i;
+    for (int k = 0; k < 50; ++k) {
+      ASSERT_GE(de_casteljau(b, crossing * k / 50.0), -16.0 * epsilon * largest(b)) << i;
+    }
+  }
+  EXPECT_GT(crossings, repetitions(20000) / 4);
+  EXPECT_LT(crossings, repetitions(20000));
+}
+
+TEST_F(Bernstein, AStraightLineCrossesZeroWhereItsHullDoes) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    const double root = random_.log_uniform(1e-6, 1.0);
+    const Coefficients b = bernstein::from_power({root, -1.0});
+    ASSERT_NEAR(bernstein::hull_crossing(b), root, 8.0 * epsilon);
+  }
+}
+
+// Nothing is said to be positive that is not, and what is found is a root or nearly one.
+TEST_F(Bernstein, FirstRootBoundsTheFirstRootOfAnyCoefficients) {
+  int none = 0;
+  int some = 0;
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const Coefficients b = random_falling(random_);
+    const double root = bernstein::first_root(b);
+    const double rounding = 64.0 * epsilon * largest(b);
+    const double end = std::min(root, 1.0);
+    for (int k = 0; k < 200; ++k) ASSERT_GE(de_casteljau(b, end * k / 200.0), -rounding) << i;
+    ++(root == infinity ? none : some);
+    if (root == infinity) continue;
+    ASSERT_GT(root, 0.0) << i;
+    ASSERT_LE(root, 1.0) << i;
+    ASSERT_LE(de_casteljau(b, root), 1e-2 * b[0] + rounding) << i;
+  }
+  std::cout << some << " roots, " << none << " without\n";
+  EXPECT_GT(some, repetitions(20000) / 10);
+  EXPECT_GT(none, repetitions(20000) / 10);
+}
+
+TEST_F(Bernstein, FirstRootIsBeforeTheFirstRootOfAProduct) {
+  int none = 0;
+  int some = 0;
+  for (int i = 0; i < repetitions(20000); ++i) {
+    const Product product = random_product(random_);
+    const double root = bernstein::first_root(product.b);
+    const double rounding = 64.0 * epsilon * largest(product.b);
+    ++(product.first == infinity ? none : some);
+    if (root > product.first) {
+      // By no more than rounded coefficients move it.
+      ASSERT_NEAR(root, product.first, 1e-6) << i;
+      ASSERT_NEAR(static_cast<double>(de_casteljau(product.b, root)), 0.0, rounding) << i;
+    }
+    if (root < infinity) {
+      ASSERT_LE(de_casteljau(product.b, root), 1e-2 * product.b[0] + rounding) << i;
+    }
+  }
+  std::cout << some << " with a root, " << none << " without\n";
+  EXPECT_GT(some, repetitions(20000) / 10);
+  EXPECT_GT(none, repetitions(20000) / 10);
+}
+
+TEST_F(Bernstein, PowersOfTwoInSizeChangeNothing) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    Coefficients b = random_falling(random_);
+    const double crossing = bernstein::hull_crossing(b);
+    const double root = bernstein::first_root(b);
+    const double scale = std::ldexp(1.0, random_.integer(-300, 300));
+    for (double& x : b) x *= scale;
+    ASSERT_EQ(bernstein::hull_crossing(b), crossing);
+    ASSERT_EQ(bernstein::first_root(b), root);
+  }
+}
+
+TEST_F(Bernstein, WhatHasNoNegativeCoefficientHasNoRoot) {
+  for (int i = 0; i < repetitions(2000); ++i) {
+    Coefficients b = random_coefficients(random_);
+    for (double& x : b) x = std::abs(x);
+    b[0] += 1e-300;
+    ASSERT_EQ(bernstein::hull_crossing(b), infinity);
+    ASSERT_EQ(bernstein::first_root(b), infinity);
+  }
+  EXPECT_EQ(bernstein::first_root({1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0}), infinity);
+  EXPECT_EQ(bernstein::first_root({1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0}), infinity);
+}
+
+TEST_F(Bernstein, ANegativeCoefficientAloneIsNoRoot) {
+  const Coefficients b{1.0, 1.0, 1.0, -0.5, 1.0, 1.0, 1.0, 1.0};
+  EXPECT_LT(bernstein::hull_crossing(b), 3.0 / 7.0);
+  EXPECT_EQ(bernstein::first_root(b), infinity);
+}
+
+TEST_F(Bernstein, ATouchIsSeenAsFarAsItIsShallow) {
+  // (s - 1/2)^2 + d against 1/4 + d at the start: a percent of it is the limit.
+  for (const double d : {0.0, 1e-15, 1e-9, 1e-4}) {
+    const double root = bernstein::first_root(bernstein::from_power({0.25 + d, -1.0, 1.0}));
+    EXPECT_LE(root, 0.5) << d;
+    EXPECT_GE(root, 0.45 - 1e-3) << d;
+  }
+  EXPECT_EQ(bernstein::first_root(bernstein::from_power({0.25 + 0.01, -1.0, 1.0})), infinity);
+}
+
+TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
+  // What is zero at 1 alone is positive before.
+  EXPECT_EQ(bernstein::first_root(bernstein::from_power({1.0, -1.0})), infinity);
+  const double last = bernstein::first_root(bernstein::from_power({1.0, -1.0 - 1e-12}));
+  EXPECT_LE(last, 1.0);
+  EXPECT_GE(last, 0.99);
+  for (const double start : {1e-3, 1e-9, 1e-15, 1e-100, 1e-300}) {
+    const double root = bernstein::first_root(bernstein::from_power({start, -1.0}));
+    EXPECT_LE(root, start * (1.0 + 8.0 * epsilon)) << start;
+    EXPECT_GE(root, 0.98 * start) << start;
+  }
+}
+
+TEST_F(Bernstein, OfManyRootsTheFirstIsFound) {
+  // Chebyshev's polynomial T_7(1 - 2 s): all of its 7 roots are within.
+  const Coefficients b =
+      bernstein::from_power({1.0, -98.0, 1568.0, -9408.0, 26880.0, -39424.0, 28672.0, -8192.0});
+  const double first = (1.0 - std::cos(std::numbers::pi / 14.0)) / 2.0;
+  const double root = bernstein::first_root(b);
+  EXPECT_LE(root, first * (1.0 + 1e-12));
+  EXPECT_GE(root, 0.98 * first);
+}
+
+}  // namespace
+}  // namespace sprag
