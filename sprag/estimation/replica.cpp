@@ -43,10 +43,9 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   error_bound_.start(state.motion, chi, state.error_bound);
   if (chi != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
-    if (solver_.collide(chi, epsilon_, chi, 0, state.motion) != Solved::yes) {
-      ++state.refused_impacts;
-    }
-    note_idle(chi, state);
+    const Collision collision = solver_.collide(chi, epsilon_, chi, 0, state.motion);
+    if (collision.solved != Solved::yes) ++state.refused_impacts;
+    note_idle(chi, collision.unsatisfied, state);
   }
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
@@ -102,14 +101,16 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     return;
   }
   note_innovation(closing, state);
-  if (solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion) != Solved::yes) {
+  const Collision collision =
+      solver_.collide(before | closing, epsilon_, state.chi, 0, state.motion);
+  if (collision.solved != Solved::yes) {
     ++state.refused_impacts;
     release(before & ~state.chi, 0, state);
     return;
   }
-  note_idle(closing, state);
+  note_idle(closing, collision.unsatisfied, state);
   const ContactSet locked = state.motion.flow->locked();
-  const ContactSet from_zero = (solver_.resting() & ~locked) | solver_.unloaded();
+  const ContactSet from_zero = (collision.resting & ~locked) | collision.unloaded;
   for (std::size_t i = 0; i < order_.size(); ++i) {
     order_[i] = contains(from_zero, static_cast<int>(i)) ? 1 : 0;
   }
@@ -119,25 +120,25 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
 // held together with others is then held by itself.
 void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& state) {
   ContactSet carried = state.motion.flow->tied() & state.chi;
-  solver_.release(leaving | unlocking, state.motion);
+  ContactSet unsatisfied = solver_.release(leaving | unlocking, state.motion);
   carried &= ~state.motion.flow->tied();
   const ContactSet parting = solver_.parting(carried, state.motion);
   const ContactSet closed = state.chi & ~(unlocking | parting);
   for_each(unlocking | parting, [&](int i) { order_[index(i)] = 2; });
   if ((carried & ~parting) != 0 || solver_.pressed_in(closed & state.idle, state.motion) != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
-    if (solver_.collide(closed, epsilon_, closed, 0, state.motion) != Solved::yes) {
-      ++state.refused_impacts;
-    }
+    const Collision collision = solver_.collide(closed, epsilon_, closed, 0, state.motion);
+    if (collision.solved != Solved::yes) ++state.refused_impacts;
+    unsatisfied = collision.unsatisfied;
   }
-  note_idle(0, state);
+  note_idle(0, unsatisfied, state);
 }
 
-// `closing`: contacts that have just closed.
-void Replica::note_idle(ContactSet closing, ReplicaState& state) const {
-  if (solver_.unsatisfied() != 0) ++state.refused_impacts;
+// `closing`: contacts that have just closed; `unsatisfied` as of the last change of the locked set.
+void Replica::note_idle(ContactSet closing, ContactSet unsatisfied, ReplicaState& state) const {
+  if (unsatisfied != 0) ++state.refused_impacts;
   const ContactSet tied = state.motion.flow->tied() & state.chi;
-  state.idle = tied | (solver_.unsatisfied() & state.chi);
+  state.idle = tied | (unsatisfied & state.chi);
   if ((tied & closing) == 0) return;
   ++state.redundancy.closings;
   state.redundancy.contact = std::countr_zero(tied & closing);
@@ -189,18 +190,19 @@ void Replica::advance(Instant t, ReplicaState& state) {
     motion.flow->propagate(motion, motion.t + search_.tau(), motion);
     std::fill(order_.begin(), order_.end(), 0);
     if (unlocking != 0) release(0, unlocking, state);
-    if (locking != 0 && solver_.lock(motion.flow->locked() | locking, 0, motion) != Solved::yes) {
+    if (locking == 0) continue;
+    const Locking outcome = solver_.lock(motion.flow->locked() | locking, 0, motion);
+    if (outcome.solved != Solved::yes) {
       ++state.refused_impacts;
       break;
     }
-    if (locking == 0) continue;
-    note_idle(0, state);
+    note_idle(0, outcome.unsatisfied, state);
     // What is pressed in and not to be held is let be until something else happens.
     const ContactSet free = locking & ~motion.flow->locked();
     state.idle |= solver_.pressed_in(free, motion);
     for_each(free & ~state.idle, [&](int i) { order_[index(i)] = 1; });
     for (std::size_t i = 0; i < order_.size(); ++i) {
-      if (contains(solver_.unloaded(), static_cast<int>(i))) order_[i] = 1;
+      if (contains(outcome.unloaded, static_cast<int>(i))) order_[i] = 1;
     }
   }
   if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);

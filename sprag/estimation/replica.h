@@ -81,7 +81,7 @@ class Replica {
   void note_innovation(ContactSet closing, ReplicaState& state) const;
   void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
   void release(ContactSet leaving, ContactSet unlocking, ReplicaState& state);
-  void note_idle(ContactSet closing, ReplicaState& state) const;
+  void note_idle(ContactSet closing, ContactSet unsatisfied, ReplicaState& state) const;
 
   std::shared_ptr<Flows> flows_;
   double h_;

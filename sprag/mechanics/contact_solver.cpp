@@ -1,5 +1,6 @@
 #include "sprag/mechanics/contact_solver.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -15,6 +16,16 @@ constexpr double pressed_share = 1e-9;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
+// The contacts whose rows, in ascending order of `contacts`, are in the set `rows`.
+ContactSet at_rows(ContactSet rows, ContactSet contacts) {
+  ContactSet set = 0;
+  int row = 0;
+  for_each(contacts, [&](int i) {
+    if (contains(rows, row++)) set |= bit(i);
+  });
+  return set;
+}
+
 }  // namespace
 
 ContactSolver::ContactSolver(const Flows& flows, DependentContacts dependent)
@@ -24,8 +35,6 @@ ContactSolver::ContactSolver(const Flows& flows, DependentContacts dependent)
   for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics.free_acceleration(i));
   state_.q.resize(dynamics.coordinates());
   state_.u.resize(dynamics.coordinates());
-  gamma_plus_.resize(index(m));
-  held_.resize(index(m));
   held_locked_.resize(m);
 }
 
@@ -85,88 +94,79 @@ void ContactSolver::read_state(const Motion& motion) {
   motion.flow->state(motion, state_.q, state_.u);
 }
 
-double ContactSolver::free_acceleration(int contact, const Motion& motion) {
-  read_state(motion);
-  double magnitude = 0.0;
-  return acceleration(contact, motion, magnitude);
-}
-
 // The flow with these contacts locked; where there is none, with fewer of them.
-const Flow& ContactSolver::flow_of(ContactSet locked) {
+const Flow& ContactSolver::flow_of(ContactSet locked, ContactSet& unsatisfied) const {
   if (dependent_ == DependentContacts::refuse) return (*flows_)[locked];
   const Flow* flow = flows_->find(locked);
   while (flow == nullptr) {
     const ContactSet last = std::bit_floor(locked);
-    unsatisfied_ |= last;
+    unsatisfied |= last;
     locked &= ~last;
     flow = flows_->find(locked);
   }
   return *flow;
 }
 
-void ContactSolver::enter(ContactSet locked, ContactSet geometric, Motion& motion) {
-  const Flow& flow = flow_of(locked);
+void ContactSolver::enter(ContactSet locked, ContactSet geometric, ContactSet& unsatisfied,
+                          Motion& motion) {
+  const Flow& flow = flow_of(locked, unsatisfied);
   Eigen::Index count = 0;
   for_each(flow.locked(),
            [&](int i) { held_locked_[count++] = contains(geometric, i) ? 0.0 : gap(i, motion); });
   flow.enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
 }
 
-// 0 <= x _|_ y = A x + b >= 0, row by row for `contacts`.
-Solved ContactSolver::solve(const ContactMatrix& A, const ContactVector& b,
-                            const ContactVector& noise, ContactVector& x, ContactVector& y,
-                            ContactSet contacts) {
-  if (dependent_ == DependentContacts::refuse) return solve_lcp(A, b, x, y);
-  ContactSet rows = 0;
-  const Solved solved = solve_semidefinite_lcp(A, b, noise, x, y, rows);
-  leave_out(rows, contacts);
-  return solved;
-}
-
-void ContactSolver::leave_out(ContactSet rows, ContactSet contacts) {
-  int row = 0;
-  for_each(contacts, [&](int i) {
-    if (contains(rows, row++)) unsatisfied_ |= bit(i);
+// Those of `candidates` that keep their contact by 0 <= lambda _|_ gamma' >= 0, but for those that
+// are unsatisfied in `locking` already or become so.
+ContactSet ContactSolver::choose(ContactSet candidates, const Motion& motion,
+                                 Locking& locking) const {
+  const Eigen::MatrixXd& G = flows_->dynamics().G();
+  const auto n = static_cast<Eigen::Index>(std::popcount(candidates));
+  ContactVector a(n);
+  ContactVector magnitude(n);
+  Eigen::Index row = 0;
+  for_each(candidates, [&](int i) {
+    a[row] = acceleration(i, motion, magnitude[row]);
+    ++row;
   });
+  ContactVector lambda;
+  ContactVector rate;
+  const ContactMatrix A = of_contacts(G, candidates);
+  if (dependent_ == DependentContacts::refuse) {
+    locking.solved = solve_lcp(A, a, lambda, rate);
+  } else {
+    ContactSet rows = 0;
+    locking.solved = solve_semidefinite_lcp(A, a, zero_share * magnitude, lambda, rate, rows);
+    locking.unsatisfied |= at_rows(rows, candidates);
+  }
+  if (locking.solved != Solved::yes) return 0;
+
+  ContactSet locked = 0;
+  row = 0;
+  // Neither pressed nor pulled apart: what touches goes on touching.
+  for_each(candidates, [&](int i) {
+    const double noise = zero_share * magnitude[row];
+    if (rate[row] <= noise && !contains(locking.unsatisfied, i)) {
+      locked |= bit(i);
+      if (lambda[row] * G(i, i) <= noise) locking.unloaded |= bit(i);
+    }
+    ++row;
+  });
+  if (dependent_ == DependentContacts::share) {
+    const ContactSet pressed = locked & ~locking.unloaded;
+    locked = pressed | independent_of(G, pressed, locking.unloaded);
+    locking.unloaded &= locked;
+  }
+  return locked;
 }
 
 // Uses state_ as q, u at motion.t; motion still carries the phases and the gaps.
-Solved ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion) {
-  ContactSet locked = 0;
-  unloaded_ = 0;
-  if (candidates != 0) {
-    const auto n = static_cast<Eigen::Index>(std::popcount(candidates));
-    ContactVector a(n);
-    ContactVector magnitude(n);
-    Eigen::Index row = 0;
-    for_each(candidates, [&](int i) {
-      a[row] = acceleration(i, motion, magnitude[row]);
-      ++row;
-    });
-    ContactVector lambda;
-    ContactVector rate;
-    if (solve(of_contacts(flows_->dynamics().G(), candidates), a, zero_share * magnitude, lambda,
-              rate, candidates) != Solved::yes) {
-      return Solved::dependent;
-    }
-    row = 0;
-    // Neither pressed nor pulled apart: what touches goes on touching.
-    for_each(candidates, [&](int i) {
-      const double noise = zero_share * magnitude[row];
-      if (rate[row] <= noise && !contains(unsatisfied_, i)) {
-        locked |= bit(i);
-        if (lambda[row] * flows_->dynamics().G()(i, i) <= noise) unloaded_ |= bit(i);
-      }
-      ++row;
-    });
-    if (dependent_ == DependentContacts::share) {
-      const ContactSet pressed = locked & ~unloaded_;
-      locked = pressed | independent_of(flows_->dynamics().G(), pressed, unloaded_);
-      unloaded_ &= locked;
-    }
-  }
-  enter(locked, geometric, motion);
-  return Solved::yes;
+Locking ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric,
+                                    ContactSet unsatisfied, Motion& motion) {
+  Locking locking{Solved::yes, 0, unsatisfied};
+  const ContactSet locked = candidates == 0 ? 0 : choose(candidates, motion, locking);
+  if (locking.solved == Solved::yes) enter(locked, geometric, locking.unsatisfied, motion);
+  return locking;
 }
 
 // Sum of the terms of gamma_i.
@@ -186,8 +186,8 @@ ContactSet ContactSolver::pressed_in(ContactSet contacts, const Motion& motion) 
   return pressed;
 }
 
-Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
-                              ContactSet staying, ContactSet geometric, Motion& motion) {
+Collision ContactSolver::collide(ContactSet closed, std::span<const double> epsilon,
+                                 ContactSet staying, ContactSet geometric, Motion& motion) {
   const Dynamics& dynamics = flows_->dynamics();
   const auto n = static_cast<Eigen::Index>(std::popcount(closed));
   ContactVector gamma_minus(n);
@@ -199,91 +199,91 @@ Solved ContactSolver::collide(ContactSet closed, std::span<const double> epsilon
     noise[row] = rounding * velocity_scale(i, motion);
     epsilon_A[row++] = epsilon[index(i)];
   });
-  unsatisfied_ = unloaded_ = 0;
   ContactVector Lambda;
   ContactVector gamma_plus;
   const ContactMatrix G = of_contacts(dynamics.G(), closed);
   ContactSet rows = 0;
-  const Solved solved =
+  Collision collision;
+  collision.closed = closed;
+  collision.solved =
       dependent_ == DependentContacts::refuse
           ? impact(dynamics.model().law, G, epsilon_A, gamma_minus, Lambda, gamma_plus)
           : semidefinite_impact(dynamics.model().law, G, epsilon_A, gamma_minus, noise, Lambda,
                                 gamma_plus, rows);
-  if (solved != Solved::yes) return solved;
-  leave_out(rows, closed);
+  if (collision.solved != Solved::yes) return collision;
+  collision.unsatisfied = at_rows(rows, closed);
+  collision.gamma_plus.setZero(dynamics.contacts());
   const double scale = gamma_minus.cwiseAbs().maxCoeff();
-  resting_ = 0;
-  struck_ = 0;
   row = 0;
   for_each(closed, [&](int i) {
     if (std::abs(gamma_plus[row]) <= std::max(zero_share * scale, noise[row])) {
       gamma_plus[row] = 0.0;
-      resting_ |= bit(i);
+      collision.resting |= bit(i);
     }
-    if (Lambda[row] > 0.0) struck_ |= bit(i);
-    gamma_plus_[index(i)] = gamma_plus[row++];
+    if (Lambda[row] > 0.0) collision.struck |= bit(i);
+    collision.gamma_plus[i] = gamma_plus[row++];
   });
 
   row = 0;
   const Flow& flow = *motion.flow;
-  if (flow.locked() == 0 && (resting_ & staying) == 0 && flow.accepts_kicks()) {
+  if (flow.locked() == 0 && (collision.resting & staying) == 0 && flow.accepts_kicks()) {
     for_each(closed, [&](int i) { flow.kick(i, Lambda[row++], motion); });
-    return Solved::yes;
+    return collision;
   }
   read_state(motion);
   for_each(closed, [&](int i) { state_.u += Lambda[row++] * dynamics.MinvW().col(i); });
-  return enter_locked(resting_ & staying, geometric, motion);
+  Locking& locking = collision;
+  locking = enter_locked(collision.resting & staying, geometric, collision.unsatisfied, motion);
+  return collision;
 }
 
-Solved ContactSolver::hold(ContactSet contacts, ContactSet closed, ContactSet geometric,
-                           Motion& motion) {
+Collision ContactSolver::hold(const Collision& collision, ContactSet contacts, ContactSet geometric,
+                              Motion& motion) {
   const Dynamics& dynamics = flows_->dynamics();
-  while (true) {
-    ContactVector gamma(std::popcount(contacts));
+  Collision held = collision;
+  held.resting |= contacts;
+  ContactVector Lambda;
+  ContactSet pressed = 0;
+  do {
+    held.resting |= pressed;
+    ContactVector gamma(std::popcount(held.resting));
     Eigen::Index row = 0;
-    for_each(contacts, [&](int i) { gamma[row++] = gamma_plus_[index(i)]; });
-    ContactVector Lambda;
-    if (arrest(of_contacts(dynamics.G(), contacts), gamma, Lambda) != Solved::yes)
-      return Solved::dependent;
-    const auto gamma_held = [&](int i) {
-      double sum = gamma_plus_[index(i)];
+    for_each(held.resting, [&](int i) { gamma[row++] = collision.gamma_plus[i]; });
+    held.solved = arrest(of_contacts(dynamics.G(), held.resting), gamma, Lambda);
+    if (held.solved != Solved::yes) return held;
+    pressed = 0;
+    for_each(held.closed & ~held.resting, [&](int i) {
+      double sum = collision.gamma_plus[i];
       Eigen::Index k = 0;
-      for_each(contacts, [&](int j) { sum += dynamics.G()(i, j) * Lambda[k++]; });
-      return sum;
-    };
-    ContactSet pressed = 0;
-    for_each(closed & ~contacts, [&](int i) {
-      if (gamma_held(i) <= 0.0) pressed |= bit(i);
+      for_each(held.resting, [&](int j) { sum += dynamics.G()(i, j) * Lambda[k++]; });
+      held.gamma_plus[i] = sum;
+      if (sum <= 0.0) pressed |= bit(i);
     });
-    if (pressed != 0) {
-      contacts |= pressed;
-      continue;
-    }
-    read_state(motion);
-    row = 0;
-    for_each(contacts, [&](int i) { state_.u += Lambda[row++] * dynamics.MinvW().col(i); });
-    if (const Solved solved = enter_locked(contacts, geometric, motion); solved != Solved::yes) {
-      return solved;
-    }
-    for_each(closed & ~contacts, [&](int i) { gamma_plus_[index(i)] = gamma_held(i); });
-    for_each(contacts, [&](int i) { gamma_plus_[index(i)] = 0.0; });
-    resting_ = contacts;
-    return Solved::yes;
-  }
-}
+  } while (pressed != 0);
 
-Solved ContactSolver::lock(ContactSet candidates, ContactSet geometric, Motion& motion) {
-  unsatisfied_ = 0;
   read_state(motion);
-  return enter_locked(candidates, geometric, motion);
+  Eigen::Index row = 0;
+  for_each(held.resting, [&](int i) {
+    state_.u += Lambda[row++] * dynamics.MinvW().col(i);
+    held.gamma_plus[i] = 0.0;
+  });
+  Locking& locking = held;
+  locking = enter_locked(held.resting, geometric, collision.unsatisfied, motion);
+  return held;
 }
 
-void ContactSolver::release(ContactSet leaving, Motion& motion) {
-  unsatisfied_ = 0;
+Locking ContactSolver::lock(ContactSet candidates, ContactSet geometric, Motion& motion) {
+  read_state(motion);
+  return enter_locked(candidates, geometric, 0, motion);
+}
+
+ContactSet ContactSolver::release(ContactSet leaving, Motion& motion) {
   const ContactSet locked = motion.flow->locked();
-  if ((locked & leaving) == 0) return;
+  ContactSet unsatisfied = 0;
+  if ((locked & leaving) == 0) return unsatisfied;
   read_state(motion);
-  enter(locked & ~leaving, 0, motion);
+  enter(locked & ~leaving, 0, unsatisfied, motion);
+  return unsatisfied;
 }
 
 void ContactSolver::start(const State& state, Instant t, Motion& motion) {

@@ -22,6 +22,24 @@ enum class DependentContacts {
   share    ///< independent ones carry it all; what cannot be satisfied beside them is left out
 };
 
+/// How a locked set has come out.
+struct Locking {
+  Solved solved = Solved::yes;  ///< the motion is as it was unless `yes`
+  /// Locked contacts whose force starts from zero, within rounding.
+  ContactSet unloaded = 0;
+  /// Contacts that cannot be satisfied beside the others, or together with which the machine has no
+  /// flow. They have no force. None where dependent directions are refused.
+  ContactSet unsatisfied = 0;
+};
+
+/// How an impact has come out. What follows `closed` has a meaning only where it is solved.
+struct Collision : Locking {
+  ContactSet closed = 0;     ///< contacts that took part
+  ContactSet struck = 0;     ///< those that took an impulse
+  ContactSet resting = 0;    ///< those that end with gamma+ = 0
+  ContactVector gamma_plus;  ///< m entries: gamma_i+ of those that took part, else 0
+};
+
 class ContactSolver {
  public:
   /// `flows` must outlive this.
@@ -38,47 +56,30 @@ class ContactSolver {
 
   /// Impact on the contacts `closed` with restitution epsilon (indexed by contact, m entries), then
   /// a new locked set among those of `staying` whose gamma+ is zero. Contacts in `geometric` are
-  /// held at g = 0 exactly, others at the gap they have. On `dependent` the motion is unchanged.
-  /// gamma_plus() and resting() describe the outcome.
-  Solved collide(ContactSet closed, std::span<const double> epsilon, ContactSet staying,
-                 ContactSet geometric, Motion& motion);
+  /// held at g = 0 exactly, others at the gap they have.
+  Collision collide(ContactSet closed, std::span<const double> epsilon, ContactSet staying,
+                    ContactSet geometric, Motion& motion);
 
-  /// After collide(): takes gamma of `contacts` to zero as well, pulling where need be, and of
-  /// those of `closed` that this would press in; then a new locked set among all that rest. On
-  /// `dependent` the motion is unchanged. gamma_plus() and resting() are kept up.
-  Solved hold(ContactSet contacts, ContactSet closed, ContactSet geometric, Motion& motion);
+  /// After `collision`: takes gamma of `contacts` to zero as well, pulling where need be, and of
+  /// others that took part and that this would press in; then a new locked set among all that rest.
+  Collision hold(const Collision& collision, ContactSet contacts, ContactSet geometric,
+                 Motion& motion);
 
   /// New locked set among `candidates`, whose gamma is zero.
-  Solved lock(ContactSet candidates, ContactSet geometric, Motion& motion);
+  Locking lock(ContactSet candidates, ContactSet geometric, Motion& motion);
 
-  /// Takes `leaving` out of the locked set.
-  void release(ContactSet leaving, Motion& motion);
+  /// Takes `leaving` out of the locked set. Returns what is unsatisfied then, as in Locking.
+  ContactSet release(ContactSet leaving, Motion& motion);
 
   /// Puts a free motion at (q, u, t).
   void start(const State& state, Instant t, Motion& motion);
 
-  /// After collide(): gamma_i+ of the contacts that took part.
-  double gamma_plus(int contact) const { return gamma_plus_[static_cast<std::size_t>(contact)]; }
-  /// After collide(): contacts that took an impulse.
-  ContactSet struck() const { return struck_; }
-  /// After collide(): contacts of the impact that end with gamma+ = 0.
-  ContactSet resting() const { return resting_; }
-  /// After any of these: locked contacts whose force starts from zero, within rounding.
-  ContactSet unloaded() const { return unloaded_; }
-  /// After any of these: contacts that cannot be satisfied beside the others, or together with
-  /// which the machine has no flow. They have no force. None where dependent directions are
-  /// refused.
-  ContactSet unsatisfied() const { return unsatisfied_; }
-  /// gamma_i' without contact forces, at (q, u, t) of a motion.
-  double free_acceleration(int contact, const Motion& motion);
-
  private:
-  Solved enter_locked(ContactSet candidates, ContactSet geometric, Motion& motion);
-  Solved solve(const ContactMatrix& A, const ContactVector& b, const ContactVector& noise,
-               ContactVector& x, ContactVector& y, ContactSet contacts);
-  void leave_out(ContactSet rows, ContactSet contacts);
-  const Flow& flow_of(ContactSet locked);
-  void enter(ContactSet locked, ContactSet geometric, Motion& motion);
+  Locking enter_locked(ContactSet candidates, ContactSet geometric, ContactSet unsatisfied,
+                       Motion& motion);
+  ContactSet choose(ContactSet candidates, const Motion& motion, Locking& locking) const;
+  const Flow& flow_of(ContactSet locked, ContactSet& unsatisfied) const;
+  void enter(ContactSet locked, ContactSet geometric, ContactSet& unsatisfied, Motion& motion);
   void read_state(const Motion& motion);
   double velocity_scale(int contact, const Motion& motion) const;
   double acceleration(int contact, const Motion& motion, double& magnitude) const;
@@ -86,14 +87,8 @@ class ContactSolver {
   const Flows* flows_;
   DependentContacts dependent_;
   std::vector<Functional> acceleration_;
-  State state_;  // scratch: q, u at the instant
-  std::vector<double> gamma_plus_;
-  std::vector<double> held_;     // scratch: gap of each contact at the instant
+  State state_;                  // scratch: q, u at the instant
   Eigen::VectorXd held_locked_;  // scratch
-  ContactSet resting_ = 0;
-  ContactSet struck_ = 0;
-  ContactSet unloaded_ = 0;
-  ContactSet unsatisfied_ = 0;
 };
 
 }  // namespace sprag

@@ -68,13 +68,14 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
     }
   }
   if (touched != 0) {
-    if (solver_.lock(touched, ~penetrating_, motion_) != Solved::yes) {
+    const Locking locking = solver_.lock(touched, ~penetrating_, motion_);
+    if (locking.solved != Solved::yes) {
       fail("the contacts closed at the start have linearly dependent directions");
     }
     for (int i = 0; i < m; ++i) {
       if (!contains(touched, i)) continue;
       if (contains(motion_.flow->locked(), i)) {
-        order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+        order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0;
         record(i, ContactEventKind::closes, events);
       } else {
         order_[index(i)] = 2;
@@ -146,7 +147,7 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
   ContactSet completed = 0;
   ContactSet releasing = 0;
   ContactSet surfacing = 0;
-  ContactSet locking = 0;
+  ContactSet arrested = 0;
   if (from_search) {
     for (std::size_t w = 0; w < watches_.size(); ++w) {
       if (!search_.fires(w)) continue;
@@ -159,7 +160,7 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
           surfacing |= contact;
           break;
         case velocity_falls:
-          locking |= contact;
+          arrested |= contact;
           break;
         default:
           releasing |= contact;
@@ -193,14 +194,15 @@ void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
       }
     }
   }
-  if ((locking & penetrating_) != 0) {
-    const ContactSet candidates = motion_.flow->locked() | (locking & penetrating_);
-    if (solver_.lock(candidates, ~penetrating_, motion_) != Solved::yes) {
+  if ((arrested & penetrating_) != 0) {
+    const ContactSet candidates = motion_.flow->locked() | (arrested & penetrating_);
+    const Locking locking = solver_.lock(candidates, ~penetrating_, motion_);
+    if (locking.solved != Solved::yes) {
       fail("locked contacts have linearly dependent directions");
     }
     for (int i = 0; i < m; ++i) {
       if (!contains(motion_.flow->locked(), i)) continue;
-      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+      order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0;
     }
   }
   if ((closing | completed) != 0) {
@@ -250,11 +252,11 @@ bool Master::touches(int contact) const {
 
 // Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
 // come back at once, throw others off in turn, and so on without end.
-ContactSet Master::hardly_parted(ContactSet contacts) const {
+ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision) const {
   ContactSet brief = 0;
   for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
     if (!contains(contacts & ~penetrating_ & ~motion_.flow->locked(), i)) continue;
-    const double gamma = solver_.gamma_plus(i);
+    const double gamma = collision.gamma_plus[i];
     const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
     if (gamma > 0.0 && 2.0 * gamma < -acceleration * shortest_chatter()) brief |= bit(i);
   }
@@ -281,20 +283,21 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
   ContactSet staying = to_stay;
   ContactSet thrown_off = 0;
   ContactSet locked = 0;
+  Collision collision;
   while (true) {
     for (int i = 0; i < m; ++i) {
       epsilon_[index(i)] = contains(staying, i) ? 0.0 : model.contacts[index(i)].restitution;
     }
-    if (solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_) !=
-        Solved::yes) {
+    collision = solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_);
+    if (collision.solved != Solved::yes) {
       fail("contacts that close at once have linearly dependent directions");
     }
     // To hold one may lift another as little.
-    ContactSet brief = 0;
-    do {
-      brief = hardly_parted(closed_before | staying);
-    } while (brief != 0 && solver_.hold(solver_.resting() | brief, participants, ~penetrating_,
-                                        motion_) == Solved::yes);
+    while (const ContactSet brief = hardly_parted(closed_before | staying, collision)) {
+      const Collision held = solver_.hold(collision, brief, ~penetrating_, motion_);
+      if (held.solved != Solved::yes) break;
+      collision = held;
+    }
     locked = motion_.flow->locked();
     const ContactSet sticking = closing & locked & ~staying & ~thrown_off;
     const ContactSet thrown = staying & ~locked & ~penetrating_;
@@ -311,22 +314,22 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
 
   for (int i = 0; i < m; ++i) {
     if (!contains(participants, i)) continue;
-    const double gamma = solver_.gamma_plus(i);
+    const double gamma = collision.gamma_plus[i];
     if (contains(penetrating_, i)) {
       if (!contains(closed_before, i)) record(i, ContactEventKind::closes, events);
-      order_[index(i)] = contains(solver_.resting(), i) ? 1 : 0;
+      order_[index(i)] = contains(collision.resting, i) ? 1 : 0;
       continue;
     }
     if (contains(locked, i)) {
-      order_[index(i)] = contains(solver_.unloaded(), i) ? 1 : 0;
+      order_[index(i)] = contains(collision.unloaded, i) ? 1 : 0;
       completion_[index(i)] = infinity;
       if (contains(closing, i)) record(i, ContactEventKind::closes, events);
       continue;
     }
-    order_[index(i)] = contains(solver_.resting(), i) ? 2 : 1;
+    order_[index(i)] = contains(collision.resting, i) ? 2 : 1;
     if (contains(closed_before, i)) {
       record(i, ContactEventKind::opens, events);
-    } else if (!contains(touched, i) || contains(solver_.struck(), i)) {
+    } else if (!contains(touched, i) || contains(collision.struck, i)) {
       record(i, ContactEventKind::pulse, events);
     }
     if (contains(closing, i) && !contains(staying, i) && gamma > 0.0) {

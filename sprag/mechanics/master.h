@@ -70,7 +70,7 @@ class Master {
   double shortest_time() const;
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
-  ContactSet hardly_parted(ContactSet contacts) const;
+  ContactSet hardly_parted(ContactSet contacts, const Collision& collision) const;
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }

@@ -353,6 +353,7 @@ TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
   const double last = bernstein::first_root(bernstein::from_power({1.0, -1.0 - 1e-12}));
   EXPECT_LE(last, 1.0);
   EXPECT_GE(last, 0.99);
+  EXPECT_EQ(bernstein::first_root({1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1e-17}), 1.0);
   for (const double start : {1e-3, 1e-9, 1e-15, 1e-100, 1e-300}) {
     const double root = bernstein::first_root(bernstein::from_power({start, -1.0}));
     EXPECT_LE(root, start * (1.0 + 8.0 * epsilon)) << start;
