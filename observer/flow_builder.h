@@ -1,14 +1,15 @@
-// Builds flows (flow.h) in a thread of its own, so that the real-time loop never does: a flow takes
-// milliseconds for a machine with many modes, and memory. What the loop asks for comes first; it
-// waits meanwhile, and its ticks are late. Else the builder goes ahead by itself: single contacts,
-// then the sets next to the last one that was asked for, up to a bounded amount of memory.
+// Builds flows (flows.h) in a thread of its own, so that the real-time loop never does: a flow
+// takes milliseconds for a machine with many modes, and memory. What the loop asks for comes first;
+// it waits meanwhile, and its ticks are late. Else the builder goes ahead by itself: single
+// contacts, then the sets next to the last one that was asked for, up to a bounded amount of
+// memory.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 
 #include "observer/wake.h"
-#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sprag/estimation/time_line.h"
-#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

@@ -32,6 +32,7 @@
 
 #include "sprag/estimation/contraction_table.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

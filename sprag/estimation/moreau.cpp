@@ -4,6 +4,7 @@
 #include <bit>
 #include <utility>
 
+#include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/impact_law.h"
 
 namespace sprag {

@@ -18,6 +18,7 @@
 #include "sprag/mechanics/contact_solver.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

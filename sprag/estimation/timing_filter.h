@@ -43,7 +43,9 @@
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/estimation/unknown_time.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 #include "sprag/mechanics/impact_law.h"
 
 namespace sprag {

@@ -17,6 +17,7 @@
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/event_mixture.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

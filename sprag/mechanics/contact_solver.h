@@ -4,14 +4,16 @@
 //   0 <= lambda_S  _|_  gamma_S' = a_S + G_SS lambda_S >= 0,   S = closed contacts with gamma = 0,
 //
 // the rate of (4) in Baumann & Leine 2014. Master and replica share all of it; they differ in what
-// closes a contact. Nothing here allocates, but for flows that are built at first use (flow.h).
+// closes a contact. Nothing here allocates, but for flows that are built at first use (flows.h).
 #pragma once
 
 #include <Eigen/Core>
 #include <span>
 #include <vector>
 
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 #include "sprag/mechanics/impact_law.h"
 
 namespace sprag {

@@ -1,7 +1,11 @@
+#include "sprag/mechanics/dynamics.h"
+
 #include <algorithm>
 #include <complex>
+#include <string>
+#include <utility>
+#include <vector>
 
-#include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
 

@@ -10,19 +10,19 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <atomic>
-#include <functional>
-#include <memory>
-#include <span>
+#include <cstddef>
 #include <vector>
 
+#include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/drives.h"
 #include "sprag/mechanics/instant.h"
-#include "sprag/mechanics/modal_analysis.h"
-#include "sprag/mechanics/model.h"
 #include "sprag/mechanics/oscillators.h"
 
 namespace sprag {
+
+class Dynamics;
+class Flow;
+struct Functional;
 
 /// phi = constant + held . g_L + sum over oscillators of p z + r z'.
 struct Signal {
@@ -31,53 +31,10 @@ struct Signal {
   Eigen::VectorXd held;
 };
 
-/// Linear in the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
-struct Functional {
-  Eigen::VectorXd a, b;
-  double constant = 0.0;
-  Eigen::VectorXcd h;
-};
-
-/// What all flows of one model share: frequencies, complex amplitudes, W, M^-1 W and
-/// G = W^T M^-1 W.
-class Dynamics {
- public:
-  /// Throws ModelError when the sizes do not fit or M is not positive definite.
-  explicit Dynamics(Model model);
-
-  const Model& model() const { return model_; }
-  Eigen::Index coordinates() const { return model_.coordinates(); }
-  int contacts() const { return static_cast<int>(model_.contacts.size()); }
-  bool diagonal() const { return diagonal_; }
-
-  const Eigen::VectorXd& frequencies() const { return frequencies_; }
-  const Eigen::MatrixXcd& force_amplitudes() const { return force_amplitudes_; }
-  const Eigen::VectorXd& force_constant() const { return force_constant_; }
-  const Eigen::MatrixXcd& motion_amplitudes() const { return motion_amplitudes_; }
-  const Eigen::VectorXd& offsets() const {
-    return offsets_;
-  }                                                        ///< c_i and constant motion, m entries
-  const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
-  const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
-  const Eigen::MatrixXd& G() const { return G_; }          ///< m x m
-
-  Functional gap(int contact) const;
-  Functional gap_velocity(int contact) const;
-  /// gamma_i' without any contact force.
-  Functional free_acceleration(int contact) const;
-
- private:
-  Model model_;
-  bool diagonal_ = false;
-  Eigen::VectorXd frequencies_, force_constant_, offsets_;
-  Eigen::MatrixXcd force_amplitudes_, motion_amplitudes_;  // f x nf, m x nf
-  Eigen::MatrixXd W_, MinvW_, G_;
-};
-
 /// A point on a flow: everything that changes. Copies between objects of one model do not allocate
 /// once both have been used.
 struct Motion {
-  const class Flow* flow = nullptr;
+  const Flow* flow = nullptr;
   Instant t;
   OscillatorState x;
   Eigen::ArrayXd alpha;  ///< per oscillator: what pushes it for good
@@ -163,15 +120,7 @@ class Flow {
   Signal signal(const Functional& functional) const;
 
  private:
-  void build_diagonal();
-  void build_on_nullspace();
-  struct Nullspace;
-  void build_modal(const Nullspace& space);
-  void build_dense(const Nullspace& space);
-  void set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha,
-                const MatrixCR& drive);
-  void build_signals();
-  Signal tied_gap_velocity(int contact) const;
+  class Builder;
 
   const Dynamics* dynamics_;
   ContactSet locked_;
@@ -181,7 +130,6 @@ class Flow {
   Eigen::Index modes_ = 0;
   Oscillators oscillators_;
   Drives drives_;
-  std::vector<int> locked_contacts_;
 
   // What follows the excitation, in a space of any dimension: constant + held g_L + cos z_f +
   // sin z_f', z_f the excitation's oscillators.
@@ -189,9 +137,6 @@ class Flow {
     Eigen::VectorXd constant;
     Eigen::MatrixXd held, cos, sin;
   };
-  Forced forced(const MatrixR& push, const MatrixCR& harmonics) const;
-  Forced rate(const Forced& forced) const;
-  void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
 
   // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): constant
   // forces and drives leave Psi (alpha + F) in u_forced. z = enter_zq
@@ -207,50 +152,6 @@ class Flow {
 
   std::vector<Signal> gap_, gap_velocity_, force_;
 };
-
-/// Flows of one model by locked set, each built once and kept: at first use by who asks for it, or
-/// by another thread (on_missing()). One thread may ask while another builds.
-class Flows {
- public:
-  /// Builds free flight. Throws ModelError.
-  explicit Flows(Model model);
-  Flows(const Flows&) = delete;
-  Flows& operator=(const Flows&) = delete;
-  ~Flows();
-
-  const Dynamics& dynamics() const { return dynamics_; }
-  /// Throws ModelError as Flow does.
-  const Flow& operator[](ContactSet locked) const;
-  /// Null where Flow throws. Neither allocates nor throws where the flow is there already, or
-  /// where another thread builds it.
-  const Flow* find(ContactSet locked) const;
-
-  /// Builds what is not there yet. Not by two threads at a time.
-  void build(ContactSet locked) const;
-  bool built(ContactSet locked) const { return entry(locked) != nullptr; }
-
-  /// Whoever asks for a flow that is not there calls `build_elsewhere`, which must return when
-  /// build() has been called for it; with none it is built at once, by who asks.
-  void on_missing(std::function<void(ContactSet)> build_elsewhere) {
-    missing_ = std::move(build_elsewhere);
-  }
-
- private:
-  struct Entry;
-  const Entry* entry(ContactSet locked) const;
-  const Entry* entry_when_built(ContactSet locked) const;
-  std::atomic<const Entry*>& slot(ContactSet locked) const;
-
-  Dynamics dynamics_;
-  // Open addressing; entries are added, never moved or removed.
-  mutable std::vector<std::atomic<const Entry*>> slots_;
-  mutable std::vector<std::unique_ptr<const Entry>> entries_;
-  std::function<void(ContactSet)> missing_;
-};
-
-/// Builds the flows that a machine driven by contact events is likely to meet, as far as that is
-/// cheap: those of few locked contacts first.
-void build_foreseeable(const Flows& flows);
 
 /// Value of a signal, and its first two time derivatives, at a point of the motion's flow.
 double value(const Signal& signal, const Motion& motion);

@@ -19,6 +19,7 @@
 #include "sprag/mechanics/error.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

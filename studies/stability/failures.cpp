@@ -10,6 +10,7 @@
 
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/beam.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/impact_law.h"

@@ -9,6 +9,7 @@
 
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag::tolerance {
 

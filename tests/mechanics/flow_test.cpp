@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/mechanics/dynamics.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/reference_motion.h"

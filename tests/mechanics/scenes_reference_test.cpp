@@ -11,6 +11,7 @@
 
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
 #include "tests/support/random.h"

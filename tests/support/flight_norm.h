@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/model.h"
 

@@ -23,7 +23,9 @@
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/flows.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
