@@ -38,6 +38,15 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
   return values;
 }();
 
+// Where a motion is, as far as its first `count` oscillators.
+struct Point {
+  const Oscillators& oscillators;
+  const Drives& drives;
+  const OscillatorState& x;
+  const Eigen::ArrayXd& alpha;
+  Eigen::Index count;
+};
+
 struct Expansion {
   Coefficients a{};    // phi^(j) / j!, j = 0..degree
   double bound = 0.0;  // of |phi^(p+1)| / (p+1)! from now on
@@ -46,20 +55,21 @@ struct Expansion {
 
 // What a drive adds to the derivatives of phi, as if its oscillator were at rest: theirs add up.
 // Returns its share in the bound of the one after the last, which holds up to reach().
-double expand_drive(const Drive& drive, double p, double r, const Oscillators& oscillators,
-                    const OscillatorState& x, double reach, Coefficients& d) {
+double expand_drive(const Drive& drive, double p, double r, const Point& at, Coefficients& d) {
+  const Oscillators& oscillators = at.oscillators;
   const double damping = 2.0 * oscillators.delta()[drive.mode];
   const double kappa = oscillators.kappa()[drive.mode];
   const double kappa_source = oscillators.kappa()[drive.source];
   const double root_source = oscillators.root_kappa()[drive.source];
-  double force = drive.force(x);
-  double next_force = drive.force_rate(oscillators, x);
+  double force = drive.force(at.x);
+  double next_force = drive.force_rate(oscillators, at.x);
   const double amplitude = std::hypot(force, next_force / root_source);
   double last = 0.0;
   double before = 0.0;
   double now = 0.0;
   double next = force;
   double fastest = amplitude;  // |F^(j)| at most
+  const double reach = at.drives.reach();
   for (std::size_t j = 0; j <= degree; ++j) {
     d[j] += p * before + r * now;
     last = before;
@@ -76,22 +86,20 @@ double expand_drive(const Drive& drive, double p, double r, const Oscillators& o
          std::abs(r) * (std::abs(now) + root * std::abs(before) + reach * root_source * fastest);
 }
 
-// First `count` oscillators only.
-Expansion expand_signal(const Signal& signal, double sign, double constant,
-                        const Oscillators& oscillators, const Drives& drives,
-                        const OscillatorState& x, const Eigen::ArrayXd& alpha, Eigen::Index count) {
+Expansion expand_signal(const Signal& signal, double sign, double constant, const Point& at) {
+  const Oscillators& oscillators = at.oscillators;
   Expansion e;
   Coefficients d{};
   double bound = 0.0;
   double magnitude = std::abs(constant);
-  for (Eigen::Index k = 0; k < count; ++k) {
+  for (Eigen::Index k = 0; k < at.count; ++k) {
     const double p = sign * signal.p[k];
     const double r = sign * signal.r[k];
     const double damping = 2.0 * oscillators.delta()[k];
     const double kappa = oscillators.kappa()[k];
-    double before = x.z[k];
-    double now = x.v[k];
-    double next = alpha[k] - damping * now - kappa * before;
+    double before = at.x.z[k];
+    double now = at.x.v[k];
+    double next = at.alpha[k] - damping * now - kappa * before;
     magnitude += std::abs(p * before) + std::abs(r * now);
     for (std::size_t j = 0; j <= degree; ++j) {
       d[j] += p * before + r * now;
@@ -106,10 +114,9 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
     bound += std::abs(p) * (std::abs(before) + previous) +
              std::abs(r) * (std::abs(now) + root * std::abs(before));
   }
-  for (const Drive& drive : drives.all()) {
-    if (drive.mode >= count) break;
-    bound += expand_drive(drive, sign * signal.p[drive.mode], sign * signal.r[drive.mode],
-                          oscillators, x, drives.reach(), d);
+  for (const Drive& drive : at.drives.all()) {
+    if (drive.mode >= at.count) break;
+    bound += expand_drive(drive, sign * signal.p[drive.mode], sign * signal.r[drive.mode], at, d);
   }
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
@@ -119,16 +126,15 @@ Expansion expand_signal(const Signal& signal, double sign, double constant,
 }
 
 // Rounding noise of phi^(j) / j!.
-double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
-                const Drives& drives, const OscillatorState& x, const Eigen::ArrayXd& alpha,
-                Eigen::Index count) {
+double noise_of(int order, const Signal& signal, const Point& at) {
+  const Oscillators& oscillators = at.oscillators;
   double magnitude = 0.0;
-  for (const Drive& drive : drives.all()) {
-    if (drive.mode >= count) break;
+  for (const Drive& drive : at.drives.all()) {
+    if (drive.mode >= at.count) break;
     const double damping = 2.0 * oscillators.delta()[drive.mode];
     const double kappa = oscillators.kappa()[drive.mode];
-    double force = std::abs(drive.force(x));
-    double next_force = std::abs(drive.force_rate(oscillators, x));
+    double force = std::abs(drive.force(at.x));
+    double next_force = std::abs(drive.force_rate(oscillators, at.x));
     double before = 0.0;
     double now = 0.0;
     double next = force;
@@ -140,12 +146,12 @@ double noise_of(int order, const Signal& signal, const Oscillators& oscillators,
     }
     magnitude += std::abs(signal.p[drive.mode]) * before + std::abs(signal.r[drive.mode]) * now;
   }
-  for (Eigen::Index k = 0; k < count; ++k) {
+  for (Eigen::Index k = 0; k < at.count; ++k) {
     const double damping = 2.0 * oscillators.delta()[k];
     const double kappa = oscillators.kappa()[k];
-    double before = x.z[k];
-    double now = x.v[k];
-    double next = std::abs(alpha[k]) + damping * std::abs(now) + kappa * std::abs(before);
+    double before = at.x.z[k];
+    double now = at.x.v[k];
+    double next = std::abs(at.alpha[k]) + damping * std::abs(now) + kappa * std::abs(before);
     for (int j = 0; j < order; ++j) {
       before = now;
       now = next;
@@ -220,83 +226,148 @@ double visible_root(const double* a, int n, double H) {
   return infinity;
 }
 
+// How far it is worth to look; zero: as far as one likes, nothing falls.
+double interval(const Expansion& e, int order, double lead) {
+  // Somewhat less than where the remainder alone outweighs the start: most such intervals show no
+  // root at once.
+  if (e.bound > 0.0) return 0.8 * rough_root(lead / e.bound, degree - order + 1);
+  return reach_of(e, order);
+}
+
+// phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, and at most remainder s^(n+1)
+// more or less.
+struct Stretch {
+  double H;
+  int n;
+  Coefficients c{};
+  double remainder = 0.0;
+};
+
+Stretch stretch(const Expansion& e, int order, double H) {
+  Stretch phi{H, degree - order};
+  double power = 1.0;
+  for (int j = 0; j <= phi.n; ++j) {
+    phi.c[index(j)] = e.a[index(j) + index(order)] * power;
+    power *= H;
+  }
+  phi.remainder = e.bound * power;
+  return phi;
+}
+
+// A polynomial of degree n + 1 that phi is not below.
+Coefficients lower_bound(const Stretch& phi, double omitted) {
+  Coefficients lower = phi.c;
+  lower[0] -= omitted;
+  lower[index(phi.n) + 1] = -phi.remainder;
+  return lower;
+}
+
+// Of the polynomial at s.
+struct Sample {
+  double value;
+  double slope;
+};
+
+Sample sample(const Stretch& phi, double s) {
+  Sample at{phi.c[index(phi.n)], 0.0};
+  for (int j = phi.n - 1; j >= 0; --j) {
+    at.slope = at.slope * s + at.value;
+    at.value = at.value * s + phi.c[index(j)];
+  }
+  return at;
+}
+
+// Close to a root of the polynomial itself the remainder hardly counts: is the one behind `low` the
+// root of phi, within the resolution of time? Infinity if not.
+double accepted_root(const Stretch& phi, double low, Sample at, double resolution) {
+  const auto error = [&phi](double s, double slope) {
+    double size = phi.remainder * phi.H;
+    for (int j = 0; j <= phi.n; ++j) size *= s;
+    return size / std::abs(slope);
+  };
+  if (at.slope >= 0.0 || error(low, at.slope) > resolution) return infinity;
+  double s = low;
+  const double limit = low + 4.0 * std::abs(at.value / at.slope);
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    const double step = at.value / at.slope;
+    s -= step;
+    if (std::abs(step) * phi.H <= 0.125 * resolution) break;
+    if (s > limit || s < low * (1.0 - 1e-9)) return infinity;
+    at = sample(phi, s);
+    if (at.slope >= 0.0) return infinity;
+  }
+  return error(s, at.slope) <= 0.25 * resolution ? s * phi.H : infinity;
+}
+
 // `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
 // is divided out. Time is resolved to a rounding of `now` and what is to come.
 Verdict judge(const Expansion& e, int order, double omitted, double now) {
-  const int n = degree - order;
   const double lead = e.a[index(order)] - omitted;
-  double H = 0.0;
-  if (e.bound > 0.0) {
-    // Somewhat less than where the remainder alone outweighs the start: most such intervals show
-    // no root at once.
-    H = 0.8 * rough_root(lead / e.bound, n + 1);
-  } else {
-    H = reach_of(e, order);
-    if (H == 0.0) return {infinity, infinity, lead};
-  }
+  double H = interval(e, order, lead);
+  if (H == 0.0) return {infinity, infinity, lead};
 
-  Coefficients lower{};
-  for (int j = 0; j <= n; ++j) {
-    lower[index(j)] = e.a[index(j) + index(order)];
-  }
-  lower[0] -= omitted;
-  lower[index(n) + 1] = -e.bound;
   // A root in sight ends the interval: it is the first if nothing before it is.
-  const double in_sight = visible_root(lower.data(), n + 1, H);
+  const Coefficients ahead = lower_bound(stretch(e, order, 1.0), omitted);
+  const double in_sight = visible_root(ahead.data(), degree - order + 1, H);
   if (in_sight < infinity) H = in_sight;
 
-  // On s = x / H in [0, 1].
-  Coefficients c{};
-  double power = 1.0;
-  for (int j = 0; j <= n; ++j) {
-    c[index(j)] = e.a[index(j) + index(order)] * power;
-    lower[index(j)] *= power;
-    power *= H;
-  }
-  const double remainder = e.bound * power;  // power = H^(n+1)
-  lower[index(n) + 1] = -remainder;
-  const Coefficients b = bernstein::from_power(lower);
+  const Stretch phi = stretch(e, order, H);
+  const Coefficients b = bernstein::from_power(lower_bound(phi, omitted));
   const bool positive = *std::min_element(b.begin(), b.end()) > 0.0;
   double low = positive ? infinity : bernstein::first_root(b);
   if (low == infinity && in_sight < infinity) low = 1.0;
   const double end = std::min(low, 1.0);
 
-  double value = 0.0;
-  double slope = 0.0;
-  const auto evaluate = [&](double s) {
-    value = c[index(n)];
-    slope = 0.0;
-    for (int j = n - 1; j >= 0; --j) {
-      slope = slope * s + value;
-      value = value * s + c[index(j)];
-    }
-  };
-  evaluate(end);
+  const Sample at_end = sample(phi, end);
   double scale = 1.0;
   for (int j = 0; j < order; ++j) scale *= end * H;
-  Verdict verdict{end * H, infinity, value * scale};
-  if (low == infinity || omitted > 0.0) return verdict;
-
-  // Close to a root of the polynomial itself the remainder hardly counts: is it this one?
-  const double resolution = epsilon * (now + end * H);
-  const auto error = [&](double s) {
-    double size = remainder * H;
-    for (int j = 0; j <= n; ++j) size *= s;
-    return size / std::abs(slope);
-  };
-  if (slope >= 0.0 || error(low) > resolution) return verdict;
-  double s = low;
-  const double limit = low + 4.0 * std::abs(value / slope);
-  for (int iteration = 0; iteration < 30; ++iteration) {
-    const double step = value / slope;
-    s -= step;
-    if (std::abs(step) * H <= 0.125 * resolution) break;
-    if (s > limit || s < low * (1.0 - 1e-9)) return verdict;
-    evaluate(s);
-    if (slope >= 0.0) return verdict;
+  Verdict verdict{end * H, infinity, at_end.value * scale};
+  if (low < infinity && !(omitted > 0.0)) {
+    verdict.root = accepted_root(phi, low, at_end, epsilon * (now + end * H));
   }
-  if (error(s) <= 0.25 * resolution) verdict.root = s * H;
   return verdict;
+}
+
+// The first derivative of phi, from `order` on, that is not zero within its rounding; degree + 1 if
+// there is none. One that does not vanish by construction counts if it stands out of its rounding.
+struct Leading {
+  int order;
+  bool falls = false;
+};
+
+Leading leading(const Expansion& e, int order, const Signal& signal, const Point& at) {
+  double noise = order == 0 ? e.noise : 0.0;
+  while (order <= degree && e.a[index(order)] <= noise) {
+    if (noise == 0.0) noise = noise_of(order, signal, at);
+    if (e.a[index(order)] < -noise) return {order, true};
+    if (++order > degree) break;
+    noise = noise_of(order, signal, at);
+  }
+  return {order};
+}
+
+// Bounds on what the oscillators from number k on ever add to the signal, k = 0..N.
+void bound_tail(const Signal& signal, const Motion& start, double* tail) {
+  const Oscillators& oscillators = start.flow->oscillators();
+  const Eigen::Index n = oscillators.size();
+  tail[n] = 0.0;
+  for (Eigen::Index k = n - 1; k >= 0; --k) {
+    const double root = oscillators.root_kappa()[k];
+    const double z = std::abs(start.x.z[k]);
+    const double v = std::abs(start.x.v[k]);
+    const double push = std::abs(start.alpha[k]);
+    const double p = std::abs(signal.p[k]);
+    const double r = std::abs(signal.r[k]);
+    // The energy about the rest alpha / kappa only falls. Without stiffness z has no bound, and z'
+    // none where it is pushed: such a mode is always evaluated.
+    const double v_bound = v + root * z + (push > 0.0 ? push / root : 0.0);
+    const double z_bound = root > 0.0 ? (v_bound + push / root) / root : infinity;
+    tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) + (r > 0.0 ? r * v_bound : 0.0);
+  }
+  for (const Drive& drive : start.flow->drives().all()) {
+    if (signal.p[drive.mode] == 0.0 && signal.r[drive.mode] == 0.0) continue;
+    std::fill(tail, tail + drive.mode + 1, infinity);
+  }
 }
 
 double signal_constant(const Watch& watch, const Motion& motion) {
@@ -319,31 +390,11 @@ void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
   need_all_ = true;
   x_ = start.x;
   states_.resize(watches.size());
-  const Oscillators& oscillators = start.flow->oscillators();
-  const Eigen::Index n = oscillators.size();
-  tail_.resize(watches.size() * (index(n) + 1));
+  const std::size_t row = index(start.flow->size()) + 1;
+  tail_.resize(watches.size() * row);
   for (std::size_t i = 0; i < watches.size(); ++i) {
-    const Watch& watch = watches[i];
-    states_[i] = {watch, signal_constant(watch, start), 0.0, infinity, infinity, false};
-    double* tail = tail_.data() + i * (index(n) + 1);
-    tail[n] = 0.0;
-    for (Eigen::Index k = n - 1; k >= 0; --k) {
-      const double root = oscillators.root_kappa()[k];
-      const double z = std::abs(start.x.z[k]);
-      const double v = std::abs(start.x.v[k]);
-      const double push = std::abs(start.alpha[k]);
-      const double p = std::abs(watch.signal->p[k]);
-      const double r = std::abs(watch.signal->r[k]);
-      // The energy about the rest alpha / kappa only falls. Without stiffness z has no bound, and
-      // z' none where it is pushed: such a mode is always evaluated.
-      const double v_bound = v + root * z + (push > 0.0 ? push / root : 0.0);
-      const double z_bound = root > 0.0 ? (v_bound + push / root) / root : infinity;
-      tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) + (r > 0.0 ? r * v_bound : 0.0);
-    }
-    for (const Drive& drive : start.flow->drives().all()) {
-      if (watch.signal->p[drive.mode] == 0.0 && watch.signal->r[drive.mode] == 0.0) continue;
-      std::fill(tail, tail + drive.mode + 1, infinity);
-    }
+    states_[i] = {watches[i], signal_constant(watches[i], start), 0.0, infinity, infinity, false};
+    bound_tail(*watches[i].signal, start, tail_.data() + i * row);
   }
 }
 
@@ -358,63 +409,56 @@ Eigen::Index EventSearch::oscillators_needed() const {
   return needed;
 }
 
+// Looks ahead from here, x_, with the first `count` oscillators, at |t|. What the others may add
+// can be too much to tell anything: then need_all_ is set.
+void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
+  WatchState& state = states_[i];
+  const Flow& flow = *start_->flow;
+  const Point here{flow.oscillators(), flow.drives(), x_, start_->alpha, count};
+  const double omitted = tail_[i * (index(flow.size()) + 1) + index(count)];
+  const Signal& signal = *state.watch.signal;
+  const Expansion e = expand_signal(signal, state.watch.sign, state.constant, here);
+  if (omitted > 0.0 && omitted > 0.5 * e.a[0]) {
+    need_all_ = true;
+    state.certified = 0.0;
+    state.root = infinity;
+    return;
+  }
+  const Leading lead = leading(e, certified_ > 0.0 ? 0 : state.watch.order, signal, here);
+  Verdict verdict;
+  if (lead.falls) {
+    // The last step may have gone past the root by what its coefficients were rounded.
+    const double past = certified_ > 0.0 && e.a[1] < 0.0 ? std::max(e.a[0] / e.a[1], 0.0) : 0.0;
+    verdict = {0.0, -std::min(past, 1e-8 * t), 0.0};
+  } else if (lead.order > degree) {
+    verdict = {infinity, infinity, 0.0};
+  } else {
+    verdict = judge(e, lead.order, omitted, t);
+  }
+  const double reach = flow.drives().reach();
+  state.certified = std::min(verdict.certified, reach);
+  state.root = verdict.root > reach ? infinity : verdict.root;
+  state.predicted = verdict.next;
+}
+
 void EventSearch::expand() {
   ++expansions_;
   const Flow& flow = *start_->flow;
-  const Eigen::Index n = flow.size();
   const Eigen::Index count = oscillators_needed();
-  const Instant now = start_->t + certified_;
   if (certified_ > 0.0) {
-    flow.set_phases(now, x_);
+    flow.set_phases(start_->t + certified_, x_);
     flow.move_modes(*start_, certified_, count - flow.frequencies(), x_);
   }
   const double t = std::abs(start_->t.hi) + certified_;
-  const double resolution = epsilon * t;
 
   double certified = infinity;
   double root = infinity;
   need_all_ = false;
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    WatchState& state = states_[i];
-    state.root = state.certified = infinity;
-    const Signal& signal = *state.watch.signal;
-    const double omitted = tail_[i * (index(n) + 1) + index(count)];
-    const Expansion e = expand_signal(signal, state.watch.sign, state.constant, flow.oscillators(),
-                                      flow.drives(), x_, start_->alpha, count);
-    int order = certified_ > 0.0 ? 0 : state.watch.order;
-    if (omitted > 0.0 && omitted > 0.5 * e.a[0]) {
-      need_all_ = true;
-      certified = 0.0;
-      continue;
-    }
-    bool falls_now = false;
-    // A derivative that does not vanish by construction counts if it stands out of its rounding.
-    double noise = order == 0 ? e.noise : 0.0;
-    while (order <= degree && e.a[index(order)] <= noise) {
-      if (noise == 0.0)
-        noise =
-            noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
-      falls_now = e.a[index(order)] < -noise;
-      if (falls_now || ++order > degree) break;
-      noise = noise_of(order, signal, flow.oscillators(), flow.drives(), x_, start_->alpha, count);
-    }
-    Verdict verdict;
-    if (falls_now) {
-      // The last step may have gone past the root by what its coefficients were rounded.
-      const double past = certified_ > 0.0 && e.a[1] < 0.0 ? std::max(e.a[0] / e.a[1], 0.0) : 0.0;
-      verdict = {0.0, -std::min(past, 1e-8 * t), 0.0};
-    } else if (order > degree) {
-      verdict = {infinity, infinity, 0.0};
-    } else {
-      verdict = judge(e, order, omitted, t);
-    }
-    if (verdict.root > flow.drives().reach()) verdict.root = infinity;
-    verdict.certified = std::min(verdict.certified, flow.drives().reach());
-    state.predicted = verdict.next;
-    certified = std::min(certified, verdict.root < infinity ? verdict.root : verdict.certified);
-    root = std::min(root, verdict.root);
-    state.root = verdict.root;
-    state.certified = verdict.certified;
+    look(i, count, t);
+    const WatchState& state = states_[i];
+    certified = std::min(certified, state.root < infinity ? state.root : state.certified);
+    root = std::min(root, state.root);
   }
   const double together = simultaneous * (t + root);
   if (root < infinity && root <= certified + together) {
@@ -423,6 +467,7 @@ void EventSearch::expand() {
     tau_ = certified_ + root;
     return;
   }
+  const double resolution = epsilon * t;
   if (!need_all_ && certified <= 0.25 * resolution) {
     // Time cannot tell this from the zero that lies ahead.
     for (WatchState& state : states_) state.fires = state.certified <= resolution;

@@ -61,6 +61,7 @@ class EventSearch {
   };
 
   void expand();
+  void look(std::size_t i, Eigen::Index count, double t);
   Eigen::Index oscillators_needed() const;
 
   const Motion* start_ = nullptr;

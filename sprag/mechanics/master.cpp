@@ -141,74 +141,75 @@ void Master::check_progress(double event) {
   since_ = event;
 }
 
-void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
-  const int m = flows_.dynamics().contacts();
-  ContactSet closing = 0;
-  ContactSet completed = 0;
-  ContactSet releasing = 0;
-  ContactSet surfacing = 0;
-  ContactSet arrested = 0;
-  if (from_search) {
-    for (std::size_t w = 0; w < watches_.size(); ++w) {
-      if (!search_.fires(w)) continue;
-      const ContactSet contact = bit(watches_[w].id / 4);
-      switch (watches_[w].id % 4) {
-        case gap_falls:
-          closing |= contact;
-          break;
-        case gap_rises:
-          surfacing |= contact;
-          break;
-        case velocity_falls:
-          arrested |= contact;
-          break;
-        default:
-          releasing |= contact;
-          break;
-      }
+// Chatters that have ended are none any more.
+Master::Due Master::take_due(bool from_search) {
+  Due due;
+  for (std::size_t w = 0; from_search && w < watches_.size(); ++w) {
+    if (!search_.fires(w)) continue;
+    const ContactSet contact = bit(watches_[w].id / 4);
+    switch (watches_[w].id % 4) {
+      case gap_falls:
+        due.closing |= contact;
+        break;
+      case gap_rises:
+        due.surfacing |= contact;
+        break;
+      case velocity_falls:
+        due.arrested |= contact;
+        break;
+      default:
+        due.releasing |= contact;
+        break;
     }
   }
-  for (int i = 0; i < m; ++i) {
-    if (completion_[index(i)] <= now()) {
-      completed |= bit(i);
-      completion_[index(i)] = infinity;
-    }
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    if (!(completion_[index(i)] <= now())) continue;
+    due.completed |= bit(i);
+    completion_[index(i)] = infinity;
   }
+  return due;
+}
 
-  for (int i = 0; i < m; ++i) {
-    if (contains(surfacing, i)) {
-      penetrating_ &= ~bit(i);
-      order_[index(i)] = 1;
+void Master::take_event(bool from_search, std::vector<ContactEvent>& events) {
+  Due due = take_due(from_search);
+  surface(due.surfacing, events);
+  if (due.releasing != 0) release(due.releasing, events);
+  due.arrested &= penetrating_;
+  if (due.arrested != 0) arrest(due.arrested);
+  const ContactSet closing = due.closing | due.completed;
+  if (closing == 0) return;
+  const ContactSet to_stay = due.completed | (wedged(closing) & ~closed_);
+  close(closing | to_stay, to_stay, events);
+}
+
+void Master::surface(ContactSet surfacing, std::vector<ContactEvent>& events) {
+  for_each(surfacing, [&](int i) {
+    penetrating_ &= ~bit(i);
+    order_[index(i)] = 1;
+    record(i, ContactEventKind::opens, events);
+  });
+}
+
+// Penetrating contacts stay closed, though not locked.
+void Master::release(ContactSet releasing, std::vector<ContactEvent>& events) {
+  solver_.release(releasing, motion_);
+  for_each(releasing, [&](int i) {
+    if (contains(penetrating_, i)) {
+      order_[index(i)] = 2;
+    } else {
+      order_[index(i)] = 3;
       record(i, ContactEventKind::opens, events);
     }
+  });
+}
+
+void Master::arrest(ContactSet arrested) {
+  const Locking locking = solver_.lock(motion_.flow->locked() | arrested, ~penetrating_, motion_);
+  if (locking.solved != Solved::yes) {
+    fail("locked contacts have linearly dependent directions");
   }
-  if (releasing != 0) {
-    solver_.release(releasing, motion_);
-    for (int i = 0; i < m; ++i) {
-      if (!contains(releasing, i)) continue;
-      if (contains(penetrating_, i)) {
-        order_[index(i)] = 2;
-      } else {
-        order_[index(i)] = 3;
-        record(i, ContactEventKind::opens, events);
-      }
-    }
-  }
-  if ((arrested & penetrating_) != 0) {
-    const ContactSet candidates = motion_.flow->locked() | (arrested & penetrating_);
-    const Locking locking = solver_.lock(candidates, ~penetrating_, motion_);
-    if (locking.solved != Solved::yes) {
-      fail("locked contacts have linearly dependent directions");
-    }
-    for (int i = 0; i < m; ++i) {
-      if (!contains(motion_.flow->locked(), i)) continue;
-      order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0;
-    }
-  }
-  if ((closing | completed) != 0) {
-    completed |= wedged(closing | completed) & ~closed_;
-    close(closing | completed, completed, events);
-  }
+  for_each(motion_.flow->locked(),
+           [&](int i) { order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0; });
 }
 
 // Bounces that time cannot tell apart would never end.
@@ -263,42 +264,39 @@ ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision
   return brief;
 }
 
-// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
-void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
-  const Model& model = flows_.dynamics().model();
-  const int m = flows_.dynamics().contacts();
-  const ContactSet closed_before = closed_;
-  ContactSet touched = 0;
-  for (int i = 0; i < m; ++i) {
-    if (contains(closed_before | closing, i) || !touches(i)) continue;
-    touched |= bit(i);
-    completion_[index(i)] = infinity;
+// Contacts that touch without being among these.
+ContactSet Master::touching_beside(ContactSet contacts) const {
+  ContactSet touching = 0;
+  for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+    if (!contains(contacts, i) && touches(i)) touching |= bit(i);
   }
-  closing |= touched;
-  const ContactSet participants = closed_before | closing;
-  before_ = motion_;
+  return touching;
+}
 
-  // A closing contact that ends up staying takes restitution 0, one that is thrown off its own:
-  // that is how a replica knows it. Either may change who stays.
-  ContactSet staying = to_stay;
+// Impact of the contacts `closing` on the machine as it is. A closing contact that ends up staying
+// takes restitution 0, one that is thrown off its own: that is how a replica knows it. Either may
+// change who stays; `staying` is what has come of it.
+Collision Master::collide(ContactSet closing, ContactSet& staying) {
+  const Model& model = flows_.dynamics().model();
+  const ContactSet participants = closed_ | closing;
+  before_ = motion_;
   ContactSet thrown_off = 0;
-  ContactSet locked = 0;
-  Collision collision;
   while (true) {
-    for (int i = 0; i < m; ++i) {
-      epsilon_[index(i)] = contains(staying, i) ? 0.0 : model.contacts[index(i)].restitution;
+    for (std::size_t i = 0; i < epsilon_.size(); ++i) {
+      epsilon_[i] = contains(staying, static_cast<int>(i)) ? 0.0 : model.contacts[i].restitution;
     }
-    collision = solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_);
+    Collision collision =
+        solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_);
     if (collision.solved != Solved::yes) {
       fail("contacts that close at once have linearly dependent directions");
     }
     // To hold one may lift another as little.
-    while (const ContactSet brief = hardly_parted(closed_before | staying, collision)) {
+    while (const ContactSet brief = hardly_parted(closed_ | staying, collision)) {
       const Collision held = solver_.hold(collision, brief, ~penetrating_, motion_);
       if (held.solved != Solved::yes) break;
       collision = held;
     }
-    locked = motion_.flow->locked();
+    const ContactSet locked = motion_.flow->locked();
     const ContactSet sticking = closing & locked & ~staying & ~thrown_off;
     const ContactSet thrown = staying & ~locked & ~penetrating_;
     staying = (staying | sticking) & ~thrown;
@@ -307,41 +305,55 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
     for_each(sticking | thrown, [&](int i) {
       if (model.contacts[index(i)].restitution != 0.0) restitution_matters = true;
     });
-    if (!restitution_matters) break;
+    if (!restitution_matters) return collision;
     motion_ = before_;
   }
+}
+
+// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
+void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
+  const ContactSet closed_before = closed_;
+  const ContactSet touched = touching_beside(closed_before | closing);
+  for_each(touched, [&](int i) { completion_[index(i)] = infinity; });
+  closing |= touched;
+  ContactSet staying = to_stay;
+  const Collision collision = collide(closing, staying);
   ++impacts_;
 
-  for (int i = 0; i < m; ++i) {
-    if (!contains(participants, i)) continue;
-    const double gamma = collision.gamma_plus[i];
+  const ContactSet locked = motion_.flow->locked();
+  for_each(collision.closed, [&](int i) {
+    const bool was_closed = contains(closed_before, i);
+    const bool rests = contains(collision.resting, i);
     if (contains(penetrating_, i)) {
-      if (!contains(closed_before, i)) record(i, ContactEventKind::closes, events);
-      order_[index(i)] = contains(collision.resting, i) ? 1 : 0;
-      continue;
-    }
-    if (contains(locked, i)) {
+      order_[index(i)] = rests ? 1 : 0;
+      if (!was_closed) record(i, ContactEventKind::closes, events);
+    } else if (contains(locked, i)) {
       order_[index(i)] = contains(collision.unloaded, i) ? 1 : 0;
       completion_[index(i)] = infinity;
       if (contains(closing, i)) record(i, ContactEventKind::closes, events);
-      continue;
-    }
-    order_[index(i)] = contains(collision.resting, i) ? 2 : 1;
-    if (contains(closed_before, i)) {
-      record(i, ContactEventKind::opens, events);
-    } else if (!contains(touched, i) || contains(collision.struck, i)) {
-      record(i, ContactEventKind::pulse, events);
-    }
-    if (contains(closing, i) && !contains(staying, i) && gamma > 0.0) {
-      const double epsilon = model.contacts[index(i)].restitution;
-      const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
-      // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.
-      if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
-        completion_[index(i)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
-      } else if (2.0 * gamma < -acceleration * shortest_time()) {
-        completion_[index(i)] = now() + 2.0 * gamma / -acceleration;
+    } else {
+      order_[index(i)] = rests ? 2 : 1;
+      if (was_closed) {
+        record(i, ContactEventKind::opens, events);
+      } else if (!contains(touched, i) || contains(collision.struck, i)) {
+        record(i, ContactEventKind::pulse, events);
       }
     }
+  });
+  for_each(closing & ~staying & ~locked & ~penetrating_,
+           [&](int i) { foresee_completion(i, collision.gamma_plus[i]); });
+}
+
+// Of a contact that leaves with gamma [m/s]: whether its bounces are to be completed, and when.
+void Master::foresee_completion(int contact, double gamma) {
+  if (!(gamma > 0.0)) return;
+  const double epsilon = flows_.dynamics().model().contacts[index(contact)].restitution;
+  const double acceleration = rate(motion_.flow->gap_velocity(contact), motion_);
+  // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.
+  if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
+    completion_[index(contact)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
+  } else if (2.0 * gamma < -acceleration * shortest_time()) {
+    completion_[index(contact)] = now() + 2.0 * gamma / -acceleration;
   }
 }
 

@@ -62,12 +62,32 @@ class Master {
  private:
   enum WatchKind { gap_falls, gap_rises, velocity_falls, force_falls };
 
+  // What happens at one instant.
+  struct Due {
+    ContactSet closing = 0;    // gaps fall to zero
+    ContactSet completed = 0;  // chatters end
+    ContactSet releasing = 0;  // forces fall to zero
+    ContactSet surfacing = 0;  // gaps of penetrating contacts rise to zero
+    ContactSet arrested = 0;   // velocities of penetrating contacts fall to zero
+  };
+  struct Impact {
+    double t = -std::numeric_limits<double>::infinity();
+    ContactSet closing = 0;
+  };
+
   void start_contacts(std::vector<ContactEvent>& events);
   void watch();
   void check_progress(double event);
+  Due take_due(bool from_search);
   void take_event(bool from_search, std::vector<ContactEvent>& events);
-  bool touches(int contact) const;
+  void surface(ContactSet surfacing, std::vector<ContactEvent>& events);
+  void release(ContactSet releasing, std::vector<ContactEvent>& events);
+  void arrest(ContactSet arrested);
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
+  Collision collide(ContactSet closing, ContactSet& staying);
+  void foresee_completion(int contact, double gamma);
+  ContactSet touching_beside(ContactSet contacts) const;
+  bool touches(int contact) const;
   double shortest_time() const;
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
@@ -76,17 +96,12 @@ class Master {
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }
 
-  struct Impact {
-    double t = -std::numeric_limits<double>::infinity();
-    ContactSet closing = 0;
-  };
-
   Flows flows_;
   ContactSolver solver_;
   EventSearch search_;
   Motion motion_;  // at the last event
   Motion here_;    // scratch for state()
-  Motion before_;  // scratch for close()
+  Motion before_;  // scratch for collide()
   State start_;
   ContactSet closed_ = 0;       // chi
   ContactSet penetrating_ = 0;  // closed since the start, g < 0
