@@ -26,7 +26,7 @@ namespace sprag {
 struct ReplicaState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
-  Motion motion;  ///< in free flight its t is that of the anchor
+  Motion motion;  ///< at the tick; t is no_instant behind a tick of free flight
   TickedFlight::Anchor anchor;
   /// Closed contacts without a force of their own: their directions depend on those of the locked
   /// ones, or nothing satisfies them beside these.

@@ -12,9 +12,8 @@ TickedFlight::TickedFlight(const Flow& free, double h)
       drifts_(free.pushed()) {}
 
 void TickedFlight::step_from_anchor(std::int64_t k, Motion& motion, Anchor& anchor) const {
-  motion.t = tick_instant(k, h_);
   block_.apply(anchor.x, motion.alpha, drifts_, motion.x);
-  free_->set_phases(motion.t, motion.x);
+  free_->set_phases(tick_instant(k, h_), motion.x);
   driven_block_.apply(motion.x);
   set_anchor(motion, anchor);
 }

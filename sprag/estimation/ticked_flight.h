@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/instant.h"
 
 namespace sprag {
 
@@ -26,8 +27,10 @@ class TickedFlight {
     anchor.ticks_since = 0;
   }
 
-  /// From tick k - 1, at which the motion is, to tick k. Leaves motion.t behind.
+  /// From tick k - 1, at which the motion is, to tick k. Time is counted in ticks here: the motion
+  /// has no_instant until who goes on from it otherwise gives it tick k's.
   void step(std::int64_t k, Motion& motion, Anchor& anchor) const {
+    motion.t = no_instant;
     if (++anchor.ticks_since < block) {
       tick_.apply(motion.x, motion.alpha, drifts_);
       if (!driven_tick_.empty()) driven_tick_.apply(motion.x);

@@ -63,7 +63,7 @@ struct TimingState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
   ContactSet inside = 0;  ///< closed since t = 0: the machine may have started inside the support
-  Motion motion;          ///< of the mean; in free flight its t is that of the anchor
+  Motion motion;          ///< of the mean; t as in ReplicaState
   TickedFlight::Anchor anchor;
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
   std::int64_t instants = 0;  ///< instants with events since the start

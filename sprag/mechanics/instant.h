@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 namespace sprag {
 
@@ -12,6 +13,10 @@ struct Instant {
   double hi = 0.0;
   double lo = 0.0;
 };
+
+/// Of what has no time of its own: neither number, and no comparison with it holds.
+inline constexpr Instant no_instant{std::numeric_limits<double>::quiet_NaN(),
+                                    std::numeric_limits<double>::quiet_NaN()};
 
 /// The exact product k h.
 inline Instant tick_instant(std::int64_t k, double h) {

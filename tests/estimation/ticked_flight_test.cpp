@@ -1,0 +1,77 @@
+#include "sprag/estimation/ticked_flight.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+
+#include "sprag/estimation/replica.h"
+#include "sprag/estimation/timing_filter.h"
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/instant.h"
+
+namespace sprag {
+namespace {
+
+constexpr double h = 1e-3;
+
+Scene paper_beam() { return read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml"); }
+
+bool has_no_time(const Motion& motion) {
+  return std::isnan(motion.t.hi) && std::isnan(motion.t.lo) && std::isnan(motion.t - at(0.0));
+}
+
+// A time left behind would be read without notice.
+TEST(TickedFlight, LeavesNoTimeBehind) {
+  const Flows flows(paper_beam().model);
+  const TickedFlight flight(flows[0], h);
+  Motion motion;
+  const State start = paper_beam().replica;
+  flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), motion);
+  TickedFlight::Anchor anchor;
+  TickedFlight::set_anchor(motion, anchor);
+  for (std::int64_t k = 1; k <= 200; ++k) {
+    flight.step(k, motion, anchor);
+    ASSERT_TRUE(has_no_time(motion)) << "tick " << k;
+  }
+  Motion exact;
+  flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), exact);
+  flows[0].propagate(exact, tick_instant(200, h), exact);
+  EXPECT_LE((motion.x.z - exact.x.z).abs().maxCoeff(), 1e-12 * exact.x.z.abs().maxCoeff());
+  EXPECT_LE((motion.x.v - exact.x.v).abs().maxCoeff(), 1e-12 * exact.x.v.abs().maxCoeff());
+}
+
+// After any number of free ticks an event finds the time of its own tick.
+template <typename Stepper>
+void has_its_time_again(Stepper& stepper) {
+  for (const std::int64_t ticks : {1, 63, 64, 65, 200}) {
+    SCOPED_TRACE(ticks);
+    typename Stepper::State state;
+    stepper.start(paper_beam().replica, 0, 0, state);
+    for (std::int64_t k = 0; k < ticks; ++k) stepper.tick({}, state);
+    ASSERT_TRUE(has_no_time(state.motion));
+    const ContactEvent event{(static_cast<double>(ticks) + 0.5) * h, 0, ContactEventKind::pulse};
+    stepper.open_tick(state);
+    EXPECT_EQ(state.motion.t - tick_instant(ticks, h), 0.0);
+    stepper.take({&event, 1}, state);
+    EXPECT_EQ(state.motion.t - at(event.t), 0.0);
+    stepper.close_tick(state);
+    EXPECT_EQ(state.motion.t - tick_instant(ticks + 1, h), 0.0);
+    EXPECT_TRUE(state.motion.x.z.isFinite().all() && state.motion.x.v.isFinite().all());
+  }
+}
+
+TEST(TickedFlight, AReplicasEventFindsTheTimeOfItsTick) {
+  Replica replica(paper_beam().model, h);
+  has_its_time_again(replica);
+}
+
+TEST(TickedFlight, AFiltersEventFindsTheTimeOfItsTick) {
+  const Scene beam = paper_beam();
+  TimingFilter filter(beam.model, h, uncertainty_of(beam));
+  has_its_time_again(filter);
+}
+
+}  // namespace
+}  // namespace sprag
