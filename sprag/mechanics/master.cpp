@@ -266,11 +266,11 @@ ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision
 
 // Contacts that touch without being among these.
 ContactSet Master::touching_beside(ContactSet contacts) const {
-  ContactSet touching = 0;
+  ContactSet touched = 0;
   for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
-    if (!contains(contacts, i) && touches(i)) touching |= bit(i);
+    if (!contains(contacts, i) && touches(i)) touched |= bit(i);
   }
-  return touching;
+  return touched;
 }
 
 // Impact of the contacts `closing` on the machine as it is. A closing contact that ends up staying
