@@ -234,6 +234,16 @@ double interval(const Expansion& e, int order, double lead) {
   return reach_of(e, order);
 }
 
+// A polynomial of degree p - order + 1 that phi / x^order is not below.
+Coefficients lower_bound(const Expansion& e, int order, double omitted) {
+  const int n = degree - order;
+  Coefficients lower{};
+  for (int j = 0; j <= n; ++j) lower[index(j)] = e.a[index(j) + index(order)];
+  lower[0] -= omitted;
+  lower[index(n) + 1] = -e.bound;
+  return lower;
+}
+
 // phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, and at most remainder s^(n+1)
 // more or less.
 struct Stretch {
@@ -243,23 +253,18 @@ struct Stretch {
   double remainder = 0.0;
 };
 
-Stretch stretch(const Expansion& e, int order, double H) {
+// `lower` comes along from x to s.
+Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
   Stretch phi{H, degree - order};
   double power = 1.0;
   for (int j = 0; j <= phi.n; ++j) {
     phi.c[index(j)] = e.a[index(j) + index(order)] * power;
+    lower[index(j)] *= power;
     power *= H;
   }
   phi.remainder = e.bound * power;
-  return phi;
-}
-
-// A polynomial of degree n + 1 that phi is not below.
-Coefficients lower_bound(const Stretch& phi, double omitted) {
-  Coefficients lower = phi.c;
-  lower[0] -= omitted;
   lower[index(phi.n) + 1] = -phi.remainder;
-  return lower;
+  return phi;
 }
 
 // Of the polynomial at s.
@@ -307,12 +312,12 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   if (H == 0.0) return {infinity, infinity, lead};
 
   // A root in sight ends the interval: it is the first if nothing before it is.
-  const Coefficients ahead = lower_bound(stretch(e, order, 1.0), omitted);
-  const double in_sight = visible_root(ahead.data(), degree - order + 1, H);
+  Coefficients lower = lower_bound(e, order, omitted);
+  const double in_sight = visible_root(lower.data(), degree - order + 1, H);
   if (in_sight < infinity) H = in_sight;
 
-  const Stretch phi = stretch(e, order, H);
-  const Coefficients b = bernstein::from_power(lower_bound(phi, omitted));
+  const Stretch phi = stretch(e, order, H, lower);
+  const Coefficients b = bernstein::from_power(lower);
   const bool positive = *std::min_element(b.begin(), b.end()) > 0.0;
   double low = positive ? infinity : bernstein::first_root(b);
   if (low == infinity && in_sight < infinity) low = 1.0;
