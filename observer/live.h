@@ -1,27 +1,15 @@
-// The live observer: three threads with lock-free queues between them. One receives reports, one
-// integrates (the real-time loop: no allocation, no lock, no I/O), one publishes and writes.
+// The live observer: three threads with lock-free queues between them (mailboxes.h). One receives
+// reports (reception.h), one integrates (real_time_loop.h: no allocation, no lock, no I/O), one
+// publishes and writes (publication.h).
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
-#include <limits>
 #include <nlohmann/json_fwd.hpp>
 
 #include "command_line/program.h"
-#include "sprag/estimation/estimators.h"
+#include "observer/options.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
-
-struct ObserverOptions {
-  double tick = 1e-3;                                         ///< h, simulated [s]
-  double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
-  StepperKind stepper = StepperKind::exact;                   ///< of the replica
-  EstimatorKind estimator = EstimatorKind::both;
-  std::filesystem::path states;  ///< settled ticks as CSV; empty: none
-  double history = 2.0;          ///< simulated [s] of ticks that are kept to go back to
-  bool real_time = false;        ///< SCHED_FIFO and locked memory
-};
 
 /// Observes until tick `duration` has settled or a signal comes. Returns the exit code. Throws
 /// ModelError, BusError, InputError.

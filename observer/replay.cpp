@@ -2,20 +2,19 @@
 
 #include <algorithm>
 #include <iostream>
-#include <limits>
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
-#include "observer/confidence_record.h"
+#include "observer/estimation.h"
 #include "observer/notices.h"
 #include "observer/recording.h"
-#include "observer/report.h"
 #include "observer/session_tracker.h"
+#include "observer/settled_output.h"
 #include "observer/wake.h"
-#include "sprag/estimation/time_line.h"
 #include "sprag/files/events_file.h"
-#include "sprag/files/states_file.h"
 
 namespace sprag {
 namespace {
@@ -23,35 +22,21 @@ namespace {
 // A replay knows the future: it never goes back further than the tick it is at.
 constexpr std::int64_t replay_history = 1;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-template <typename Stepper>
 class Replay {
  public:
   Replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay)
-      : contacts_(static_cast<int>(scene.model.contacts.size())),
-        stepper_(make_stepper<Stepper>(scene, options.tick)),
-        time_line_(stepper_, contacts_, scene.replica, replay_history),
-        h_(options.tick),
-        last_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
-                                           : last_tick(options.duration, options.tick)),
-        duration_(options.duration),
-        q_(scene.model.coordinates()),
-        u_(scene.model.coordinates()),
-        initial_bound_(initial_bound(scene)),
-        confidence_(empty_confidence<Stepper>(scene.model.coordinates(), contacts_)) {
-    if (!options.states.empty()) {
-      states_.emplace(options.states, scene.model.coordinates(),
-                      confidence_columns(confidence_, initial_bound_));
-    }
+      : estimation_(scene, options, replay_history),
+        settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound),
+        sample_(estimation_.empty_sample()),
+        last_(options.last()),
+        duration_(options.duration) {
     if (!replay.events.empty()) events_.emplace(replay.events);
-    if (states_ && !states_->good()) throw std::runtime_error(states_->error());
     if (events_ && !events_->good()) throw std::runtime_error(events_->error());
   }
 
   bool events_csv(InputFile file, nlohmann::ordered_json& report) {
     const std::string name = file.path().string();
-    const EventsFile recorded = read_events(std::move(file), contacts_);
+    const EventsFile recorded = read_events(std::move(file), estimation_.contacts);
     for (const FileProblem& problem : recorded.skipped) {
       std::cerr << name << ':' << problem.line << ": skipped: " << problem.what << '\n';
     }
@@ -86,9 +71,9 @@ class Replay {
 
   bool lcm_log(InputFile file, const std::optional<Key>& key, nlohmann::ordered_json& report) {
     const std::string name = file.path().string();
-    RecordedReports log(std::move(file), contacts_, key);
+    RecordedReports log(std::move(file), estimation_.contacts, key);
     // Recordings are as old as they are.
-    SessionTracker sessions(Freshness::any, h_);
+    SessionTracker sessions(Freshness::any, estimation_.estimator.h());
     ContactReport contacts;
     Arrival arrival;
     try {
@@ -124,16 +109,10 @@ class Replay {
 
   void finish(nlohmann::ordered_json& report) {
     notices_.tell_rest(std::cerr);
-    for (const DegradedInterval& gap : time_line_.events().degraded()) {
-      std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
-    }
-    report["ticks"] = ticks_;
-    report["settled_tick"] = time_line_.handed_out();
-    report["flow_path"] = flow_path(stepper_);
-    record_.to_json(report);
-    record_.print(std::cerr);
-    report.update(to_json(time_line_.events()));
-    if (states_ && !states_->close()) throw std::runtime_error(states_->error());
+    report["ticks"] = settled_.ticks();
+    estimation_.to_json(report);
+    settled_.sum_up(time_line_.events(), report);
+    settled_.close();
     if (events_ && !events_->close()) throw std::runtime_error(events_->error());
   }
 
@@ -170,65 +149,42 @@ class Replay {
     }
     time_line_.run(
         0, [](const auto&) {},
-        [&](const typename Stepper::State& state) {
+        [&](const Estimation::State& state) {
           check_interrupt();
           if (state.tick > last_) return true;
-          ++ticks_;
-          const double t = tick_instant(state.tick, stepper_.h()).hi;
-          confide(stepper_, state, time_line_.complete_to(t) ? initial_bound_ : infinity,
-                  confidence_);
-          record_.take(t, confidence_, initial_bound_, std::cerr);
-          if (states_) {
-            stepper_.output(state, q_, u_);
-            to_columns(confidence_, initial_bound_, columns_);
-            states_->write(state.tick, t, q_, u_, columns_);
-          }
+          estimation_.describe(state, settled_.writes_states(), sample_);
+          settled_.take(sample_);
           return true;
         });
   }
 
-  int contacts_;
-  Stepper stepper_;
-  TimeLine<Stepper> time_line_;
-  double h_;
+  Estimation estimation_;
+  TimeLine<AnyEstimator>& time_line_ = estimation_.time_line;
+  SettledOutput settled_;
+  EstimateSample sample_;
   std::int64_t last_;
   double duration_;
-  Eigen::VectorXd q_, u_;
-  double initial_bound_;
-  Confidence confidence_;
-  ConfidenceRecord record_;
-  std::vector<double> columns_;
-  std::optional<StatesWriter> states_;
   std::optional<EventsWriter> events_;
   Notices notices_;
   std::int64_t written_ = 0;
-  std::int64_t ticks_ = 0;
 };
-
-template <typename Stepper>
-int replay_with(const Scene& scene, const ObserverOptions& options, const ReplayOptions& options_of,
-                const std::optional<Key>& key, nlohmann::ordered_json& report) {
-  Replay<Stepper> replay(scene, options, options_of);
-  bool whole = true;
-  try {
-    InputFile file(options_of.file);
-    const bool is_log = is_lcm_log(file);
-    whole = is_log ? replay.lcm_log(std::move(file), key, report)
-                   : replay.events_csv(std::move(file), report);
-  } catch (const Interrupted&) {
-  }
-  replay.finish(report);
-  return whole ? exit_done : exit_failed;
-}
 
 }  // namespace
 
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report) {
   const std::optional<Key> key = key_of(common);
-  return with_stepper(options.estimator, options.stepper, [&]<typename Stepper>() {
-    return replay_with<Stepper>(scene, options, replay, key, report);
-  });
+  Replay run(scene, options, replay);
+  bool whole = true;
+  try {
+    InputFile file(replay.file);
+    const bool is_log = is_lcm_log(file);
+    whole = is_log ? run.lcm_log(std::move(file), key, report)
+                   : run.events_csv(std::move(file), report);
+  } catch (const Interrupted&) {
+  }
+  run.finish(report);
+  return whole ? exit_done : exit_failed;
 }
 
 }  // namespace sprag

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 
-#include "observer/live.h"
+#include "command_line/program.h"
+#include "observer/options.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
@@ -14,9 +16,8 @@ struct ReplayOptions {
 };
 
 /// Replays from t = 0 up to `duration`, else up to the recording's last horizon (log) or event
-/// (CSV). Returns 1 if the file is damaged (of a CSV everything before the damage is used, of a
-/// log what is readable), else 0. Throws
-/// InputError, ModelError.
+/// (CSV). Returns 1 if the file is damaged (of a CSV everything before the damage is used, of a log
+/// what is readable), else 0. Throws InputError, ModelError.
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report);
 

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "sprag/estimation/time_line.h"
-#include "sprag/mechanics/flows.h"
 
 namespace sprag {
 
@@ -30,16 +29,6 @@ inline nlohmann::ordered_json to_json(const RollbackCounts& counts) {
           {"deepest_ticks", counts.depth.largest()},
           {"ticks_redone", counts.ticks_redone},
           {"beyond_history", counts.beyond_history}};
-}
-
-/// How a stepper moves in free flight: the path of its exact flow, or "moreau".
-template <typename Stepper>
-const char* flow_path(const Stepper& stepper) {
-  if constexpr (requires { stepper.flows(); }) {
-    return name(stepper.flows()[0].path());
-  } else {
-    return "moreau";
-  }
 }
 
 }  // namespace sprag

@@ -1,99 +1,118 @@
 #include "sprag/estimation/estimators.h"
 
-#include <cmath>
 #include <limits>
+#include <type_traits>
 
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using Any = std::variant<Replica, MoreauReplica, TimingFilter, SupervisedFilter>;
 
-// Names and values come from one list, so that they cannot part.
-template <typename Column, typename Columns>
-void visit_columns(const Confidence& confidence, double initial, const Column& column,
-                   const Columns& columns) {
-  const bool bounded = confidence.has_replica && std::isfinite(initial);
-  if (!confidence.has_filter && !bounded) return;
-  const Innovation& closing = confidence.has_replica ? confidence.replica : confidence.filter;
-  if (confidence.has_replica) column("B", confidence.bound);
-  if (confidence.has_filter) {
-    columns("sigma_q", confidence.sigma_q);
-    columns("sigma_u", confidence.sigma_u);
-    columns("sigma_g", confidence.sigma_g);
+template <typename E>
+using StateOf = typename std::remove_cvref_t<E>::State;
+
+Any make(const Scene& scene, double h, EstimatorKind kind, StepperKind stepper) {
+  switch (kind) {
+    case EstimatorKind::timing:
+      return Any(std::in_place_type<TimingFilter>, scene, h);
+    case EstimatorKind::both:
+      return Any(std::in_place_type<SupervisedFilter>, scene, h);
+    default:
+      if (stepper == StepperKind::moreau) {
+        return Any(std::in_place_type<MoreauReplica>, scene, h);
+      }
+      return Any(std::in_place_type<Replica>, scene, h);
   }
-  column("closing_t", closing.t);
-  column("closing_contact", closing.t < 0.0 ? 0.0 : closing.contact + 1.0);
-  if (confidence.has_replica) column("replica_gap", confidence.replica.gap);
-  if (!confidence.has_filter) return;
-  column("filter_gap", confidence.filter.gap);
-  column("sigma_filter_gap", confidence.filter.deviation);
-  if (confidence.has_replica) column("from_filter", confidence.from_filter ? 1.0 : 0.0);
-  column("inconsistencies", static_cast<double>(confidence.inconsistencies));
+}
+
+// act(estimator, its state), and what all states have in common is kept up.
+template <typename Act>
+void change(Any& any, AnyEstimator::State& state, const Act& act) {
+  std::visit(
+      [&](auto& estimator) {
+        auto& of = std::get<StateOf<decltype(estimator)>>(state.of);
+        act(estimator, of);
+        state.tick = of.tick;
+        state.chi = of.chi;
+      },
+      any);
+}
+
+template <typename Act>
+void read(Any& any, const AnyEstimator::State& state, const Act& act) {
+  std::visit(
+      [&](auto& estimator) { act(estimator, std::get<StateOf<decltype(estimator)>>(state.of)); },
+      any);
 }
 
 }  // namespace
 
+static_assert(Estimator<Replica>);
+static_assert(Estimator<MoreauReplica>);
+static_assert(Estimator<TimingFilter>);
+static_assert(Estimator<SupervisedFilter>);
+static_assert(Estimator<AnyEstimator>);
+
+AnyEstimator::AnyEstimator(const Scene& scene, double h, EstimatorKind kind, StepperKind stepper)
+    : estimator_(make(scene, h, kind, stepper)) {}
+
+void AnyEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state) {
+  std::visit(
+      [&](auto& estimator) {
+        using Of = StateOf<decltype(estimator)>;
+        if (!std::holds_alternative<Of>(state.of)) state.of.emplace<Of>();
+      },
+      estimator_);
+  change(estimator_, state, [&](auto& estimator, auto& of) { estimator.start(start, k, chi, of); });
+}
+
+void AnyEstimator::tick(std::span<const ContactEvent> events, State& state) {
+  change(estimator_, state, [&](auto& estimator, auto& of) { estimator.tick(events, of); });
+}
+
+void AnyEstimator::apply(std::span<const ContactEvent> events, State& state) {
+  change(estimator_, state, [&](auto& estimator, auto& of) { estimator.apply(events, of); });
+}
+
+void AnyEstimator::output(const State& state, Eigen::Ref<Eigen::VectorXd> q,
+                          Eigen::Ref<Eigen::VectorXd> u) {
+  read(estimator_, state, [&](auto& estimator, const auto& of) { estimator.output(of, q, u); });
+}
+
+Confidence AnyEstimator::no_confidence() const {
+  return std::visit([](const auto& estimator) { return estimator.no_confidence(); }, estimator_);
+}
+
+void AnyEstimator::confidence(const State& state, double initial, Confidence& confidence) {
+  read(estimator_, state,
+       [&](auto& estimator, const auto& of) { estimator.confidence(of, initial, confidence); });
+}
+
+double AnyEstimator::h() const {
+  return std::visit([](const auto& estimator) { return estimator.h(); }, estimator_);
+}
+
+Flows* AnyEstimator::flows() {
+  return std::visit(
+      [](auto& estimator) -> Flows* {
+        if constexpr (requires { estimator.flows(); }) {
+          return &estimator.flows();
+        } else {
+          return nullptr;
+        }
+      },
+      estimator_);
+}
+
+const char* AnyEstimator::flow_path() {
+  const Flows* of = flows();
+  return of == nullptr ? "moreau" : name((*of)[0].path());
+}
+
 double initial_bound(const Scene& scene) {
   const bool exact = scene.jitter == 0.0 && scene.drift == 0.0;
-  return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum() : infinity;
-}
-
-void confide(Replica& replica, const ReplicaState& state, double initial, Confidence& confidence) {
-  confidence.bound = std::isfinite(initial) ? replica.error_bound(state, initial) : infinity;
-  confidence.replica = state.innovation;
-  confidence.redundancy = state.redundancy;
-  confidence.refused_impacts = state.refused_impacts;
-}
-
-void confide(MoreauReplica&, const MoreauState& state, double, Confidence& confidence) {
-  confidence.refused_impacts = state.refused_impacts;
-}
-
-void confide(TimingFilter& filter, const TimingState& state, double, Confidence& confidence) {
-  filter.deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
-  confidence.remembered = filter.remembers(state);
-  confidence.forgotten = state.forgotten;
-  confidence.filter = state.innovation;
-  confidence.inconsistencies = state.silences + state.lost;
-  confidence.last = state.last;
-  confidence.redundancy = state.redundancy;
-  confidence.refused_impacts = state.refused_impacts;
-}
-
-void confide(SupervisedFilter& filter, const SupervisedState& state, double initial,
-             Confidence& confidence) {
-  confide(filter.filter(), state.filter, initial, confidence);
-  confide(filter.replica(), state, initial, confidence);
-  confidence.from_filter = state.trusted;
-  if (!state.trusted) {
-    // The replica's own error is not estimated.
-    confidence.sigma_q.setConstant(infinity);
-    confidence.sigma_u.setConstant(infinity);
-    confidence.sigma_g.setConstant(infinity);
-  }
-  confidence.inconsistencies = state.inconsistencies;
-  confidence.last = state.last;
-}
-
-std::vector<std::string> confidence_columns(const Confidence& confidence, double initial) {
-  std::vector<std::string> names;
-  visit_columns(
-      confidence, initial, [&](const char* name, double) { names.emplace_back(name); },
-      [&](const std::string& name, const Eigen::VectorXd& values) {
-        for (Eigen::Index i = 1; i <= values.size(); ++i) {
-          names.push_back(name + std::to_string(i));
-        }
-      });
-  return names;
-}
-
-void to_columns(const Confidence& confidence, double initial, std::vector<double>& values) {
-  values.clear();
-  visit_columns(
-      confidence, initial, [&](const char*, double value) { values.push_back(value); },
-      [&](const char*, const Eigen::VectorXd& of) {
-        values.insert(values.end(), of.begin(), of.end());
-      });
+  return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum()
+                                               : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace sprag

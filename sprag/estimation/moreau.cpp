@@ -123,4 +123,8 @@ void MoreauReplica::output(const MoreauState& state, Eigen::Ref<Eigen::VectorXd>
   u = state.u;
 }
 
+void MoreauReplica::confidence(const MoreauState& state, double, Confidence& confidence) const {
+  confidence.refused_impacts = state.refused_impacts;
+}
+
 }  // namespace sprag

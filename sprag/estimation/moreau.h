@@ -13,9 +13,11 @@
 #include <span>
 #include <vector>
 
+#include "sprag/estimation/confidence.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/impact_law.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
@@ -32,6 +34,7 @@ class MoreauReplica {
 
   /// Tick h > 0. Throws ModelError.
   MoreauReplica(Model model, double h);
+  MoreauReplica(const Scene& scene, double h) : MoreauReplica(scene.model, h) {}
 
   /// Puts the replica at (q, u) with chi at tick k.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, MoreauState& state);
@@ -47,6 +50,10 @@ class MoreauReplica {
   /// q and u at the present tick, f entries each.
   void output(const MoreauState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
+
+  /// It says nothing of its error but which impacts it refused; `initial` does not matter.
+  Confidence no_confidence() const { return {}; }
+  void confidence(const MoreauState& state, double initial, Confidence& confidence) const;
 
   double h() const { return h_; }
 

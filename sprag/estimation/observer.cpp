@@ -29,35 +29,19 @@ void insert(const ContactEvent& event, std::vector<ContactEvent>& ordered) {
 
 class Observer::Core {
  public:
-  Core() = default;
-  Core(const Core&) = delete;
-  Core& operator=(const Core&) = delete;
-  virtual ~Core() = default;
-
-  virtual bool take(const ContactEvent& event) = 0;
-  virtual void set_horizon(double t) = 0;
-  virtual std::vector<Estimate> settle() = 0;
-  virtual Estimate at(double t) = 0;
-  virtual double tick() const = 0;
-  virtual const EventHistory& events() const = 0;
-};
-
-template <typename Stepper>
-class Observer::CoreOf final : public Observer::Core {
- public:
-  CoreOf(const Scene& scene, double h)
+  Core(const Scene& scene, const ObserverSettings& settings)
       : contacts_(static_cast<int>(scene.model.contacts.size())),
-        stepper_(make_stepper<Stepper>(scene, h)),
-        time_line_(stepper_, contacts_, scene.replica, history),
+        estimator_(scene, settings.tick, settings.estimator, settings.stepper),
+        time_line_(estimator_, contacts_, scene.replica, history),
         initial_bound_(initial_bound(scene)),
-        confidence_(empty_confidence<Stepper>(scene.model.coordinates(), contacts_)),
+        confidence_(estimator_.no_confidence()),
         q_(scene.model.coordinates()),
         u_(scene.model.coordinates()) {
     time_line_.restart(0, 0, 0, no_horizon);
     settled_ = time_line_.present();
   }
 
-  bool take(const ContactEvent& event) override {
+  bool take(const ContactEvent& event) {
     // The history refuses it and says why.
     if (!(event.t >= 0.0) || !std::isfinite(event.t) || event.contact < 0 ||
         event.contact >= contacts_ || event.t <= time_line_.events().horizon()) {
@@ -70,7 +54,7 @@ class Observer::CoreOf final : public Observer::Core {
     return true;
   }
 
-  void set_horizon(double t) override {
+  void set_horizon(double t) {
     if (!(t > time_line_.events().horizon())) return;
     const auto end =
         std::upper_bound(waiting_.begin(), waiting_.end(), ContactEvent{t, 0, {}}, earlier);
@@ -79,7 +63,7 @@ class Observer::CoreOf final : public Observer::Core {
     time_line_.set_horizon(t);
   }
 
-  std::vector<Estimate> settle() override {
+  std::vector<Estimate> settle() {
     std::vector<Estimate> estimates;
     time_line_.run(
         0, [](const auto&) {},
@@ -93,7 +77,7 @@ class Observer::CoreOf final : public Observer::Core {
     return estimates;
   }
 
-  Estimate at(double t) override {
+  Estimate at(double t) {
     if (!(t >= time_of(settled_.tick)) || !std::isfinite(t)) {
       throw std::invalid_argument("no estimate at t = " + std::to_string(t) +
                                   ": it must be at or after the last settled tick");
@@ -104,18 +88,18 @@ class Observer::CoreOf final : public Observer::Core {
     return estimate(*ahead_, false, infinity);
   }
 
-  double tick() const override { return stepper_.h(); }
-  const EventHistory& events() const override { return time_line_.events(); }
+  double tick() const { return estimator_.h(); }
+  const EventHistory& events() const { return time_line_.events(); }
 
  private:
-  using State = typename Stepper::State;
+  using State = AnyEstimator::State;
 
-  double time_of(std::int64_t k) const { return tick_instant(k, stepper_.h()).hi; }
+  double time_of(std::int64_t k) const { return tick_instant(k, estimator_.h()).hi; }
 
   // The next events up to this tick; what contradicts those before it is left out.
   std::span<const ContactEvent> events_of(std::int64_t tick, ContactSet chi) {
     of_tick_.clear();
-    for (; next_ < known_.size() && first_tick_after(known_[next_].t, stepper_.h()) <= tick;
+    for (; next_ < known_.size() && first_tick_after(known_[next_].t, estimator_.h()) <= tick;
          ++next_) {
       const ContactEvent& event = known_[next_];
       if (contains(chi, event.contact) != (event.kind == ContactEventKind::opens)) continue;
@@ -131,7 +115,7 @@ class Observer::CoreOf final : public Observer::Core {
     const bool from_start = time_line_.handed_out() < 0;
     known_.clear();
     for (const ContactEvent& event : history_events) {
-      const bool behind = first_tick_after(event.t, stepper_.h()) > settled_.tick;
+      const bool behind = first_tick_after(event.t, estimator_.h()) > settled_.tick;
       if (behind || from_start) known_.push_back(event);
     }
     known_.insert(known_.end(), waiting_.begin(), waiting_.end());
@@ -140,17 +124,17 @@ class Observer::CoreOf final : public Observer::Core {
     if (!from_start) return;
     for_each_instant(
         events_of(settled_.tick, ahead_->chi),
-        [&](std::span<const ContactEvent> of_one) { stepper_.apply(of_one, *ahead_); });
+        [&](std::span<const ContactEvent> of_one) { estimator_.apply(of_one, *ahead_); });
   }
 
   void step_ahead() {
     const std::span<const ContactEvent> events = events_of(ahead_->tick + 1, ahead_->chi);
-    stepper_.tick(events, *ahead_);
+    estimator_.tick(events, *ahead_);
   }
 
   Estimate estimate(const State& state, bool settled, double bound) {
-    stepper_.output(state, q_, u_);
-    confide(stepper_, state, bound, confidence_);
+    estimator_.output(state, q_, u_);
+    estimator_.confidence(state, bound, confidence_);
     Estimate estimate;
     estimate.tick = state.tick;
     estimate.t = time_of(state.tick);
@@ -167,8 +151,8 @@ class Observer::CoreOf final : public Observer::Core {
   }
 
   int contacts_;
-  Stepper stepper_;
-  TimeLine<Stepper> time_line_;
+  AnyEstimator estimator_;
+  TimeLine<AnyEstimator> time_line_;
   double initial_bound_;
   Confidence confidence_;
   Eigen::VectorXd q_, u_;
@@ -185,12 +169,9 @@ Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
     throw std::invalid_argument("tick is " + std::to_string(settings.tick) + "; must be > 0");
   }
   if (settings.stepper != StepperKind::exact && settings.estimator != EstimatorKind::replica) {
-    throw std::invalid_argument("the moreau stepper is one of the replica alone");
+    throw std::invalid_argument("the moreau estimator is one of the replica alone");
   }
-  with_stepper(settings.estimator, settings.stepper, [&]<typename Stepper>() {
-    core_ = std::make_unique<CoreOf<Stepper>>(scene, settings.tick);
-    return 0;
-  });
+  core_ = std::make_unique<Core>(scene, settings);
 }
 
 Observer::~Observer() = default;

@@ -80,8 +80,6 @@ class Observer {
 
  private:
   class Core;
-  template <typename Stepper>
-  class CoreOf;
   std::unique_ptr<Core> core_;
 };
 

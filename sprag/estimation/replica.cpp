@@ -11,6 +11,8 @@ namespace {
 // Clutch switchings within one interval before the rest of it is taken as it is.
 constexpr int max_switchings = 1000;
 
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
@@ -214,6 +216,19 @@ void Replica::advance(Instant t, ReplicaState& state) {
 void Replica::output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
                      Eigen::Ref<Eigen::VectorXd> u) const {
   state.motion.flow->state(state.motion, q, u);
+}
+
+Confidence Replica::no_confidence() const {
+  Confidence confidence;
+  confidence.has_replica = true;
+  return confidence;
+}
+
+void Replica::confidence(const ReplicaState& state, double initial, Confidence& confidence) {
+  confidence.bound = std::isfinite(initial) ? error_bound(state, initial) : infinity;
+  confidence.replica = state.innovation;
+  confidence.redundancy = state.redundancy;
+  confidence.refused_impacts = state.refused_impacts;
 }
 
 }  // namespace sprag

@@ -19,6 +19,7 @@
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/flows.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
@@ -43,6 +44,7 @@ class Replica {
 
   /// Tick h > 0. Builds the flows of the locked sets that it can foresee. Throws ModelError.
   Replica(Model model, double h);
+  Replica(const Scene& scene, double h) : Replica(scene.model, h) {}
   /// The same with flows that others use as well.
   Replica(std::shared_ptr<Flows> flows, double h);
   Replica(const Replica&) = delete;
@@ -68,6 +70,11 @@ class Replica {
   /// q and u at the present tick, f entries each.
   void output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
+
+  /// Room for what confidence() says, without allocating: a bound on V (error_bound()), how far the
+  /// contact that closed last was from closing in the estimate, and contacts it could not hold.
+  Confidence no_confidence() const;
+  void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
   double h() const { return h_; }
   const Flows& flows() const { return *flows_; }

@@ -1,6 +1,7 @@
 #include "sprag/estimation/supervised_filter.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace sprag {
@@ -129,6 +130,29 @@ void SupervisedFilter::output(const SupervisedState& state, Eigen::Ref<Eigen::Ve
   } else {
     replica_.output(state, q, u);
   }
+}
+
+Confidence SupervisedFilter::no_confidence() const {
+  Confidence confidence = filter_.no_confidence();
+  confidence.has_replica = true;
+  confidence.from_filter = false;
+  return confidence;
+}
+
+void SupervisedFilter::confidence(const SupervisedState& state, double initial,
+                                  Confidence& confidence) {
+  filter_.confidence(state.filter, initial, confidence);
+  replica_.confidence(state, initial, confidence);
+  confidence.from_filter = state.trusted;
+  if (!state.trusted) {
+    // The replica's own error is not estimated.
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    confidence.sigma_q.setConstant(infinity);
+    confidence.sigma_u.setConstant(infinity);
+    confidence.sigma_g.setConstant(infinity);
+  }
+  confidence.inconsistencies = state.inconsistencies;
+  confidence.last = state.last;
 }
 
 }  // namespace sprag

@@ -32,6 +32,8 @@ class SupervisedFilter {
 
   /// Throws ModelError, as Replica and TimingFilter.
   SupervisedFilter(const Model& model, double h, Uncertainty uncertainty);
+  SupervisedFilter(const Scene& scene, double h)
+      : SupervisedFilter(scene.model, h, uncertainty_of(scene)) {}
 
   /// As Replica's.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, SupervisedState& state);
@@ -41,6 +43,11 @@ class SupervisedFilter {
   /// The estimate at the present tick, f entries each.
   void output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);
+
+  /// Room for what confidence() says, without allocating: what the filter says where it is trusted,
+  /// else infinite deviations; the replica's bound; `initial` as Replica's.
+  Confidence no_confidence() const;
+  void confidence(const SupervisedState& state, double initial, Confidence& confidence);
 
   double h() const { return replica_.h(); }
   const Flows& flows() const { return *flows_; }

@@ -1,4 +1,4 @@
-// The observer's time line. Ticks are at t_k = k h of simulated time. The replica runs ahead to
+// The observer's time line. Ticks are at t_k = k h of simulated time. The estimator runs ahead to
 // "now"; when an event turns up that is older than now, the time line goes back to the last tick
 // before it and runs forward again, so that every tick is what it would have been without delay.
 // Ticks up to the horizon (all events known) are settled: they are handed out once, in order, and
@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "sprag/estimation/estimator.h"
 #include "sprag/estimation/event_history.h"
 #include "sprag/estimation/histogram.h"
 #include "sprag/mechanics/instant.h"
@@ -27,21 +28,23 @@ struct RollbackCounts {
   Histogram depth;                  ///< ticks redone by each
 };
 
-/// Stepper is Replica, MoreauReplica, TimingFilter or SupervisedFilter.
-template <typename Stepper>
+template <Estimator E>
 class TimeLine {
  public:
-  using ReplicaState = typename Stepper::State;
+  using EstimatorState = typename E::State;
 
   /// Keeps at least `history` ticks (>= 1) to go back to.
-  TimeLine(Stepper& stepper, int contacts, const State& start, std::int64_t history)
-      : stepper_(&stepper), start_(start), history_(history), events_(contacts, event_capacity) {
+  TimeLine(E& estimator, int contacts, const State& start, std::int64_t history)
+      : estimator_(&estimator),
+        start_(start),
+        history_(history),
+        events_(contacts, event_capacity) {
     saved_.resize(static_cast<std::size_t>(history) + 2);
-    for (ReplicaState& state : saved_) stepper.start(start, 0, 0, state);
-    stepper.start(start, 0, 0, frontier_);
+    for (EstimatorState& state : saved_) estimator.start(start, 0, 0, state);
+    estimator.start(start, 0, 0, frontier_);
   }
 
-  /// Puts the scene's replica state at tick k; every event before has been dealt with.
+  /// Puts the start at tick k; every event before has been dealt with.
   void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
     events_.restart(next_record, chi, horizon);
     first_ = now_ = k;
@@ -140,7 +143,7 @@ class TimeLine {
   }
 
   bool started() const { return started_; }
-  double h() const { return stepper_->h(); }
+  double h() const { return estimator_->h(); }
   /// Whether the estimate has heard of every event from t = 0 on up to t, which then is not behind
   /// the horizon, as far as is known.
   bool complete_to(double t) const {
@@ -148,7 +151,7 @@ class TimeLine {
   }
   std::int64_t now() const { return now_; }
   /// The state at tick now().
-  const ReplicaState& present() const { return saved(now_); }
+  const EstimatorState& present() const { return saved(now_); }
   /// The first tick that contains all events that are known.
   std::int64_t tick_of_last_event() const {
     return events_.events().empty() ? first_ : tick_of(events_.events().back());
@@ -175,8 +178,8 @@ class TimeLine {
             report.horizon);
   }
 
-  ReplicaState& saved(std::int64_t k) { return saved_[slot(k)]; }
-  const ReplicaState& saved(std::int64_t k) const { return saved_[slot(k)]; }
+  EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }
+  const EstimatorState& saved(std::int64_t k) const { return saved_[slot(k)]; }
   std::size_t slot(std::int64_t k) const {
     return static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()));
   }
@@ -198,11 +201,12 @@ class TimeLine {
 
   void start_again() {
     now_ = oldest_ = first_;
-    ReplicaState& state = saved(first_);
-    stepper_->start(start_, first_, chi_, state);
+    EstimatorState& state = saved(first_);
+    estimator_->start(start_, first_, chi_, state);
     consumed_ = 0;
-    for_each_instant(events_of(first_),
-                     [&](std::span<const ContactEvent> of_one) { stepper_->apply(of_one, state); });
+    for_each_instant(events_of(first_), [&](std::span<const ContactEvent> of_one) {
+      estimator_->apply(of_one, state);
+    });
   }
 
   void step() {
@@ -210,11 +214,11 @@ class TimeLine {
       if (oldest_ == handed_out_) frontier_ = saved(oldest_);
       ++oldest_;
     }
-    const ReplicaState& from = saved(now_);
-    ReplicaState& to = saved(now_ + 1);
+    const EstimatorState& from = saved(now_);
+    EstimatorState& to = saved(now_ + 1);
     to = from;
     ++now_;
-    stepper_->tick(events_of(now_), to);
+    estimator_->tick(events_of(now_), to);
   }
 
   // Back to the last tick before the event number `first_new`.
@@ -260,12 +264,12 @@ class TimeLine {
     consumed_ -= n;
   }
 
-  Stepper* stepper_;
+  E* estimator_;
   State start_;
   std::int64_t history_;
   EventHistory events_;
-  std::vector<ReplicaState> saved_;  // ring: tick k in slot k mod size, for oldest_ <= k <= now_
-  ReplicaState frontier_;            // at handed_out_, once that is older than oldest_
+  std::vector<EstimatorState> saved_;  // ring: tick k in slot k mod size, for oldest_ <= k <= now_
+  EstimatorState frontier_;            // at handed_out_, once that is older than oldest_
   bool started_ = false;
   ContactSet chi_ = 0;  // at the first tick
   std::int64_t first_ = 0;

@@ -472,4 +472,24 @@ Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {
   return S * S.transpose();
 }
 
+Confidence TimingFilter::no_confidence() const {
+  Confidence confidence;
+  confidence.has_filter = confidence.from_filter = true;
+  confidence.sigma_q.setZero(f());
+  confidence.sigma_u.setZero(f());
+  confidence.sigma_g.setZero(flows_->dynamics().contacts());
+  return confidence;
+}
+
+void TimingFilter::confidence(const TimingState& state, double, Confidence& confidence) {
+  deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
+  confidence.remembered = remembers(state);
+  confidence.forgotten = state.forgotten;
+  confidence.filter = state.innovation;
+  confidence.inconsistencies = state.silences + state.lost;
+  confidence.last = state.last;
+  confidence.redundancy = state.redundancy;
+  confidence.refused_impacts = state.refused_impacts;
+}
+
 }  // namespace sprag

@@ -94,6 +94,8 @@ class TimingFilter {
   /// machines (64 MiB in all), so that a time line can go back behind as many; further back it
   /// would start from the uncertainty of a start. Throws ModelError.
   TimingFilter(Model model, double h, Uncertainty uncertainty);
+  TimingFilter(const Scene& scene, double h)
+      : TimingFilter(scene.model, h, uncertainty_of(scene)) {}
   /// The same with flows that others use as well.
   TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty);
   TimingFilter(const TimingFilter&) = delete;
@@ -130,6 +132,11 @@ class TimingFilter {
   /// present tick; infinite where nothing is known.
   void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                   Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
+
+  /// Room for what confidence() says, without allocating: deviations, the last innovation, and what
+  /// did not fit. `initial` does not matter.
+  Confidence no_confidence() const;
+  void confidence(const TimingState& state, double initial, Confidence& confidence);
 
   /// Whether a state's covariance is still kept; deviations begin at the start's where it is not.
   bool remembers(const TimingState& state) const {

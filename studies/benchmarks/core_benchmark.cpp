@@ -33,14 +33,14 @@ Scene free_beam(int n) {
   return scene;
 }
 
-template <typename Stepper>
+template <Estimator E>
 void free_tick(benchmark::State& run) {
   const Scene scene = free_beam(static_cast<int>(run.range(0)));
-  Stepper stepper = make_stepper<Stepper>(scene, tick);
-  typename Stepper::State state;
-  stepper.start(scene.master, 0, 0, state);
+  E estimator(scene, tick);
+  typename E::State state;
+  estimator.start(scene.master, 0, 0, state);
   for ([[maybe_unused]] auto _ : run) {
-    stepper.tick({}, state);
+    estimator.tick({}, state);
     benchmark::ClobberMemory();
   }
 }
@@ -89,7 +89,7 @@ BENCHMARK_CAPTURE(master, stiff_beam, "stiff_beam", 5.0);
 
 // Ticks with the events of 20 units of time, told over and over, less the same number of ticks
 // without any: the rest is the events'.
-template <typename Stepper>
+template <Estimator E>
 void events(benchmark::State& run) {
   Scene scene = studies::paper_beam(static_cast<int>(run.range(0)));
   scene.jitter = static_cast<double>(run.range(1)) * 1e-6;
@@ -98,15 +98,15 @@ void events(benchmark::State& run) {
   machine.advance(at(20.0), events);
   constexpr double h = 1e-2;
   constexpr int ticks = 2000;
-  Stepper stepper = make_stepper<Stepper>(scene, h);
-  typename Stepper::State state;
+  E estimator(scene, h);
+  typename E::State state;
   const auto seconds = [&](std::span<const ContactEvent> left) {
-    stepper.start(scene.replica, 0, 0, state);
+    estimator.start(scene.replica, 0, 0, state);
     const auto begin = std::chrono::steady_clock::now();
     for (int k = 1; k <= ticks; ++k) {
       std::size_t n = 0;
       while (n < left.size() && left[n].t <= tick_instant(k, h).hi) ++n;
-      stepper.tick(left.first(n), state);
+      estimator.tick(left.first(n), state);
       left = left.subspan(n);
     }
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

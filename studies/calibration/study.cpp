@@ -33,16 +33,16 @@ std::uint64_t other_seed(int seed, int purpose) {
 const Consistency& consistency_of(const TimingState& state) { return state.consistency; }
 const Consistency& consistency_of(const SupervisedState& state) { return state.filter.consistency; }
 
-// The stepper through all ticks; on_sample(sample) at sampled ones.
-template <typename Stepper, typename OnTick, typename OnSample>
-void run(Stepper& stepper, typename Stepper::State& state, std::span<const ContactEvent> events,
+// The estimator through all ticks; on_sample(sample) at sampled ones.
+template <Estimator E, typename OnTick, typename OnSample>
+void run(E& estimator, typename E::State& state, std::span<const ContactEvent> events,
          const Truth& truth, const OnTick& on_tick, const OnSample& on_sample) {
   auto next = events.begin();
   const std::int64_t last = truth.q.cols() * truth.stride;
   for (std::int64_t k = 1; k <= last; ++k) {
     const auto first = next;
     while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
-    stepper.tick({first, next}, state);
+    estimator.tick({first, next}, state);
     if (first != next) on_tick(k);
     if (k % truth.stride == 0) on_sample(k / truth.stride - 1);
   }
@@ -61,18 +61,18 @@ bool in_second_half(Eigen::Index sample, const Truth& truth) {
   return 2 * (sample + 1) > truth.q.cols();
 }
 
-template <typename Stepper>
+template <Estimator E>
 Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEvent> events,
              const Truth& truth, const std::vector<double>& V_replica) {
   const Eigen::Index f = told.model.coordinates();
   const auto& contacts = told.model.contacts;
-  auto stepper = make_stepper<Stepper>(told, truth.tick);
+  E estimator(told, truth.tick);
   const ErrorEnergy energy(machine.model);
   const double start =
       energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
-  typename Stepper::State state;
-  stepper.start(told.replica, 0, 0, state);
-  Confidence confidence = empty_confidence<Stepper>(f, static_cast<int>(contacts.size()));
+  typename E::State state;
+  estimator.start(told.replica, 0, 0, state);
+  Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(f), u(f);
   Trial trial;
   std::vector<double> V;
@@ -87,8 +87,8 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
     trial.innovation_count += fresh;
   };
   const auto on_sample = [&](Eigen::Index sample) {
-    stepper.output(state, q, u);
-    confide(stepper, state, infinity, confidence);
+    estimator.output(state, q, u);
+    estimator.confidence(state, infinity, confidence);
     const Eigen::VectorXd off_q = q - truth.q.col(sample);
     const Eigen::VectorXd off_u = u - truth.u.col(sample);
     const double now = or_infinity(energy(truth.q.col(sample), truth.u.col(sample), q, u)[0]);
@@ -107,7 +107,7 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
       trial.gaps.add(contacts[i].w.dot(off_q), confidence.sigma_g[static_cast<Eigen::Index>(i)]);
     }
   };
-  run(stepper, state, events, truth, on_tick, on_sample);
+  run(estimator, state, events, truth, on_tick, on_sample);
   const std::vector<double> of_replica(V_replica.end() - static_cast<std::ptrdiff_t>(V.size()),
                                        V_replica.end());
   trial.inconsistencies = confidence.inconsistencies;

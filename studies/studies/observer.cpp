@@ -25,21 +25,21 @@ Events snapped(const Events& events, double h) {
   return late;
 }
 
-template <typename Stepper>
+template <Estimator E>
 State replay(const Scene& scene, const Events& events, double h) {
-  Stepper stepper(scene.model, h);
-  typename Stepper::State state;
-  stepper.start(scene.replica, 0, 0, state);
+  E estimator(scene.model, h);
+  typename E::State state;
+  estimator.start(scene.replica, 0, 0, state);
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
   for (std::int64_t k = 1; k <= last; ++k) {
     const auto first = next;
     const double t = tick_instant(k, h).hi;
     while (next != events.end() && next->t <= t) ++next;
-    stepper.tick({first, next}, state);
+    estimator.tick({first, next}, state);
   }
   State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
-  stepper.output(state, end.q, end.u);
+  estimator.output(state, end.q, end.u);
   return end;
 }
 

@@ -11,25 +11,24 @@
 namespace sprag::tolerance {
 namespace {
 
-template <typename Stepper>
-std::vector<double> follow(Stepper& stepper, const State& start,
-                           std::span<const ContactEvent> events, const Truth& truth,
-                           const Sampling& sampling) {
-  const double h = stepper.h();
+template <typename E>
+std::vector<double> follow(E& estimator, const State& start, std::span<const ContactEvent> events,
+                           const Truth& truth, const Sampling& sampling) {
+  const double h = estimator.h();
   const std::int64_t stride = std::llround(sampling.interval / h);
   const ErrorEnergy energy(truth.model);
-  typename Stepper::State state;
-  stepper.start(start, 0, 0, state);
+  typename E::State state;
+  estimator.start(start, 0, 0, state);
   State estimate = start;
   std::vector<double> V;
   auto next = events.begin();
   for (std::int64_t k = 1; k <= sampling.last() * stride; ++k) {
     const auto first = next;
     while (next != events.end() && next->t <= tick_instant(k, h).hi) ++next;
-    stepper.tick({first, next}, state);
+    estimator.tick({first, next}, state);
     const Eigen::Index sample = k / stride - sampling.first();
     if (k % stride != 0 || sample < 0) continue;
-    stepper.output(state, estimate.q, estimate.u);
+    estimator.output(state, estimate.q, estimate.u);
     const double value =
         energy(truth.q.col(sample), truth.u.col(sample), estimate.q, estimate.u)[0];
     V.push_back(std::isfinite(value) ? value : std::numeric_limits<double>::infinity());
@@ -84,33 +83,33 @@ std::string name(Method method) {
 std::vector<double> error_energies(Method method, Scene believed,
                                    std::span<const ContactEvent> events, const Truth& truth,
                                    const Sampling& sampling) {
-  const auto of = [&](auto& stepper) {
-    return follow(stepper, believed.replica, events, truth, sampling);
+  const auto of = [&](auto& estimator) {
+    return follow(estimator, believed.replica, events, truth, sampling);
   };
   if (method == Method::timing_drift || method == Method::both_drift) believed.drift = usual_drift;
   if (method == Method::timing_untold || method == Method::both_untold) believed.jitter = 0.0;
   switch (method) {
     case Method::replica: {
-      Replica stepper(believed.model, sampling.tick);
-      return of(stepper);
+      Replica estimator(believed.model, sampling.tick);
+      return of(estimator);
     }
     case Method::moreau: {
-      MoreauReplica stepper(believed.model, sampling.moreau_tick);
-      return of(stepper);
+      MoreauReplica estimator(believed.model, sampling.moreau_tick);
+      return of(estimator);
     }
     case Method::forced: {
-      ForcedReplica stepper(believed.model, sampling.tick);
-      return of(stepper);
+      ForcedReplica estimator(believed.model, sampling.tick);
+      return of(estimator);
     }
     case Method::timing:
     case Method::timing_untold:
     case Method::timing_drift: {
-      TimingFilter stepper(believed.model, sampling.tick, uncertainty_of(believed));
-      return of(stepper);
+      TimingFilter estimator(believed.model, sampling.tick, uncertainty_of(believed));
+      return of(estimator);
     }
     default: {
-      SupervisedFilter stepper(believed.model, sampling.tick, uncertainty_of(believed));
-      return of(stepper);
+      SupervisedFilter estimator(believed.model, sampling.tick, uncertainty_of(believed));
+      return of(estimator);
     }
   }
 }

@@ -8,7 +8,7 @@
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
 #include "tests/estimation/recorded_run.h"
-#include "tests/estimation/supervised_steppers.h"
+#include "tests/estimation/supervised_filters.h"
 
 namespace sprag {
 namespace {
@@ -20,7 +20,7 @@ struct Lossy {
 };
 
 /// V at every settled tick of an observer that hears nothing for a while.
-template <typename Stepper>
+template <Estimator E>
 std::vector<double> error_energy(const Scene& scene, double h, const Lossy& lossy,
                                  EventCounts& counts, std::vector<DegradedInterval>& degraded) {
   Master master(scene.model, scene.master);
@@ -35,8 +35,8 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
   }
   master.advance(at(lossy.end), events);
 
-  Stepper stepper(scene.model, h);
-  TimeLine<Stepper> line(stepper, 1, scene.replica, 50);
+  E estimator(scene.model, h);
+  TimeLine<E> line(estimator, 1, scene.replica, 50);
   const ErrorEnergy energy(scene.model);
   std::vector<double> V;
   State state = truth.front();
@@ -53,7 +53,7 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
         [&](const auto& settled) {
           const auto k = static_cast<std::size_t>(settled.tick);
           EXPECT_EQ(k, V.size());
-          stepper.output(settled, state.q, state.u);
+          estimator.output(settled, state.q, state.u);
           V.push_back(energy(truth[k].q, truth[k].u, state.q, state.u)[0]);
           return true;
         });
@@ -64,21 +64,21 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
   return V;
 }
 
-template <typename Stepper>
+template <typename E>
 class DegradedRunTest : public ::testing::Test {};
-using Steppers = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
-TYPED_TEST_SUITE(DegradedRunTest, Steppers);
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 
-template <typename Stepper>
+template <Estimator E>
 void expect_convergence(const char* name, double lost_from, double lost_to) {
   const Scene& scene = shipped_scene(name);
   // Moreau's own error is first order in h: its V levels off.
-  constexpr bool exact = !std::is_same_v<Stepper, MoreauReplica>;
+  constexpr bool exact = !std::is_same_v<E, MoreauReplica>;
   const double h = exact ? 1e-2 : 1e-3;
   EventCounts counts;
   std::vector<DegradedInterval> degraded;
   const Lossy lossy{80.0, lost_from, lost_to, 2};
-  const auto V = error_energy<Stepper>(scene, h, lossy, counts, degraded);
+  const auto V = error_energy<E>(scene, h, lossy, counts, degraded);
   EXPECT_GT(counts.lost_records, 0);
   EXPECT_EQ(counts.of(Skip::contradicting), 0);
   ASSERT_EQ(degraded.size(), 1U);

@@ -44,12 +44,12 @@ TEST_P(BoundOfScene, HoldsAtEveryTick) {
   double worst = 0.0;
   while (pair.t() < GetParam().T) {
     pair.step();
-    const double B = pair.stepper.error_bound(pair.state, V0);
+    const double B = pair.estimator.error_bound(pair.state, V0);
     worst = std::max(worst, pair.V() / B);
     ASSERT_LE(pair.V(), B) << "t = " << pair.t();
   }
   std::cout << GetParam().scene << ": largest V/B " << worst << ", at the end V " << pair.V()
-            << ", B/B(0) " << pair.stepper.error_bound(pair.state, V0) / V0 << '\n';
+            << ", B/B(0) " << pair.estimator.error_bound(pair.state, V0) / V0 << '\n';
 }
 
 // An error that nothing but free flight at its slowest takes away comes close to it.
@@ -58,9 +58,9 @@ TEST(ErrorBound, IsNotVoidOnThePapersBeam) {
   double closest = 0.0;
   while (pair.t() < 100.0) {
     pair.step();
-    closest = std::max(closest, pair.V() / pair.stepper.error_bound(pair.state, 0.4783534));
+    closest = std::max(closest, pair.V() / pair.estimator.error_bound(pair.state, 0.4783534));
   }
-  EXPECT_LT(pair.stepper.error_bound(pair.state, 1.0), 1e-4);
+  EXPECT_LT(pair.estimator.error_bound(pair.state, 1.0), 1e-4);
   EXPECT_GT(closest, 0.99);
 }
 
@@ -221,10 +221,10 @@ TEST(ErrorBound, DoesNotGrowOnTwoSupports) {
   double highest = 0.0;
   while (pair.t() < 50.0) {
     pair.step();
-    highest = std::max(highest, pair.stepper.error_bound(pair.state, V0));
+    highest = std::max(highest, pair.estimator.error_bound(pair.state, V0));
   }
   EXPECT_LT(highest, 1.001 * V0);
-  EXPECT_LT(pair.stepper.error_bound(pair.state, V0), 0.6 * V0);
+  EXPECT_LT(pair.estimator.error_bound(pair.state, V0), 0.6 * V0);
 }
 
 // Contacts that are completed together, of which the same impact throws one off: it has its own
@@ -241,7 +241,7 @@ TEST(ErrorBound, HoldsInAWedge) {
     const double V0 = pair.V();
     while (pair.t() < 5.0) {
       pair.step();
-      ASSERT_LE(pair.V(), pair.stepper.error_bound(pair.state, V0))
+      ASSERT_LE(pair.V(), pair.estimator.error_bound(pair.state, V0))
           << "seed " << seed << ", t = " << pair.t();
     }
   }
@@ -251,7 +251,7 @@ TEST(ErrorBound, FallsWhereDampingCouplesTheModes) {
   Pair<Replica> pair(shipped_scene("non_proportional"), 1e-2);
   const double V0 = pair.V();
   while (pair.t() < 150.0) pair.step();
-  const double B = pair.stepper.error_bound(pair.state, V0);
+  const double B = pair.estimator.error_bound(pair.state, V0);
   std::cout << "B(150)/B(0) " << B / V0 << ", V " << pair.V() << '\n';
   EXPECT_LT(B, 1e-15 * V0);
 }

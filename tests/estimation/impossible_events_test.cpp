@@ -70,11 +70,11 @@ std::vector<ContactEvent> any_events(Random& random, int contacts) {
 }
 
 /// Empty if all that is published is a number; infinity is one where nothing is known.
-template <typename Stepper>
-std::string not_a_number(Stepper& stepper, const typename Stepper::State& state,
-                         Confidence& confidence, Eigen::VectorXd& q, Eigen::VectorXd& u) {
-  stepper.output(state, q, u);
-  confide(stepper, state, 4.0, confidence);
+template <Estimator E>
+std::string not_a_number(E& estimator, const typename E::State& state, Confidence& confidence,
+                         Eigen::VectorXd& q, Eigen::VectorXd& u) {
+  estimator.output(state, q, u);
+  estimator.confidence(state, 4.0, confidence);
   const auto bad = [](const Eigen::VectorXd& x) { return x.array().isNaN().any(); };
   if (!q.allFinite()) return "q";
   if (!u.allFinite()) return "u";
@@ -87,20 +87,19 @@ std::string not_a_number(Stepper& stepper, const typename Stepper::State& state,
   return "";
 }
 
-template <typename Stepper>
+template <typename E>
 class ImpossibleEventsTest : public ::testing::Test {};
-using Steppers = ::testing::Types<Replica, MoreauReplica, TimingFilter, SupervisedFilter>;
-TYPED_TEST_SUITE(ImpossibleEventsTest, Steppers);
+using Estimators = ::testing::Types<Replica, MoreauReplica, TimingFilter, SupervisedFilter>;
+TYPED_TEST_SUITE(ImpossibleEventsTest, Estimators);
 
-template <typename Stepper>
+template <Estimator E>
 void expect_numbers(const Scene& scene, std::span<const ContactEvent> events, bool late,
-                    Stepper& stepper, Recording& recording) {
-  Confidence confidence = empty_confidence<Stepper>(scene.model.coordinates(),
-                                                    static_cast<int>(scene.model.contacts.size()));
+                    E& estimator, Recording& recording) {
+  Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
-  run_time_line(stepper, scene, events, end, late, [&](const typename Stepper::State& state) {
-    recording.add(stepper, state, scene.model.coordinates());
-    const std::string what = not_a_number(stepper, state, confidence, q, u);
+  run_time_line(estimator, scene, events, end, late, [&](const typename E::State& state) {
+    recording.add(estimator, state, scene.model.coordinates());
+    const std::string what = not_a_number(estimator, state, confidence, q, u);
     ASSERT_EQ(what, "") << "is not a number at tick " << state.tick;
   });
 }
@@ -110,13 +109,13 @@ TYPED_TEST(ImpossibleEventsTest, LeaveNumbersLiveAndOfflineTheSame) {
   for (int machine = 0; machine < repetitions(machines); ++machine) {
     Random random(7000 + static_cast<std::uint64_t>(machine));
     const Scene scene = random_scene(random);
-    const std::unique_ptr<TypeParam> stepper(new TypeParam(make_stepper<TypeParam>(scene, h)));
+    const std::unique_ptr<TypeParam> estimator(new TypeParam(scene, h));
     for (int file = 0; file < files_of_a_machine; ++file) {
       SCOPED_TRACE("machine " + std::to_string(machine) + ", file " + std::to_string(file));
       const auto events = any_events(random, static_cast<int>(scene.model.contacts.size()));
       Recording live, offline;
-      expect_numbers(scene, events, false, *stepper, offline);
-      if (file == 0) expect_numbers(scene, events, true, *stepper, live);
+      expect_numbers(scene, events, false, *estimator, offline);
+      if (file == 0) expect_numbers(scene, events, true, *estimator, live);
       if (this->HasFatalFailure()) return;
       if (file == 0) {
         ASSERT_EQ(difference(offline, live), "");

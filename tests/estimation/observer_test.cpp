@@ -58,24 +58,24 @@ class ObserverTest
 
 TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
   std::vector<Estimate> expected;
-  with_stepper(settings_.estimator, settings_.stepper, [&]<typename Stepper>() {
-    auto stepper = make_stepper<Stepper>(scene_, h);
+  {
+    AnyEstimator estimator(scene_, h, settings_.estimator, settings_.stepper);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
-    TimeLine<Stepper> line(stepper, contacts, scene_.replica, 1);
+    TimeLine<AnyEstimator> line(estimator, contacts, scene_.replica, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events_) line.receive(event);
     line.set_horizon(duration);
-    Confidence confidence = empty_confidence<Stepper>(scene_.model.coordinates(), contacts);
+    Confidence confidence = estimator.no_confidence();
     line.run(
         0, [](const auto&) {},
-        [&](const typename Stepper::State& state) {
+        [&](const AnyEstimator::State& state) {
           Estimate estimate;
           estimate.tick = state.tick;
           estimate.t = tick_instant(state.tick, h).hi;
           estimate.q.resize(scene_.model.coordinates());
           estimate.u.resize(scene_.model.coordinates());
-          stepper.output(state, estimate.q, estimate.u);
-          confide(stepper, state, 0.0, confidence);
+          estimator.output(state, estimate.q, estimate.u);
+          estimator.confidence(state, 0.0, confidence);
           estimate.closed = state.chi;
           estimate.of_filter = confidence.from_filter;
           estimate.sigma_q = confidence.sigma_q;
@@ -84,8 +84,7 @@ TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
           expected.push_back(estimate);
           return true;
         });
-    return 0;
-  });
+  }
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     SCOPED_TRACE(seed);
     Observer observer(scene_, settings_);

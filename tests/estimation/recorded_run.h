@@ -1,4 +1,4 @@
-// What a time line's output is compared with: a stepper driven by all events at once, without any
+// What a time line's output is compared with: a estimator driven by all events at once, without any
 // of the observer's code.
 #pragma once
 
@@ -26,13 +26,13 @@ struct Recording {
   std::vector<ContactSet> chi;
   std::vector<Eigen::VectorXd> q, u;
 
-  template <typename Stepper>
-  void add(Stepper& stepper, const typename Stepper::State& state, Eigen::Index f) {
+  template <Estimator E>
+  void add(E& estimator, const typename E::State& state, Eigen::Index f) {
     ticks.push_back(state.tick);
     chi.push_back(state.chi);
     q.emplace_back(f);
     u.emplace_back(f);
-    stepper.output(state, q.back(), u.back());
+    estimator.output(state, q.back(), u.back());
   }
 };
 
@@ -60,13 +60,13 @@ inline std::string difference(const Recording& expected, const Recording& actual
 }
 
 /// Ticks `first` to the last one at or before `end`; `events` are those after chi was `chi`.
-template <typename Stepper>
+template <Estimator E>
 Recording offline(const Model& model, const State& start, double h,
                   std::span<const ContactEvent> events, double end, std::int64_t first = 0,
                   ContactSet chi = 0) {
-  Stepper stepper(model, h);
-  typename Stepper::State state;
-  stepper.start(start, first, chi, state);
+  E estimator(model, h);
+  typename E::State state;
+  estimator.start(start, first, chi, state);
   const auto take_until = [&](std::int64_t k) {
     const auto later = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
       return tick_instant(k, h) - at(event.t) < 0.0;
@@ -77,22 +77,22 @@ Recording offline(const Model& model, const State& start, double h,
     return due;
   };
   for_each_instant(take_until(first),
-                   [&](std::span<const ContactEvent> of_one) { stepper.apply(of_one, state); });
+                   [&](std::span<const ContactEvent> of_one) { estimator.apply(of_one, state); });
   Recording recording;
-  recording.add(stepper, state, model.coordinates());
+  recording.add(estimator, state, model.coordinates());
   for (std::int64_t k = first + 1; tick_instant(k, h).hi <= end; ++k) {
-    stepper.tick(take_until(k), state);
-    recording.add(stepper, state, model.coordinates());
+    estimator.tick(take_until(k), state);
+    recording.add(estimator, state, model.coordinates());
   }
   return recording;
 }
 
 /// A time line from t = 0 to `end` with ticks of h that hears of `events` tick by tick; with `late`
 /// after it has run ahead of them, and with rollbacks for no reason.
-template <typename Stepper, typename OnSettled>
-void run_time_line(Stepper& stepper, const Scene& scene, std::span<const ContactEvent> events,
+template <Estimator E, typename OnSettled>
+void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEvent> events,
                    double end, bool late, const OnSettled& on_settled) {
-  TimeLine<Stepper> line(stepper, static_cast<int>(scene.model.contacts.size()), scene.replica, 30);
+  TimeLine<E> line(estimator, static_cast<int>(scene.model.contacts.size()), scene.replica, 30);
   line.restart(0, 0, 0, no_horizon);
   Random random(3);
   const auto settle = [&](std::int64_t target) {
@@ -103,7 +103,7 @@ void run_time_line(Stepper& stepper, const Scene& scene, std::span<const Contact
           return true;
         });
   };
-  const double h = stepper.h();
+  const double h = estimator.h();
   for (std::int64_t k = 1; k <= last_tick(end, h); ++k) {
     const double t = tick_instant(k, h).hi;
     if (late) settle(k + 20);

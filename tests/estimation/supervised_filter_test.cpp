@@ -252,8 +252,8 @@ TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
       master.advance(tick_instant(k, h), events);
       both.tick(events, state);
     }
-    Confidence confidence = empty_confidence<SupervisedFilter>(of.model.coordinates(), 1);
-    confide(both, state, 0.0, confidence);
+    Confidence confidence = both.no_confidence();
+    both.confidence(state, 0.0, confidence);
     return confidence;
   };
   scene.jitter = 1e-4;
@@ -284,12 +284,12 @@ TEST(SupervisedFilter, BearsAnyEvents) {
     std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
     for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
     SupervisedFilter filter(scene.model, h, uncertainty_of(scene));
-    Confidence confidence = empty_confidence<SupervisedFilter>(scene.model.coordinates(), contacts);
+    Confidence confidence = filter.no_confidence();
     bool finite = true;
     run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
       Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
       filter.output(state, q, u);
-      confide(filter, state, 1.0, confidence);
+      filter.confidence(state, 1.0, confidence);
       finite = finite && q.allFinite() && u.allFinite() && !confidence.sigma_q.hasNaN();
     });
     EXPECT_TRUE(finite) << "machine " << machine;
@@ -308,10 +308,10 @@ TEST(SupervisedFilter, RollbacksDoNotShow) {
   const auto run = [&](bool late) {
     SupervisedFilter filter(told.model, h, uncertainty_of(told));
     std::pair<Recording, std::vector<Confidence>> settled;
-    Confidence confidence = empty_confidence<SupervisedFilter>(3, 1);
+    Confidence confidence = filter.no_confidence();
     run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {
       settled.first.add(filter, state, 3);
-      confide(filter, state, 0.5, confidence);
+      filter.confidence(state, 0.5, confidence);
       settled.second.push_back(confidence);
     });
     return settled;

@@ -1,4 +1,4 @@
-// Replica beside master: Theorem 1 and what the exact stepper promises on top of it.
+// Replica beside master: Theorem 1 and what the exact estimator promises on top of it.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -43,13 +43,13 @@ const Scene& scene_of(const Case& c) {
 }
 
 /// At every `every`-th tick of h from the first one on.
-template <typename Stepper>
+template <Estimator E>
 std::vector<Estimate> estimates(const Scene& scene, std::vector<ContactEvent> events, double h,
                                 std::int64_t every, double end) {
   const Eigen::Index f = scene.model.coordinates();
-  Stepper stepper = make_stepper<Stepper>(scene, h);
-  typename Stepper::State state;
-  stepper.start(scene.replica, 0, 0, state);
+  E estimator(scene, h);
+  typename E::State state;
+  estimator.start(scene.replica, 0, 0, state);
   std::vector<Estimate> all;
   std::span<const ContactEvent> left = events;
   for (std::int64_t k = 1; k <= last_tick(end, h); ++k) {
@@ -58,14 +58,14 @@ std::vector<Estimate> estimates(const Scene& scene, std::vector<ContactEvent> ev
     });
     const auto due = left.first(static_cast<std::size_t>(later - left.begin()));
     left = left.subspan(due.size());
-    stepper.tick(due, state);
+    estimator.tick(due, state);
     if (k % every != 0) continue;
     Estimate& one = all.emplace_back();
     one.q.resize(f);
     one.u.resize(f);
-    stepper.output(state, one.q, one.u);
-    one.confidence = empty_confidence<Stepper>(f, static_cast<int>(scene.model.contacts.size()));
-    confide(stepper, state, 1.0, one.confidence);
+    estimator.output(state, one.q, one.u);
+    one.confidence = estimator.no_confidence();
+    estimator.confidence(state, 1.0, one.confidence);
   }
   return all;
 }
@@ -87,11 +87,11 @@ void expect_near(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double limi
   }
 }
 
-template <typename Stepper>
+template <Estimator E>
 void expect_equal(const Scene& scene, const std::vector<ContactEvent>& events, double end,
                   bool inconsistent, double share_of_sigma) {
-  const auto a = estimates<Stepper>(scene, events, fine, ratio, end);
-  const auto b = estimates<Stepper>(scene, events, fine * ratio, 1, end);
+  const auto a = estimates<E>(scene, events, fine, ratio, end);
+  const auto b = estimates<E>(scene, events, fine * ratio, 1, end);
   ASSERT_EQ(a.size(), b.size());
   const double q = 1e-9 * largest(a, &Estimate::q);
   const double u = 1e-9 * largest(a, &Estimate::u);

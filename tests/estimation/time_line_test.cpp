@@ -9,7 +9,7 @@
 #include "sprag/estimation/replica.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
-#include "tests/estimation/supervised_steppers.h"
+#include "tests/estimation/supervised_filters.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -32,31 +32,31 @@ Model two_contacts() {
   return model;
 }
 
-template <typename Stepper>
+template <typename E>
 class TimeLineTest : public ::testing::Test {
  protected:
   /// A time line of the two-contact beam and what it hands out.
   struct Run {
     explicit Run(double h, std::int64_t history, const Model& model = two_contacts())
-        : stepper(model, h),
+        : estimator(model, h),
           f(model.coordinates()),
           lead(history),
-          line(stepper, static_cast<int>(model.contacts.size()), start(), history) {}
+          line(estimator, static_cast<int>(model.contacts.size()), start(), history) {}
 
     void to(std::int64_t target) {
       if (target == far_ahead) target = line.settled_tick() + lead;
       line.run(
           target, [this](const auto& state) { seen.push_back(state.tick); },
           [this](const auto& state) {
-            settled.add(stepper, state, f);
+            settled.add(estimator, state, f);
             return true;
           });
     }
 
-    Stepper stepper;
+    E estimator;
     Eigen::Index f;
     std::int64_t lead;  ///< ticks
-    TimeLine<Stepper> line;
+    TimeLine<E> line;
     Recording settled;
     std::vector<std::int64_t> seen;
   };
@@ -65,7 +65,7 @@ class TimeLineTest : public ::testing::Test {
 
   static Recording reference(double h, std::span<const ContactEvent> events, double end,
                              std::int64_t first = 0, ContactSet chi = 0) {
-    return offline<Stepper>(two_contacts(), start(), h, events, end, first, chi);
+    return offline<E>(two_contacts(), start(), h, events, end, first, chi);
   }
 
   /// Events one by one, all ahead of what is settled, `target` after each.
@@ -87,8 +87,8 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Steppers = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
-TYPED_TEST_SUITE(TimeLineTest, Steppers);
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
@@ -97,14 +97,14 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
     const std::vector<ContactEvent> events = master_events(scene, end);
     ASSERT_GT(events.size(), 10U);
     for (const double h : {1e-2, 1e-3, 1.0 / 128}) {
-      TypeParam stepper(scene.model, h);
-      TimeLine<TypeParam> line(stepper, 1, scene.replica, 1);
+      TypeParam estimator(scene.model, h);
+      TimeLine<TypeParam> line(estimator, 1, scene.replica, 1);
       line.restart(0, 0, 0, no_horizon);
       for (const ContactEvent& event : events) line.receive(event);
       line.set_horizon(end);
       Recording settled;
       line.run(0, ignore, [&](const auto& state) {
-        settled.add(stepper, state, scene.model.coordinates());
+        settled.add(estimator, state, scene.model.coordinates());
         return true;
       });
       EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), settled),
@@ -328,7 +328,7 @@ TYPED_TEST(TimeLineTest, ABudgetOnlySpreadsTheWork) {
       const bool arrived = run.line.run(
           last_tick(t, h) + 30, ignore,
           [&](const auto& state) {
-            run.settled.add(run.stepper, state, run.f);
+            run.settled.add(run.estimator, state, run.f);
             return true;
           },
           8);
@@ -359,7 +359,7 @@ TYPED_TEST(TimeLineTest, AQueueThatIsFullLosesNothing) {
       int room = random.integer(0, 5);
       run.line.run(last_tick(t, h) + 10, ignore, [&](const auto& state) {
         if (--room < 0) return false;
-        run.settled.add(run.stepper, state, run.f);
+        run.settled.add(run.estimator, state, run.f);
         return true;
       });
     }

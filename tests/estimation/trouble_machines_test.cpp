@@ -29,8 +29,7 @@ TEST_P(ChatteringMachine, IsNotTakenForAnother) {
   SupervisedFilter both(scene.model, h, uncertainty_of(scene));
   SupervisedFilter::State state;
   both.start(scene.replica, 0, 0, state);
-  Confidence confidence =
-      empty_confidence<SupervisedFilter>(f, static_cast<int>(scene.model.contacts.size()));
+  Confidence confidence = both.no_confidence();
   Master master(scene.model, scene.master);
   Eigen::VectorXd q(f), u(f), q_m(f), u_m(f);
   std::vector<ContactEvent> events;
@@ -43,7 +42,7 @@ TEST_P(ChatteringMachine, IsNotTakenForAnother) {
     both.output(state, q, u);
     const double V = energy(q_m, u_m, q, u)[0];
     if (k > 3000) largest = std::max(largest, V);
-    confide(both, state, std::numeric_limits<double>::infinity(), confidence);
+    both.confidence(state, std::numeric_limits<double>::infinity(), confidence);
     // The master holds contacts that touch within 1e-12 of their terms where they are: nothing is
     // claimed below what that makes of velocities that pulses measure within microseconds.
     if (V < 1e-14 * V_i.sum()) continue;

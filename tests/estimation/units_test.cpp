@@ -17,7 +17,6 @@
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scale.h"
 #include "tests/support/random_model.h"
-#include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 
 namespace sprag {
@@ -62,32 +61,31 @@ Run run_master(const Scene& scene, double T, const Units& units) {
   return run;
 }
 
-template <typename Stepper>
+template <Estimator E>
 Run run_stepper(const Scene& scene, std::vector<ContactEvent> events, double T,
                 const Units& units) {
   const Scene here = in_units(units, scene);
   const Eigen::Index f = scene.model.coordinates();
   const double h = units.of_time(T / samples);
-  Stepper stepper = make_stepper<Stepper>(here, h);
-  typename Stepper::State state;
-  stepper.start(here.replica, 0, 0, state);
+  E estimator(here, h);
+  typename E::State state;
+  estimator.start(here.replica, 0, 0, state);
   for (ContactEvent& event : events) event.t = units.of_time(event.t);
-  Confidence confidence =
-      empty_confidence<Stepper>(f, static_cast<int>(scene.model.contacts.size()));
+  Confidence confidence = estimator.no_confidence();
   Run run;
   Eigen::VectorXd q(f), u(f);
   std::size_t next = 0;
   while (next < events.size() && events[next].t == 0.0) ++next;
-  stepper.apply(std::span(events).first(next), state);
+  estimator.apply(std::span(events).first(next), state);
   for (int k = 1; k <= samples; ++k) {
     const std::size_t first = next;
     while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    stepper.tick(std::span(events).subspan(first, next - first), state);
-    stepper.output(state, q, u);
+    estimator.tick(std::span(events).subspan(first, next - first), state);
+    estimator.output(state, q, u);
     run.q.push_back(q / units.of_length(1.0));
     run.u.push_back(u / units.of_velocity(1.0));
     if (!confidence.has_filter) continue;
-    confide(stepper, state, 1.0, confidence);
+    estimator.confidence(state, 1.0, confidence);
     run.q.push_back(confidence.sigma_q / units.of_length(1.0));
     run.u.push_back(confidence.sigma_u / units.of_velocity(1.0));
   }
@@ -159,7 +157,7 @@ class RandomInOtherUnits : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(RandomInOtherUnits, AreTheSameBitForBit) {
   std::size_t events = 0;
-  for (int i = 0; i < repetitions(8); ++i) {
+  for (int i = 0; i < 8; ++i) {
     const std::uint64_t seed = 60000 + 100 * GetParam() + static_cast<std::uint64_t>(i);
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);

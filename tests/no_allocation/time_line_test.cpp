@@ -22,10 +22,10 @@
 namespace sprag::test {
 namespace {
 
-template <typename Stepper>
+template <typename E>
 class TimeLineRun : public testing::Test {};
-using Steppers = testing::Types<Replica, MoreauReplica, SupervisedFilter>;
-TYPED_TEST_SUITE(TimeLineRun, Steppers);
+using Estimators = testing::Types<Replica, MoreauReplica, SupervisedFilter, AnyEstimator>;
+TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// What comes over the wire: a report every 10 ms and at every event, encoded.
 std::vector<ContactsMessage> messages_of(std::span<const ContactEvent> events, int contacts,
@@ -39,30 +39,30 @@ std::vector<ContactsMessage> messages_of(std::span<const ContactEvent> events, i
 }
 
 /// The scene as it ships and, for who can do with it, with events that jitter.
-template <typename Stepper>
+template <Estimator E>
 std::vector<Scene> scenes(const char* name) {
   std::vector<Scene> all{shipped_scene(name)};
-  if (std::is_same_v<Stepper, SupervisedFilter>) {
+  if (std::is_same_v<E, SupervisedFilter> || std::is_same_v<E, AnyEstimator>) {
     all.push_back(all.front());
     all.back().jitter = 1e-3;
   }
   return all;
 }
 
-template <typename Stepper>
+template <Estimator E>
 void expect_no_allocation(const Scene& scene) {
   SCOPED_TRACE(scene.jitter);
   const double end = 30.0;
   const double h = 1e-3;
   const std::vector<ContactEvent> events = master_events(scene, end);
   const std::vector<ContactsMessage> messages = messages_of(events, 1, end);
-  Stepper stepper = make_stepper<Stepper>(scene, h);
-  TimeLine<Stepper> line(stepper, 1, scene.replica, 100);
+  E estimator(scene, h);
+  TimeLine<E> line(estimator, 1, scene.replica, 100);
   SessionTracker sessions;
   EstimateSample empty;
   empty.q.setZero(scene.model.coordinates());
   empty.u.setZero(scene.model.coordinates());
-  empty.confidence = empty_confidence<Stepper>(scene.model.coordinates(), 1);
+  empty.confidence = estimator.no_confidence();
   SpscQueue<EstimateSample> queue(256, empty);
   std::vector<std::uint8_t> buffer;
   (void)encode(empty, buffer);
@@ -77,8 +77,8 @@ void expect_no_allocation(const Scene& scene) {
     if (slot == nullptr) return false;
     slot->tick = state.tick;
     slot->closed = state.chi;
-    stepper.output(state, slot->q, slot->u);
-    confide(stepper, state, 1.0, slot->confidence);
+    estimator.output(state, slot->q, slot->u);
+    estimator.confidence(state, 1.0, slot->confidence);
     queue.push();
     return true;
   };
@@ -138,8 +138,8 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   std::vector<double> times;
   for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
   const std::vector<ContactReport> reports = reports_at(times, events, 2);
-  TypeParam stepper = make_stepper<TypeParam>(scene, h);
-  TimeLine<TypeParam> line(stepper, 2, shipped_scene("paper_beam.toml").replica, 100);
+  TypeParam estimator(scene, h);
+  TimeLine<TypeParam> line(estimator, 2, shipped_scene("paper_beam.toml").replica, 100);
   line.restart(reports.front());
 
   std::int64_t settled = 0;

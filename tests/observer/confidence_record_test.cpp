@@ -23,15 +23,14 @@ struct Said {
 };
 
 /// Of a run that hears of `events` tick by tick.
-template <typename Stepper>
+template <Estimator E>
 Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double end) {
-  Stepper stepper = make_stepper<Stepper>(scene, 1e-2);
-  const int contacts = static_cast<int>(scene.model.contacts.size());
-  Confidence confidence = empty_confidence<Stepper>(scene.model.coordinates(), contacts);
+  E estimator(scene, 1e-2);
+  Confidence confidence = estimator.no_confidence();
   ConfidenceRecord record;
   std::ostringstream out;
-  run_time_line(stepper, scene, events, end, false, [&](const auto& state) {
-    confide(stepper, state, 0.5, confidence);
+  run_time_line(estimator, scene, events, end, false, [&](const auto& state) {
+    estimator.confidence(state, 0.5, confidence);
     record.take(tick_instant(state.tick, 1e-2).hi, confidence, 0.5, out);
   });
   Said said;
@@ -54,11 +53,11 @@ MissingEvent missing_event(const Scene& scene, double end) {
   return missing;
 }
 
-template <typename Stepper>
+template <Estimator E>
 void expect_told_when_an_event_does_not_come(const std::string& words) {
   const Scene& scene = shipped_scene("paper_beam.toml");
   const MissingEvent missing = missing_event(scene, 30.0);
-  const Said said = said_of<Stepper>(scene, missing.events, 30.0);
+  const Said said = said_of<E>(scene, missing.events, 30.0);
   const auto& confidence = said.report["confidence"];
   ASSERT_GE(confidence["inconsistencies"], 1) << said.lines;
   const auto& first = confidence["first_inconsistencies"][0];
@@ -110,9 +109,9 @@ TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
     events.push_back({h * (static_cast<double>(i) + 0.5), 0, ContactEventKind::pulse});
   }
   for (const bool back : {false, true}) {
-    TimingFilter filter = make_stepper<TimingFilter>(scene, h);
+    TimingFilter filter(scene, h);
     TimeLine<TimingFilter> line(filter, 1, scene.replica, 2 * instants);
-    Confidence confidence = empty_confidence<TimingFilter>(3, 1);
+    Confidence confidence = filter.no_confidence();
     ConfidenceRecord record;
     std::ostringstream out;
     line.restart(0, 0, 0, no_horizon);
@@ -120,7 +119,7 @@ TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
       line.run(
           target, [](const auto&) {},
           [&](const auto& state) {
-            confide(filter, state, 0.5, confidence);
+            filter.confidence(state, 0.5, confidence);
             record.take(tick_instant(state.tick, h).hi, confidence, 0.5, out);
             return true;
           });

@@ -10,7 +10,7 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "tests/estimation/recorded_run.h"
-#include "tests/estimation/supervised_steppers.h"
+#include "tests/estimation/supervised_filters.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -44,7 +44,7 @@ std::vector<Delivery> deliver(const std::vector<ContactReport>& reports, const P
   return deliveries;
 }
 
-template <typename Stepper>
+template <typename E>
 class NetworkTest : public ::testing::Test {
  protected:
   struct Figures {
@@ -62,8 +62,8 @@ class NetworkTest : public ::testing::Test {
     const auto reports = reports_at(event_and_heartbeat_times(events, 0.01, end), events, 1);
     const Plan plan{random.uniform(0.0, 0.6), random.uniform(0.0, 1.0), 0.25, 0.2};
 
-    Stepper stepper(scene.model, h);
-    TimeLine<Stepper> line(stepper, 1, scene.replica, history);
+    E estimator(scene.model, h);
+    TimeLine<E> line(estimator, 1, scene.replica, history);
     SessionTracker tracker;
     Recording settled;
     std::int64_t next_seen = 0;
@@ -92,21 +92,20 @@ class NetworkTest : public ::testing::Test {
           [&](const auto& state) {
             EXPECT_LE(state.tick, line.settled_tick());
             if (random.chance(0.05)) return false;
-            settled.add(stepper, state, scene.model.coordinates());
+            settled.add(estimator, state, scene.model.coordinates());
             return true;
           });
     }
     line.run(
         0, [](const auto&) {},
         [&](const auto& state) {
-          settled.add(stepper, state, scene.model.coordinates());
+          settled.add(estimator, state, scene.model.coordinates());
           return true;
         });
     ASSERT_EQ(line.events().counts().lost_records, 0) << "not a plan that repeats repair";
     EXPECT_EQ(line.events().events(), events);
     EXPECT_EQ(line.events().counts().events, static_cast<std::int64_t>(events.size()));
-    EXPECT_EQ(difference(offline<Stepper>(scene.model, scene.replica, h, events, end), settled),
-              "");
+    EXPECT_EQ(difference(offline<E>(scene.model, scene.replica, h, events, end), settled), "");
     figures_.rollbacks += line.rollbacks().rollbacks;
     figures_.lost += tracker.counts().lost;
     figures_.doubled += tracker.counts().doubled;
@@ -132,8 +131,8 @@ class NetworkTest : public ::testing::Test {
   Figures figures_;
 };
 
-using Steppers = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
-TYPED_TEST_SUITE(NetworkTest, Steppers);
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+TYPED_TEST_SUITE(NetworkTest, Estimators);
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {
   this->run("paper_beam.toml", 6.0);

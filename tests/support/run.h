@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/estimation/estimator.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
@@ -21,43 +22,43 @@ inline std::vector<ContactEvent> events_of(const Scene& scene, double T) {
   return events;
 }
 
-/// A master and a replica of Stepper, tick by tick: after step() both are at tick k, and
+/// A master and a replica of E, tick by tick: after step() both are at tick k, and
 /// `passed` holds the events since the tick before.
-template <typename Stepper>
+template <Estimator E>
 struct Pair {
   Pair(const Scene& scene, double h)
-      : master(scene.model, scene.master), stepper(scene.model, h), energy(scene.model) {
+      : master(scene.model, scene.master), estimator(scene.model, h), energy(scene.model) {
     const Eigen::Index f = scene.model.coordinates();
     q_m = u_m = q_s = u_s = Eigen::VectorXd::Zero(f);
-    stepper.start(scene.replica, 0, 0, state);
+    estimator.start(scene.replica, 0, 0, state);
     master.advance(at(0.0), passed);
-    if (!passed.empty()) stepper.apply(passed, state);
+    if (!passed.empty()) estimator.apply(passed, state);
     read();
   }
 
   void step() {
     ++k;
     passed.clear();
-    master.advance(tick_instant(k, stepper.h()), passed);
-    stepper.tick(passed, state);
+    master.advance(tick_instant(k, estimator.h()), passed);
+    estimator.tick(passed, state);
     read();
   }
 
   double V() const { return V_i[0]; }
-  double t() const { return tick_instant(k, stepper.h()).hi; }
+  double t() const { return tick_instant(k, estimator.h()).hi; }
 
   Master master;
-  Stepper stepper;
+  E estimator;
   ErrorEnergy energy;
-  typename Stepper::State state;
+  typename E::State state;
   std::vector<ContactEvent> passed;
   std::int64_t k = 0;
   Eigen::VectorXd q_m, u_m, q_s, u_s, V_i;
 
  private:
   void read() {
-    master.state(tick_instant(k, stepper.h()), q_m, u_m);
-    stepper.output(state, q_s, u_s);
+    master.state(tick_instant(k, estimator.h()), q_m, u_m);
+    estimator.output(state, q_s, u_s);
     V_i = energy(q_m, u_m, q_s, u_s);
   }
 };

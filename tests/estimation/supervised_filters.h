@@ -1,4 +1,4 @@
-// Replica and timing filter side by side, to be made like a replica in suites of steppers.
+// Replica and timing filter side by side, to be made like a replica in suites of estimators.
 #pragma once
 
 #include "sprag/estimation/supervised_filter.h"

@@ -1,4 +1,6 @@
 // The steppers' ticks, through everything that occurs in them.
+#include "sprag/estimation/estimators.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "tests/estimation/random_events.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_model.h"
@@ -72,11 +73,11 @@ struct Met {
   double checksum = 0.0;
 };
 
-template <typename Stepper>
-Met run(Stepper& stepper, const Drive& drive, typename Stepper::State& state) {
+template <Estimator E>
+Met run(E& estimator, const Drive& drive, typename E::State& state) {
   const Eigen::Index f = drive.model.coordinates();
   Eigen::VectorXd q(f), u(f);
-  stepper.start(drive.start, 0, 0, state);
+  estimator.start(drive.start, 0, 0, state);
   Met met;
   CountAllocations counting;
   for (std::int64_t k = 1; k <= drive.ticks(); ++k) {
@@ -84,8 +85,8 @@ Met run(Stepper& stepper, const Drive& drive, typename Stepper::State& state) {
     const std::size_t to = drive.until[static_cast<std::size_t>(k)];
     const std::span<const ContactEvent> events(drive.events.data() + from, to - from);
     const ContactSet before = locked(state);
-    stepper.tick(events, state);
-    stepper.output(state, q, u);
+    estimator.tick(events, state);
+    estimator.output(state, q, u);
     met.checksum += q[0] + u[0];
     if (events.empty() && locked(state) != before) ++met.switchings;
     if (state.chi == 0) ++met.free_ticks;
@@ -156,9 +157,8 @@ TEST(SupervisedFilterTick, NeverAllocatesNorDoesWhatItSaysOfItself) {
     const Met met = run(filter, drive, state);
     EXPECT_EQ(met.allocations, 0);
     EXPECT_GT(state.inconsistencies, 0);
-    Confidence confidence = empty_confidence<SupervisedFilter>(
-        drive.model.coordinates(), static_cast<int>(drive.model.contacts.size()));
-    EXPECT_EQ(allocations_of([&] { confide(filter, state, 1.0, confidence); }), 0);
+    Confidence confidence = filter.no_confidence();
+    EXPECT_EQ(allocations_of([&] { filter.confidence(state, 1.0, confidence); }), 0);
   }
 }
 

@@ -1,0 +1,38 @@
+#include "observer/estimation.h"
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+namespace sprag {
+
+Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history)
+    : contacts(static_cast<int>(scene.model.contacts.size())),
+      coordinates(scene.model.coordinates()),
+      initial_bound(sprag::initial_bound(scene)),
+      estimator(scene, options.tick, options.estimator, options.stepper),
+      time_line(estimator, contacts, scene.replica, history) {}
+
+EstimateSample Estimation::empty_sample() const {
+  EstimateSample sample;
+  sample.q.setZero(coordinates);
+  sample.u.setZero(coordinates);
+  sample.confidence = estimator.no_confidence();
+  return sample;
+}
+
+void Estimation::describe(const State& state, bool with_state, EstimateSample& sample) {
+  sample.tick = state.tick;
+  sample.t = tick_instant(state.tick, estimator.h()).hi;
+  sample.closed = state.chi;
+  if (with_state) estimator.output(state, sample.q, sample.u);
+  const bool complete = time_line.complete_to(sample.t);
+  estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
+                       sample.confidence);
+}
+
+void Estimation::to_json(nlohmann::ordered_json& report) {
+  report["settled_tick"] = time_line.handed_out();
+  report["flow_path"] = estimator.flow_path();
+}
+
+}  // namespace sprag

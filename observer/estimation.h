@@ -1,0 +1,41 @@
+// A scene's estimator on its time line, and what it says of a tick as a message: the part that live
+// observer and replay share.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+
+#include "lcmtypes/state_codec.h"
+#include "observer/options.h"
+#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+struct Estimation {
+  using State = AnyEstimator::State;
+
+  /// Keeps `history` ticks to go back to. Throws ModelError.
+  Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history);
+  Estimation(const Estimation&) = delete;
+  Estimation& operator=(const Estimation&) = delete;
+
+  /// With room for all that an estimate holds.
+  EstimateSample empty_sample() const;
+
+  /// What there is to say of a tick, but for session, settled tick and time of sending. Does not
+  /// allocate; q and u only where `with_state`, which costs less without.
+  void describe(const State& state, bool with_state, EstimateSample& sample);
+
+  /// Adds "settled_tick" and "flow_path".
+  void to_json(nlohmann::ordered_json& report);
+
+  int contacts;
+  Eigen::Index coordinates;
+  double initial_bound;  ///< B(0)
+  AnyEstimator estimator;
+  TimeLine<AnyEstimator> time_line;
+};
+
+}  // namespace sprag

@@ -1,0 +1,75 @@
+// What the threads of a live observer hand each other, without locks.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "lcmtypes/state_codec.h"
+#include "observer/arrival.h"
+#include "observer/spsc_queue.h"
+#include "observer/wake.h"
+#include "sprag/estimation/contact_report.h"
+
+namespace sprag {
+
+struct Heard {
+  ContactReport report;
+  Arrival arrival;
+};
+
+/// From the receiving thread to the integrating one. Who is followed has a queue of its own, so
+/// that others cannot fill it.
+struct Inbox {
+  static constexpr std::size_t slots = 1024;
+
+  SpscQueue<Heard> followed{slots, Heard{}};
+  SpscQueue<Heard> strangers{slots, Heard{}};
+  Wake arrived;
+  std::atomic<bool> follows{false};  ///< by the integrating thread, with the session
+  std::atomic<std::int64_t> session{0};
+  std::atomic<std::int64_t> last_arrival{0};  ///< of anything for contacts, monotonic [ns]
+  std::atomic<std::int64_t> last_drop{0};     ///< of what may have been the master's, likewise
+};
+
+/// Something to tell people.
+struct Announcement {
+  enum class Kind {
+    session,
+    other_master,
+    silence,
+    end_of_run,
+    real_time_lost,
+    real_time_regained
+  };
+  Kind kind = Kind::session;
+  std::int64_t session = 0;
+  double t = 0.0;  ///< simulated [s]
+};
+
+struct Sample {
+  bool settled = false;
+  EstimateSample estimate;
+};
+
+/// From the integrating thread to the publishing one.
+struct Outbox {
+  /// As many samples as go into a few MB. `empty` has room for all that an estimate holds.
+  explicit Outbox(const EstimateSample& empty)
+      : samples(sample_slots(empty), Sample{false, empty}), announcements(64, Announcement{}) {}
+
+  SpscQueue<Sample> samples;
+  SpscQueue<Announcement> announcements;
+  Wake ready;
+
+ private:
+  static std::size_t sample_slots(const EstimateSample& empty) {
+    constexpr std::size_t bytes = 8 << 20, least = 1024, most = 16384;
+    const Eigen::Index f = empty.q.size();
+    const auto numbers = static_cast<std::size_t>(4 * f + empty.confidence.sigma_g.size());
+    return std::clamp(bytes / (sizeof(Sample) + sizeof(double) * numbers), least, most);
+  }
+};
+
+}  // namespace sprag

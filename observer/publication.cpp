@@ -1,0 +1,117 @@
+#include "observer/publication.h"
+
+#include <chrono>
+#include <iostream>
+#include <thread>
+
+#include "observer/wake.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int last_sample_repeats = 5;
+constexpr std::int64_t longest_wait = 100'000'000;       // ns
+constexpr std::int64_t progress_period = 1'000'000'000;  // ns
+
+}  // namespace
+
+Publication::Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
+                         SettledOutput& settled, double duration)
+    : bus_(bus),
+      inbox_(inbox),
+      outbox_(outbox),
+      notices_(notices),
+      settled_(settled),
+      duration_(duration) {}
+
+void Publication::run(const std::function<bool()>& over) {
+  std::int64_t next_progress = monotonic_now() + progress_period;
+  while (!over()) {
+    outbox_.ready.wait_until(monotonic_now() + longest_wait);
+    empty_outbox();
+    notices_.tell(monotonic_now(), std::cerr);
+    if (monotonic_now() < next_progress) continue;
+    next_progress += progress_period;
+    progress();
+  }
+}
+
+void Publication::finish() {
+  empty_outbox();
+  for (int i = 0; i < last_sample_repeats && !last_settled_.empty(); ++i) {
+    std::this_thread::sleep_for(10ms);
+    (void)bus_.publish(settled_channel, last_settled_);
+  }
+  notices_.tell_rest(std::cerr);
+}
+
+void Publication::empty_outbox() {
+  while (const Announcement* announcement = outbox_.announcements.front()) {
+    tell(*announcement);
+    outbox_.announcements.pop();
+  }
+  while (Sample* sample = outbox_.samples.front()) {
+    publish(sample->estimate, sample->settled);
+    outbox_.samples.pop();
+  }
+}
+
+void Publication::publish(EstimateSample& estimate, bool settled) {
+  estimate.utime = wall_clock_us();
+  if (settled) settled_.take(estimate);
+  std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
+  if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
+    ++unsent_;
+  }
+}
+
+void Publication::tell(const Announcement& announcement) {
+  const auto digits = std::cerr.precision(12);
+  switch (announcement.kind) {
+    case Announcement::Kind::session:
+      if (observing_ && announcement.session != told_session_) {
+        std::cerr << "new session: the master was restarted; ";
+      }
+      std::cerr << "observing from t = " << announcement.t << '\n';
+      observing_ = true;
+      told_session_ = announcement.session;
+      if (announcement.t > duration_) {
+        std::cerr << "that is behind --duration: nothing will settle\n";
+      }
+      break;
+    case Announcement::Kind::other_master:
+      std::cerr << "a second master (session " << announcement.session
+                << ") is on the channel; the first is kept\n";
+      break;
+    case Announcement::Kind::silence:
+      std::cerr << "the master is silent at t = " << announcement.t
+                << "; the estimate goes on without it\n";
+      break;
+    case Announcement::Kind::end_of_run:
+      std::cerr << "the machine's time stands at t = " << announcement.t
+                << ": its run is over; the estimate goes on without it\n";
+      break;
+    case Announcement::Kind::real_time_lost:
+      std::cerr << "real time lost at t = " << announcement.t << '\n';
+      break;
+    case Announcement::Kind::real_time_regained:
+      std::cerr << "real time regained at t = " << announcement.t << '\n';
+      break;
+  }
+  std::cerr.precision(digits);
+}
+
+void Publication::progress() {
+  settled_.flush();
+  if (observing_) {
+    const auto digits = std::cerr.precision(12);
+    std::cerr << "settled t " << settled_.t() << '\n';
+    std::cerr.precision(digits);
+  } else if (monotonic_now() - inbox_.last_arrival >= progress_period) {
+    std::cerr << "waiting for a master\n";
+  }
+}
+
+}  // namespace sprag

@@ -1,0 +1,54 @@
+// The publishing thread: estimates to the bus, settled ones to the file as well, and what there is
+// to tell people.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "lcmtypes/bus.h"
+#include "observer/mailboxes.h"
+#include "observer/notices.h"
+#include "observer/settled_output.h"
+
+namespace sprag {
+
+class Publication {
+ public:
+  /// `duration`: simulated time that is asked for [s]. Everything must outlive this.
+  Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
+              SettledOutput& settled, double duration);
+  Publication(const Publication&) = delete;
+  Publication& operator=(const Publication&) = delete;
+
+  /// Publishes until `over()`.
+  void run(const std::function<bool()>& over);
+
+  /// What is left, when nobody produces any more. Repeats the last settled estimate: nothing
+  /// follows that would tell a listener that it missed the end.
+  void finish();
+
+  /// Estimates that could not be sent.
+  std::int64_t unsent() const { return unsent_; }
+
+ private:
+  void empty_outbox();
+  void publish(EstimateSample& estimate, bool settled);
+  void tell(const Announcement& announcement);
+  void progress();
+
+  Bus& bus_;
+  const Inbox& inbox_;
+  Outbox& outbox_;
+  Notices& notices_;
+  SettledOutput& settled_;
+  double duration_;
+  std::vector<std::uint8_t> buffer_;
+  std::vector<std::uint8_t> last_settled_;
+  std::int64_t unsent_ = 0;
+  bool observing_ = false;
+  std::int64_t told_session_ = 0;
+};
+
+}  // namespace sprag

@@ -1,0 +1,309 @@
+#include "observer/real_time_loop.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "observer/wake.h"
+#include "sprag/mechanics/interrupt.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t strangers_per_turn = 256;
+constexpr std::int64_t longest_wait = 2'000'000;  // ns
+// The loop looks at the clock and at the messages at least as often as this.
+constexpr std::int64_t ticks_per_turn = 4096;
+constexpr std::int64_t real_time_lost_after = 100'000'000;  // ns
+constexpr std::int64_t silent_after = 1'000'000'000;        // ns
+// Messages in a row whose horizon stays: the machine's time has come to its end.
+constexpr int messages_at_the_end = 3;
+constexpr std::size_t most_new_events = 4096;  // per turn, whose latency is taken
+
+}  // namespace
+
+RealTimeLoop::RealTimeLoop(Estimation& estimation, std::int64_t last, Freshness freshness,
+                           Inbox& inbox, Outbox& outbox, Notices& notices)
+    : estimation_(estimation),
+      time_line_(estimation.time_line),
+      h_(estimation.estimator.h()),
+      last_(last),
+      inbox_(inbox),
+      outbox_(outbox),
+      notices_(notices),
+      sessions_(freshness, h_) {
+  new_events_due_.reserve(most_new_events);
+}
+
+void RealTimeLoop::run(const std::atomic<bool>& stop) {
+  bool in_time = true;
+  try {
+    while (!stop && !done_) turn(in_time);
+  } catch (const Interrupted&) {  // a signal; nothing of the tick under way is handed out
+  }
+  figures_.unsettled_ticks = std::min(reached_, last_) - time_line_.handed_out();
+  end_loss(monotonic_now());
+  outbox_.ready.signal();
+}
+
+void RealTimeLoop::turn(bool& in_time) {
+  if (in_time) wait();
+  const std::int64_t begin = monotonic_now();
+  take_reports();
+  if (!time_line_.started()) return;
+  watch(begin);
+  in_time = advance(begin);
+  watch(monotonic_now());
+  account(begin);
+  outbox_.ready.signal();
+}
+
+// Until the next tick is due, or something is heard.
+void RealTimeLoop::wait() {
+  const std::int64_t latest = monotonic_now() + longest_wait;
+  if (!time_line_.started() || !paced()) {
+    inbox_.arrived.wait_until(latest);
+    return;
+  }
+  // Past the last tick, or while the publishing thread is behind, there is nothing to be late for.
+  const bool idle =
+      time_line_.now() >= last_ || time_line_.handed_out() < time_line_.settled_tick();
+  const double next = tick_instant(time_line_.now() + 1, h_).hi;
+  inbox_.arrived.wait_until(idle ? latest : std::min(clock_.local(next), latest));
+}
+
+void RealTimeLoop::take_reports() {
+  take_followed();
+  for (std::size_t n = 0; n < strangers_per_turn; ++n) {
+    const Heard* stranger = inbox_.strangers.front();
+    if (stranger == nullptr) break;
+    // What the master sent before this one is here by now: only then does its silence count.
+    take_followed();
+    sessions_.note_drop(inbox_.last_drop.load(std::memory_order_acquire));
+    take(*stranger);
+    inbox_.strangers.pop();
+  }
+}
+
+void RealTimeLoop::take_followed() {
+  while (const Heard* heard = inbox_.followed.front()) {
+    take(*heard);
+    inbox_.followed.pop();
+  }
+}
+
+void RealTimeLoop::take(const Heard& heard) {
+  const ContactReport& report = heard.report;
+  const MessageCounts before = sessions_.counts();
+  switch (sessions_.hear(report, heard.arrival)) {
+    case SessionTracker::Verdict::ignored:
+      tell_ignored(heard, before);
+      return;
+    case SessionTracker::Verdict::starts:
+      start(heard);
+      return;
+    case SessionTracker::Verdict::resumes:
+      resume(heard);
+      return;
+    case SessionTracker::Verdict::continues:
+      stands_still_ = report.horizon > time_line_.events().horizon() ? 0 : stands_still_ + 1;
+      if (stands_still_ == messages_at_the_end && paced()) {
+        announce(Announcement::Kind::end_of_run);
+      }
+      clock_.observe(report, heard.arrival);
+      last_heard_ = heard.arrival.monotonic;
+      receive_events(report, sessions_.counts().lost > before.lost, false);
+      return;
+  }
+}
+
+// A session begins.
+void RealTimeLoop::start(const Heard& heard) {
+  const EventCounts events = time_line_.events().counts();
+  time_line_.restart(heard.report);
+  raise_skipped(time_line_.events(), events, notices_);
+  inbox_.session.store(heard.report.session, std::memory_order_relaxed);
+  inbox_.follows.store(true, std::memory_order_release);
+  start_again(heard);
+  announce(Announcement::Kind::session);
+}
+
+// The time line has started at this report.
+void RealTimeLoop::start_again(const Heard& heard) {
+  clock_.restart();
+  clock_.observe(heard.report, heard.arrival);
+  first_heard_ = last_heard_ = heard.arrival.monotonic;
+  end_loss(first_heard_);
+  pace_ = Pace::catching_up;
+  stands_still_ = 0;
+  reached_ = time_line_.now() - 1;
+  corrected_ = false;
+}
+
+// The session goes on where its clock or its counts have jumped to.
+void RealTimeLoop::resume(const Heard& heard) {
+  notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), heard.report.horizon);
+  clock_.restart();
+  clock_.observe(heard.report, heard.arrival);
+  last_heard_ = heard.arrival.monotonic;
+  end_loss(last_heard_);
+  pace_ = Pace::catching_up;
+  receive_events(heard.report, true, true);
+}
+
+void RealTimeLoop::tell_ignored(const Heard& heard, const MessageCounts& before) {
+  const ContactReport& report = heard.report;
+  const MessageCounts& now = sessions_.counts();
+  if (now.stale > before.stale) {
+    notices_.raise(Notice::stale, 1,
+                   1e-6 * static_cast<double>(delay(report.utime, heard.arrival)));
+  }
+  if (before.of_other_masters == 0 && now.of_other_masters > 0) {
+    announce(Announcement::Kind::other_master);
+  }
+  raise_odd(sessions_.oddity(), report, time_line_.events().horizon(), notices_);
+}
+
+void RealTimeLoop::receive_events(const ContactReport& report, bool behind_a_loss, bool resumed) {
+  std::size_t known = time_line_.events().events().size();
+  const EventCounts before = time_line_.events().counts();
+  const bool again = resumed ? time_line_.resume(report) : time_line_.receive(report);
+  raise_skipped(time_line_.events(), before, notices_);
+  const auto& events = time_line_.events().events();
+  if (again) {
+    known = events.size();
+    reached_ = time_line_.now() - 1;
+    first_heard_ = last_heard_;
+    announce(Announcement::Kind::session);
+  }
+  if (behind_a_loss) {
+    figures_.repaired_events += static_cast<std::int64_t>(events.size() - known);
+  }
+  if (!paced()) return;
+  for (std::size_t i = known; i < events.size() && new_events_due_.size() < most_new_events; ++i) {
+    new_events_due_.push_back(clock_.local(events[i].t));
+  }
+}
+
+bool RealTimeLoop::paced() const { return !std::isinf(clock_.speed()); }
+
+// The machine says that its time has come to an end: nothing is late then, and silence is no news.
+bool RealTimeLoop::at_end() const { return stands_still_ >= messages_at_the_end && paced(); }
+
+// Runs to the tick that is due; false if there was more to do than a turn may take. What is for now
+// goes out first: then an event that was taken is in an estimate at once.
+bool RealTimeLoop::advance(std::int64_t now) {
+  const std::int64_t target = std::min(tick_for_now(now), last_);
+  const auto on_reached = [this](const State& state) { on_tick(state); };
+  time_line_.run(
+      target, on_reached, [](const State&) { return false; }, ticks_per_turn);
+  repeat_corrected();
+  outbox_.ready.signal();
+  const bool in_time = time_line_.run(
+      target, on_reached, [this](const State& state) { return on_settled(state); }, ticks_per_turn);
+  repeat_corrected();
+  if (time_line_.handed_out() >= last_) done_ = true;
+  return in_time;
+}
+
+// The tick that is due; the one behind it where an event falls between the two: it is not late
+// then, but early by less than a tick.
+std::int64_t RealTimeLoop::tick_for_now(std::int64_t now) const {
+  const double simulated = clock_.simulated(now);
+  const std::int64_t due = simulated > 0.0 ? last_tick(simulated, h_) : 0;
+  return std::max(due, std::min(time_line_.tick_of_last_event(), due + 1));
+}
+
+void RealTimeLoop::on_tick(const State& state) {
+  if (state.tick > last_) return;
+  reached_ = state.tick;
+  corrected_ = false;
+  if (paced() && !at_end()) {
+    const std::int64_t due = clock_.local(tick_instant(state.tick, h_).hi);
+    if (due > first_heard_) {
+      const std::int64_t late = monotonic_now() - due;
+      figures_.lateness.add(late);
+      const double tick = 1e9 * h_ / clock_.speed();
+      if (static_cast<double>(late) > tick) ++figures_.missed;
+    }
+  }
+  if (!send(false, state)) ++figures_.estimates_dropped;
+}
+
+bool RealTimeLoop::on_settled(const State& state) {
+  if (state.tick > last_) return true;
+  return send(true, state);
+}
+
+// After going back the last tick reached goes out again, once.
+void RealTimeLoop::repeat_corrected() {
+  if (time_line_.rollbacks().rollbacks > corrected_rollbacks_) corrected_ = true;
+  corrected_rollbacks_ = time_line_.rollbacks().rollbacks;
+  if (!corrected_ || time_line_.now() < reached_ || reached_ > last_) return;
+  corrected_ = false;
+  if (paced() && !send(false, time_line_.present())) ++figures_.estimates_dropped;
+}
+
+bool RealTimeLoop::send(bool settled, const State& state) {
+  Sample* slot = outbox_.samples.free_slot();
+  if (slot == nullptr) return false;
+  slot->settled = settled;
+  estimation_.describe(state, true, slot->estimate);
+  slot->estimate.session = sessions_.session();
+  slot->estimate.settled_tick =
+      std::max<std::int64_t>(settled ? state.tick : time_line_.handed_out(), -1);
+  outbox_.samples.push();
+  return true;
+}
+
+// Whether the estimate keeps up with the master, and whether the master is still there.
+void RealTimeLoop::watch(std::int64_t now) {
+  if (!paced() || at_end()) return;
+  const double next = tick_instant(reached_ + 1, h_).hi;
+  const std::int64_t lag = reached_ >= last_ ? 0 : now - clock_.local(next);
+  if (lag > real_time_lost_after && pace_ == Pace::kept) {
+    pace_ = Pace::lost;
+    lost_since_ = now - lag;
+    ++figures_.real_time_losses;
+    announce(Announcement::Kind::real_time_lost);
+  } else if (lag <= longest_wait) {
+    if (pace_ == Pace::lost) announce(Announcement::Kind::real_time_regained);
+    end_loss(now);
+    pace_ = Pace::kept;
+  }
+  if (pace_ != Pace::kept) return;
+  const std::int64_t heard =
+      std::max(last_heard_, inbox_.last_arrival.load(std::memory_order_relaxed));
+  const bool silent = now - heard > silent_after;
+  if (silent && !silent_) announce(Announcement::Kind::silence);
+  silent_ = silent;
+}
+
+void RealTimeLoop::end_loss(std::int64_t now) {
+  if (pace_ == Pace::lost) figures_.real_time_lost += now - lost_since_;
+  pace_ = Pace::catching_up;
+}
+
+void RealTimeLoop::account(std::int64_t begin) {
+  const std::int64_t end = monotonic_now();
+  figures_.execution.add(end - begin);
+  const std::int64_t rollbacks = time_line_.rollbacks().rollbacks;
+  if (rollbacks > rollbacks_) figures_.rollback_cost.add(end - begin);
+  rollbacks_ = rollbacks;
+  for (const std::int64_t due : new_events_due_) figures_.event_latency.add(end - due);
+  new_events_due_.clear();
+}
+
+// The publishing thread does it.
+void RealTimeLoop::announce(Announcement::Kind kind) {
+  Announcement* slot = outbox_.announcements.free_slot();
+  if (slot == nullptr) return;
+  slot->kind = kind;
+  slot->session =
+      kind == Announcement::Kind::other_master ? sessions_.other() : sessions_.session();
+  // A time line that starts is about to reach its first tick.
+  const std::int64_t tick = kind == Announcement::Kind::session ? time_line_.now() : reached_;
+  slot->t = tick_instant(std::max<std::int64_t>(tick, 0), h_).hi;
+  outbox_.announcements.push();
+}
+
+}  // namespace sprag

@@ -1,0 +1,130 @@
+#include "observer/reception.h"
+
+#include <chrono>
+
+#include "lcmtypes/big_endian.h"
+#include "lcmtypes/contacts_codec.h"
+
+namespace sprag {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t longest_queued = 60'000'000;  // us, of a message in the kernel
+
+Notice notice_of(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::wrong_type:
+      return Notice::wrong_type;
+    case Refusal::truncated:
+    case Refusal::oversized:
+      return Notice::wrong_size;
+    case Refusal::bad_contact:
+      return Notice::bad_contact;
+    case Refusal::bad_kind:
+      return Notice::bad_kind;
+    case Refusal::bad_closed:
+      return Notice::bad_closed;
+    case Refusal::bad_time:
+      return Notice::bad_time;
+    case Refusal::bad_speed:
+      return Notice::bad_speed;
+    default:
+      return Notice::bad_count;
+  }
+}
+
+// Of a message that may be anything; 0 if it is too short.
+std::int64_t session_of(std::span<const std::uint8_t> data) {
+  if (data.size() < 16) return 0;
+  const std::uint8_t* from = data.data() + 8;
+  return take<std::int64_t>(from);
+}
+
+// By the clocks of this host, when the kernel took it: it may have waited since.
+Arrival arrival_of(std::int64_t utime) {
+  const std::int64_t wall = wall_clock_us();
+  const std::int64_t queued =
+      wall - utime >= 0 && wall - utime <= longest_queued ? wall - utime : 0;
+  return {monotonic_now() - 1000 * queued, wall - queued};
+}
+
+}  // namespace
+
+Reception::Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices)
+    : bus_(bus), contacts_(contacts), inbox_(inbox), notices_(notices) {
+  bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
+                                          std::int64_t utime) { hear(data, utime); });
+}
+
+void Reception::run(const std::atomic<bool>& stop) {
+  while (!stop) {
+    bus_.handle(50ms);
+    tell_refused();
+  }
+}
+
+ReceptionFigures Reception::figures() const {
+  ReceptionFigures figures = figures_;
+  figures.bus = bus_.counts();
+  return figures;
+}
+
+void Reception::hear(std::span<const std::uint8_t> data, std::int64_t utime) {
+  const Arrival arrival = arrival_of(utime);
+  inbox_.last_arrival.store(arrival.monotonic, std::memory_order_relaxed);
+  if (bus_.counts().overflowed > kernel_drops_) {
+    kernel_drops_ = bus_.counts().overflowed;
+    inbox_.last_drop = arrival.monotonic;
+  }
+  const bool followed = inbox_.follows.load(std::memory_order_acquire) &&
+                        session_of(data) == inbox_.session.load(std::memory_order_relaxed);
+  SpscQueue<Heard>& queue = followed ? inbox_.followed : inbox_.strangers;
+  Heard* slot = queue.free_slot();
+  if (slot == nullptr) {
+    ++figures_.overflowed;
+    if (followed) {
+      inbox_.last_drop = arrival.monotonic;
+    } else {
+      notices_.raise(Notice::crowded);
+    }
+    return;
+  }
+  slot->arrival = arrival;
+  const Refusal refusal = decode(data, slot->report);
+  if (refusal != Refusal::none) {
+    ++figures_.refused[static_cast<std::size_t>(refusal)];
+    notices_.raise(notice_of(refusal));
+  } else if (slot->report.contacts != contacts_) {
+    ++figures_.other_machine;
+    notices_.raise(Notice::other_machine, 1, slot->report.contacts, contacts_);
+  } else {
+    queue.push();
+    // Strangers are looked at in the turns that there are anyway.
+    if (followed || !inbox_.follows.load(std::memory_order_relaxed)) inbox_.arrived.signal();
+  }
+}
+
+// What the bus has kept away.
+void Reception::tell_refused() {
+  const BusCounts& counts = bus_.counts();
+  const auto fault = [&counts](PacketFault of) {
+    return counts.faults[static_cast<std::size_t>(of)];
+  };
+  tell_rise(Notice::malformed, fault(PacketFault::foreign) + fault(PacketFault::no_channel));
+  tell_rise(Notice::fragment, fault(PacketFault::fragment));
+  tell_rise(Notice::other_host, counts.other_host);
+  if (tell_rise(Notice::unauthenticated, counts.unauthenticated)) {
+    inbox_.last_arrival.store(monotonic_now(), std::memory_order_relaxed);
+  }
+}
+
+bool Reception::tell_rise(Notice notice, std::int64_t count) {
+  std::int64_t& before = kept_away_[static_cast<std::size_t>(notice)];
+  if (count == before) return false;
+  notices_.raise(notice, count - before);
+  before = count;
+  return true;
+}
+
+}  // namespace sprag

@@ -1,0 +1,46 @@
+#include "observer/settled_output.h"
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "observer/report.h"
+#include "sprag/files/confidence_columns.h"
+
+namespace sprag {
+
+SettledOutput::SettledOutput(const std::filesystem::path& states, const EstimateSample& empty,
+                             double initial)
+    : initial_bound_(initial) {
+  if (states.empty()) return;
+  states_.emplace(states, empty.q.size(), confidence_columns(empty.confidence, initial));
+  if (!states_->good()) throw std::runtime_error(states_->error());
+}
+
+void SettledOutput::take(const EstimateSample& settled) {
+  ++ticks_;
+  t_ = settled.t;
+  record_.take(settled.t, settled.confidence, initial_bound_, std::cerr);
+  if (!states_) return;
+  to_columns(settled.confidence, initial_bound_, columns_);
+  states_->write(settled.tick, settled.t, settled.q, settled.u, columns_);
+}
+
+void SettledOutput::flush() {
+  if (states_) states_->flush();
+}
+
+void SettledOutput::sum_up(const EventHistory& events, nlohmann::ordered_json& report) const {
+  for (const DegradedInterval& gap : events.degraded()) {
+    std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
+  }
+  record_.to_json(report);
+  report.update(to_json(events));
+  record_.print(std::cerr);
+}
+
+void SettledOutput::close() {
+  if (states_ && !states_->close()) throw std::runtime_error(states_->error());
+}
+
+}  // namespace sprag

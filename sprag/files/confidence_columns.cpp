@@ -1,0 +1,54 @@
+#include "sprag/files/confidence_columns.h"
+
+#include <cmath>
+
+namespace sprag {
+namespace {
+
+// Names and values come from one list, so that they cannot part.
+template <typename Column, typename Columns>
+void visit_columns(const Confidence& confidence, double initial, const Column& column,
+                   const Columns& columns) {
+  const bool bounded = confidence.has_replica && std::isfinite(initial);
+  if (!confidence.has_filter && !bounded) return;
+  const Innovation& closing = confidence.has_replica ? confidence.replica : confidence.filter;
+  if (confidence.has_replica) column("B", confidence.bound);
+  if (confidence.has_filter) {
+    columns("sigma_q", confidence.sigma_q);
+    columns("sigma_u", confidence.sigma_u);
+    columns("sigma_g", confidence.sigma_g);
+  }
+  column("closing_t", closing.t);
+  column("closing_contact", closing.t < 0.0 ? 0.0 : closing.contact + 1.0);
+  if (confidence.has_replica) column("replica_gap", confidence.replica.gap);
+  if (!confidence.has_filter) return;
+  column("filter_gap", confidence.filter.gap);
+  column("sigma_filter_gap", confidence.filter.deviation);
+  if (confidence.has_replica) column("from_filter", confidence.from_filter ? 1.0 : 0.0);
+  column("inconsistencies", static_cast<double>(confidence.inconsistencies));
+}
+
+}  // namespace
+
+std::vector<std::string> confidence_columns(const Confidence& confidence, double initial) {
+  std::vector<std::string> names;
+  visit_columns(
+      confidence, initial, [&](const char* name, double) { names.emplace_back(name); },
+      [&](const std::string& name, const Eigen::VectorXd& values) {
+        for (Eigen::Index i = 1; i <= values.size(); ++i) {
+          names.push_back(name + std::to_string(i));
+        }
+      });
+  return names;
+}
+
+void to_columns(const Confidence& confidence, double initial, std::vector<double>& values) {
+  values.clear();
+  visit_columns(
+      confidence, initial, [&](const char*, double value) { values.push_back(value); },
+      [&](const char*, const Eigen::VectorXd& of) {
+        values.insert(values.end(), of.begin(), of.end());
+      });
+}
+
+}  // namespace sprag

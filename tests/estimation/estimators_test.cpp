@@ -1,0 +1,91 @@
+// Any estimator, chosen when the program runs, against the one of that type.
+#include "sprag/estimation/estimators.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/estimation/recorded_run.h"
+
+namespace sprag {
+namespace {
+
+constexpr double h = 0.02;
+constexpr double duration = 20.0;
+
+/// A run tick by tick with the same events in both; the state is copied away and back on its way.
+template <Estimator E>
+void expect_same(EstimatorKind kind, StepperKind stepper) {
+  Scene scene = shipped_scene("two_stops_beam.toml");
+  scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-3);
+  const Eigen::Index f = scene.model.coordinates();
+  const std::vector<ContactEvent> events = master_events(scene, duration);
+  ASSERT_GT(events.size(), 20U);
+  E typed(scene, h);
+  AnyEstimator any(scene, h, kind, stepper);
+  EXPECT_EQ(any.h(), typed.h());
+  typename E::State typed_state;
+  AnyEstimator::State state, other;
+  typed.start(scene.replica, 0, 0, typed_state);
+  any.start(scene.replica, 0, 0, state);
+  const double bound = initial_bound(scene);
+  Confidence expected = typed.no_confidence(), actual = any.no_confidence();
+  EXPECT_EQ(actual.has_replica, expected.has_replica);
+  EXPECT_EQ(actual.has_filter, expected.has_filter);
+  std::size_t next = 0;
+  for (std::int64_t k = 1; k <= last_tick(duration, h); ++k) {
+    const std::size_t first = next;
+    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
+    const auto of_tick = std::span(events).subspan(first, next - first);
+    typed.tick(of_tick, typed_state);
+    other = state;
+    any.tick(of_tick, other);
+    ASSERT_EQ(state.tick, k - 1);
+    state = other;
+    ASSERT_EQ(state.tick, typed_state.tick);
+    ASSERT_EQ(state.chi, typed_state.chi);
+    Eigen::VectorXd q(f), u(f), expected_q(f), expected_u(f);
+    any.output(state, q, u);
+    typed.output(typed_state, expected_q, expected_u);
+    ASSERT_TRUE(same_bits(q, expected_q) && same_bits(u, expected_u)) << "tick " << k;
+    any.confidence(state, bound, actual);
+    typed.confidence(typed_state, bound, expected);
+    ASSERT_EQ(actual.bound, expected.bound);
+    ASSERT_EQ(actual.from_filter, expected.from_filter);
+    ASSERT_TRUE(same_bits(actual.sigma_q, expected.sigma_q)) << "tick " << k;
+    ASSERT_TRUE(same_bits(actual.sigma_g, expected.sigma_g)) << "tick " << k;
+  }
+}
+
+TEST(AnyEstimator, HasTheBitsOfTheOneThatItIs) {
+  expect_same<Replica>(EstimatorKind::replica, StepperKind::exact);
+  expect_same<MoreauReplica>(EstimatorKind::replica, StepperKind::moreau);
+  expect_same<TimingFilter>(EstimatorKind::timing, StepperKind::exact);
+  expect_same<SupervisedFilter>(EstimatorKind::both, StepperKind::exact);
+}
+
+TEST(AnyEstimator, SaysHowItMoves) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  AnyEstimator exact(scene, h);
+  ASSERT_NE(exact.flows(), nullptr);
+  EXPECT_STREQ(exact.flow_path(), "diagonal");
+  AnyEstimator moreau(scene, h, EstimatorKind::replica, StepperKind::moreau);
+  EXPECT_EQ(moreau.flows(), nullptr);
+  EXPECT_STREQ(moreau.flow_path(), "moreau");
+}
+
+// A state of one estimator is no use to another, and start() makes it one.
+TEST(AnyEstimator, TakesAnyStateAtItsStart) {
+  const Scene& scene = shipped_scene("paper_beam.toml");
+  AnyEstimator both(scene, h);
+  AnyEstimator replica(scene, h, EstimatorKind::replica);
+  AnyEstimator::State state;
+  both.start(scene.replica, 0, 0, state);
+  both.tick({}, state);
+  replica.start(scene.replica, 5, 1, state);
+  EXPECT_EQ(state.tick, 5);
+  EXPECT_EQ(state.chi, 1U);
+  replica.tick({}, state);
+  EXPECT_EQ(state.tick, 6);
+}
+
+}  // namespace
+}  // namespace sprag
