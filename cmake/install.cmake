@@ -33,6 +33,29 @@ if(SPRAG_PROGRAMS)
   configure_file(command_line/sprag.in ${PROJECT_BINARY_DIR}/sprag_command/sprag @ONLY)
   install(PROGRAMS ${PROJECT_BINARY_DIR}/sprag_command/sprag DESTINATION ${CMAKE_INSTALL_BINDIR}
           COMPONENT runtime)
+  install(FILES command_line/completion.bash
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME sprag COMPONENT runtime)
+
+  # Man pages are what --help says: `man sprag`, `man sprag-observer`.
+  find_program(HELP2MAN help2man)
+  if(HELP2MAN)
+    set(man_pages)
+    function(sprag_man_page page name executable)
+      set(output ${PROJECT_BINARY_DIR}/man/${page}.1.gz)
+      add_custom_command(OUTPUT ${output} VERBATIM
+        COMMAND ${PROJECT_SOURCE_DIR}/command_line/man_page ${name} ${executable} ${PROJECT_VERSION} ${output}
+        DEPENDS ${PROJECT_SOURCE_DIR}/command_line/man_page ${executable})
+      set(man_pages ${man_pages} ${output} PARENT_SCOPE)
+    endfunction()
+    sprag_man_page(sprag sprag ${PROJECT_BINARY_DIR}/sprag_command/sprag)
+    foreach(program master_sim observer sync_logger check_scene import_events diagnose)
+      sprag_man_page(sprag-${program} "sprag ${program}" $<TARGET_FILE:${program}>)
+    endforeach()
+    add_custom_target(man_pages ALL DEPENDS ${man_pages})
+    install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
+  else()
+    message(STATUS "No man pages: help2man makes them")
+  endif()
 endif()
 install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/sprag COMPONENT runtime)
 install(FILES README.md LICENSE CITATION.cff CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR}

@@ -1,0 +1,353 @@
+#include "sprag/analysis/assessment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <numbers>
+
+#include "sprag/mechanics/master.h"
+
+namespace sprag {
+namespace {
+
+using Eigen::Index;
+
+constexpr double two_pi = 2.0 * std::numbers::pi;
+constexpr double ticks_per_period = 20.0;
+constexpr double periods = 50.0;
+constexpr double time_constants = 3.0;
+// A trial where nothing vibrates, in the scene's unit of time.
+constexpr double trial_without_periods = 100.0;
+// A motion that grows steadily doubles from the trial's second quarter to its last.
+constexpr double steady_growth = 1.7;
+// More than half of a double's digits are lost beyond.
+constexpr double ill_conditioned = 1e6;
+
+std::string list(const std::vector<int>& from_zero) {
+  std::string text;
+  for (std::size_t k = 0; k < from_zero.size(); ++k) {
+    const bool last = k + 1 == from_zero.size();
+    text += (k == 0 ? "" : (last ? " and " : ", ")) + std::to_string(from_zero[k] + 1);
+  }
+  return text;
+}
+
+std::string percent(double share) { return readable(100.0 * share) + " %"; }
+
+/// "q = (0.7071, 0.7071)", or only what moves most.
+std::string motion_text(const Eigen::VectorXd& direction) {
+  constexpr Index few = 6;
+  if (direction.size() > few) {
+    Index most = 0;
+    direction.cwiseAbs().maxCoeff(&most);
+    return "mostly q_" + std::to_string(most + 1);
+  }
+  Index most = 0;
+  const double largest = direction.cwiseAbs().maxCoeff(&most);
+  const double sign = direction[most] < 0.0 ? -1.0 : 1.0;
+  std::string text;
+  for (const double entry : direction) {
+    const bool rounding = std::abs(entry) < 1e-12 * largest;
+    text += (text.empty() ? "" : ", ") + readable(rounding ? 0.0 : sign * entry);
+  }
+  return "q = (" + text + ")";
+}
+
+std::string motions_text(const Eigen::MatrixXd& motions) {
+  constexpr Index few = 3;
+  std::string text;
+  for (Index k = 0; k < std::min(motions.cols(), few); ++k) {
+    text += (text.empty() ? "" : "; ") + motion_text(motions.col(k));
+  }
+  if (motions.cols() > few) text += "; and " + std::to_string(motions.cols() - few) + " more";
+  return text;
+}
+
+Finding definite_finding(const std::string& id, const Definiteness& matrix,
+                         const std::string& consequence, const std::string& change) {
+  const std::string smallest = "smallest eigenvalue " + readable(matrix.smallest);
+  if (matrix.definite()) return {id, true, true, id + " is positive definite, " + smallest, ""};
+  if (!matrix.semidefinite) {
+    return {id, true, false, id + " is not positive semidefinite, " + smallest,
+            "correct " + id + ": no passive machine has such a matrix"};
+  }
+  return {id, true, false,
+          id + " is only semidefinite. " + consequence + ": " + motions_text(matrix.null_motions),
+          change};
+}
+
+Finding directions_finding(const Directions& W, int contacts) {
+  if (contacts == 0) return {"W", true, true, "no contacts", ""};
+  const std::string m = std::to_string(contacts);
+  if (W.rank < contacts) {
+    return {"W", true, false,
+            "W has rank " + std::to_string(W.rank) + " with " + m +
+                " contacts: the directions of contacts " + list(W.dependent) +
+                " are linearly dependent, so their forces cannot be told apart",
+            "leave out or turn one of these contacts. If they are never closed together (a stop on "
+            "either side), the theorem is silent but V may fall all the same: measure it with "
+            "sync_logger"};
+  }
+  const std::string what = "W has full column rank " + m + ", condition number " +
+                           readable(W.condition) + " in the metric M^-1, columns normalised";
+  const bool ill = W.condition > ill_conditioned;
+  return {"W", true, true, what,
+          ill ? "the directions are nearly dependent: impulses lose digits" : ""};
+}
+
+Finding contacts_open_again(const Trial& trial) {
+  std::vector<int> permanent;
+  std::string shares;
+  for (std::size_t i = 0; i < trial.contacts.size(); ++i) {
+    const ContactUse& use = trial.contacts[i];
+    if (use.last_share >= 1.0) permanent.push_back(static_cast<int>(i));
+    shares += (i == 0 ? "" : ", ") + percent(use.share);
+  }
+  const std::string seen = "in a trial of " + readable(trial.duration) + " units of time";
+  if (!permanent.empty()) {
+    const bool one = permanent.size() == 1;
+    return {"A1", true, false,
+            "contact" + std::string(one ? " " : "s ") + list(permanent) + (one ? " is" : " are") +
+                " closed throughout the last quarter of the trial (" + readable(trial.duration) +
+                " units of time): chi is not of class K^n",
+            "excite the machine, so that the contact opens again and again; V stalls where it "
+            "stays closed"};
+  }
+  if (trial.contacts.empty()) return {"A1", true, true, "no contacts", ""};
+  return {"A1", true, true,
+          "no contact stays closed " + seen + " (sustained contact: " + shares +
+              " of the time): chi of class K^n, as far as a trial can show",
+          ""};
+}
+
+Finding bounded_motion(const Assessment& a) {
+  const Trial& trial = a.trial;
+  // A machine on its way to a steady state grows, too.
+  const bool long_enough =
+      trial.duration == trial.planned &&
+      (a.slow_root == 0.0 || -a.slow_root * trial.duration >= 0.9 * time_constants);
+  const std::string seen = readable(trial.duration) + " units of time";
+  if (long_enough && trial.growth > steady_growth) {
+    return {"A2", true, false,
+            "the motion still grows after " + seen + ": " + readable(trial.growth) +
+                " times from the second quarter to the last",
+            "give the growing motion a stiffness and damping, or a smaller force"};
+  }
+  return {"A2", true, true,
+          "the forcing is bounded, and the motion shows no steady growth in " + seen +
+              ": bounded, as far as a trial can show",
+          ""};
+}
+
+Finding monotone_law(const Assessment& a, int contacts) {
+  const Monotonicity& law = a.monotonicity;
+  const bool newton = a.law == ImpactLaw::newton;
+  const std::string name = newton ? "Newton's" : "Poisson's";
+  if (contacts < 2) {
+    return {"A3", true, true, "one contact: Newton's and Poisson's law coincide and are monotone",
+            ""};
+  }
+  if (law.common) {
+    return {"A3", true, true,
+            name +
+                " law with one restitution for all contacts is maximal monotone (but a contact "
+                "that closes to stay takes 0: at the very instant at which another bounces, "
+                "that is unlike)",
+            ""};
+  }
+  const std::string criterion =
+      newton ? "DG + GD with D = diag((1 - eps_i)/(1 + eps_i))" : "G - EGE";
+  const std::string margin =
+      ", smallest eigenvalue " + readable(law.margin) + " with G brought to a unit diagonal";
+  const std::string change = "give all contacts one restitution, or values closer to each other";
+  if (law.holds()) {
+    return {"A3", true, true,
+            name + " law with unlike restitutions: " + criterion + " is positive semidefinite" +
+                margin +
+                (newton ? "; this criterion is exact, the law is monotone"
+                        : "; no impact was ever seen to expand distances then, but this is known "
+                          "from sampling, not from a proof"),
+            newton ? "" : "to be certain, give all contacts one restitution"};
+  }
+  return {"A3", true, false,
+          name + " law with unlike restitutions: " + criterion + " is not positive semidefinite" +
+              margin +
+              (newton ? "; this criterion is exact, some impacts bring two machines apart"
+                      : "; impacts may bring two machines apart (the criterion is sufficient as "
+                        "far as sampling shows, not necessary)"),
+          change};
+}
+
+Finding law_fits_clutches(ImpactLaw law, int contacts) {
+  if (law == ImpactLaw::newton && contacts >= 2) {
+    return {"clutches", true, false,
+            "Newton's law with " + std::to_string(contacts) +
+                " contacts allows gamma+ < 0 at a closed contact, which a clutch cannot follow",
+            "set impact.law = \"poisson\""};
+  }
+  return {"clutches", true, true, "the impact law fits one-way clutches", ""};
+}
+
+Finding trial_finding(const Trial& trial) {
+  std::string seen = readable(trial.duration) + " units of time, " +
+                     std::to_string(trial.closings) + " closings, " +
+                     readable(trial.closings_per_time()) + " per unit of time";
+  if (trial.duration < trial.planned && trial.error.empty()) {
+    seen += "; cut short of " + readable(trial.planned) + " units: too many events";
+  }
+  if (!trial.error.empty()) {
+    return {"trial", true, false, "the master's simulation fails: " + trial.error,
+            "see what the machine does at this time; a larger impact.chatter_time or contacts that "
+            "do not close at one instant may help"};
+  }
+  std::vector<int> idle;
+  for (std::size_t i = 0; i < trial.contacts.size(); ++i) {
+    if (trial.contacts[i].closings == 0) idle.push_back(static_cast<int>(i));
+  }
+  if (!idle.empty()) {
+    return {"trial", false, false,
+            seen + "; never closed: contact" + (idle.size() > 1 ? "s " : " ") + list(idle),
+            "a smaller clearance or more excitation; without contacts, damping alone synchronizes"};
+  }
+  return {"trial", false, true, seen, ""};
+}
+
+Finding seen_modes(const std::vector<Mode>& modes) {
+  std::string hidden;
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const Mode& mode = modes[k];
+    if (!mode.barely_seen()) continue;
+    hidden += (hidden.empty() ? "" : "; ") + std::string("mode ") + std::to_string(k + 1) +
+              " (omega " + readable(mode.omega);
+    if (mode.contact >= 0) hidden += ", w^T phi = " + readable(mode.projection);
+    hidden += mode.decades > 0.0
+                  ? ", " + readable(mode.decades) + " decades of its V per unit of time)"
+                  : std::string(", undamped: it does not converge)");
+  }
+  if (hidden.empty()) return {"seen_modes", false, true, "the contacts see every mode", ""};
+  return {"seen_modes", false, false,
+          "barely seen by the contacts, so that only damping can make them converge: " + hidden,
+          "for a faster convergence move a contact away from the nodes of these modes, or damp "
+          "them more"};
+}
+
+Finding moreau_finding(const Assessment& a) {
+  if (a.omega_max == 0.0) return {"moreau_tick", false, true, "no mode vibrates", ""};
+  return {"moreau_tick", false, true,
+          "fastest mode: omega " + readable(a.omega_max) + ". --stepper moreau needs a tick of " +
+              readable(a.moreau_tick) +
+              " or less for accuracy (20 per period; theta = 1/2 is stable with any), --stepper "
+              "exact is right with any",
+          ""};
+}
+
+double trial_duration(const Scene& scene, const Dynamics& dynamics, const Assessment& a) {
+  double slowest = std::numeric_limits<double>::infinity();
+  for (const Mode& mode : a.modes) {
+    if (mode.omega > 0.0) slowest = std::min(slowest, mode.omega);
+  }
+  for (const double frequency : dynamics.frequencies()) slowest = std::min(slowest, frequency);
+  if (scene.model.contacts.empty()) return 0.0;
+  if (!std::isfinite(slowest)) return trial_without_periods;
+  const double period = two_pi / slowest;
+  const double decay = a.slow_root < 0.0 ? -1.0 / a.slow_root : 0.0;
+  // Hardly damped machines take too long to settle.
+  return std::min(std::max(periods * period, time_constants * decay), 10.0 * periods * period);
+}
+
+}  // namespace
+
+bool Assessment::synchronizes() const {
+  return std::all_of(findings.begin(), findings.end(),
+                     [](const Finding& finding) { return finding.holds || !finding.required; });
+}
+
+const char* Assessment::verdict() const {
+  return synchronizes() ? "will synchronize" : "may not synchronize";
+}
+
+Assessment assess(const Scene& scene, const TrialLimits& limits) {
+  const Model& model = scene.model;
+  Assessment a;
+  a.scene = scene.name;
+  a.coordinates = static_cast<int>(model.coordinates());
+  a.law = model.law;
+  a.M = definiteness(model.M);
+  a.C = definiteness(model.C);
+  a.K = definiteness(model.K);
+  auto& findings = a.findings;
+  findings.push_back(definite_finding("M", a.M, "Massless motions", "give every motion a mass"));
+  findings.push_back(definite_finding("C", a.C, "Motions that it does not damp",
+                                      "damp these motions, however little"));
+  findings.push_back(definite_finding("K", a.K,
+                                      "Rigid motions, whose positions damping does not "
+                                      "bring together and V does not contain",
+                                      "hold these motions by a spring, however soft"));
+  if (!a.M.definite()) return a;
+
+  const Dynamics dynamics(model);
+  const Flow free_flight(dynamics, 0);
+  const int contacts = dynamics.contacts();
+  a.path = free_flight.path();
+  a.slow_root = slow_root(free_flight);
+  if (!a.C.definite()) {
+    // Rounding must not pass for damping.
+    if (a.slow_root > -1e-14 * free_flight.oscillators().root_kappa().maxCoeff()) a.slow_root = 0.0;
+    findings[1].what += a.slow_root < 0.0
+                            ? ". All the same every free motion decays, by its coupling to others; "
+                              "the theorem does not cover this"
+                            : ". Some free motion never decays";
+  }
+  a.decades = decades_of_V(a.slow_root);
+  a.W = directions(dynamics);
+  a.monotonicity = monotonicity(dynamics);
+  a.modes = modes(dynamics);
+  for (const Mode& mode : a.modes) a.omega_max = std::max(a.omega_max, mode.omega);
+  a.moreau_tick = two_pi / (ticks_per_period * a.omega_max);
+  a.trial = run_trial(scene, trial_duration(scene, dynamics, a), limits);
+
+  findings.push_back(directions_finding(a.W, contacts));
+  findings.push_back(contacts_open_again(a.trial));
+  findings.push_back(bounded_motion(a));
+  findings.push_back(monotone_law(a, contacts));
+  findings.push_back(law_fits_clutches(a.law, contacts));
+  findings.push_back(trial_finding(a.trial));
+  findings.push_back(seen_modes(a.modes));
+  findings.push_back(moreau_finding(a));
+  return a;
+}
+
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
+                     Assessment& a) {
+  Finding finding{"accuracy", false, true, "", ""};
+  try {
+    a.accuracy = find_accuracy(scene, tolerance, a.trial.duration, limits);
+    const Accuracy& found = *a.accuracy;
+    const std::string observed = scene.beam ? "tip" : "gaps";
+    finding.what = (found.modes < a.coordinates
+                        ? "of " + std::to_string(a.coordinates) + " modes the first " +
+                              std::to_string(found.modes) + " are enough"
+                        : "all " + std::to_string(a.coordinates) + " modes are needed") +
+                   " for the " + observed + " to " + readable(tolerance) + " in a run of " +
+                   readable(found.duration);
+    for (const Accuracy::Change& change : found.changes) {
+      if (change.modes > found.modes || change.modes == a.coordinates) break;
+      finding.what +=
+          ", with " + std::to_string(change.modes) + " it changes by " + readable(change.change);
+    }
+  } catch (const ModelError& error) {
+    finding.what = error.what();
+  } catch (const SimulationError& error) {
+    finding.what = error.what();
+  }
+  a.findings.push_back(finding);
+}
+
+std::string readable(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+}  // namespace sprag

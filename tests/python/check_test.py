@@ -1,0 +1,54 @@
+"""check() says what the program check_scene says."""
+
+import json
+import os
+import subprocess
+import unittest
+
+import sprag
+
+from support import SOURCE, scene
+
+
+def program(name: str, *options: str):
+    done = subprocess.run(
+        [os.environ["CHECK_SCENE"], str(SOURCE / "scenes" / f"{name}.toml"), *options],
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, done.stdout
+
+
+class CheckTest(unittest.TestCase):
+    def test_it_says_what_the_program_says(self):
+        for name, synchronizes in [("paper_beam", True), ("bouncing_ball", False)]:
+            with self.subTest(name):
+                check = sprag.check(scene(name))
+                self.assertIs(check.synchronizes, synchronizes)
+                code, text = program(name)
+                self.assertEqual(code, 0 if synchronizes else 3)
+                self.assertEqual(str(check), text)
+                told = json.loads(program(name, "--json")[1])
+                self.assertEqual(check.verdict, told["verdict"])
+                self.assertEqual(
+                    [(f.id, f.required, f.holds, f.what, f.change) for f in check.findings],
+                    [tuple(finding.values()) for finding in told["findings"]],
+                )
+
+    def test_what_does_not_hold_says_what_to_change(self):
+        broken = [f for f in sprag.check(scene("bouncing_ball")).findings if f.required and not f.holds]
+        self.assertGreater(len(broken), 0)
+        for finding in broken:
+            self.assertNotEqual(finding.change, "")
+
+    def test_how_many_modes_are_needed(self):
+        self.assertIsNone(sprag.check(scene("paper_beam")).modes_needed)
+        told = json.loads(program("stiff_beam", "--json", "--accuracy", "0.01")[1])
+        check = sprag.check(scene("stiff_beam"), accuracy=0.01)
+        self.assertEqual(check.modes_needed, told["accuracy"]["modes"])
+        with self.assertRaises(ValueError):
+            sprag.check(scene("paper_beam"), accuracy=0.0)
+
+
+if __name__ == "__main__":
+    unittest.main()

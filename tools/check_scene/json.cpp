@@ -1,0 +1,81 @@
+#include "tools/check_scene/json.h"
+
+#include <nlohmann/json.hpp>
+
+namespace sprag {
+namespace {
+
+nlohmann::ordered_json modes_json(const std::vector<Mode>& modes) {
+  auto list = nlohmann::ordered_json::array();
+  for (const Mode& mode : modes) {
+    nlohmann::ordered_json entry{{"omega", mode.omega}, {"decades", mode.decades}};
+    if (mode.contact >= 0) {
+      entry["contact"] = mode.contact + 1;
+      entry["projection"] = mode.projection;
+    }
+    entry["seen"] = mode.seen;
+    entry["barely_seen"] = mode.barely_seen();
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
+
+nlohmann::ordered_json trial_json(const Trial& trial) {
+  nlohmann::ordered_json object{{"planned", trial.planned},
+                                {"duration", trial.duration},
+                                {"error", trial.error},
+                                {"closings", trial.closings},
+                                {"closings_per_time", trial.closings_per_time()},
+                                {"growth", trial.growth}};
+  object["contacts"] = nlohmann::ordered_json::array();
+  for (const ContactUse& use : trial.contacts) {
+    object["contacts"].push_back({{"closings", use.closings},
+                                  {"sustained_share", use.share},
+                                  {"sustained_share_last_quarter", use.last_share}});
+  }
+  return object;
+}
+
+}  // namespace
+
+void to_json(const Assessment& a, nlohmann::ordered_json& object) {
+  object["scene"] = a.scene;
+  object["verdict"] = a.verdict();
+  object["synchronizes"] = a.synchronizes();
+  object["coordinates"] = a.coordinates;
+  object["smallest_eigenvalue"] = {{"M", a.M.smallest}, {"C", a.C.smallest}, {"K", a.K.smallest}};
+  if (a.M.definite()) {
+    object["W"] = {{"rank", a.W.rank}, {"condition", a.W.condition}};
+    object["impact"] = {{"law", a.law == ImpactLaw::newton ? "newton" : "poisson"},
+                        {"monotone", a.monotonicity.holds()},
+                        {"common_restitution", a.monotonicity.common}};
+    if (!a.monotonicity.common) object["impact"]["margin"] = a.monotonicity.margin;
+    object["path"] = name(a.path);
+    object["slow_root"] = a.slow_root;
+    object["decades"] = a.decades;
+    object["omega_max"] = a.omega_max;
+    object["moreau_tick"] = a.moreau_tick;
+    object["modes"] = modes_json(a.modes);
+    object["trial"] = trial_json(a.trial);
+  }
+  if (a.accuracy) {
+    auto changes = nlohmann::ordered_json::array();
+    for (const Accuracy::Change& change : a.accuracy->changes) {
+      changes.push_back({{"modes", change.modes}, {"change", change.change}});
+    }
+    object["accuracy"] = {{"tolerance", a.accuracy->tolerance},
+                          {"duration", a.accuracy->duration},
+                          {"modes", a.accuracy->modes},
+                          {"changes", std::move(changes)}};
+  }
+  object["findings"] = nlohmann::ordered_json::array();
+  for (const Finding& finding : a.findings) {
+    object["findings"].push_back({{"id", finding.id},
+                                  {"required", finding.required},
+                                  {"holds", finding.holds},
+                                  {"what", finding.what},
+                                  {"change", finding.change}});
+  }
+}
+
+}  // namespace sprag
