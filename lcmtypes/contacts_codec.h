@@ -1,4 +1,4 @@
-// ContactReport <-> sprag_contacts_t. Contacts count from 0 in memory and from 1 in messages.
+// ContactMessage <-> sprag_contacts_t. Contacts count from 0 in memory and from 1 in messages.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <span>
 
 #include "lcmtypes/refusal.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 
 namespace sprag {
 
@@ -16,15 +16,14 @@ namespace sprag {
 inline constexpr std::size_t contacts_message_size =
     8 + 6 * 8 + 4 + 8 + std::size_t{max_records} * (8 + 1 + 1) + 4;
 
-using ContactsMessage = std::array<std::uint8_t, contacts_message_size>;
+using EncodedContacts = std::array<std::uint8_t, contacts_message_size>;
 
-/// Unused records become zeros. Expects 0 <= report.records <= max_records.
-void encode(const ContactReport& report, ContactsMessage& message) noexcept;
+/// Unused records become zeros. Expects 0 <= message.records <= max_records.
+void encode(const ContactMessage& message, EncodedContacts& bytes) noexcept;
 
-/// Fills `report` from a message and returns Refusal::none, or why the message is refused; `report`
-/// then holds nothing of use. Accepted: 1 <= contacts <= 60, 0 <= records <= min(120,
-/// records_total), sequence and records_total from 0 to 2^53, finite ascending times >= 0, speed >
-/// 0 (also infinite).
-Refusal decode(std::span<const std::uint8_t> message, ContactReport& report) noexcept;
+/// Fills `message` and returns Refusal::none, or why the bytes are refused; `message` then holds
+/// nothing of use. Accepted: 1 <= contacts <= 60, 0 <= records <= min(120, records_total), sequence
+/// and records_total from 0 to 2^53, finite ascending times >= 0, speed > 0 (also infinite).
+Refusal decode(std::span<const std::uint8_t> bytes, ContactMessage& message) noexcept;
 
 }  // namespace sprag

@@ -13,7 +13,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 
 namespace sprag {
 namespace {
@@ -134,8 +134,8 @@ class EventPublisher::Core {
     repeats_ = horizon_ > said_ ? 0 : repeats_ + 1;
     said_ = horizon_;
     do {
-      encode(builder_.next(horizon_, wall_clock_us()), message_);
-      if (!bus_.publish(contacts_channel, message_)) ++unsent_;
+      encode(builder_.next(horizon_, wall_clock_us()), bytes_);
+      if (!bus_.publish(contacts_channel, bytes_)) ++unsent_;
     } while (builder_.pending());
     next_beat_ = Clock::now() + heartbeat;
   }
@@ -145,9 +145,9 @@ class EventPublisher::Core {
   std::mutex closing_;
   mutable std::mutex mutex_;  // of all that follows
   std::condition_variable_any wake_;
-  ReportBuilder builder_;
+  MessageBuilder builder_;
   Bus bus_;
-  ContactsMessage message_{};
+  EncodedContacts bytes_{};
   std::vector<ContactEvent> waiting_;  // behind the horizon, in order
   double horizon_ = -1.0;              // none yet
   double said_ = -1.0;                 // in the last message

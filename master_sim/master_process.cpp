@@ -13,7 +13,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/states_file.h"
 #include "sprag/mechanics/master.h"
@@ -208,7 +208,7 @@ class MasterProcess {
 
   MasterOptions options_;
   Master master_;
-  ReportBuilder builder_;
+  MessageBuilder builder_;
   std::int64_t last_tick_;
   bool wants_states_;
   std::optional<Bus> bus_;
@@ -223,7 +223,7 @@ class MasterProcess {
   std::vector<ContactEvent> found_;
   StateSample sample_;
   std::vector<std::uint8_t> buffer_;
-  ContactsMessage message_{};
+  EncodedContacts message_{};
 };
 
 }  // namespace

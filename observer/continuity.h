@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "observer/arrival.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 #include "sprag/mechanics/instant.h"
 
 namespace sprag {
@@ -24,37 +24,37 @@ class Continuity {
   enum class Verdict { fits, odd, resumes };
 
   /// What can be in no message.
-  Oddity impossible(const ContactReport& report) const {
-    if (!(report.horizon <= latest_)) return Oddity::time;
-    if (report.speed > fastest && report.speed < infinity) return Oddity::speed;
-    if (report.sequence > largest_number) return Oddity::number;
-    if (report.records_total > largest_number) return Oddity::records;
+  Oddity impossible(const ContactMessage& message) const {
+    if (!(message.horizon <= latest_)) return Oddity::time;
+    if (message.speed > fastest && message.speed < infinity) return Oddity::speed;
+    if (message.sequence > largest_number) return Oddity::number;
+    if (message.records_total > largest_number) return Oddity::records;
     return Oddity::none;
   }
 
   /// Takes the first message of a session.
-  void restart(const ContactReport& report, const Arrival& arrival) {
-    known_ = of(report, arrival);
+  void restart(const ContactMessage& message, const Arrival& arrival) {
+    known_ = of(message, arrival);
     agreeing_ = 0;
   }
 
   /// Judges a later one of the same session. `resumes`: this one and those before it, which were
   /// odd, fit one another; it is the first of what is right now.
-  Verdict hear(const ContactReport& report, const Arrival& arrival) {
-    oddity_ = between(known_, report, arrival);
+  Verdict hear(const ContactMessage& message, const Arrival& arrival) {
+    oddity_ = between(known_, message, arrival);
     if (oddity_ == Oddity::none) {
-      if (report.sequence > known_.number) {
-        const double horizon = std::max(known_.horizon, report.horizon);
-        known_ = of(report, arrival);
+      if (message.sequence > known_.number) {
+        const double horizon = std::max(known_.horizon, message.horizon);
+        known_ = of(message, arrival);
         known_.horizon = horizon;
         agreeing_ = 0;
       }
       return Verdict::fits;
     }
-    const bool agrees = agreeing_ > 0 && report.sequence > candidate_.number &&
-                        between(candidate_, report, arrival) == Oddity::none;
+    const bool agrees = agreeing_ > 0 && message.sequence > candidate_.number &&
+                        between(candidate_, message, arrival) == Oddity::none;
     agreeing_ = agrees ? agreeing_ + 1 : 1;
-    candidate_ = of(report, arrival);
+    candidate_ = of(message, arrival);
     if (agreeing_ < enough) return Verdict::odd;
     known_ = candidate_;
     agreeing_ = 0;
@@ -79,29 +79,30 @@ class Continuity {
     std::int64_t monotonic = 0;
   };
 
-  static Known of(const ContactReport& report, const Arrival& arrival) {
-    return {report.sequence, report.records_total, report.horizon, report.speed, arrival.monotonic};
+  static Known of(const ContactMessage& message, const Arrival& arrival) {
+    return {message.sequence, message.records_total, message.horizon, message.speed,
+            arrival.monotonic};
   }
 
-  static Oddity between(const Known& known, const ContactReport& report, const Arrival& arrival) {
-    if (report.speed != known.speed) return Oddity::speed;
+  static Oddity between(const Known& known, const ContactMessage& message, const Arrival& arrival) {
+    if (message.speed != known.speed) return Oddity::speed;
     const double elapsed =
         1e-9 * static_cast<double>(std::max<std::int64_t>(arrival.monotonic - known.monotonic, 0));
     const double most = most_at_once + most_in_a_second * elapsed;
-    const auto further = static_cast<double>(report.sequence - known.number);
+    const auto further = static_cast<double>(message.sequence - known.number);
     if (further > most || further < -most_at_once) return Oddity::number;
-    if (static_cast<double>(report.records_total - known.records) > most) return Oddity::records;
+    if (static_cast<double>(message.records_total - known.records) > most) return Oddity::records;
     const bool paced = known.speed < infinity;
-    if (paced && report.horizon > known.horizon + known.speed * (elapsed + largest_step)) {
+    if (paced && message.horizon > known.horizon + known.speed * (elapsed + largest_step)) {
       return Oddity::time;
     }
-    if (report.sequence <= known.number) {
+    if (message.sequence <= known.number) {
       // An old number is that of an old message.
-      return report.horizon > known.horizon ? Oddity::number : Oddity::none;
+      return message.horizon > known.horizon ? Oddity::number : Oddity::none;
     }
     const double back = paced ? known.speed * largest_step : 0.0;
-    if (report.horizon < known.horizon - back) return Oddity::time;
-    return report.records_total < known.records ? Oddity::records : Oddity::none;
+    if (message.horizon < known.horizon - back) return Oddity::time;
+    return message.records_total < known.records ? Oddity::records : Oddity::none;
   }
 
   double latest_;

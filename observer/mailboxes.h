@@ -10,12 +10,12 @@
 #include "observer/arrival.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 
 namespace sprag {
 
 struct Heard {
-  ContactReport report;
+  ContactMessage message;
   Arrival arrival;
 };
 

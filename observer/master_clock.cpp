@@ -9,27 +9,27 @@ namespace {
 constexpr std::int64_t window = 2'000'000'000;
 constexpr std::int64_t largest_delay = 1'000'000;  // us
 
-// Local time at which the report was sent, as far as the wall clocks tell.
-std::int64_t sent(const ContactReport& report, const Arrival& arrival) {
-  const std::int64_t late = delay(report.utime, arrival);
+// Local time at which the message was sent, as far as the wall clocks tell.
+std::int64_t sent(const ContactMessage& message, const Arrival& arrival) {
+  const std::int64_t late = delay(message.utime, arrival);
   return late >= 0 && late <= largest_delay ? arrival.monotonic - 1000 * late : arrival.monotonic;
 }
 
 }  // namespace
 
-void MasterClock::observe(const ContactReport& report, const Arrival& arrival) {
-  const std::int64_t at = sent(report, arrival);
-  if (!heard_ || report.speed != speed_) {
+void MasterClock::observe(const ContactMessage& message, const Arrival& arrival) {
+  const std::int64_t at = sent(message, arrival);
+  if (!heard_ || message.speed != speed_) {
     heard_ = true;
-    speed_ = report.speed;
-    horizon_ = report.horizon;
+    speed_ = message.speed;
+    horizon_ = message.horizon;
     epoch_ = window_start_ = at;
-    best_ = previous_best_ = report.horizon;
+    best_ = previous_best_ = message.horizon;
     return;
   }
-  horizon_ = std::max(horizon_, report.horizon);
+  horizon_ = std::max(horizon_, message.horizon);
   if (std::isinf(speed_)) return;
-  const double origin = report.horizon - speed_ * 1e-9 * static_cast<double>(at - epoch_);
+  const double origin = message.horizon - speed_ * 1e-9 * static_cast<double>(at - epoch_);
   if (arrival.monotonic - window_start_ > window) {
     previous_best_ = best_;
     best_ = origin;

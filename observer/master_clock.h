@@ -1,6 +1,6 @@
-// "Now" in simulated time, seen from outside: a paced master's reports say how far it was and what
+// "Now" in simulated time, seen from outside: a paced master's messages say how far it was and what
 // its wall clock showed when they were sent. Where that makes a delay of 0 to 1 s the delay is
-// taken off; else the clocks disagree, and it counts as none. Of the last seconds the report that
+// taken off; else the clocks disagree, and it counts as none. Of the last seconds the message that
 // is the furthest ahead counts (the lower envelope of the delays), so that jitter does not matter.
 //
 // A master's clock that is ahead by delta <= 1 s puts "now" behind by the least delay or
@@ -11,7 +11,7 @@
 #include <cstdint>
 
 #include "observer/arrival.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 
 namespace sprag {
 
@@ -19,7 +19,7 @@ class MasterClock {
  public:
   void restart() { *this = MasterClock(); }
 
-  void observe(const ContactReport& report, const Arrival& arrival);
+  void observe(const ContactMessage& message, const Arrival& arrival);
 
   bool running() const { return heard_; }
   /// Simulated s per local s; infinite for an unpaced master.
@@ -37,7 +37,7 @@ class MasterClock {
   bool heard_ = false;
   double speed_ = 1.0;
   double horizon_ = 0.0;
-  std::int64_t epoch_ = 0;  // local time of the first report: keeps the numbers small
+  std::int64_t epoch_ = 0;  // local time of the first message: keeps the numbers small
   std::int64_t window_start_ = 0;
   double best_ = 0.0;           // largest horizon - speed (sent - epoch) of this window
   double previous_best_ = 0.0;  // and of the window before

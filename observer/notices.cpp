@@ -143,19 +143,19 @@ void raise_skipped(const EventHistory& history, const EventCounts& before,
   notices.raise(Notice::gap, 1, gap.from, gap.to);
 }
 
-void raise_odd(Oddity oddity, const ContactReport& report, double horizon,
+void raise_odd(Oddity oddity, const ContactMessage& message, double horizon,
                Notices& notices) noexcept {
   switch (oddity) {
     case Oddity::none:
       return;
     case Oddity::time:
-      return notices.raise(Notice::odd_time, 1, report.horizon, horizon);
+      return notices.raise(Notice::odd_time, 1, message.horizon, horizon);
     case Oddity::speed:
-      return notices.raise(Notice::odd_speed, 1, report.speed);
+      return notices.raise(Notice::odd_speed, 1, message.speed);
     case Oddity::number:
-      return notices.raise(Notice::odd_number, 1, static_cast<double>(report.sequence));
+      return notices.raise(Notice::odd_number, 1, static_cast<double>(message.sequence));
     case Oddity::records:
-      return notices.raise(Notice::odd_records, 1, static_cast<double>(report.records_total));
+      return notices.raise(Notice::odd_records, 1, static_cast<double>(message.records_total));
   }
 }
 

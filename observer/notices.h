@@ -9,7 +9,7 @@
 #include <iosfwd>
 
 #include "observer/continuity.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 #include "sprag/estimation/event_history.h"
 
 namespace sprag {
@@ -84,8 +84,8 @@ class Notices {
 void raise_skipped(const EventHistory& history, const EventCounts& before,
                    Notices& notices) noexcept;
 
-/// Raises what did not fit in a report, if anything; `horizon`: the observer's [s].
-void raise_odd(Oddity oddity, const ContactReport& report, double horizon,
+/// Raises what did not fit in a message, if anything; `horizon`: the observer's [s].
+void raise_odd(Oddity oddity, const ContactMessage& message, double horizon,
                Notices& notices) noexcept;
 
 }  // namespace sprag

@@ -48,7 +48,7 @@ void RealTimeLoop::run(const std::atomic<bool>& stop) {
 void RealTimeLoop::turn(bool& in_time) {
   if (in_time) wait();
   const std::int64_t begin = monotonic_now();
-  take_reports();
+  take_messages();
   if (!time_line_.started()) return;
   watch(begin);
   in_time = advance(begin);
@@ -71,7 +71,7 @@ void RealTimeLoop::wait() {
   inbox_.arrived.wait_until(idle ? latest : std::min(clock_.local(next), latest));
 }
 
-void RealTimeLoop::take_reports() {
+void RealTimeLoop::take_messages() {
   take_followed();
   for (std::size_t n = 0; n < strangers_per_turn; ++n) {
     const Heard* stranger = inbox_.strangers.front();
@@ -92,9 +92,9 @@ void RealTimeLoop::take_followed() {
 }
 
 void RealTimeLoop::take(const Heard& heard) {
-  const ContactReport& report = heard.report;
+  const ContactMessage& message = heard.message;
   const MessageCounts before = sessions_.counts();
-  switch (sessions_.hear(report, heard.arrival)) {
+  switch (sessions_.hear(message, heard.arrival)) {
     case SessionTracker::Verdict::ignored:
       tell_ignored(heard, before);
       return;
@@ -105,13 +105,13 @@ void RealTimeLoop::take(const Heard& heard) {
       resume(heard);
       return;
     case SessionTracker::Verdict::continues:
-      stands_still_ = report.horizon > time_line_.events().horizon() ? 0 : stands_still_ + 1;
+      stands_still_ = message.horizon > time_line_.events().horizon() ? 0 : stands_still_ + 1;
       if (stands_still_ == messages_at_the_end && paced()) {
         announce(Announcement::Kind::end_of_run);
       }
-      clock_.observe(report, heard.arrival);
+      clock_.observe(message, heard.arrival);
       last_heard_ = heard.arrival.monotonic;
-      receive_events(report, sessions_.counts().lost > before.lost, false);
+      receive_events(message, sessions_.counts().lost > before.lost, false);
       return;
   }
 }
@@ -119,18 +119,18 @@ void RealTimeLoop::take(const Heard& heard) {
 // A session begins.
 void RealTimeLoop::start(const Heard& heard) {
   const EventCounts events = time_line_.events().counts();
-  time_line_.restart(heard.report);
+  time_line_.restart(heard.message);
   raise_skipped(time_line_.events(), events, notices_);
-  inbox_.session.store(heard.report.session, std::memory_order_relaxed);
+  inbox_.session.store(heard.message.session, std::memory_order_relaxed);
   inbox_.follows.store(true, std::memory_order_release);
   start_again(heard);
   announce(Announcement::Kind::session);
 }
 
-// The time line has started at this report.
+// The time line has started at this message.
 void RealTimeLoop::start_again(const Heard& heard) {
   clock_.restart();
-  clock_.observe(heard.report, heard.arrival);
+  clock_.observe(heard.message, heard.arrival);
   first_heard_ = last_heard_ = heard.arrival.monotonic;
   end_loss(first_heard_);
   pace_ = Pace::catching_up;
@@ -141,32 +141,32 @@ void RealTimeLoop::start_again(const Heard& heard) {
 
 // The session goes on where its clock or its counts have jumped to.
 void RealTimeLoop::resume(const Heard& heard) {
-  notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), heard.report.horizon);
+  notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), heard.message.horizon);
   clock_.restart();
-  clock_.observe(heard.report, heard.arrival);
+  clock_.observe(heard.message, heard.arrival);
   last_heard_ = heard.arrival.monotonic;
   end_loss(last_heard_);
   pace_ = Pace::catching_up;
-  receive_events(heard.report, true, true);
+  receive_events(heard.message, true, true);
 }
 
 void RealTimeLoop::tell_ignored(const Heard& heard, const MessageCounts& before) {
-  const ContactReport& report = heard.report;
+  const ContactMessage& message = heard.message;
   const MessageCounts& now = sessions_.counts();
   if (now.stale > before.stale) {
     notices_.raise(Notice::stale, 1,
-                   1e-6 * static_cast<double>(delay(report.utime, heard.arrival)));
+                   1e-6 * static_cast<double>(delay(message.utime, heard.arrival)));
   }
   if (before.of_other_masters == 0 && now.of_other_masters > 0) {
     announce(Announcement::Kind::other_master);
   }
-  raise_odd(sessions_.oddity(), report, time_line_.events().horizon(), notices_);
+  raise_odd(sessions_.oddity(), message, time_line_.events().horizon(), notices_);
 }
 
-void RealTimeLoop::receive_events(const ContactReport& report, bool behind_a_loss, bool resumed) {
+void RealTimeLoop::receive_events(const ContactMessage& message, bool behind_a_loss, bool resumed) {
   std::size_t known = time_line_.events().events().size();
   const EventCounts before = time_line_.events().counts();
-  const bool again = resumed ? time_line_.resume(report) : time_line_.receive(report);
+  const bool again = resumed ? time_line_.resume(message) : time_line_.receive(message);
   raise_skipped(time_line_.events(), before, notices_);
   const auto& events = time_line_.events().events();
   if (again) {

@@ -1,4 +1,4 @@
-// The real-time loop: the integrating thread. It takes reports, brings the time line to the tick
+// The real-time loop: the integrating thread. It takes messages, brings the time line to the tick
 // that is due and hands estimates on. No allocation, no lock, no I/O.
 #pragma once
 
@@ -41,14 +41,14 @@ class RealTimeLoop {
   void wait();
 
   // Reports.
-  void take_reports();
+  void take_messages();
   void take_followed();
   void take(const Heard& heard);
   void start(const Heard& heard);
   void start_again(const Heard& heard);
   void resume(const Heard& heard);
   void tell_ignored(const Heard& heard, const MessageCounts& before);
-  void receive_events(const ContactReport& report, bool behind_a_loss, bool resumed);
+  void receive_events(const ContactMessage& message, bool behind_a_loss, bool resumed);
 
   // Ticks.
   bool advance(std::int64_t now);

@@ -91,13 +91,13 @@ void Reception::hear(std::span<const std::uint8_t> data, std::int64_t utime) {
     return;
   }
   slot->arrival = arrival;
-  const Refusal refusal = decode(data, slot->report);
+  const Refusal refusal = decode(data, slot->message);
   if (refusal != Refusal::none) {
     ++figures_.refused[static_cast<std::size_t>(refusal)];
     notices_.raise(notice_of(refusal));
-  } else if (slot->report.contacts != contacts_) {
+  } else if (slot->message.contacts != contacts_) {
     ++figures_.other_machine;
-    notices_.raise(Notice::other_machine, 1, slot->report.contacts, contacts_);
+    notices_.raise(Notice::other_machine, 1, slot->message.contacts, contacts_);
   } else {
     queue.push();
     // Strangers are looked at in the turns that there are anyway.

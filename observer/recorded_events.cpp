@@ -38,21 +38,21 @@ RecordedEvents read_csv(InputFile file, int contacts) {
 RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& key) {
   RecordedEvents recorded;
   const std::string name = file.path().string() + ": ";
-  RecordedReports log(std::move(file), contacts, key);
+  RecordedMessages log(std::move(file), contacts, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
-  ContactReport report;
+  ContactMessage message;
   Arrival arrival;
-  while (log.next(report, arrival)) {
-    const auto verdict = sessions.hear(report, arrival);
+  while (log.next(message, arrival)) {
+    const auto verdict = sessions.hear(message, arrival);
     if (verdict == SessionTracker::Verdict::ignored) continue;
     if (verdict == SessionTracker::Verdict::starts) {
       history.restart(0, 0, no_horizon);
       // A recording that begins later has events before that nobody knows.
-      if (report.records_total > report.records || report.horizon > near) {
-        history.restart(report.records_total, report.closed, report.horizon);
-        recorded.begins = report.horizon;
-        recorded.closed = report.closed;
+      if (message.records_total > message.records || message.horizon > near) {
+        history.restart(message.records_total, message.closed, message.horizon);
+        recorded.begins = message.horizon;
+        recorded.closed = message.closed;
       } else {
         recorded.begins = 0.0;
         recorded.closed = 0;
@@ -60,11 +60,11 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
     }
     // The clock or the counts went back: what they count now is not what is known.
     const bool back =
-        report.horizon < history.horizon() || report.records_total < history.next_record();
+        message.horizon < history.horizon() || message.records_total < history.next_record();
     if (verdict == SessionTracker::Verdict::resumes && back) {
-      history.degrade(history.horizon(), report.horizon);
+      history.degrade(history.horizon(), message.horizon);
     }
-    history.add(report);
+    history.add(message);
   }
   recorded.sessions = sessions.counts().sessions;
   if (sessions.counts().received == 0 && !log.empty()) {

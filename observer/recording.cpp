@@ -23,10 +23,10 @@ bool is_lcm_log(InputFile& file) {
   return file.ahead(sync.size()).starts_with(sync) || file.path().extension() == ".lcmlog";
 }
 
-RecordedReports::RecordedReports(InputFile file, int contacts, const std::optional<Key>& key)
+RecordedMessages::RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key)
     : name_(file.path().string()), log_(std::move(file)), contacts_(contacts), key_(&key) {}
 
-std::vector<std::string> RecordedReports::problems() const {
+std::vector<std::string> RecordedMessages::problems() const {
   constexpr std::size_t most = 20;
   std::vector<std::string> lines;
   const std::vector<LogDamage>& damages = log_.damages();
@@ -46,7 +46,7 @@ std::vector<std::string> RecordedReports::problems() const {
   return lines;
 }
 
-bool RecordedReports::next(ContactReport& report, Arrival& arrival) {
+bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
   while (log_.next(record_)) {
     if (record_.channel != contacts_channel) continue;
     std::span<const std::uint8_t> message(record_.data);

@@ -9,7 +9,7 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/key.h"
 #include "observer/arrival.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 
 namespace sprag {
 
@@ -18,13 +18,13 @@ namespace sprag {
 bool is_lcm_log(InputFile& file);
 
 /// The messages on SPRAG_CONTACTS of a log that an observer would take, with the log's own clock.
-class RecordedReports {
+class RecordedMessages {
  public:
   /// For a machine with `contacts` contacts; with a key only messages that it has signed count.
-  RecordedReports(InputFile file, int contacts, const std::optional<Key>& key);
+  RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key);
 
   /// The next one and when it arrived; false at the end of the log.
-  bool next(ContactReport& report, Arrival& arrival);
+  bool next(ContactMessage& report, Arrival& arrival);
 
   std::int64_t refused() const { return refused_; }
   std::int64_t unauthenticated() const { return unauthenticated_; }

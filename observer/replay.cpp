@@ -71,10 +71,10 @@ class Replay {
 
   bool lcm_log(InputFile file, const std::optional<Key>& key, nlohmann::ordered_json& report) {
     const std::string name = file.path().string();
-    RecordedReports log(std::move(file), estimation_.contacts, key);
+    RecordedMessages log(std::move(file), estimation_.contacts, key);
     // Recordings are as old as they are.
     SessionTracker sessions(Freshness::any, estimation_.estimator.h());
-    ContactReport contacts;
+    ContactMessage contacts;
     Arrival arrival;
     try {
       while (!done() && log.next(contacts, arrival)) {
@@ -119,7 +119,7 @@ class Replay {
  private:
   bool done() const { return time_line_.started() && time_line_.handed_out() >= last_; }
 
-  void take(const ContactReport& report, const Arrival& arrival, SessionTracker& sessions) {
+  void take(const ContactMessage& report, const Arrival& arrival, SessionTracker& sessions) {
     const EventCounts before = time_line_.events().counts();
     switch (sessions.hear(report, arrival)) {
       case SessionTracker::Verdict::ignored:

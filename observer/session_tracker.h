@@ -13,7 +13,7 @@
 #include "lcmtypes/freshness.h"
 #include "observer/arrival.h"
 #include "observer/continuity.h"
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 
 namespace sprag {
 
@@ -42,26 +42,26 @@ class SessionTracker {
   enum class Verdict { starts, continues, resumes, ignored };
 
   /// Does not allocate. `ignored`: doubled, implausible, or not of the master that is heard.
-  Verdict hear(const ContactReport& report, const Arrival& arrival) {
+  Verdict hear(const ContactMessage& message, const Arrival& arrival) {
     ++counts_.received;
-    oddity_ = continuity_.impossible(report);
+    oddity_ = continuity_.impossible(message);
     if (oddity_ != Oddity::none) return refuse();
-    if (counts_.sessions > 0 && report.session == session_) return hear_followed(report, arrival);
-    if (!freshness_.allows(report.utime, arrival.wall)) {
+    if (counts_.sessions > 0 && message.session == session_) return hear_followed(message, arrival);
+    if (!freshness_.allows(message.utime, arrival.wall)) {
       ++counts_.stale;
       return Verdict::ignored;
     }
-    if (counts_.sessions > 0 && !succeeds(report, arrival)) return Verdict::ignored;
+    if (counts_.sessions > 0 && !succeeds(message, arrival)) return Verdict::ignored;
     if (counts_.sessions > 0) {
       if (past_.size() == max_past) past_.erase(past_.begin());
       past_.push_back({session_, last_});
     }
     ++counts_.sessions;
-    session_ = report.session;
-    first_ = last_ = report.sequence;
+    session_ = message.session;
+    first_ = last_ = message.sequence;
     seen_ = 1;
-    note(report, arrival);
-    continuity_.restart(report, arrival);
+    note(message, arrival);
+    continuity_.restart(message, arrival);
     return Verdict::starts;
   }
 
@@ -97,45 +97,45 @@ class SessionTracker {
     return Verdict::ignored;
   }
 
-  Verdict hear_followed(const ContactReport& report, const Arrival& arrival) {
-    switch (continuity_.hear(report, arrival)) {
+  Verdict hear_followed(const ContactMessage& message, const Arrival& arrival) {
+    switch (continuity_.hear(message, arrival)) {
       case Continuity::Verdict::odd:
         oddity_ = continuity_.oddity();
         return refuse();
       case Continuity::Verdict::resumes:
         oddity_ = continuity_.oddity();
         ++counts_.resumed;
-        first_ = last_ = report.sequence;
+        first_ = last_ = message.sequence;
         seen_ = 1;
-        note(report, arrival);
+        note(message, arrival);
         return Verdict::resumes;
       case Continuity::Verdict::fits:
         break;
     }
-    const Verdict verdict = continue_session(report.sequence);
-    if (verdict == Verdict::continues) note(report, arrival);
+    const Verdict verdict = continue_session(message.sequence);
+    if (verdict == Verdict::continues) note(message, arrival);
     return verdict;
   }
 
-  void note(const ContactReport& report, const Arrival& arrival) {
-    paced_ = report.speed < std::numeric_limits<double>::infinity();
+  void note(const ContactMessage& message, const Arrival& arrival) {
+    paced_ = message.speed < std::numeric_limits<double>::infinity();
     heard_ = arrival.monotonic;
-    freshness_.note(report.utime);
+    freshness_.note(message.utime);
   }
 
-  // Whether the report's master takes the place of the one that was heard.
-  bool succeeds(const ContactReport& report, const Arrival& arrival) {
+  // Whether the message's master takes the place of the one that was heard.
+  bool succeeds(const ContactMessage& message, const Arrival& arrival) {
     for (Past& past : past_) {
-      if (past.session != report.session) continue;
+      if (past.session != message.session) continue;
       ++counts_.of_past_sessions;
-      if (report.sequence <= past.last) return false;
-      return silent(arrival) && messages_of(report) >= enough_messages;
+      if (message.sequence <= past.last) return false;
+      return silent(arrival) && messages_of(message) >= enough_messages;
     }
     // An unpaced master is no machine, and may be followed by the next at once.
     if (!paced_) return true;
-    if (messages_of(report) >= enough_messages && silent(arrival)) return true;
+    if (messages_of(message) >= enough_messages && silent(arrival)) return true;
     ++counts_.of_other_masters;
-    other_ = report.session;
+    other_ = message.session;
     return false;
   }
 
@@ -144,16 +144,16 @@ class SessionTracker {
   }
 
   // Counts this one.
-  int messages_of(const ContactReport& report) {
+  int messages_of(const ContactMessage& message) {
     for (Candidate& candidate : candidates_) {
-      if (candidate.messages == 0 || candidate.session != report.session) continue;
-      if (report.sequence > candidate.last) {
-        candidate.last = report.sequence;
+      if (candidate.messages == 0 || candidate.session != message.session) continue;
+      if (message.sequence > candidate.last) {
+        candidate.last = message.sequence;
         ++candidate.messages;
       }
       return candidate.messages;
     }
-    candidates_[next_candidate_] = {report.session, report.sequence, 1};
+    candidates_[next_candidate_] = {message.session, message.sequence, 1};
     next_candidate_ = (next_candidate_ + 1) % max_candidates;
     return 1;
   }

@@ -1,12 +1,13 @@
 """State observer for impacting machines, driven by contact times alone.
 
 A scene is a machine with contacts. simulate() gives its contact events and states; observe() and
-Observer find its state from the events. Contacts count from 1. Units are the scene's own, SI in the
+Observer find its state from the events; check() says whether they will. Contacts count from 1. Units are the scene's own, SI in the
 scenes that ship. Arrays of many ticks are n x f in C order; all results are read-only views of what
 C++ computed, without copies, and stay valid for as long as they are used.
 """
 
 from ._core import (
+    Assessment,
     Beam,
     Contact,
     Energies,
@@ -14,6 +15,7 @@ from ._core import (
     EstimateListener,
     Estimates,
     EventPublisher,
+    Finding,
     Force,
     Harmonic,
     LiveEstimate,
@@ -24,6 +26,7 @@ from ._core import (
     State,
     beam_contact,
     beam_model,
+    check,
     energies,
     event_dtype,
     observe,
@@ -36,6 +39,7 @@ from ._errors import BusError, Error, InputError, ModelError, SceneError, Simula
 from ._events import ContactEventKind, pulses
 
 __all__ = [
+    "Assessment",
     "Beam",
     "BusError",
     "Contact",
@@ -46,6 +50,7 @@ __all__ = [
     "EstimateListener",
     "Estimates",
     "EventPublisher",
+    "Finding",
     "Force",
     "Harmonic",
     "InputError",
@@ -60,6 +65,7 @@ __all__ = [
     "State",
     "beam_contact",
     "beam_model",
+    "check",
     "energies",
     "event_dtype",
     "observe",

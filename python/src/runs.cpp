@@ -3,11 +3,13 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,6 +17,7 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
+#include "sprag/analysis/assessment.h"
 #include "sprag/estimation/observer.h"
 #include "sprag/files/events_file.h"
 #include "sprag/mechanics/energy.h"
@@ -307,6 +310,58 @@ void bind_energies(py::module_& module) {
       "lack counts as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
 }
 
+// As long as check_scene gives it.
+constexpr auto longest_trial = std::chrono::seconds(5);
+
+Assessment check(const Scene& scene, std::optional<double> accuracy) {
+  if (accuracy && !(*accuracy > 0.0)) throw std::invalid_argument("accuracy must be > 0");
+  TrialLimits limits;
+  limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
+    return std::chrono::steady_clock::now() - begin > longest_trial;
+  };
+  Assessment assessment = assess(scene, limits);
+  if (accuracy) assess_accuracy(scene, *accuracy, limits, assessment);
+  return assessment;
+}
+
+void bind_check(py::module_& module) {
+  py::class_<Finding>(module, "Finding", "One thing that was checked.")
+      .def_readonly("id", &Finding::id, "Its short name.")
+      .def_readonly("required", &Finding::required,
+                    "Whether the replica's convergence needs it; others only tell.")
+      .def_readonly("holds", &Finding::holds, "Whether it is so.")
+      .def_readonly("what", &Finding::what, "What was found, in words.")
+      .def_readonly("change", &Finding::change, "What to change; empty where nothing needs to be.");
+  py::class_<Assessment>(module, "Assessment",
+                         "Whether a scene's replica will synchronize, and why. str() has it all.")
+      .def_property_readonly("synchronizes", &Assessment::synchronizes,
+                             "Whether all required findings hold.")
+      .def_property_readonly("verdict", &Assessment::verdict,
+                             "'will synchronize' or 'may not synchronize'.")
+      .def_property_readonly(
+          "findings", [](const Assessment& a) { return a.findings; }, "All findings.")
+      .def_readonly("decades", &Assessment::decades,
+                    "By how many decades V falls a unit of time without impacts [1/s].")
+      .def_property_readonly(
+          "modes_needed",
+          [](const Assessment& a) -> std::optional<int> {
+            if (!a.accuracy) return std::nullopt;
+            return a.accuracy->modes;
+          },
+          "The fewest modes within the accuracy that was asked for, or None.")
+      .def("__str__", &to_text);
+  module.def(
+      "check",
+      [](const Scene& scene, std::optional<double> accuracy) {
+        return long_call([&] { return check(scene, accuracy); });
+      },
+      py::arg("scene"), py::kw_only(), py::arg("accuracy") = py::none(),
+      "Whether the replica of a scene will synchronize with its machine: every assumption of the "
+      "theorem, and a short run of the machine, of at most 5 s of wall time. With `accuracy` "
+      "[length] > 0 also how many modes show the tip, or the gaps, to it. Raises ModelError or "
+      "ValueError.");
+}
+
 }  // namespace
 
 void bind_runs(py::module_& module) {
@@ -314,6 +369,7 @@ void bind_runs(py::module_& module) {
   bind_estimates(module);
   bind_observer(module);
   bind_energies(module);
+  bind_check(module);
 }
 
 }  // namespace sprag::python

@@ -13,7 +13,7 @@ namespace sprag {
 /// A trial ends at the first of them.
 struct TrialLimits {
   long events = 20000;
-  std::function<bool()> out_of_time;  ///< asked now and then; empty: there is time
+  std::function<bool()> out_of_time = {};  ///< asked now and then; empty: there is time
 };
 
 struct ContactUse {

@@ -11,7 +11,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/impact_law.h"
 
 namespace sprag {

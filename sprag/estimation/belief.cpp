@@ -1,5 +1,6 @@
 #include "sprag/estimation/belief.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace sprag {
@@ -31,6 +32,43 @@ bool is_sane(const Belief& belief) {
          belief.u.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
          belief.S_q.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest &&
          belief.S_u.leftCols(c).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < largest;
+}
+
+double variance(const Functional& of, const Belief& belief) {
+  double variance = 0.0;
+  for (Eigen::Index j = 0; j < belief.columns; ++j) {
+    variance += square(of.a.dot(belief.S_q.col(j)) + of.b.dot(belief.S_u.col(j)));
+  }
+  return variance;
+}
+
+PotterUpdate::PotterUpdate(Eigen::Ref<const Eigen::VectorXd> phi, double residual, double r)
+    : phi_(phi) {
+  const double alpha = phi.squaredNorm() + r;
+  gain_ = residual / alpha;
+  shrink_ = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));
+}
+
+void PotterUpdate::apply(Eigen::Ref<Eigen::VectorXd> x, Eigen::Ref<Eigen::MatrixXd> S) const {
+  for (Eigen::Index i = 0; i < S.rows(); ++i) {
+    const double along = S.row(i).dot(phi_.transpose());
+    x[i] += gain_ * along;
+    S.row(i) -= along * shrink_ * phi_.transpose();
+  }
+}
+
+void Terms::include(const Contact& contact, const Eigen::VectorXd& q, const Eigen::VectorXd& u) {
+  const double of_gap = contact.w.cwiseProduct(q).cwiseAbs().sum() +
+                        std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
+  const double of_gap_velocity = contact.w.cwiseProduct(u).cwiseAbs().sum() +
+                                 std::abs(contact.motion.amplitude * contact.motion.frequency);
+  length = std::max(length, of_gap);
+  speed = std::max(speed, of_gap_velocity);
+}
+
+double largest_terms(const Signal& signal, const Motion& motion) {
+  return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
+         (signal.r * motion.x.v).abs().sum();
 }
 
 BeliefColumns::BeliefColumns(const Flow& free, Eigen::Index f, Eigen::Index columns) {
@@ -65,6 +103,20 @@ void BeliefColumns::move(const Flow& flow, double tau, Belief& belief) {
     }
   }
   flow.state_differences(z, v, q, u);
+}
+
+void BeliefColumns::see(const Flow& flow, const Signal& signal, const Belief& belief,
+                        Eigen::VectorXd& phi) {
+  const Eigen::Index n = flow.modes();
+  const Eigen::Index nf = flow.frequencies();
+  const Eigen::Index c = belief.columns;
+  auto z = z_.topLeftCorner(n, c);
+  auto v = v_.topLeftCorner(n, c);
+  flow.enter_differences(belief.S_q.leftCols(c), belief.S_u.leftCols(c), z, v);
+  for (Eigen::Index k = 0; k < c; ++k) {
+    phi[k] = (signal.p.segment(nf, n) * z.col(k).array()).sum() +
+             (signal.r.segment(nf, n) * v.col(k).array()).sum();
+  }
 }
 
 void BeliefColumns::merge(Belief& belief) {

@@ -4,9 +4,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
 
 namespace sprag {
@@ -26,6 +28,31 @@ void add_drift(const Uncertainty& uncertainty, double tau, Belief& belief);
 /// Whether mean and covariance are numbers that can be gone on with.
 bool is_sane(const Belief& belief);
 
+/// Of a functional of (q, u), its constant left out.
+double variance(const Functional& of, const Belief& belief);
+
+/// A measurement of standard deviation below this share of its terms tells nothing but their
+/// rounding.
+inline constexpr double measurement_rounding = 32.0 * std::numeric_limits<double>::epsilon();
+
+/// A scalar measurement by Potter's square root: residual = measured - expected, `phi` what it sees
+/// of each column of S, r the variance of its noise. With alpha = phi^T phi + r and K = S phi /
+/// alpha
+///
+///   x += K residual,   S -= K phi^T / (1 + sqrt(r / alpha)).
+class PotterUpdate {
+ public:
+  /// `phi` must outlive this.
+  PotterUpdate(Eigen::Ref<const Eigen::VectorXd> phi, double residual, double r);
+
+  /// Of some rows x of what is estimated, and the same rows of S. Does not allocate.
+  void apply(Eigen::Ref<Eigen::VectorXd> x, Eigen::Ref<Eigen::MatrixXd> S) const;
+
+ private:
+  Eigen::Ref<const Eigen::VectorXd> phi_;
+  double gain_, shrink_;
+};
+
 /// Moves and merges the columns of beliefs of one machine: nothing but scratch, so that neither
 /// allocates.
 class BeliefColumns {
@@ -36,6 +63,9 @@ class BeliefColumns {
 
   /// S on this flow for tau; nothing where tau is not positive. The mean stays.
   void move(const Flow& flow, double tau, Belief& belief);
+
+  /// phi: what a signal of this flow sees of each column, `columns` entries of `phi`.
+  void see(const Flow& flow, const Signal& signal, const Belief& belief, Eigen::VectorXd& phi);
 
   /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
   /// 2 f zero.
@@ -51,10 +81,15 @@ class BeliefColumns {
 /// Largest terms of gaps [m] and of their velocities [m/s]: their roundings are in proportion.
 struct Terms {
   double length = 0.0, speed = 0.0;
+
+  void include(const Contact& contact, const Eigen::VectorXd& q, const Eigen::VectorXd& u);
 };
 
+/// Sum of the absolute terms of a signal.
+double largest_terms(const Signal& signal, const Motion& motion);
+
 /// An event of one contact at a time that is not quite known.
-struct Report {
+struct UncertainEvent {
   enum class Kind : std::int8_t {
     none,     ///< no event, or several at one instant
     pulse,    ///< an impact

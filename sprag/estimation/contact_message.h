@@ -11,7 +11,7 @@ namespace sprag {
 
 inline constexpr int max_records = 120;
 
-struct ContactReport {
+struct ContactMessage {
   std::int64_t session = 0;        ///< random per master start
   std::int64_t sequence = 0;       ///< message number within the session
   std::int64_t utime = 0;          ///< wall clock at send [us]

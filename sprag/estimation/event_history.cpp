@@ -9,12 +9,12 @@ namespace {
 
 constexpr std::size_t max_degraded = 4096;
 
-// chi before the first record a report carries: its `closed`, the records undone.
-ContactSet closed_before_records(const ContactReport& report) {
-  ContactSet closed = report.closed;
-  for (int i = report.records; i-- > 0;) {
-    const ContactEvent& event = report.record[static_cast<std::size_t>(i)];
-    if (event.contact < 0 || event.contact >= report.contacts) continue;
+// chi before the first record a message carries: its `closed`, the records undone.
+ContactSet closed_before_records(const ContactMessage& message) {
+  ContactSet closed = message.closed;
+  for (int i = message.records; i-- > 0;) {
+    const ContactEvent& event = message.record[static_cast<std::size_t>(i)];
+    if (event.contact < 0 || event.contact >= message.contacts) continue;
     if (event.kind == ContactEventKind::opens) {
       closed |= bit(event.contact);
     } else {
@@ -63,7 +63,7 @@ void EventHistory::append(const ContactEvent& event) {
   ++counts_.events;
 }
 
-// Settled ticks are handed out before a later report is heard, or after it: their bound must not
+// Settled ticks are handed out before a later message is heard, or after it: their bound must not
 // depend on which, so that an interval never begins before the horizon.
 void EventHistory::degrade(double from, double to) {
   from = std::isnan(from) ? horizon_ : from;
@@ -78,9 +78,9 @@ void EventHistory::degrade(double from, double to) {
   }
 }
 
-void EventHistory::lose(const ContactReport& report) {
-  counts_.lost_records += std::max<std::int64_t>(report.records_total - next_record_, 0);
-  if (report.horizon > horizon_) degrade(last_t_, report.horizon);
+void EventHistory::lose(const ContactMessage& message) {
+  counts_.lost_records += std::max<std::int64_t>(message.records_total - next_record_, 0);
+  if (message.horizon > horizon_) degrade(last_t_, message.horizon);
 }
 
 bool EventHistory::skip(Skip cause, const ContactEvent& event, double missing_from) {
@@ -91,28 +91,28 @@ bool EventHistory::skip(Skip cause, const ContactEvent& event, double missing_fr
   return false;
 }
 
-std::size_t EventHistory::add(const ContactReport& report) {
+std::size_t EventHistory::add(const ContactMessage& message) {
   const std::size_t before = events_.size();
-  const std::int64_t first = report.records_total - report.records;
+  const std::int64_t first = message.records_total - message.records;
   const bool gap = first > next_record_;
   if (gap) {
     counts_.lost_records += first - next_record_;
-    const double to = report.records > 0 ? report.record[0].t : report.horizon;
+    const double to = message.records > 0 ? message.record[0].t : message.horizon;
     degrade(last_t_, to);
     next_record_ = first;
-    make_up(closed_before_records(report), to);
+    make_up(closed_before_records(message), to);
   }
-  for (std::int64_t number = next_record_; number < report.records_total; ++number) {
-    const ContactEvent& event = report.record[static_cast<std::size_t>(number - first)];
-    if (event.t > report.horizon) {
+  for (std::int64_t number = next_record_; number < message.records_total; ++number) {
+    const ContactEvent& event = message.record[static_cast<std::size_t>(number - first)];
+    if (event.t > message.horizon) {
       (void)skip(Skip::beyond_horizon, event, horizon_);
     } else {
       (void)add(event);
     }
   }
-  next_record_ = std::max(next_record_, report.records_total);
-  if (gap) make_up(report.closed, report.horizon);
-  set_horizon(report.horizon);
+  next_record_ = std::max(next_record_, message.records_total);
+  if (gap) make_up(message.closed, message.horizon);
+  set_horizon(message.horizon);
   return events_.size() - before;
 }
 

@@ -1,4 +1,4 @@
-// The contact events an observer believes in: what its master's reports add up to. Reports may be
+// The contact events an observer believes in: what its master's messages add up to. Reports may be
 // lost, doubled or reordered; every one repeats the last records, and records are numbered, so that
 // each is taken once and a gap is seen. Knows nothing of ticks, clocks or transport.
 #pragma once
@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "sprag/estimation/contact_report.h"
+#include "sprag/estimation/contact_message.h"
 #include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
@@ -28,16 +28,16 @@ inline constexpr std::size_t skips = 4;
 
 struct EventCounts {
   std::int64_t events = 0;        ///< taken, made up ones included
-  std::int64_t made_up = 0;       ///< so that chi follows a report after a gap
-  std::int64_t lost_records = 0;  ///< never seen: the gap was longer than a report's repeats
+  std::int64_t made_up = 0;       ///< so that chi follows a message after a gap
+  std::int64_t lost_records = 0;  ///< never seen: the gap was longer than a message's repeats
   std::array<std::int64_t, skips> skipped{};  ///< by Skip
 
   std::int64_t of(Skip cause) const { return skipped[static_cast<std::size_t>(cause)]; }
 };
 
 /// An event is skipped if it is earlier than the one before or not after a declared horizon
-/// (`backwards`), later than its own report's horizon, of a contact that the machine does not have,
-/// or if it closes or is a pulse while closed or opens while open (`contradicting`). What was
+/// (`backwards`), later than its own message's horizon, of a contact that the machine does not
+/// have, or if it closes or is a pulse while closed or opens while open (`contradicting`). What was
 /// skipped counts as a gap: the estimate does not know it.
 class EventHistory {
  public:
@@ -49,10 +49,10 @@ class EventHistory {
   /// every event up to `horizon` is known (nothing yet: `no_horizon`).
   void restart(std::int64_t next_record, ContactSet chi, double horizon);
 
-  /// Takes what is new in a report of the present session; returns how many events were appended.
-  /// After a gap chi follows the report's `closed`: what the lost records did is made up where the
+  /// Takes what is new in a message of the present session; returns how many events were appended.
+  /// After a gap chi follows the message's `closed`: what the lost records did is made up where the
   /// gap ends.
-  std::size_t add(const ContactReport& report);
+  std::size_t add(const ContactMessage& message);
 
   /// Takes one event from a file; false if it was skipped.
   bool add(const ContactEvent& event);
@@ -66,8 +66,8 @@ class EventHistory {
     return last_skipped_[static_cast<std::size_t>(cause)];
   }
 
-  /// Counts the records before a report as lost, without taking any: restart() follows.
-  void lose(const ContactReport& report);
+  /// Counts the records before a message as lost, without taking any: restart() follows.
+  void lose(const ContactMessage& message);
 
   /// Events may be missing from `from` on, or from the horizon if that is later, up to `to`.
   void degrade(double from, double to);

@@ -55,43 +55,43 @@ class TimeLine {
     start_again();
   }
 
-  /// Starts from the first report of a session: at t = 0 if it still carries every event since
+  /// Starts from the first message of a session: at t = 0 if it still carries every event since
   /// then and its horizon is not far, else at the first tick after its horizon. A machine's clock
   /// may start anywhere.
-  void restart(const ContactReport& report) {
-    const bool whole = report.records_total == report.records;
-    if (whole && last_tick(report.horizon, h()) <= far) {
+  void restart(const ContactMessage& message) {
+    const bool whole = message.records_total == message.records;
+    if (whole && last_tick(message.horizon, h()) <= far) {
       restart(0, 0, 0, no_horizon);
-      receive(report);
+      receive(message);
     } else {
-      restart_behind(report);
+      restart_behind(message);
     }
   }
 
-  /// Takes what is new in a report, and goes back if it is older than now. run() goes forward.
+  /// Takes what is new in a message, and goes back if it is older than now. run() goes forward.
   /// Behind a long gap of which nothing is known it starts again, at the first tick after the
-  /// report's horizon: then true.
-  bool receive(const ContactReport& report) {
-    const bool gap = report.records_total - report.records > events_.next_record();
-    if (gap && is_far(report.horizon)) {
-      events_.lose(report);
-      restart_behind(report);
+  /// message's horizon: then true.
+  bool receive(const ContactMessage& message) {
+    const bool gap = message.records_total - message.records > events_.next_record();
+    if (gap && is_far(message.horizon)) {
+      events_.lose(message);
+      restart_behind(message);
       return true;
     }
     const std::size_t known = events_.events().size();
-    if (events_.add(report) > 0) go_back(known);
+    if (events_.add(message) > 0) go_back(known);
     return false;
   }
 
-  /// The same when the machine's clock or its counts have jumped: starts again too where the report
-  /// does not go on from those before, or is far ahead of them.
-  bool resume(const ContactReport& report) {
-    if (report.horizon >= events_.horizon() && !is_far(report.horizon) &&
-        report.records_total >= events_.next_record()) {
-      return receive(report);
+  /// The same when the machine's clock or its counts have jumped: starts again too where the
+  /// message does not go on from those before, or is far ahead of them.
+  bool resume(const ContactMessage& message) {
+    if (message.horizon >= events_.horizon() && !is_far(message.horizon) &&
+        message.records_total >= events_.next_record()) {
+      return receive(message);
     }
-    events_.lose(report);
-    restart_behind(report);
+    events_.lose(message);
+    restart_behind(message);
     return true;
   }
 
@@ -173,9 +173,9 @@ class TimeLine {
 
   bool is_far(double horizon) const { return last_tick(horizon, h()) - settled_tick() > far; }
 
-  void restart_behind(const ContactReport& report) {
-    restart(last_tick(report.horizon, h()) + 1, report.records_total, report.closed,
-            report.horizon);
+  void restart_behind(const ContactMessage& message) {
+    restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
+            message.horizon);
   }
 
   EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }

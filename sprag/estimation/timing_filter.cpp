@@ -31,7 +31,10 @@ TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
     : TimingFilter(std::make_shared<Flows>(std::move(model)), h, std::move(uncertainty)) {}
 
 TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty uncertainty)
-    : flows_(std::move(flows)), h_(h), uncertainty_(std::move(uncertainty)) {
+    : flows_(std::move(flows)),
+      h_(h),
+      uncertainty_(std::move(uncertainty)),
+      impact_(flows_->dynamics()) {
   build_foreseeable(*flows_);
   flight_ = TickedFlight((*flows_)[0], h);
   const int m = flows_->dynamics().contacts();
@@ -61,17 +64,14 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
     S.S_u.resize(f(), 4 * f());
     S.mean = sample_;
   }
-  for (Eigen::VectorXd* x : {&u_before_, &before_impact_, &u_sequence_, &on_q_, &on_u_,
-                             &difference_q_, &difference_u_}) {
+  for (Eigen::VectorXd* x :
+       {&u_before_, &before_impact_, &u_sequence_, &on_u_, &share_, &off_q_, &off_u_}) {
     x->setZero(f());
   }
   from_start_q_ = uncertainty_.q.inverse();
   from_start_u_ = uncertainty_.u.inverse();
   closings_.reserve(static_cast<std::size_t>(m));
   phi_.setZero(columns);
-  z_.setZero(f(), columns);
-  v_.setZero(f(), columns);
-  directions_.setZero(f(), m);
   const Flow& free = (*flows_)[0];
   columns_ = BeliefColumns(free, f(), columns);
   set_looks(free);
@@ -127,7 +127,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.consistency = {};
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
-  report_ = {};
+  event_ = {};
   start_ = start;
   now_.q = start.q;
   now_.u = start.u;
@@ -142,35 +142,34 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
                            TimingState& state) {
   const Instant t = state.motion.t;
   const Covariance& from = slot(believed);
-  on_q_.setOnes();
+  share_.setOnes();
   if (from.instants == believed) {
     load(from, t);
     from.mean.flow->propagate(from.mean, t, sample_);
     sample_.flow->state(sample_, now_.q, now_.u);
-    // In terms of the modes' deviations at a start.
-    const Eigen::Index c = now_.columns;
-    difference_q_ = q - now_.q;
-    difference_u_ = u - now_.u;
-    now_.q.noalias() = from_start_q_.lazyProduct(difference_q_);
-    now_.u.noalias() = from_start_u_.lazyProduct(difference_u_);
-    z_.leftCols(c).noalias() = from_start_q_.lazyProduct(now_.S_q.leftCols(c));
-    v_.leftCols(c).noalias() = from_start_u_.lazyProduct(now_.S_u.leftCols(c));
+    off_q_ = q - now_.q;
+    off_u_ = u - now_.u;
     for (Eigen::Index i = 0; i < f(); ++i) {
-      const double unsure = z_.row(i).head(c).squaredNorm() + v_.row(i).head(c).squaredNorm();
-      const double apart = now_.q[i] * now_.q[i] + now_.u[i] * now_.u[i];
-      const double share = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
-      on_q_[i] = std::sqrt(share);
+      // In terms of the mode's deviations at a start.
+      const auto of_q = from_start_q_.row(i);
+      const auto of_u = from_start_u_.row(i);
+      const double apart = square(of_q.dot(off_q_)) + square(of_u.dot(off_u_));
+      double unsure = 0.0;
+      for (Eigen::Index j = 0; j < now_.columns; ++j) {
+        unsure += square(of_q.dot(now_.S_q.col(j))) + square(of_u.dot(now_.S_u.col(j)));
+      }
+      share_[i] = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
     }
   }
   set_start(uncertainty_, now_);
   for (Eigen::Index i = 0; i < f(); ++i) {
-    now_.S_q.col(i) *= on_q_[i];
-    now_.S_u.col(f() + i) *= on_q_[i];
+    now_.S_q.col(i) *= std::sqrt(share_[i]);
+    now_.S_u.col(f() + i) *= std::sqrt(share_[i]);
   }
   now_.q = q;
   now_.u = u;
   state.consistency = {};
-  report_ = {};
+  event_ = {};
   go_on(state);
 }
 
@@ -191,7 +190,7 @@ void TimingFilter::go_on(TimingState& state) {
   const ContactSet kept = state.motion.flow->locked() & closed;
   enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   S.mean = state.motion;
-  S.report = report_;
+  S.event = event_;
 }
 
 // The mean goes on from t with these contacts locked at g = 0.
@@ -287,8 +286,8 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
   }
   if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   const Eigen::Index c = now_.columns;
-  const double unseen_q = rounding * state.terms.length / largest_w_;
-  const double unseen_u = rounding * state.terms.speed / largest_w_;
+  const double unseen_q = measurement_rounding * state.terms.length / largest_w_;
+  const double unseen_u = measurement_rounding * state.terms.speed / largest_w_;
   for (Eigen::Index i = 0; i < f(); ++i) {
     q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), unseen_q);
     u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), unseen_u);
@@ -296,7 +295,7 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
     auto phi = phi_.head(c);
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
-    gap[i] = std::hypot(phi.norm(), rounding * state.terms.length);
+    gap[i] = std::hypot(phi.norm(), measurement_rounding * state.terms.length);
   }
 }
 
@@ -309,7 +308,7 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
     const Covariance& last = slot(first);
     const Covariance& before = slot(first - 1);
     const bool kept = last.instants == first && before.instants == first - 1;
-    if (!kept || last.report.kind == Report::Kind::none) break;
+    if (!kept || last.event.kind == UncertainEvent::Kind::none) break;
     if (!(t - last.mean.t < unknown_time_->latest()) || last.mean.t - before.mean.t < 0.0) break;
     --first;
   }
@@ -320,15 +319,15 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
     const Covariance& next = slot(++first);
     published_.flow->state(published_, now_.q, now_.u);
     UnknownTime::Innovation innovation;
-    if (!unknown_time_->take(next.report, published_, state.terms, t - next.mean.t, true, now_,
+    if (!unknown_time_->take(next.event, published_, state.terms, t - next.mean.t, true, now_,
                              innovation)) {
       return false;
     }
     columns_.merge(now_);
     if (innovation.to_come < as_good_as_over) {
-      unsettled &= ~bit(next.report.contact);
+      unsettled &= ~bit(next.event.contact);
     } else {
-      unsettled |= bit(next.report.contact);
+      unsettled |= bit(next.event.contact);
     }
     const Flow& flow = *next.mean.flow;
     flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
@@ -350,11 +349,12 @@ bool TimingFilter::publish(const TimingState& state) {
   }
   // Several contacts may have met or left their supports.
   ContactSet heard = 0;
-  for (Report due = next_due(state, published_, heard, unsettled); due.kind != Report::Kind::none;
+  for (UncertainEvent due = next_due(state, published_, heard, unsettled);
+       due.kind != UncertainEvent::Kind::none;
        due = next_due(state, published_, heard, unsettled)) {
     heard |= bit(due.contact);
     unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
-    if (due.kind == Report::Kind::pulse) {
+    if (due.kind == UncertainEvent::Kind::pulse) {
       const Flow& flow = *published_.flow;
       flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
     }
@@ -375,16 +375,17 @@ ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) 
 
 // What is most likely to be reported next of any contact but `heard`, if anything is; of those of
 // `unsettled` only what is beyond doubt. `now_` is at the motion's time.
-Report TimingFilter::next_due(const TimingState& state, const Motion& motion, ContactSet heard,
-                              ContactSet unsettled) {
-  Report nearest;
+UncertainEvent TimingFilter::next_due(const TimingState& state, const Motion& motion,
+                                      ContactSet heard, ContactSet unsettled) {
+  UncertainEvent nearest;
   double least = deviations_to_expect;
   const ContactSet locked = motion.flow->locked();
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
     if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
     if (held && !unknown_time_) continue;
-    const Report due{held ? Report::Kind::releases : Report::Kind::pulse, i, locked & ~bit(i)};
+    const UncertainEvent due{held ? UncertainEvent::Kind::releases : UncertainEvent::Kind::pulse, i,
+                             locked & ~bit(i)};
     const double margin = unknown_time_
                               ? unknown_time_->margin(due, motion, state.terms, now_)
                               : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
@@ -398,7 +399,7 @@ Report TimingFilter::next_due(const TimingState& state, const Motion& motion, Co
 
 double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
   const auto w = flows_->dynamics().W().col(contact);
-  double variance = square(rounding * state.terms.length);
+  double variance = square(measurement_rounding * state.terms.length);
   for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(w.dot(now_.S_q.col(j)));
   return std::sqrt(variance);
 }
@@ -437,8 +438,8 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   load(from, t);
   sample_.flow->state(sample_, now_.q, now_.u);
   // The mean goes on from behind what was reported, even where that is still to come.
-  const Report due = next_due(state, sample_, recently_reported(state, t), 0);
-  if (due.kind == Report::Kind::none) return {};
+  const UncertainEvent due = next_due(state, sample_, recently_reported(state, t), 0);
+  if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)
                     : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /

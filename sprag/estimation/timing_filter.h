@@ -36,6 +36,7 @@
 #include <span>
 #include <vector>
 
+#include "sprag/estimation/active_impact.h"
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/confidence.h"
 #include "sprag/estimation/innovation.h"
@@ -166,21 +167,12 @@ class TimingFilter {
   Flows& flows() { return *flows_; }
 
  private:
-  // A measurement whose deviation is below this share of its terms tells nothing but their
-  // rounding.
-  static constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
-
   struct Covariance {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
     Eigen::MatrixXd S_q, S_u;  // S, f rows each
     Motion mean;               // as it goes on from there
-    Report report;             // the event that led to it, where events jitter
-  };
-  struct Closing {
-    int contact;
-    double epsilon;
-    double gamma, gamma_rate;  // before the impact
+    UncertainEvent event;      // the event that led to it, where events jitter
   };
 
   std::size_t slot_of(std::int64_t instants) const {
@@ -196,8 +188,6 @@ class TimingFilter {
   void enter(ContactSet locked, Instant t, TimingState& state);
   void begin_again(int contact, TimingState& state);
   void note(double square, Consistency& consistency) const;
-  void note_terms(int contact, TimingState& state) const;
-  double known_of(const Functional& functional) const;
 
   // An instant with events.
   void take_instant(std::span<const ContactEvent> events, TimingState& state);
@@ -207,18 +197,16 @@ class TimingFilter {
   void measure_release(int contact, TimingState& state);
   void measure_closings(bool several, TimingState& state);
   double condition(double residual, double noise, double scale, Consistency& consistency);
-  void reset(ContactSet staying, ContactSet leaving, TimingState& state);
-  void decide(ContactSet staying, ContactSet leaving, TimingState& state);
+  void strike(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
   void add_time_rounding(const TimingState& state);
   void add_unknown(const Eigen::VectorXd& on_u);
-  std::vector<Closing>::iterator find_closing(int contact);
 
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
   bool take_so_far(const TimingState& state, Instant t, ContactSet& unsettled);
-  Report next_due(const TimingState& state, const Motion& motion, ContactSet heard,
-                  ContactSet unsettled);
+  UncertainEvent next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+                          ContactSet unsettled);
   ContactSet recently_reported(const TimingState& state, Instant t) const;
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);
@@ -240,14 +228,13 @@ class TimingFilter {
 
   // Scratch of an instant.
   Belief now_;
-  Report report_;
+  UncertainEvent event_;
   BeliefColumns columns_;
-  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_q_, on_u_, difference_q_,
-      difference_u_;
+  ActiveImpact impact_;
+  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_;
+  Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
-  Eigen::VectorXd phi_;         // what a measurement sees of each column
-  Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
-  Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
+  Eigen::VectorXd phi_;  // what a measurement sees of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_;
 };

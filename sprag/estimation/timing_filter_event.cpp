@@ -47,7 +47,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     state.consistency = {};
   }
   state.consistency.largest = 0.0;
-  report_ = {};
+  event_ = {};
   ContactSet leaving = 0;
   for (const ContactEvent& event : events) {
     if (event.kind == ContactEventKind::closes && event.t == 0.0)
@@ -89,7 +89,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
       const double epsilon = event.kind == ContactEventKind::closes
                                  ? 0.0
                                  : model.contacts[index(event.contact)].restitution;
-      closings_.push_back({event.contact, epsilon, 0.0, 0.0});
+      closings_.push_back({event.contact, epsilon});
     }
     first = end;
     ContactSet closing = 0;
@@ -101,7 +101,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
     if (!closed) u_before_ = now_.u;
     closed = true;
     ++stages;
-    reset(before & state.chi, before & ~state.chi, state);
+    strike(before & state.chi, before & ~state.chi, state);
   }
   if (!closed) {
     for_each(before & ~state.chi, [&](int contact) { measure_release(contact, state); });
@@ -149,28 +149,28 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   const int i = event.contact;
   state.chi = after(state.chi, event);
   if (contains(state.inside, i) || contains(before, i) == closes) return;
-  Report report{Report::Kind::releases, i, before & state.chi};
+  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi};
   if (closes) {
-    const ContactSet redundant = drop_redundant(report.held, bit(i), state);
+    const ContactSet redundant = drop_redundant(uncertain.held, bit(i), state);
     if (redundant != 0) return;
-    report.kind = event.kind == ContactEventKind::closes ? Report::Kind::stays
-                  : event.t - state.last_report[i] < unknown_time_->indistinct()
-                      ? Report::Kind::burst
-                      : Report::Kind::pulse;
-    note_terms(i, state);
+    uncertain.kind = event.kind == ContactEventKind::closes ? UncertainEvent::Kind::stays
+                     : event.t - state.last_report[i] < unknown_time_->indistinct()
+                         ? UncertainEvent::Kind::burst
+                         : UncertainEvent::Kind::pulse;
+    state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
   }
   state.last_report[i] = event.t;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
                            state.motion);
   u_before_ = now_.u;
   UnknownTime::Innovation innovation;
-  if (!unknown_time_->take(report, state.motion, state.terms, 0.0, false, now_, innovation)) {
+  if (!unknown_time_->take(uncertain, state.motion, state.terms, 0.0, false, now_, innovation)) {
     begin_again(i, state);
     return;
   }
   add_time_rounding(state);
   columns_.merge(now_);
-  report_ = report;
+  event_ = uncertain;
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
@@ -199,41 +199,11 @@ ContactSet TimingFilter::drop_redundant(ContactSet held, ContactSet closing,
 
 // lambda_i = 0, of a contact that is locked.
 void TimingFilter::measure_release(int contact, TimingState& state) {
-  const Flow& flow = *state.motion.flow;
-  const Signal& lambda = flow.force(contact);
-  const Eigen::Index n = flow.modes();
-  const Eigen::Index nf = flow.frequencies();
-  const Eigen::Index c = now_.columns;
-  auto z = z_.topLeftCorner(n, c);
-  auto v = v_.topLeftCorner(n, c);
-  flow.enter_differences(now_.S_q.leftCols(c), now_.S_u.leftCols(c), z, v);
-  for (Eigen::Index k = 0; k < c; ++k) {
-    phi_[k] = (lambda.p.segment(nf, n) * z.col(k).array()).sum() +
-              (lambda.r.segment(nf, n) * v.col(k).array()).sum();
-  }
-  const double scale = std::abs(lambda.constant) + (lambda.p * state.motion.x.z).abs().sum() +
-                       (lambda.r * state.motion.x.v).abs().sum();
+  const Signal& lambda = state.motion.flow->force(contact);
+  columns_.see(*state.motion.flow, lambda, now_, phi_);
   const double off = time_rounding * state.motion.t.hi * rate(lambda, state.motion);
-  condition(-value(lambda, state.motion), off * off, scale, state.consistency);
-}
-
-void TimingFilter::note_terms(int i, TimingState& state) const {
-  const Contact& contact = flows_->dynamics().model().contacts[index(i)];
-  const double length = contact.w.cwiseProduct(now_.q).cwiseAbs().sum() +
-                        std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
-  const double speed = contact.w.cwiseProduct(now_.u).cwiseAbs().sum() +
-                       std::abs(contact.motion.amplitude * contact.motion.frequency);
-  state.terms.length = std::max(state.terms.length, length);
-  state.terms.speed = std::max(state.terms.speed, speed);
-}
-
-// Variance of a functional of (q, u).
-double TimingFilter::known_of(const Functional& of) const {
-  double variance = 0.0;
-  for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    variance += square(of.a.dot(now_.S_q.col(j)) + of.b.dot(now_.S_u.col(j)));
-  }
-  return variance;
+  condition(-value(lambda, state.motion), off * off, largest_terms(lambda, state.motion),
+            state.consistency);
 }
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
@@ -254,7 +224,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     const double speed2 = closing.gamma * closing.gamma + phi.squaredNorm();
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
     const double gap_before = gap(contact, now_.q, t);
-    note_terms(closing.contact, state);
+    state.terms.include(contact, now_.q, now_.u);
     double noise = square(time_rounding * t) * speed2;
     // The master takes for one impact what touches within its rounding.
     if (several) noise += square(touching * state.terms.length);
@@ -268,7 +238,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     // acceleration that may not be known. It is not taken for more than it can say: where gamma is
     // known almost as well already, it says nothing; nor where contacts may have wedged each other.
     const double off = std::max(model.chatter_time, time_rounding * t);
-    const double left = off * off * (square(closing.gamma_rate) + known_of(acceleration));
+    const double left = off * off * (square(closing.gamma_rate) + variance(acceleration, now_));
     if (phi.squaredNorm() > remainder_tells * left) {
       condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state.consistency);
     }
@@ -288,7 +258,7 @@ double TimingFilter::condition(double residual, double noise, double scale,
   const Eigen::Index c = now_.columns;
   auto phi = phi_.head(c);
   const double known = phi.squaredNorm();
-  const double floor = rounding * scale;
+  const double floor = measurement_rounding * scale;
   const double r = noise + floor * floor;
   const double alpha = known + r;
   const double deviation = std::sqrt(alpha);
@@ -296,120 +266,40 @@ double TimingFilter::condition(double residual, double noise, double scale,
     note(residual * residual / (alpha + square(insignificant * scale)), consistency);
   }
   if (!(known > floor * floor)) return deviation;
-  // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).
-  const double gain = residual / alpha;
-  const double shrink = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));
-  const auto take = [&](auto rows) {
-    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-      const double along = rows.row(i).dot(phi.transpose());
-      rows.row(i) -= along * shrink * phi.transpose();
-    }
-  };
-  for (Eigen::Index i = 0; i < f(); ++i) {
-    now_.q[i] += gain * now_.S_q.row(i).head(c).dot(phi.transpose());
-    now_.u[i] += gain * now_.S_u.row(i).head(c).dot(phi.transpose());
-  }
-  take(now_.S_q.leftCols(c));
-  take(now_.S_u.leftCols(c));
+  const PotterUpdate update(phi, residual, r);
+  update.apply(now_.q, now_.S_q.leftCols(c));
+  update.apply(now_.u, now_.S_u.leftCols(c));
   return deviation;
 }
 
 // The impact of the contacts that close, with those of `staying` held; those of `leaving` were
 // closed before it and are not after it.
-void TimingFilter::reset(ContactSet staying, ContactSet leaving, TimingState& state) {
+void TimingFilter::strike(ContactSet staying, ContactSet leaving, TimingState& state) {
   const Dynamics& dynamics = flows_->dynamics();
-  const Model& model = dynamics.model();
-  const auto n = static_cast<Eigen::Index>(closings_.size());
-  const ContactMatrix G_staying = of_contacts(dynamics.G(), staying);
-  ContactVector gamma(n), held, Lambda;
-  ContactMatrix G(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const int i = closings_[static_cast<std::size_t>(k)].contact;
-    auto direction = directions_.col(k);
-    direction = dynamics.MinvW().col(i);
-    if (staying == 0) continue;
-    held.resize(std::popcount(staying));
-    Eigen::Index row = 0;
-    for_each(staying, [&](int j) { held[row++] = dynamics.G()(j, i); });
-    if (arrest(G_staying, held, Lambda) != Solved::yes) continue;
-    row = 0;
-    for_each(staying, [&](int j) { direction += Lambda[row++] * dynamics.MinvW().col(j); });
-  }
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const int i = closings_[static_cast<std::size_t>(k)].contact;
-    for (Eigen::Index l = 0; l < n; ++l) G(k, l) = dynamics.W().col(i).dot(directions_.col(l));
-  }
-  // Impulses along the directions that take gamma to its value after the impact.
-  const auto scale = [&](ContactVector& x) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      x[k] *= 1.0 + closings_[static_cast<std::size_t>(k)].epsilon;
-    }
-  };
-  const auto impulses = [&] {
-    if (model.law == ImpactLaw::newton) scale(gamma);
-    if (arrest(G, gamma, Lambda) != Solved::yes) return false;
-    if (model.law == ImpactLaw::poisson) scale(Lambda);
-    return true;
-  };
+  impact_.set(closings_, staying, leaving);
   const auto contact = [&](Eigen::Index k) {
     return closings_[static_cast<std::size_t>(k)].contact;
   };
   for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      gamma[k] = dynamics.W().col(contact(k)).dot(now_.S_u.col(j));
-    }
-    if (!impulses()) {
+    auto column = now_.S_u.col(j);
+    const auto gamma = [&](Eigen::Index k) { return dynamics.W().col(contact(k)).dot(column); };
+    if (!impact_.add_jump(gamma, column)) {
       ++state.refused_impacts;
       return;
     }
-    for (Eigen::Index k = 0; k < n; ++k) now_.S_u.col(j) += Lambda[k] * directions_.col(k);
   }
-  for (Eigen::Index k = 0; k < n; ++k) {
-    gamma[k] = gap_velocity(model.contacts[index(contact(k))], now_.u, state.motion.t.hi);
-  }
+  const double t = state.motion.t.hi;
   before_impact_ = now_.u;
-  if (!impulses()) return;
-  for (Eigen::Index k = 0; k < n; ++k) now_.u += Lambda[k] * directions_.col(k);
-  if (n > 1 || staying != 0 || leaving != 0) decide(staying, leaving, state);
-}
-
-std::vector<TimingFilter::Closing>::iterator TimingFilter::find_closing(int contact) {
-  return std::find_if(closings_.begin(), closings_.end(),
-                      [&](const Closing& closing) { return closing.contact == contact; });
-}
-
-// The impact law itself on the mean, in place of the branch that took it to its u, where it agrees
-// with what was reported; the difference is one more unknown.
-void TimingFilter::decide(ContactSet staying, ContactSet leaving, TimingState& state) {
-  const Dynamics& dynamics = flows_->dynamics();
-  const Model& model = dynamics.model();
-  ContactSet closing = 0;
-  for (const Closing& of : closings_) closing |= bit(of.contact);
-  const ContactSet closed = closing | staying | leaving;
-  const ContactMatrix G = of_contacts(dynamics.G(), closed);
-  ContactVector gamma(G.rows()), epsilon(G.rows()), Lambda, gamma_plus;
-  Eigen::Index row = 0;
-  for_each(closed, [&](int i) {
-    const Contact& contact = model.contacts[index(i)];
-    const auto found = find_closing(i);
-    const bool closes = found != closings_.end();
-    gamma[row] = closes ? gap_velocity(contact, before_impact_, state.motion.t.hi) : 0.0;
-    epsilon[row++] = closes ? found->epsilon : contact.restitution;
-  });
-  if (impact(model.law, G, epsilon, gamma, Lambda, gamma_plus) != Solved::yes) return;
-  on_u_ = before_impact_ - now_.u;
-  bool as_reported = true;
-  row = 0;
-  for_each(closed, [&](int i) {
-    on_u_ += Lambda[row] * dynamics.MinvW().col(i);
-    if (contains(closing, i) && !(Lambda[row] > 0.0)) as_reported = false;
-    if (contains(staying, i) && gamma_plus[row] > 0.0) as_reported = false;
-    ++row;
-  });
-  if (!(on_u_.norm() > same_impact * (now_.u - before_impact_).norm())) return;
+  impact_.add_jump(
+      [&](Eigen::Index k) {
+        return gap_velocity(dynamics.model().contacts[index(contact(k))], before_impact_, t);
+      },
+      now_.u);
+  const auto decision = impact_.decide(before_impact_, now_.u, t, on_u_);
+  if (decision == ActiveImpact::Decision::same) return;
   ++state.ambiguous_impacts;
   add_unknown(on_u_);
-  if (as_reported) now_.u += on_u_;
+  if (decision == ActiveImpact::Decision::as_reported) now_.u += on_u_;
 }
 
 // Velocities that are known up to N(0, 1) times this.

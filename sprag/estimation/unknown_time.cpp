@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 #include "sprag/mechanics/impact_law.h"
 
@@ -42,10 +43,39 @@ constexpr double burst_energy = 0.49;
 // Where the fastest mode turns further in sigma, its phase is not known on either flow, and what
 // one flow makes of it and the other does not says nothing.
 constexpr double one_turn = 2.0 * std::numbers::pi;
-constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
 
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
+
+// Rate at which mode i grows back in time.
+double growth_of(const Oscillators& of, Eigen::Index i) {
+  const double excess = square(of.delta()[i]) - of.kappa()[i];
+  return of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
+}
+
+// Mean and deviation of nodes with these weights, given as logarithms, from the first node in
+// steps; `total` is 0 where there is none.
+struct Moments {
+  double total = 0.0, mean = 0.0, deviation = 0.0;
+};
+Moments moments_of(std::span<const double> log_weights) {
+  double highest = -infinity;
+  for (const double weight : log_weights) {
+    if (weight > highest) highest = weight;
+  }
+  double total = 0.0, first = 0.0, second = 0.0;
+  for (std::size_t i = 0; i < log_weights.size(); ++i) {
+    const double w = std::exp(log_weights[i] - highest);
+    if (!(w > 0.0)) continue;
+    const auto x = static_cast<double>(i);
+    total += w;
+    first += w * x;
+    second += w * x * x;
+  }
+  if (!(total > 0.0)) return {};
+  const double mean = first / total;
+  return {total, mean, std::sqrt(std::max(second / total - square(mean), 0.0))};
+}
 
 double fastest_of(const Flow& flow) {
   return flow.modes() > 0
@@ -102,11 +132,30 @@ void UnknownTime::look(const Signal& signal, double value_rounding, double rate_
                            Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
   fastest_ = fastest_of(*flow_);
   growth_ = 0.0;
-  for (Eigen::Index i = nf; i < nf + n; ++i) {
-    const double excess = square(of.delta()[i]) - of.kappa()[i];
-    growth_ = std::max(growth_, of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0));
-  }
+  for (Eigen::Index i = nf; i < nf + n; ++i) growth_ = std::max(growth_, growth_of(of, i));
   then_ = motion;
+}
+
+// move(tau, first, count) for all modes: by tau, but what has decayed since is not made to grow
+// back further than there is anything left of it.
+template <typename Move>
+void UnknownTime::for_each_tau(double tau, const Move& move) const {
+  const Eigen::Index n = flow_->modes();
+  const Eigen::Index nf = flow_->frequencies();
+  if (-growth_ * tau <= most_growth) {
+    move(tau, nf, n);
+    return;
+  }
+  for (Eigen::Index i = nf; i < nf + n; ++i) {
+    move(std::max(tau, -most_growth / growth_of(flow_->oscillators(), i)), i, 1);
+  }
+}
+
+// What z and v of these modes become in tau.
+void UnknownTime::set_kernels(double tau, Eigen::Index first, Eigen::Index count) {
+  const Oscillators& of = flow_->oscillators();
+  of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
+  of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
 }
 
 // Mean and columns at `age` before the motion, which may be negative: what they were if nothing has
@@ -115,20 +164,10 @@ void UnknownTime::go_back(double age) {
   const Oscillators& of = flow_->oscillators();
   const Eigen::Index n = flow_->modes();
   const Eigen::Index nf = flow_->frequencies();
-  const auto move = [&](double tau, Eigen::Index first, Eigen::Index count) {
-    of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
-    of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
+  for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
+    set_kernels(tau, first, count);
     of.propagate(motion_->x, motion_->alpha, tau, first, count, then_.x);
-  };
-  if (growth_ * age <= most_growth) {
-    move(-age, nf, n);
-  } else {
-    for (Eigen::Index i = nf; i < nf + n; ++i) {
-      const double excess = square(of.delta()[i]) - of.kappa()[i];
-      const double growth = of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
-      move(-std::min(age, most_growth / growth), i, 1);
-    }
-  }
+  });
   then_.t = motion_->t + -age;
   flow_->set_phases(then_.t, then_.x);
   const auto depend = [&](const auto& p, const auto& r, auto on) {
@@ -146,7 +185,7 @@ void UnknownTime::go_back(double age) {
 }
 
 // Afterwards phi_ and psi_ are those of a hypothesis.
-UnknownTime::Sight UnknownTime::see(Report::Kind kind, double age) {
+UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
   go_back(age);
   Sight sight{};
   sight.value = value(*signal_, then_);
@@ -161,7 +200,7 @@ UnknownTime::Sight UnknownTime::see(Report::Kind kind, double age) {
   sight.d = std::sqrt(psi.squaredNorm() + square(kappa) * r + square(rate_rounding_) + least);
   sight.rest_phi = r / sight.s2;
   sight.log_weight = -0.5 * square(sight.value) / sight.s2 - 0.5 * std::log(sight.s2);
-  if (kind == Report::Kind::stays) {
+  if (kind == UncertainEvent::Kind::stays) {
     // No crossing: the contact has come to rest.
     const double all = square(sight.d) + square(rate_noise_);
     sight.mean_rate = sight.mu * square(rate_noise_) / all;
@@ -194,7 +233,7 @@ double UnknownTime::weigh(const Sight& sight, double age) {
 }
 
 // Where the signal is zero, between two ages where it is not of one sign.
-double UnknownTime::find_zero(Report::Kind kind, double low, double high, double at_low) {
+double UnknownTime::find_zero(UncertainEvent::Kind kind, double low, double high, double at_low) {
   for (int i = 0; i < bisections; ++i) {
     const double middle = 0.5 * (low + high);
     const double at_middle = see(kind, middle).value;
@@ -203,7 +242,7 @@ double UnknownTime::find_zero(Report::Kind kind, double low, double high, double
   return 0.5 * (low + high);
 }
 
-UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
+UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
   double low = delay_ - scan_reach * sigma_;
   double high = delay_ + scan_reach * sigma_;
   double mean = 0.0;
@@ -220,17 +259,10 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
       weights[i] = weigh(sight, low + i * step);
       if (!(weights[i] <= weights[best]) && weights[i] > -infinity) best = i;
     }
-    double sum = 0.0, first = 0.0, second = 0.0;
-    for (int i = 0; i < scan_nodes; ++i) {
-      const double w = std::exp(weights[i] - weights[best]);
-      if (!(w > 0.0)) continue;
-      sum += w;
-      first += w * i;
-      second += w * i * i;
-    }
-    mean = low + first / sum * step;
-    deviation = std::sqrt(std::max(second / sum - square(first / sum), 0.0)) * step;
-    if (deviation >= resolved * step || !(step > least_step) || !(sum > 0.0)) break;
+    const Moments moments = moments_of(weights);
+    mean = low + moments.mean * step;
+    deviation = moments.deviation * step;
+    if (deviation >= resolved * step || !(step > least_step) || !(moments.total > 0.0)) break;
 
     // Narrow: by Gauss-Newton on the exponent, as long as the weight rises.
     double age = low + best * step;
@@ -273,24 +305,15 @@ UnknownTime::Nodes UnknownTime::find_nodes(Report::Kind kind) {
   Nodes nodes{};
   for (int look = 0; look < looks_at_nodes; ++look) {
     nodes = nodes_about(mean, std::max(deviation, least_step));
-    double total = 0.0, first = 0.0, second = 0.0;
-    double highest = -infinity;
     double weights[EventMixture::capacity];
     for (int i = 0; i < nodes.count; ++i) {
       const double age = nodes.first + i * nodes.step;
       weights[i] = weigh(see(kind, age), age);
-      if (weights[i] > highest) highest = weights[i];
     }
-    for (int i = 0; i < nodes.count; ++i) {
-      const double w = std::exp(weights[i] - highest);
-      if (!(w > 0.0)) continue;
-      total += w;
-      first += w * i;
-      second += w * i * i;
-    }
-    const double centre = nodes.first + first / total * nodes.step;
-    const double width =
-        std::sqrt(std::max(second / total - square(first / total), 0.0)) * nodes.step;
+    const Moments moments =
+        moments_of(std::span(weights).first(static_cast<std::size_t>(nodes.count)));
+    const double centre = nodes.first + moments.mean * nodes.step;
+    const double width = moments.deviation * nodes.step;
     const bool fits =
         std::abs(centre - mean) < 0.3 * deviation && std::abs(width - deviation) < 0.15 * deviation;
     if (fits || !(width > 0.0)) break;
@@ -309,17 +332,17 @@ UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation) const
 }
 
 // The impact of the contact for one unit of change of its gap velocity; what is held stays.
-void UnknownTime::set_impact(const Report& report) {
+void UnknownTime::set_impact(const UncertainEvent& event) {
   const Dynamics& dynamics = flows_->dynamics();
-  const int i = report.contact;
+  const int i = event.contact;
   impact_u_ = dynamics.MinvW().col(i);
-  if (report.held != 0) {
-    ContactVector pushed(std::popcount(report.held)), Lambda;
+  if (event.held != 0) {
+    ContactVector pushed(std::popcount(event.held)), Lambda;
     Eigen::Index row = 0;
-    for_each(report.held, [&](int j) { pushed[row++] = dynamics.G()(j, i); });
-    if (arrest(of_contacts(dynamics.G(), report.held), pushed, Lambda) == Solved::yes) {
+    for_each(event.held, [&](int j) { pushed[row++] = dynamics.G()(j, i); });
+    if (arrest(of_contacts(dynamics.G(), event.held), pushed, Lambda) == Solved::yes) {
       row = 0;
-      for_each(report.held, [&](int j) { impact_u_ += Lambda[row++] * dynamics.MinvW().col(j); });
+      for_each(event.held, [&](int j) { impact_u_ += Lambda[row++] * dynamics.MinvW().col(j); });
     }
   }
   impact_u_ /= dynamics.W().col(i).dot(impact_u_);
@@ -329,22 +352,11 @@ void UnknownTime::set_impact(const Report& report) {
 
 // b of the hypothesis just added: the impact, moved on by `age`.
 void UnknownTime::add_moved_impact(double age) {
-  const Oscillators& of = flow_->oscillators();
   const Eigen::Index n = flow_->modes();
   const Eigen::Index nf = flow_->frequencies();
-  const auto move = [&](double tau, Eigen::Index first, Eigen::Index count) {
-    of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
-    of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
-  };
-  if (-growth_ * age <= most_growth) {
-    move(age, nf, n);
-  } else {
-    for (Eigen::Index i = nf; i < nf + n; ++i) {
-      const double excess = square(of.delta()[i]) - of.kappa()[i];
-      const double growth = of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
-      move(std::max(age, -most_growth / growth), i, 1);
-    }
-  }
+  for_each_tau(age, [&](double tau, Eigen::Index first, Eigen::Index count) {
+    set_kernels(tau, first, count);
+  });
   const auto z = impact_z_.col(0).head(n).array();
   const auto v = impact_v_.col(0).head(n).array();
   moved_z_.col(0).head(n) = from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
@@ -378,8 +390,9 @@ void UnknownTime::add_changed_flow(const Flow& after) {
   mixture_.b_u() = u_after_ - u_;
 }
 
-void UnknownTime::add(const Report& report, double age, double log_weight, bool has_happened) {
-  const Sight sight = see(report.kind, age);
+void UnknownTime::add(const UncertainEvent& event, double age, double log_weight,
+                      bool has_happened) {
+  const Sight sight = see(event.kind, age);
   EventMixture::Hypothesis of;
   const double s = std::sqrt(sight.s2);
   of.log_weight = sight.log_weight + log_weight;
@@ -390,18 +403,18 @@ void UnknownTime::add(const Report& report, double age, double log_weight, bool 
   of.taken_along_psi = 1.0 - sight.variance / square(sight.d);
   const auto phi = phi_.head(columns_);
   const auto psi = psi_.head(columns_);
-  const bool impact = report.kind == Report::Kind::pulse;
+  const bool impact = event.kind == UncertainEvent::Kind::pulse;
   const Flow* after = nullptr;
   if (has_happened && impact) {
     const double kick =
         -1.0 -
-        flows_->dynamics().model().contacts[static_cast<std::size_t>(report.contact)].restitution;
+        flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
     of.alpha = kick * sight.mean_rate;
     of.beta = square(kick) * sight.variance;
     of.slope = kick * sight.variance / sight.d;
   } else if (has_happened && any_phase_ && -growth_ * age <= most_growth) {
-    const bool stays = report.kind == Report::Kind::stays;
-    after = flows_->find(stays ? report.held | bit(report.contact) : report.held);
+    const bool stays = event.kind == UncertainEvent::Kind::stays;
+    after = flows_->find(stays ? event.held | bit(event.contact) : event.held);
     if (after != nullptr) of.alpha = 1.0;
   }
   mixture_.add(of);
@@ -415,7 +428,7 @@ void UnknownTime::add(const Report& report, double age, double log_weight, bool 
 
 // A pulse too close to the one before: it turns the gap velocity round wherever it goes, and says
 // nothing else.
-void UnknownTime::add_burst(const Report& report, double age, bool has_happened) {
+void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_happened) {
   go_back(age);
   const double mu = rate(*signal_, then_);
   auto psi = psi_.head(columns_);
@@ -424,7 +437,7 @@ void UnknownTime::add_burst(const Report& report, double age, bool has_happened)
   of.log_weight = log_prior(age);
   if (has_happened) {
     const double restitution =
-        flows_->dynamics().model().contacts[static_cast<std::size_t>(report.contact)].restitution;
+        flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
     const double a = mu / d;
     const double p = std::erf(a / std::numbers::sqrt2);
     const double all = square(mu) + square(d);
@@ -444,47 +457,47 @@ void UnknownTime::add_burst(const Report& report, double age, bool has_happened)
 }
 
 // Closings are seen by the gap, releases by the force.
-void UnknownTime::look_for(const Report& report, const Motion& motion, const Terms& terms,
+void UnknownTime::look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
-  if (report.kind == Report::Kind::releases) {
-    const Signal& force = motion.flow->force(report.contact);
-    const double largest = std::abs(force.constant) + (force.p * motion.x.z).abs().sum() +
-                           (force.r * motion.x.v).abs().sum();
-    look(force, rounding * largest, rounding * largest / sigma_, motion, belief);
-  } else {
-    look(motion.flow->gap(report.contact), rounding * terms.length, rounding * terms.speed, motion,
+  if (event.kind == UncertainEvent::Kind::releases) {
+    const Signal& force = motion.flow->force(event.contact);
+    const double largest = largest_terms(force, motion);
+    look(force, measurement_rounding * largest, measurement_rounding * largest / sigma_, motion,
          belief);
-    set_impact(report);
+  } else {
+    look(motion.flow->gap(event.contact), measurement_rounding * terms.length,
+         measurement_rounding * terms.speed, motion, belief);
+    set_impact(event);
   }
 }
 
-bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& terms, double delay,
-                       bool so_far, Belief& belief, Innovation& innovation) {
+bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const Terms& terms,
+                       double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
   any_phase_ = so_far || fastest_of(*motion.flow) * sigma_ < one_turn;
-  look_for(report, motion, terms, belief);
+  look_for(event, motion, terms, belief);
   mixture_.begin(columns_);
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
   Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
               burst_nodes};
-  if (report.kind == Report::Kind::burst) {
+  if (event.kind == UncertainEvent::Kind::burst) {
     for (int i = 0; i < nodes.count; ++i) {
       const double age = nodes.first + i * nodes.step;
-      add_burst(report, age, has_happened(age));
+      add_burst(event, age, has_happened(age));
     }
   } else {
-    if (report.kind == Report::Kind::stays) {
+    if (event.kind == UncertainEvent::Kind::stays) {
       const double chatter = flows_->dynamics().model().chatter_time;
       rate_noise_ = chatter * std::abs(second_rate(*signal_, motion)) + rate_rounding_;
     }
-    const Sight reported = see(report.kind, delay_);
-    nodes = find_nodes(report.kind);
+    const Sight reported = see(event.kind, delay_);
+    nodes = find_nodes(event.kind);
     innovation_.gap = reported.value;
     innovation_.deviation = std::sqrt(reported.s2 + square(reported.rate * sigma_));
     innovation_.measured = true;
     for (int i = 0; i < nodes.count; ++i) {
       const double age = nodes.first + i * nodes.step;
-      add(report, age, log_prior(age), has_happened(age));
+      add(event, age, log_prior(age), has_happened(age));
     }
   }
   int first_over = 0;
@@ -496,15 +509,15 @@ bool UnknownTime::take(const Report& report, const Motion& motion, const Terms& 
   return columns > 0;
 }
 
-double UnknownTime::margin(const Report& due, const Motion& motion, const Terms& terms,
+double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
   look_for(due, motion, terms, belief);
   const Sight sight = see(due.kind, 0.0);
   return sight.value / std::sqrt(sight.s2);
 }
 
-double UnknownTime::hear_nothing(const Report& due, const Motion& motion, const Terms& terms,
-                                 bool condition, Belief& belief) {
+double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
+                                 const Terms& terms, bool condition, Belief& belief) {
   delay_ = 0.0;
   any_phase_ = true;
   look_for(due, motion, terms, belief);

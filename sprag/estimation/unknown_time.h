@@ -44,17 +44,18 @@ class UnknownTime {
   /// the flow before. With `so_far`, what would be later than that time has not happened.
   /// Afterwards the belief has more columns. False where no time at all is possible; the belief is
   /// then as it was.
-  bool take(const Report& report, const Motion& motion, const Terms& terms, double delay,
+  bool take(const UncertainEvent& event, const Motion& motion, const Terms& terms, double delay,
             bool so_far, Belief& belief, Innovation& innovation);
 
   /// log of the probability that by now, at `motion`, nothing has been reported of a contact: that
   /// it has closed (due.kind pulse), or that it has released. Conditions the belief on it where
   /// `condition`.
-  double hear_nothing(const Report& due, const Motion& motion, const Terms& terms, bool condition,
-                      Belief& belief);
+  double hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                      bool condition, Belief& belief);
 
   /// How far it is from that, in standard deviations of the belief.
-  double margin(const Report& due, const Motion& motion, const Terms& terms, const Belief& belief);
+  double margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                const Belief& belief);
 
  private:
   // What a hypothesis about the age tau of an event says, up to what the impact does.
@@ -74,20 +75,23 @@ class UnknownTime {
 
   void look(const Signal& signal, double value_rounding, double rate_rounding, const Motion& motion,
             const Belief& belief);
-  void look_for(const Report& report, const Motion& motion, const Terms& terms,
+  void look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
+  template <typename Move>
+  void for_each_tau(double tau, const Move& move) const;
+  void set_kernels(double tau, Eigen::Index first, Eigen::Index count);
   void go_back(double age);
-  Sight see(Report::Kind kind, double age);
+  Sight see(UncertainEvent::Kind kind, double age);
   double log_prior(double age) const;
   double weigh(const Sight& sight, double age);
-  double find_zero(Report::Kind kind, double low, double high, double at_low);
-  Nodes find_nodes(Report::Kind kind);
+  double find_zero(UncertainEvent::Kind kind, double low, double high, double at_low);
+  Nodes find_nodes(UncertainEvent::Kind kind);
   Nodes nodes_about(double mean, double deviation) const;
-  void set_impact(const Report& report);
+  void set_impact(const UncertainEvent& event);
   void add_moved_impact(double age);
   void add_changed_flow(const Flow& after);
-  void add(const Report& report, double age, double log_weight, bool has_happened);
-  void add_burst(const Report& report, double age, bool has_happened);
+  void add(const UncertainEvent& event, double age, double log_weight, bool has_happened);
+  void add_burst(const UncertainEvent& event, double age, bool has_happened);
 
   const Flows* flows_;
   double sigma_;

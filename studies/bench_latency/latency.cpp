@@ -51,7 +51,7 @@ class Child {
   pid_t pid_;
 };
 
-using Payload = ContactsMessage;
+using Payload = EncodedContacts;
 
 /// Sends every datagram back to where it came from.
 void echo_udp(int socket) {
@@ -216,7 +216,7 @@ class Machine {
 
   Bus bus_;
   std::int64_t start_;
-  ContactReport report_;
+  ContactMessage report_;
   Payload message_{};
   EstimateSample estimate_;
   double event_ = 0.0;

@@ -1,10 +1,10 @@
 #include <algorithm>
 
+#include "sprag/analysis/reduction.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
-#include "tools/check_scene/reduction.h"
 
 namespace sprag::studies {
 namespace {

@@ -12,7 +12,7 @@
 namespace sprag::test {
 namespace {
 
-constexpr TrialLimits limits;
+const TrialLimits limits;
 
 TEST(Accuracy, IsTheFewestModesThatStayWithinTheTolerance) {
   const Scene scene = shipped_scene("stiff_beam");

@@ -85,7 +85,7 @@ TEST_F(LiveTroubleTest, SkippedEventsAreToldAtOnceAndCountAsAGap) {
   master.add(std::vector<ContactEvent>{{1.4, 0, closes}, {1.5, 0, pulse}});
   master.play_until(2.0);
   EXPECT_TRUE(says(observer, "event of contact 1 at t = 1.5 skipped: it closes while closed"));
-  master.send_spoilt([](ContactReport& report) {
+  master.send_spoilt([](ContactMessage& report) {
     report.record[static_cast<std::size_t>(report.records++)] = {report.horizon + 1.0, 0, opens};
     ++report.records_total;
   });
@@ -115,7 +115,7 @@ TEST_F(LiveTroubleTest, WhatIsRefusedIsSaid) {
     EXPECT_TRUE(says(observer, words)) << words;
   };
   spoilt(
-      [](ContactReport& r) {
+      [](ContactMessage& r) {
         r.record[0] = {0.0, 0, static_cast<ContactEventKind>(9)};
         r.records = 1;
         r.records_total = 1;
@@ -137,7 +137,7 @@ TEST_F(LiveTroubleTest, WhatIsRefusedIsSaid) {
   const std::int64_t number = master.last().sequence;
   const auto until = std::chrono::steady_clock::now() + 1500ms;
   while (std::chrono::steady_clock::now() < until) {
-    master.send_spoilt([&](ContactReport& report) { report.sequence = number; });
+    master.send_spoilt([&](ContactMessage& report) { report.sequence = number; });
     std::this_thread::sleep_for(10ms);
   }
   EXPECT_TRUE(says(observer, "`sequence` must rise by one"));
@@ -155,7 +155,7 @@ TEST_F(LiveTroubleTest, WithAKeyAWrongOneAndAWrongClockAreSaid) {
   EXPECT_TRUE(says(observer, "not signed with this key"));
   PlayedMaster master(url(), 1, 1.0, 0.0, Key(file("key")));
   for (int i = 0; i < 5; ++i) {
-    master.send_spoilt([](ContactReport& report) { report.utime -= 15'000'000; });
+    master.send_spoilt([](ContactMessage& report) { report.utime -= 15'000'000; });
   }
   EXPECT_TRUE(says(observer, "this message is 15"));
   EXPECT_EQ(finish(observer).code, 0);
@@ -230,14 +230,14 @@ TEST_F(LiveTroubleTest, OddMessagesDoNotTakeTheObserverWithThem) {
   PlayedMaster master(url(), 1, 2.0);
   master.add(of_beam);
   master.play_until(1.0);
-  const std::initializer_list<std::function<void(ContactReport&)>> oddities{
-      [&](ContactReport& r) { r.speed = 1e300; },
-      [&](ContactReport& r) { r.speed = infinity; },
-      [&](ContactReport& r) { r.horizon = 1e300; },
-      [&](ContactReport& r) { r.horizon = 1e5; },
-      [&](ContactReport& r) { r.records_total = std::int64_t{1} << 53; },
-      [&](ContactReport& r) { r.sequence = std::int64_t{1} << 53; },
-      [&](ContactReport& r) { r.sequence = std::int64_t{1} << 40; }};
+  const std::initializer_list<std::function<void(ContactMessage&)>> oddities{
+      [&](ContactMessage& r) { r.speed = 1e300; },
+      [&](ContactMessage& r) { r.speed = infinity; },
+      [&](ContactMessage& r) { r.horizon = 1e300; },
+      [&](ContactMessage& r) { r.horizon = 1e5; },
+      [&](ContactMessage& r) { r.records_total = std::int64_t{1} << 53; },
+      [&](ContactMessage& r) { r.sequence = std::int64_t{1} << 53; },
+      [&](ContactMessage& r) { r.sequence = std::int64_t{1} << 40; }};
   double t = 1.0;
   for (const auto& oddity : oddities) {
     master.send_spoilt(oddity);

@@ -13,7 +13,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 #include "sprag/files/events_file.h"
 
 namespace sprag::test {
@@ -59,7 +59,7 @@ class PlayedMaster {
   /// One message, changed by spoil(report); what comes after is as if it had not been.
   template <typename Spoil>
   void send_spoilt(const Spoil& spoil) {
-    ContactReport report = last_;
+    ContactMessage report = last_;
     ++report.sequence;
     report.utime = wall_clock();
     report.horizon = now();
@@ -67,7 +67,7 @@ class PlayedMaster {
     publish(report);
   }
 
-  const ContactReport& last() const { return last_; }
+  const ContactMessage& last() const { return last_; }
   std::int64_t sent() const { return builder_.sent(); }
 
  private:
@@ -90,19 +90,19 @@ class PlayedMaster {
     } while (builder_.pending());
   }
 
-  void publish(const ContactReport& report) {
+  void publish(const ContactMessage& report) {
     encode(report, message_);
     (void)bus_.publish(contacts_channel, message_);
   }
 
   Bus bus_;
-  ReportBuilder builder_;
+  MessageBuilder builder_;
   double speed_, start_;
   Clock::time_point began_;
   std::vector<ContactEvent> events_;
   std::size_t next_ = 0;
-  ContactReport last_;
-  ContactsMessage message_{};
+  ContactMessage last_;
+  EncodedContacts message_{};
 };
 
 }  // namespace sprag::test

@@ -40,7 +40,7 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
   const ErrorEnergy energy(scene.model);
   std::vector<double> V;
   State state = truth.front();
-  for (const ContactReport& report :
+  for (const ContactMessage& report :
        reports_at(event_and_heartbeat_times(events, 0.05, lossy.end), events, 1)) {
     if (report.horizon > lossy.lost_from && report.horizon < lossy.lost_to) continue;
     if (!line.started()) {

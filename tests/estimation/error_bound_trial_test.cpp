@@ -53,7 +53,7 @@ std::optional<Run> run_of(const Model& model, const State& start, double h) {
 
 struct Arriving {
   double at;
-  ContactReport report;
+  ContactMessage report;
 };
 
 /// Reports of a run that arrive after up to `delay`, in any order; none from `lost_from` to
@@ -61,7 +61,7 @@ struct Arriving {
 std::vector<Arriving> arrivals(Random& random, const Run& run, int contacts, double delay,
                                double lost_from, double lost_to, std::int64_t session) {
   std::vector<Arriving> all;
-  for (const ContactReport& report : reports_at(
+  for (const ContactMessage& report : reports_at(
            event_and_heartbeat_times(run.events, heartbeat, end), run.events, contacts, session)) {
     if (report.horizon > lost_from && report.horizon < lost_to) continue;
     const bool repeats = report.horizon <= lost_from;

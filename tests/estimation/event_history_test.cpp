@@ -18,9 +18,9 @@ EventHistory started(int contacts = 2) {
   return history;
 }
 
-ContactReport report_of(const Events& records, std::int64_t total, double horizon,
-                        ContactSet closed) {
-  ContactReport report;
+ContactMessage report_of(const Events& records, std::int64_t total, double horizon,
+                         ContactSet closed) {
+  ContactMessage report;
   report.contacts = 2;
   report.records = static_cast<int>(records.size());
   std::copy(records.begin(), records.end(), report.record.begin());
@@ -147,7 +147,7 @@ TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
     const auto known = static_cast<std::int64_t>(history.events().size());
     const double horizon = history.horizon();
     const auto joined = first + reports.size() / 4;
-    const ContactReport after_gap = with_repeats(reports[joined], random.integer(0, 12));
+    const ContactMessage after_gap = with_repeats(reports[joined], random.integer(0, 12));
     const std::int64_t lost = after_gap.records_total - after_gap.records - known;
     ASSERT_GT(lost, 0);
     history.add(after_gap);

@@ -1,4 +1,4 @@
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 
 #include <gtest/gtest.h>
 
@@ -17,10 +17,10 @@ using enum ContactEventKind;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Reports of a master that looks at its clock now and then, `burst` events at a time on average.
-std::vector<ContactReport> send(const std::vector<ContactEvent>& events, int contacts, int burst,
-                                Random& random) {
-  ReportBuilder builder(42, 1.0, contacts);
-  std::vector<ContactReport> reports;
+std::vector<ContactMessage> send(const std::vector<ContactEvent>& events, int contacts, int burst,
+                                 Random& random) {
+  MessageBuilder builder(42, 1.0, contacts);
+  std::vector<ContactMessage> reports;
   std::span<const ContactEvent> rest(events);
   double horizon = 0.0;
   const double spacing = events.back().t / static_cast<double>(events.size());
@@ -62,7 +62,7 @@ INSTANTIATE_TEST_SUITE_P(Bursts, ReportBuilderTest, ::testing::Values(1, 50, 200
 TEST_P(ReportBuilderTest, EveryRecordIsNewOnceAndNumberedRight) {
   for_random_runs([](const auto& events, const auto& reports) {
     std::int64_t sent = 0;
-    for (const ContactReport& report : reports) {
+    for (const ContactMessage& report : reports) {
       ASSERT_GE(report.records_total, sent);
       ASSERT_LE(report.records_total - sent, report.records) << "a new record is not carried";
       const auto first = static_cast<std::size_t>(report.records_total - report.records);
@@ -76,7 +76,7 @@ TEST_P(ReportBuilderTest, EveryRecordIsNewOnceAndNumberedRight) {
 
 TEST_P(ReportBuilderTest, EveryReportRepeatsTheLastRecords) {
   for_random_runs([](const auto&, const auto& reports) {
-    for (const ContactReport& report : reports) {
+    for (const ContactMessage& report : reports) {
       ASSERT_EQ(report.records, std::min<std::int64_t>(report.records_total, max_records));
     }
   });
@@ -84,7 +84,7 @@ TEST_P(ReportBuilderTest, EveryReportRepeatsTheLastRecords) {
 
 TEST_P(ReportBuilderTest, ABurstIsCutBetweenInstants) {
   for_random_runs([](const auto& events, const auto& reports) {
-    for (const ContactReport& report : reports) {
+    for (const ContactMessage& report : reports) {
       const auto next = static_cast<std::size_t>(report.records_total);
       if (next == 0 || next == events.size()) continue;
       ASSERT_LT(events[next - 1].t, events[next].t);
@@ -95,7 +95,7 @@ TEST_P(ReportBuilderTest, ABurstIsCutBetweenInstants) {
 TEST_P(ReportBuilderTest, TheHorizonLiesBetweenTheLastRecordAndTheNext) {
   for_random_runs([](const auto& events, const auto& reports) {
     double last = 0.0;
-    for (const ContactReport& report : reports) {
+    for (const ContactMessage& report : reports) {
       const auto next = static_cast<std::size_t>(report.records_total);
       ASSERT_GE(report.horizon, last) << "never goes back";
       if (next > 0) {
@@ -111,7 +111,7 @@ TEST_P(ReportBuilderTest, TheHorizonLiesBetweenTheLastRecordAndTheNext) {
 
 TEST_P(ReportBuilderTest, ClosedIsChiAtTheHorizon) {
   for_random_runs([](const auto& events, const auto& reports) {
-    for (const ContactReport& report : reports) {
+    for (const ContactMessage& report : reports) {
       ASSERT_EQ(report.closed, chi_after(events, static_cast<std::size_t>(report.records_total)));
     }
   });
@@ -132,7 +132,7 @@ TEST_P(ReportBuilderTest, AnEventHistoryGetsTheEventsBack) {
   for_random_runs([](const auto& events, const auto& reports) {
     EventHistory history(max_contacts, events.size());
     history.restart(0, 0, no_horizon);
-    for (const ContactReport& report : reports) history.add(report);
+    for (const ContactMessage& report : reports) history.add(report);
     EXPECT_EQ(history.events(), events);
     EXPECT_EQ(history.counts().events, static_cast<std::int64_t>(events.size()));
     EXPECT_EQ(history.counts().lost_records, 0);
@@ -140,10 +140,10 @@ TEST_P(ReportBuilderTest, AnEventHistoryGetsTheEventsBack) {
   });
 }
 
-TEST(ReportBuilder, AHeartbeatCarriesNothingNew) {
-  ReportBuilder builder(1, infinity, 2);
+TEST(MessageBuilder, AHeartbeatCarriesNothingNew) {
+  MessageBuilder builder(1, infinity, 2);
   EXPECT_FALSE(builder.pending());
-  const ContactReport first = builder.next(0.5, 10);
+  const ContactMessage first = builder.next(0.5, 10);
   EXPECT_EQ(first.records, 0);
   EXPECT_EQ(first.records_total, 0);
   EXPECT_EQ(first.horizon, 0.5);
@@ -151,8 +151,8 @@ TEST(ReportBuilder, AHeartbeatCarriesNothingNew) {
   EXPECT_EQ(first.speed, infinity);
   builder.add(std::vector<ContactEvent>{{0.75, 1, closes}});
   EXPECT_TRUE(builder.pending());
-  const ContactReport second = builder.next(1.0, 20);
-  const ContactReport third = builder.next(2.0, 30);
+  const ContactMessage second = builder.next(1.0, 20);
+  const ContactMessage third = builder.next(2.0, 30);
   EXPECT_FALSE(builder.pending());
   EXPECT_EQ(third.records_total, second.records_total);
   EXPECT_EQ(third.records, second.records);
@@ -162,15 +162,15 @@ TEST(ReportBuilder, AHeartbeatCarriesNothingNew) {
   EXPECT_EQ(third.sequence, first.sequence + 2);
 }
 
-TEST(ReportBuilder, ExactlyOneReportfulIsNotSplit) {
+TEST(MessageBuilder, ExactlyOneReportfulIsNotSplit) {
   std::vector<ContactEvent> events;
   for (int i = 0; i < max_records; ++i) events.push_back({0.01 * (i + 1), 0, pulse});
-  ReportBuilder builder(1, 1.0, 1);
+  MessageBuilder builder(1, 1.0, 1);
   builder.add(events);
   EXPECT_EQ(builder.next(5.0, 0).records_total, max_records);
   EXPECT_FALSE(builder.pending());
   builder.add(std::vector<ContactEvent>{{6.0, 0, pulse}});
-  const ContactReport& next = builder.next(7.0, 0);
+  const ContactMessage& next = builder.next(7.0, 0);
   EXPECT_EQ(next.records, max_records);
   EXPECT_EQ(next.records_total, max_records + 1);
   EXPECT_EQ(next.record[0], events[1]);

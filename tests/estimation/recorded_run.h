@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/instant.h"
@@ -133,11 +133,11 @@ inline std::vector<ContactEvent> master_events(const Scene& scene, double end) {
 }
 
 /// What a master sends that looks at its clock at `times` (ascending).
-inline std::vector<ContactReport> reports_at(const std::vector<double>& times,
-                                             std::span<const ContactEvent> events, int contacts,
-                                             std::int64_t session = 1) {
-  ReportBuilder builder(session, 1.0, contacts);
-  std::vector<ContactReport> reports;
+inline std::vector<ContactMessage> reports_at(const std::vector<double>& times,
+                                              std::span<const ContactEvent> events, int contacts,
+                                              std::int64_t session = 1) {
+  MessageBuilder builder(session, 1.0, contacts);
+  std::vector<ContactMessage> reports;
   for (const double t : times) {
     std::size_t count = 0;
     while (count < events.size() && events[count].t <= t) ++count;
@@ -163,7 +163,7 @@ inline std::vector<double> event_and_heartbeat_times(std::span<const ContactEven
 }
 
 /// The report as of a sender that repeats the last `count` records only.
-inline ContactReport with_repeats(ContactReport report, int count) {
+inline ContactMessage with_repeats(ContactMessage report, int count) {
   const int cut = std::max(report.records - count, 0);
   std::copy(report.record.begin() + cut, report.record.begin() + report.records,
             report.record.begin());

@@ -158,7 +158,7 @@ TYPED_TEST(TimeLineTest, GoingBackWithAMastersEventsChangesNothing) {
     for (const std::int64_t target : {std::int64_t{0}, far_ahead}) {
       typename TestFixture::Run run(h, 50, scene.model);
       run.line.restart(reports.front());
-      for (const ContactReport& report : reports) {
+      for (const ContactMessage& report : reports) {
         run.line.receive(report);
         run.to(target);
       }
@@ -426,7 +426,7 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
 TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
   const double h = 1e-2;
   const auto report = [](std::int64_t total, double horizon) {
-    ContactReport made;
+    ContactMessage made;
     made.contacts = 2;
     made.records_total = total;
     made.horizon = horizon;
@@ -448,7 +448,7 @@ TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
 TYPED_TEST(TimeLineTest, GoesOnWhereAMachinesClockWasTurnedAheadAndStartsAgainWhereBack) {
   const double h = 1e-2;
   const auto report = [](double horizon, std::int64_t total) {
-    ContactReport made;
+    ContactMessage made;
     made.contacts = 2;
     made.horizon = horizon;
     made.records_total = total;
@@ -520,7 +520,7 @@ TYPED_TEST(TimeLineTest, EventsThatAreNotNeededAnyMoreAreDroppedWithoutATrace) {
   typename TestFixture::Run run(h, 20);
   run.line.restart(reports.front());
   std::size_t most = 0;
-  for (const ContactReport& report : reports) {
+  for (const ContactMessage& report : reports) {
     run.line.receive(report);
     run.to(far_ahead);
     most = std::max(most, run.line.events().events().size());

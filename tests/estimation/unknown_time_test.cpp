@@ -153,8 +153,8 @@ TEST(UnknownTime, IsTheIntegralOverTheTimeOfTheEvent) {
     Motion motion;
     flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
     UnknownTime::Innovation innovation;
-    ASSERT_TRUE(unknown.take({Report::Kind::pulse, 0, 0}, motion, {1e-3, 1e-3}, 0.0, false, belief,
-                             innovation));
+    ASSERT_TRUE(unknown.take({UncertainEvent::Kind::pulse, 0, 0}, motion, {1e-3, 1e-3}, 0.0, false,
+                             belief, innovation));
     Eigen::VectorXd mean(2 * f);
     mean << belief.q, belief.u;
     Eigen::MatrixXd root(2 * f, belief.columns);
@@ -189,7 +189,8 @@ TEST(UnknownTime, SilenceIsAsLikelyAsTheGapIsOpen) {
     belief.S_q(0, 0) = belief.S_u(0, 1) = 1e-6;
     Motion motion;
     flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
-    return unknown.hear_nothing({Report::Kind::pulse, 0, 0}, motion, {1.0, 1.0}, false, belief);
+    return unknown.hear_nothing({UncertainEvent::Kind::pulse, 0, 0}, motion, {1.0, 1.0}, false,
+                                belief);
   };
   EXPECT_NEAR(log_probability(1e-2), 0.0, 1e-6);
   // It was at contact 1 sigma ago: a report that is as late as that or later.

@@ -81,8 +81,8 @@ class Reader {
 };
 
 /// A report with the right hash and anything in its fields.
-ContactsMessage report_of(Reader& reader) {
-  ContactReport report;
+EncodedContacts report_of(Reader& reader) {
+  ContactMessage report;
   report.session = reader.value<std::uint8_t>() % 3;
   report.sequence = reader.value<std::int16_t>();
   report.utime = reader.value<std::int64_t>();
@@ -98,7 +98,7 @@ ContactsMessage report_of(Reader& reader) {
     report.record[static_cast<std::size_t>(i)] = {reader.time(), what % 3,
                                                   static_cast<ContactEventKind>(what / 3 % 5)};
   }
-  ContactsMessage message{};
+  EncodedContacts message{};
   encode(report, message);
   return message;
 }
@@ -135,7 +135,7 @@ void message(Input input) {
   while (!reader.empty()) {
     arrival.monotonic += 1'000'000LL * reader.value<std::uint8_t>();
     arrival.wall += 1000LL * reader.value<std::uint8_t>();
-    ContactReport report;
+    ContactMessage report;
     if (reader.value<std::uint8_t>() % 8 == 0) {
       const Input bytes = reader.bytes(reader.value<std::uint16_t>());
       (void)decode(bytes, state);

@@ -21,8 +21,8 @@ constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 // LCM's header, the channel's name with its end, the message.
 static_assert(8 + sizeof "SPRAG_CONTACTS" + contacts_message_size < 1400);
 
-ContactReport random_report(std::mt19937_64& random) {
-  ContactReport report;
+ContactMessage random_report(std::mt19937_64& random) {
+  ContactMessage report;
   report.session = static_cast<std::int64_t>(random());
   report.sequence = static_cast<std::int64_t>(random() >> 11U);
   report.utime = static_cast<std::int64_t>(random() >> 1U);
@@ -42,7 +42,7 @@ ContactReport random_report(std::mt19937_64& random) {
   return report;
 }
 
-void expect_equal(const ContactReport& a, const ContactReport& b) {
+void expect_equal(const ContactMessage& a, const ContactMessage& b) {
   EXPECT_EQ(a.session, b.session);
   EXPECT_EQ(a.sequence, b.sequence);
   EXPECT_EQ(a.utime, b.utime);
@@ -56,7 +56,7 @@ void expect_equal(const ContactReport& a, const ContactReport& b) {
 }
 
 /// The report as LCM's generated code has it.
-contacts_t to_lcm(const ContactReport& report) {
+contacts_t to_lcm(const ContactMessage& report) {
   contacts_t message{};
   message.session = report.session;
   message.sequence = report.sequence;
@@ -76,8 +76,8 @@ contacts_t to_lcm(const ContactReport& report) {
   return message;
 }
 
-ContactsMessage bytes(const contacts_t& message) {
-  ContactsMessage result{};
+EncodedContacts bytes(const contacts_t& message) {
+  EncodedContacts result{};
   EXPECT_EQ(message.getEncodedSize(), static_cast<int>(result.size()));
   EXPECT_GT(message.encode(result.data(), 0, static_cast<int>(result.size())), 0);
   return result;
@@ -92,19 +92,19 @@ TEST(ContactsCodecTest, RandomReportsComeBackAndMatchLcmsOwnBytes) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
   for (int i = 0; i < 2000; ++i) {
-    const ContactReport report = random_report(random);
-    ContactsMessage message;
+    const ContactMessage report = random_report(random);
+    EncodedContacts message;
     message.fill(0xee);
     encode(report, message);
     EXPECT_EQ(message, bytes(to_lcm(report)));
-    ContactReport back;
+    ContactMessage back;
     ASSERT_EQ(decode(message, back), Refusal::none);
     expect_equal(report, back);
   }
 }
 
 TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
-  ContactReport report;
+  ContactMessage report;
   report.contacts = 2;
   report.closed = 0b10;
   report.horizon = 3.0;
@@ -114,7 +114,7 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
   report.record[1] = {2.0, 1, closes};
   report.record[2] = {2.0, 0, pulse};
   const contacts_t good = to_lcm(report);
-  ContactReport back;
+  ContactMessage back;
   ASSERT_EQ(decode(bytes(good), back), Refusal::none);
 
   const std::vector<std::pair<Refusal, std::function<void(contacts_t&)>>> cases = {
@@ -156,23 +156,23 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
 }
 
 TEST(ContactsCodecTest, UnusedRecordsMayHoldAnything) {
-  ContactReport report;
+  ContactMessage report;
   report.contacts = 1;
   contacts_t message = to_lcm(report);
   message.t[0] = not_a_number;
   message.contact[5] = 99;
   message.kind[119] = -7;
-  ContactReport back;
+  ContactMessage back;
   EXPECT_EQ(decode(bytes(message), back), Refusal::none);
 }
 
 TEST(ContactsCodecTest, WrongTypeAndWrongLengthAreRefused) {
-  ContactReport report;
+  ContactMessage report;
   report.contacts = 60;
   report.closed = (ContactSet{1} << 60U) - 1;
-  ContactsMessage message;
+  EncodedContacts message;
   encode(report, message);
-  ContactReport back;
+  ContactMessage back;
   ASSERT_EQ(decode(message, back), Refusal::none);
   EXPECT_EQ(back.closed, report.closed);
   for (std::size_t size = 0; size < message.size(); ++size) {
@@ -192,11 +192,11 @@ TEST(ContactsCodecTest, RandomBytesNeverYieldAnImpossibleReport) {
   std::mt19937_64 random(seed);
   int accepted = 0;
   for (int i = 0; i < 20000; ++i) {
-    ContactsMessage message;
+    EncodedContacts message;
     encode(random_report(random), message);
     for (auto flips = random() % 4; flips-- > 0;)
       message.at(8 + random() % (message.size() - 8)) = static_cast<std::uint8_t>(random());
-    ContactReport back;
+    ContactMessage back;
     if (decode(message, back) != Refusal::none) continue;
     ++accepted;
     ASSERT_TRUE(back.contacts >= 1 && back.contacts <= max_contacts);

@@ -27,7 +27,7 @@ class Ear {
   explicit Ear(const std::string& url, std::optional<Key> key = std::nullopt) : bus_(url, key) {
     bus_.subscribe(contacts_channel,
                    [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-                     ContactReport report;
+                     ContactMessage report;
                      EXPECT_EQ(decode(data, report), Refusal::none);
                      reports.push_back(report);
                    });
@@ -45,7 +45,7 @@ class Ear {
   }
   std::int64_t unauthenticated() const { return bus_.counts().unauthenticated; }
 
-  std::vector<ContactReport> reports;
+  std::vector<ContactMessage> reports;
 
  private:
   Bus bus_;
@@ -61,7 +61,7 @@ TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
   std::this_thread::sleep_for(50ms);
   publisher.set_horizon(0.6);
   ASSERT_TRUE(ear.hears(1));
-  const ContactReport& report = ear.reports.front();  // nothing was said before
+  const ContactMessage& report = ear.reports.front();  // nothing was said before
   EXPECT_EQ(report.session, publisher.session());
   EXPECT_EQ(report.contacts, 2);
   EXPECT_EQ(report.horizon, 0.6);
@@ -132,7 +132,7 @@ TEST(EventPublisher, ManyEventsAtOnceAreAllHeard) {
   ear.hear_all();
   EventHistory history(1, events);
   history.restart(0, 0, no_horizon);
-  for (const ContactReport& report : ear.reports) history.add(report);
+  for (const ContactMessage& report : ear.reports) history.add(report);
   EXPECT_EQ(history.counts().events, events);
   EXPECT_EQ(history.counts().lost_records, 0);
   EXPECT_EQ(history.horizon(), 2.0);

@@ -17,14 +17,14 @@
 namespace sprag::test {
 namespace {
 
-std::vector<ContactReport> random_reports(std::uint64_t seed, int count) {
+std::vector<ContactMessage> random_reports(std::uint64_t seed, int count) {
   Random random(seed);
   const auto events = random_events(random, 5, count, 0.0, 0.01);
   return reports_at(event_and_heartbeat_times(events, 1e-2, events.back().t), events, 5);
 }
 
 TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
-  const std::vector<ContactReport> reports = random_reports(501, 20000);
+  const std::vector<ContactMessage> reports = random_reports(501, 20000);
   EventHistory history(5, 2000);
   history.restart(0, 0, no_horizon);
   std::size_t taken = 0;
@@ -57,7 +57,7 @@ TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
 // More masters than are remembered, and messages doubled, reordered and of the past.
 TEST(SessionTracker, HearsWithoutAllocating) {
   SessionTracker tracker;
-  ContactReport report;
+  ContactMessage report;
   CountAllocations counting;
   for (std::int64_t session = 1; session <= 300; ++session) {
     for (std::int64_t i = 0; i < 200; ++i) {
@@ -76,13 +76,13 @@ TEST(SessionTracker, HearsWithoutAllocating) {
 }
 
 TEST(ContactsCodec, EncodesAndDecodesWithoutAllocating) {
-  const std::vector<ContactReport> reports = random_reports(502, 5000);
-  ContactsMessage message;
-  ContactReport back;
+  const std::vector<ContactMessage> reports = random_reports(502, 5000);
+  EncodedContacts message;
+  ContactMessage back;
   long good = 0;
   long refused = 0;
   CountAllocations counting;
-  for (const ContactReport& report : reports) {
+  for (const ContactMessage& report : reports) {
     encode(report, message);
     if (decode(message, back) == Refusal::none) ++good;
     message[60] ^= 0xffU;
@@ -132,7 +132,7 @@ TEST(StateCodec, AllocatesOnlyTheFirstTime) {
 TEST(SpscQueue, PassesValuesInPlace) {
   struct Value {
     std::vector<double> data;
-    ContactReport report;
+    ContactMessage report;
   };
   SpscQueue<Value> queue(8, Value{std::vector<double>(100), {}});
   const std::vector<double> data(100, 1.0);

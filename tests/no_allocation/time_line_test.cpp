@@ -28,11 +28,11 @@ using Estimators = testing::Types<Replica, MoreauReplica, SupervisedFilter, AnyE
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// What comes over the wire: a report every 10 ms and at every event, encoded.
-std::vector<ContactsMessage> messages_of(std::span<const ContactEvent> events, int contacts,
+std::vector<EncodedContacts> messages_of(std::span<const ContactEvent> events, int contacts,
                                          double end) {
-  std::vector<ContactsMessage> messages;
+  std::vector<EncodedContacts> messages;
   const auto times = event_and_heartbeat_times(events, 1e-2, end);
-  for (const ContactReport& report : reports_at(times, events, contacts)) {
+  for (const ContactMessage& report : reports_at(times, events, contacts)) {
     encode(report, messages.emplace_back());
   }
   return messages;
@@ -55,7 +55,7 @@ void expect_no_allocation(const Scene& scene) {
   const double end = 30.0;
   const double h = 1e-3;
   const std::vector<ContactEvent> events = master_events(scene, end);
-  const std::vector<ContactsMessage> messages = messages_of(events, 1, end);
+  const std::vector<EncodedContacts> messages = messages_of(events, 1, end);
   E estimator(scene, h);
   TimeLine<E> line(estimator, 1, scene.replica, 100);
   SessionTracker sessions;
@@ -66,7 +66,7 @@ void expect_no_allocation(const Scene& scene) {
   SpscQueue<EstimateSample> queue(256, empty);
   std::vector<std::uint8_t> buffer;
   (void)encode(empty, buffer);
-  ContactReport report;
+  ContactMessage report;
   Refusal refusal = decode(messages.front(), report);
   ASSERT_EQ(refusal, Refusal::none);
   ASSERT_EQ(sessions.hear(report, {}), SessionTracker::Verdict::starts);
@@ -137,7 +137,7 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   const double end = events.back().t;
   std::vector<double> times;
   for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
-  const std::vector<ContactReport> reports = reports_at(times, events, 2);
+  const std::vector<ContactMessage> reports = reports_at(times, events, 2);
   TypeParam estimator(scene, h);
   TimeLine<TypeParam> line(estimator, 2, shipped_scene("paper_beam.toml").replica, 100);
   line.restart(reports.front());

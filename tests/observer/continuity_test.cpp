@@ -15,8 +15,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// A master with a heartbeat of 10 ms.
 class ContinuityTest : public ::testing::Test {
  protected:
-  ContactReport next() {
-    ContactReport report;
+  ContactMessage next() {
+    ContactMessage report;
     report.sequence = ++number_;
     report.records_total = number_ / 10;
     report.speed = speed_;
@@ -24,7 +24,7 @@ class ContinuityTest : public ::testing::Test {
     report.horizon = t_ += 0.01 * speed_;
     return report;
   }
-  Verdict hear(const ContactReport& report) {
+  Verdict hear(const ContactMessage& report) {
     return continuity_.hear(report, {monotonic_, monotonic_ / 1000});
   }
   Verdict hear_next() { return hear(next()); }
@@ -44,20 +44,20 @@ class ContinuityTest : public ::testing::Test {
   double t_ = 0.0, speed_ = 2.0;
 };
 
-using Spoil = std::function<void(ContactReport&)>;
+using Spoil = std::function<void(ContactMessage&)>;
 
 TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
   for (const auto& [spoil, oddity] : std::initializer_list<std::pair<Spoil, Oddity>>{
-           {[](ContactReport& r) { r.horizon += 30.0; }, Oddity::time},
-           {[](ContactReport& r) { r.horizon = 1e300; }, Oddity::time},
-           {[](ContactReport& r) { r.horizon = 0.0; }, Oddity::time},
-           {[](ContactReport& r) { r.speed = 1e300; }, Oddity::speed},
-           {[](ContactReport& r) { r.speed = infinity; }, Oddity::speed},
-           {[](ContactReport& r) { r.sequence = std::int64_t{1} << 53; }, Oddity::number},
-           {[](ContactReport& r) { r.records_total = std::int64_t{1} << 53; }, Oddity::records},
-           {[](ContactReport& r) { r.records_total = 0; }, Oddity::records}}) {
+           {[](ContactMessage& r) { r.horizon += 30.0; }, Oddity::time},
+           {[](ContactMessage& r) { r.horizon = 1e300; }, Oddity::time},
+           {[](ContactMessage& r) { r.horizon = 0.0; }, Oddity::time},
+           {[](ContactMessage& r) { r.speed = 1e300; }, Oddity::speed},
+           {[](ContactMessage& r) { r.speed = infinity; }, Oddity::speed},
+           {[](ContactMessage& r) { r.sequence = std::int64_t{1} << 53; }, Oddity::number},
+           {[](ContactMessage& r) { r.records_total = std::int64_t{1} << 53; }, Oddity::records},
+           {[](ContactMessage& r) { r.records_total = 0; }, Oddity::records}}) {
     start(2000);
-    ContactReport odd = next();
+    ContactMessage odd = next();
     spoil(odd);
     EXPECT_EQ(hear(odd), Verdict::odd);
     EXPECT_EQ(continuity_.oddity(), oddity);
@@ -66,7 +66,7 @@ TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
 }
 
 TEST_F(ContinuityTest, WhatNoMessageCanHoldIsImpossible) {
-  ContactReport report = next();
+  ContactMessage report = next();
   EXPECT_EQ(continuity_.impossible(report), Oddity::none);
   report.speed = infinity;
   report.horizon = 1.7e9;  // seconds since 1970
@@ -107,15 +107,15 @@ TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
 
 TEST_F(ContinuityTest, WhereTheFirstMessageWasOddTheOthersAreFollowed) {
   for (const Spoil& spoil : std::initializer_list<Spoil>{
-           [](ContactReport& r) { r.horizon = 1e6; },
-           [](ContactReport& r) { r.sequence = std::int64_t{1} << 51; },
-           [](ContactReport& r) { r.records_total = std::int64_t{1} << 51; },
-           [](ContactReport& r) { r.speed = infinity; },
-           [](ContactReport& r) {
+           [](ContactMessage& r) { r.horizon = 1e6; },
+           [](ContactMessage& r) { r.sequence = std::int64_t{1} << 51; },
+           [](ContactMessage& r) { r.records_total = std::int64_t{1} << 51; },
+           [](ContactMessage& r) { r.speed = infinity; },
+           [](ContactMessage& r) {
              r.horizon = 1e6;
              r.sequence = r.records_total = std::int64_t{1} << 51;
            }}) {
-    ContactReport first = next();
+    ContactMessage first = next();
     spoil(first);
     continuity_.restart(first, {monotonic_, 0});
     Verdict last;
@@ -137,7 +137,7 @@ TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
 
 TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
   start(100);
-  const ContactReport late = next();
+  const ContactMessage late = next();
   for (int i = 0; i < 50; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
   EXPECT_EQ(hear(late), Verdict::fits);
   EXPECT_EQ(hear(late), Verdict::fits);
@@ -151,7 +151,7 @@ TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
   EXPECT_EQ(hear_next(), Verdict::fits);
   speed_ = infinity;
   t_ = 0.0;
-  ContactReport report = next();
+  ContactMessage report = next();
   report.horizon = 1.0;
   continuity_.restart(report, {monotonic_, 0});
   for (double t = 2.0; t < 1e6; t *= 3.0) {

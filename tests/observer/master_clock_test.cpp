@@ -22,8 +22,8 @@ constexpr double rounding = 1e-8;
 /// Wall clocks that do not agree: arrivals alone tell.
 Arrival heard_at(std::int64_t local) { return {local, 1'000'000'000'000'000}; }
 
-ContactReport report_at(double horizon, double speed) {
-  ContactReport report;
+ContactMessage report_at(double horizon, double speed) {
+  ContactMessage report;
   report.horizon = horizon;
   report.speed = speed;
   return report;
@@ -186,7 +186,7 @@ TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
     MasterClock clock;
     for (const Transmission& message :
          arrivals(random, boot, boot + 6 * second, 20 * millisecond, 200 * millisecond)) {
-      ContactReport report = report_at(network.truth(message.sent), 3.0);
+      ContactMessage report = report_at(network.truth(message.sent), 3.0);
       const std::int64_t wall = 1'700'000'000 * second;
       report.utime = (wall + message.sent + clocks.offset) / 1000;
       clock.observe(report, {message.at, (wall + message.at) / 1000});

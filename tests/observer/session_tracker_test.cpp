@@ -13,8 +13,8 @@ namespace {
 
 using Verdict = SessionTracker::Verdict;
 
-ContactReport message(std::int64_t session, std::int64_t sequence) {
-  ContactReport report;
+ContactMessage message(std::int64_t session, std::int64_t sequence) {
+  ContactMessage report;
   report.session = session;
   report.sequence = sequence;
   return report;
@@ -184,7 +184,7 @@ TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeart
 TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
   const double infinity = std::numeric_limits<double>::infinity();
   SessionTracker tracker;
-  ContactReport report = message(7, 0);
+  ContactMessage report = message(7, 0);
   report.speed = infinity;
   EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
   EXPECT_EQ(tracker.hear(message(8, 0), after_ms(1)), Verdict::starts);
@@ -197,7 +197,7 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   SessionTracker tracker(Freshness::required);
   const auto sent = [](std::int64_t session, std::int64_t sequence, const Arrival& at,
                        std::int64_t age_ms) {
-    ContactReport report = message(session, sequence);
+    ContactMessage report = message(session, sequence);
     report.utime = at.wall - 1000 * age_ms;
     return report;
   };
@@ -206,7 +206,7 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   EXPECT_EQ(tracker.hear(sent(5, 0, start, -10'001), start), Verdict::ignored);
   for (const std::int64_t utime : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1},
                                    std::numeric_limits<std::int64_t>::max()}) {
-    ContactReport report = message(5, 0);
+    ContactMessage report = message(5, 0);
     report.utime = utime;
     EXPECT_EQ(tracker.hear(report, start), Verdict::ignored);
   }
@@ -227,14 +227,14 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
 
 TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
   SessionTracker tracker(Freshness::required);
-  ContactReport report = message(7, 0);
+  ContactMessage report = message(7, 0);
   report.utime = after_ms(0).wall;
   EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
   report.sequence = 1;
   report.utime += std::int64_t{31'536'000} * 1'000'000;
   EXPECT_EQ(tracker.hear(report, after_ms(10)), Verdict::continues);
   for (std::int64_t i = 0; i < 3; ++i) {
-    ContactReport next = message(8, i);
+    ContactMessage next = message(8, i);
     next.utime = after_ms(20'000).wall;
     EXPECT_EQ(tracker.hear(next, after_ms(20'000)), i < 2 ? Verdict::ignored : Verdict::starts);
   }
@@ -255,7 +255,7 @@ TEST(SessionTracker, SilenceDoesNotCountWhileMessagesAreDropped) {
 TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
   SessionTracker tracker;
   const auto at_time = [](std::int64_t sequence, double horizon) {
-    ContactReport report = message(7, sequence);
+    ContactMessage report = message(7, sequence);
     report.horizon = horizon;
     return report;
   };

@@ -19,17 +19,17 @@ namespace {
 
 struct Delivery {
   double arrival;
-  const ContactReport* report;
+  const ContactMessage* report;
 };
 
 struct Plan {
   double loss, delay, reordering, doubling;
 };
 
-std::vector<Delivery> deliver(const std::vector<ContactReport>& reports, const Plan& plan,
+std::vector<Delivery> deliver(const std::vector<ContactMessage>& reports, const Plan& plan,
                               Random& random) {
   std::vector<Delivery> deliveries;
-  for (const ContactReport& report : reports) {
+  for (const ContactMessage& report : reports) {
     const bool last = &report == &reports.back();
     if (!last && random.chance(plan.loss)) continue;
     double arrival = report.horizon + plan.delay;

@@ -8,7 +8,7 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "observer/recorded_events.h"
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 #include "sprag/files/csv.h"
 #include "tests/support/process.h"
 #include "tests/support/run.h"
@@ -162,11 +162,11 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
 TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 200.0);
   std::int64_t utime = 1'000'000;
-  ContactsMessage message;
+  EncodedContacts message;
   const auto write = [&](ChannelLogWriter& log, std::int64_t session, double lost_from,
                          double lost_to, double turned_at, double turned_by) {
     utime += 10'000'000;
-    ReportBuilder builder(session, 1.0, 1);
+    MessageBuilder builder(session, 1.0, 1);
     std::span<const ContactEvent> left = events;
     for (double t = 0.0; t <= 200.0; t += 0.5) {
       const auto later =
@@ -174,7 +174,7 @@ TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
       builder.add(left.first(static_cast<std::size_t>(later - left.begin())));
       left = left.subspan(static_cast<std::size_t>(later - left.begin()));
       do {
-        ContactReport report = builder.next(t, utime += 500'000);
+        ContactMessage report = builder.next(t, utime += 500'000);
         if (t > turned_at) {
           report.horizon -= turned_by;
           for (int i = 0; i < report.records; ++i) {

@@ -290,7 +290,7 @@ class ContactLogTest : public ImportEventsTest {
  protected:
   struct Sent {
     std::int64_t utime;
-    ContactReport report;
+    ContactMessage report;
   };
 
   std::vector<Sent> write(const std::vector<ContactEvent>& events, double end) {
@@ -317,7 +317,7 @@ TEST_F(ContactLogTest, EachMessageIsWhatAMasterWouldHaveSentThen) {
   const std::int64_t utimes[] = {0, 500'000, 1'000'001, 2'500'000};
   const ContactSet closed[] = {1, 1, 0, 0};
   for (std::size_t i = 0; i < sent.size(); ++i) {
-    const ContactReport& report = sent[i].report;
+    const ContactMessage& report = sent[i].report;
     EXPECT_EQ(report.sequence, sent[0].report.sequence + static_cast<std::int64_t>(i));
     EXPECT_EQ(report.session, sent[0].report.session);
     EXPECT_EQ(report.speed, 1.0);

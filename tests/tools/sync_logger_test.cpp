@@ -456,9 +456,9 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
   Process process(
       arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv"), "--duration", "0.1"}));
   ASSERT_TRUE(process.says("listening"));
-  ContactReport contacts;
+  ContactMessage contacts;
   contacts.contacts = 1;
-  ContactsMessage message;
+  EncodedContacts message;
   encode(contacts, message);
   publish(contacts_channel, message);
   publish_estimate(estimate_channel, sample(0, 0.0));

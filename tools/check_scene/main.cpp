@@ -1,15 +1,17 @@
 // check_scene: whether the replica of a scene will synchronize with its master, and why.
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
+#include "sprag/analysis/assessment.h"
 #include "sprag/files/output_file.h"
 #include "sprag/files/scene_file.h"
-#include "tools/check_scene/assessment.h"
-#include "tools/check_scene/print.h"
+#include "tools/check_scene/json.h"
 
 namespace {
 
 constexpr int exit_may_not = 3;  // a verdict, not a failure
+constexpr auto longest_trial = std::chrono::seconds(5);
 
 }  // namespace
 
@@ -31,7 +33,10 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::read_scene(file);
-    const sprag::TrialLimits limits;
+    sprag::TrialLimits limits;
+    limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
+      return std::chrono::steady_clock::now() - begin > longest_trial;
+    };
     sprag::Assessment assessment = sprag::assess(scene, limits);
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     sprag::to_json(assessment, report);

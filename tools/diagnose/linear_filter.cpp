@@ -13,8 +13,6 @@ namespace {
 
 // Times of events are not known better than to so many ulps.
 constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
-// Impulses that differ by more than this share are different decisions.
-constexpr double same_impact = 1e-9;
 
 std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -25,7 +23,8 @@ LinearFilter::LinearFilter(Model model, Uncertainty uncertainty, State start, In
     : flows_(std::move(model)),
       uncertainty_(std::move(uncertainty)),
       start_(std::move(start)),
-      chi_(closed) {
+      chi_(closed),
+      impact_(flows_.dynamics()) {
   const Eigen::Index m = dynamics().contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
@@ -45,9 +44,6 @@ LinearFilter::LinearFilter(Model model, Uncertainty uncertainty, State start, In
   MinvK_ = of.M.llt().solve(of.K);
   closings_.reserve(index(m));
   phi_.setZero(columns);
-  z_.setZero(f(), columns);
-  v_.setZero(f(), columns);
-  directions_.setZero(f(), m);
   columns_ = BeliefColumns(flows_[0], f(), columns);
   motion_.flow = &flows_[0];
   set_start(uncertainty_, now_);
@@ -96,11 +92,12 @@ void LinearFilter::follow(std::span<const ContactEvent> of_one_instant) {
                                ? 0.0
                                : model.contacts[index(event.contact)].restitution;
     // Whatever a contact is said to have done at one instant is one impact.
-    const auto known = find_closing(event.contact);
+    const auto known = std::find_if(closings_.begin(), closings_.end(),
+                                    [&](const Closing& of) { return of.contact == event.contact; });
     if (known != closings_.end()) {
       known->epsilon = epsilon;
     } else {
-      closings_.push_back({event.contact, epsilon, 0.0, 0.0, 0.0});
+      closings_.push_back({event.contact, epsilon});
     }
   }
   drop_redundant(before & chi_);
@@ -110,7 +107,7 @@ void LinearFilter::follow(std::span<const ContactEvent> of_one_instant) {
     for_each(before & ~chi_, [&](int contact) { measure_release(contact); });
   } else {
     measure_closings();
-    reset(before & chi_, before & ~chi_);
+    strike(before & chi_, before & ~chi_);
   }
   columns_.merge(now_);
   if (!is_sane(now_)) {  // as if the machine were started now
@@ -149,23 +146,11 @@ void LinearFilter::drop_redundant(ContactSet held) {
 
 // lambda_i = 0, of a contact that is locked.
 void LinearFilter::measure_release(int contact) {
-  const Flow& flow = *motion_.flow;
-  const Signal& lambda = flow.force(contact);
-  const Eigen::Index n = flow.modes();
-  const Eigen::Index nf = flow.frequencies();
-  const Eigen::Index c = now_.columns;
-  auto z = z_.topLeftCorner(n, c);
-  auto v = v_.topLeftCorner(n, c);
-  flow.enter_differences(now_.S_q.leftCols(c), now_.S_u.leftCols(c), z, v);
-  for (Eigen::Index k = 0; k < c; ++k) {
-    phi_[k] = (lambda.p.segment(nf, n) * z.col(k).array()).sum() +
-              (lambda.r.segment(nf, n) * v.col(k).array()).sum();
-  }
-  const double scale = std::abs(lambda.constant) + (lambda.p * motion_.x.z).abs().sum() +
-                       (lambda.r * motion_.x.v).abs().sum();
+  const Signal& lambda = motion_.flow->force(contact);
+  columns_.see(*motion_.flow, lambda, now_, phi_);
   const double t = motion_.t.hi;
   const double off = std::max(uncertainty_.jitter, time_rounding * t) * rate(lambda, motion_);
-  condition(-value(lambda, motion_), off * off, scale);
+  condition(-value(lambda, motion_), off * off, largest_terms(lambda, motion_));
 }
 
 // The unknowns of the event: tau, tau^2, and for each closing the products of tau with what is not
@@ -181,14 +166,11 @@ void LinearFilter::add_event_unknowns() {
   event_(1, c + 1) = std::sqrt(2.0) * sigma * sigma;
   event_mean_[1] = sigma * sigma;
   for (Eigen::Index k = 0; k < n; ++k) {
-    const auto w = dynamics().W().col(closings_[index(k)].contact);
-    const Functional& a = acceleration_[index(closings_[index(k)].contact)];
+    const int contact = closings_[index(k)].contact;
+    const auto w = dynamics().W().col(contact);
     double gamma = 0.0;
-    double gamma_rate = 0.0;
-    for (Eigen::Index j = 0; j < c; ++j) {
-      gamma += square(w.dot(now_.S_u.col(j)));
-      gamma_rate += square(a.a.dot(now_.S_q.col(j)) + a.b.dot(now_.S_u.col(j)));
-    }
+    for (Eigen::Index j = 0; j < c; ++j) gamma += square(w.dot(now_.S_u.col(j)));
+    const double gamma_rate = variance(acceleration_[index(contact)], now_);
     event_(2 + 2 * k, c + 2 + 2 * k) = sigma * std::sqrt(gamma);
     event_(3 + 2 * k, c + 3 + 2 * k) = sigma * std::sqrt(gamma_rate);
   }
@@ -219,12 +201,7 @@ void LinearFilter::measure_closings() {
                .transpose();
     const double residual = -gap_before + closing.gamma * event_mean_[0] -
                             0.5 * closing.gamma_rate * event_mean_[1] + event_mean_[row];
-    terms_.length = std::max(terms_.length, contact.w.cwiseProduct(now_.q).cwiseAbs().sum() +
-                                                std::abs(contact.motion.amplitude) +
-                                                std::abs(contact.clearance));
-    terms_.speed =
-        std::max(terms_.speed, contact.w.cwiseProduct(now_.u).cwiseAbs().sum() +
-                                   std::abs(contact.motion.amplitude * contact.motion.frequency));
+    terms_.include(contact, now_.q, now_.u);
     const double deviation = condition(residual, 0.0, terms_.length);
     if (k == 0 || std::abs(gap_before) > std::abs(expected_.gap)) {
       expected_ = {t, closing.contact, gap_before, deviation, closing.gamma};
@@ -242,95 +219,54 @@ double LinearFilter::condition(double residual, double noise, double scale) {
   const Eigen::Index c = now_.columns;
   auto phi = phi_.head(c);
   const double known = phi.squaredNorm();
-  const double floor = rounding * scale;
+  const double floor = measurement_rounding * scale;
   const double r = noise + floor * floor;
   const double alpha = known + r;
   const double deviation = std::sqrt(alpha);
   if (!(known > floor * floor)) return deviation;
-  // K = S phi / alpha; S -= K phi^T / (1 + sqrt(r / alpha)).
-  const double gain = residual / alpha;
-  const double shrink = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));
-  const auto take = [&](auto rows) {
-    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-      const double along = rows.row(i).dot(phi.transpose());
-      rows.row(i) -= along * shrink * phi.transpose();
-    }
-  };
-  for (Eigen::Index i = 0; i < f(); ++i) {
-    now_.q[i] += gain * now_.S_q.row(i).head(c).dot(phi.transpose());
-    now_.u[i] += gain * now_.S_u.row(i).head(c).dot(phi.transpose());
-  }
-  take(now_.S_q.leftCols(c));
-  take(now_.S_u.leftCols(c));
-  for (Eigen::Index i = 0; i < event_.rows(); ++i) {
-    event_mean_[i] += gain * event_.row(i).head(c).dot(phi.transpose());
-  }
-  take(event_.leftCols(c));
+  const PotterUpdate update(phi, residual, r);
+  update.apply(now_.q, now_.S_q.leftCols(c));
+  update.apply(now_.u, now_.S_u.leftCols(c));
+  update.apply(event_mean_, event_.leftCols(c));
   return deviation;
 }
 
 // The impact of the contacts that close, with those of `staying` held; those of `leaving` were
 // closed before it and are not after it.
-void LinearFilter::reset(ContactSet staying, ContactSet leaving) {
+void LinearFilter::strike(ContactSet staying, ContactSet leaving) {
   const Dynamics& dynamics = flows_.dynamics();
-  const Model& model = dynamics.model();
   const auto n = static_cast<Eigen::Index>(closings_.size());
-  const ContactMatrix G_staying = of_contacts(dynamics.G(), staying);
-  ContactVector gamma(n), held, Lambda;
-  ContactMatrix G(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const int i = closings_[index(k)].contact;
-    auto direction = directions_.col(k);
-    direction = dynamics.MinvW().col(i);
-    if (staying == 0) continue;
-    held.resize(std::popcount(staying));
-    Eigen::Index row = 0;
-    for_each(staying, [&](int j) { held[row++] = dynamics.G()(j, i); });
-    if (arrest(G_staying, held, Lambda) != Solved::yes) continue;
-    row = 0;
-    for_each(staying, [&](int j) { direction += Lambda[row++] * dynamics.MinvW().col(j); });
-  }
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const int i = closings_[index(k)].contact;
-    for (Eigen::Index l = 0; l < n; ++l) G(k, l) = dynamics.W().col(i).dot(directions_.col(l));
-  }
-  // Impulses along the directions that take gamma to its value after the impact.
-  const auto scale = [&](ContactVector& x) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      x[k] *= 1.0 + closings_[index(k)].epsilon;
-    }
-  };
-  const auto impulses = [&] {
-    if (model.law == ImpactLaw::newton) scale(gamma);
-    if (arrest(G, gamma, Lambda) != Solved::yes) return false;
-    if (model.law == ImpactLaw::poisson) scale(Lambda);
-    return true;
-  };
-  const auto contact = [&](Eigen::Index k) { return closings_[index(k)].contact; };
+  const auto closing = [&](Eigen::Index k) -> const Closing& { return closings_[index(k)]; };
+  impact_.set(closings_, staying, leaving);
   for (Eigen::Index j = 0; j < now_.columns; ++j) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      gamma[k] = dynamics.W().col(contact(k)).dot(now_.S_u.col(j));
-    }
-    if (!impulses()) {
+    auto column = now_.S_u.col(j);
+    const auto gamma = [&](Eigen::Index k) {
+      return dynamics.W().col(closing(k).contact).dot(column);
+    };
+    if (!impact_.add_jump(gamma, column)) {
       ++refused_impacts_;
       return;
     }
-    for (Eigen::Index k = 0; k < n; ++k) now_.S_u.col(j) += Lambda[k] * directions_.col(k);
   }
   // u+ - u- where the gap velocities before the impact are `of(closing)`.
   const auto jump = [&](const auto& of) {
-    for (Eigen::Index k = 0; k < n; ++k) gamma[k] = of(k);
     jump_.setZero();
-    if (!impulses()) return;
-    for (Eigen::Index k = 0; k < n; ++k) jump_ += Lambda[k] * directions_.col(k);
+    impact_.add_jump(of, jump_);
   };
-  const auto closing = [&](Eigen::Index k) -> const Closing& { return closings_[index(k)]; };
+  const double t = motion_.t.hi;
   jump([&](Eigen::Index k) {
-    return gap_velocity(model.contacts[index(contact(k))], now_.u, motion_.t.hi);
+    return gap_velocity(dynamics.model().contacts[index(closing(k).contact)], now_.u, t);
   });
   u_before_ = now_.u;
   now_.u += jump_;
-  if (n > 1 || staying != 0 || leaving != 0) decide(staying, leaving);
+  const auto decision = impact_.decide(u_before_, now_.u, t, on_u_);
+  if (decision != ActiveImpact::Decision::same) {
+    ++ambiguous_impacts_;
+    now_.S_q.col(now_.columns).setZero();
+    now_.S_u.col(now_.columns) = on_u_;
+    ++now_.columns;
+    if (decision == ActiveImpact::Decision::as_reported) now_.u += on_u_;
+  }
 
   // The impact was tau earlier, when gamma- was less by gamma-' tau - gamma-'' tau^2 / 2, and what
   // it added has moved for tau since: u by the damping forces, q by u.
@@ -356,46 +292,6 @@ void LinearFilter::reset(ContactSet staying, ContactSet leaving) {
     on_q_.setZero();
     add_effect(3 + 2 * k, on_q_, on_u_);
   }
-}
-
-std::vector<LinearFilter::Closing>::iterator LinearFilter::find_closing(int contact) {
-  return std::find_if(closings_.begin(), closings_.end(),
-                      [&](const Closing& closing) { return closing.contact == contact; });
-}
-
-// The impact law itself on the mean, in place of the branch that took it to now_.u, where it agrees
-// with what was reported; the difference is one more unknown.
-void LinearFilter::decide(ContactSet staying, ContactSet leaving) {
-  const Dynamics& dynamics = flows_.dynamics();
-  const Model& model = dynamics.model();
-  const ContactSet hit = closing();
-  const ContactSet closed = hit | staying | leaving;
-  const ContactMatrix G = of_contacts(dynamics.G(), closed);
-  ContactVector gamma(G.rows()), epsilon(G.rows()), Lambda, gamma_plus;
-  Eigen::Index row = 0;
-  for_each(closed, [&](int i) {
-    const Contact& contact = model.contacts[index(i)];
-    const auto found = find_closing(i);
-    const bool closes = found != closings_.end();
-    gamma[row] = closes ? gap_velocity(contact, u_before_, motion_.t.hi) : 0.0;
-    epsilon[row++] = closes ? found->epsilon : contact.restitution;
-  });
-  if (impact(model.law, G, epsilon, gamma, Lambda, gamma_plus) != Solved::yes) return;
-  on_u_ = u_before_ - now_.u;
-  bool as_reported = true;
-  row = 0;
-  for_each(closed, [&](int i) {
-    on_u_ += Lambda[row] * dynamics.MinvW().col(i);
-    if (contains(hit, i) && !(Lambda[row] > 0.0)) as_reported = false;
-    if (contains(staying, i) && gamma_plus[row] > 0.0) as_reported = false;
-    ++row;
-  });
-  if (!(on_u_.norm() > same_impact * (now_.u - u_before_).norm())) return;
-  ++ambiguous_impacts_;
-  now_.S_q.col(now_.columns).setZero();
-  now_.S_u.col(now_.columns) = on_u_;
-  ++now_.columns;
-  if (as_reported) now_.u += on_u_;
 }
 
 // What unknown number `row` of the event adds to q and u.

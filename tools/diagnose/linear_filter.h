@@ -2,8 +2,8 @@
 // linear in the state and in what is not known of each event.
 //
 // Between events, at impacts and in what events say of the state it is the observer's own filter
-// (observer/timing_filter.h), with one difference. There an event whose time is off by tau ~
-// N(0, sigma^2) is a mixture over tau. Here tau, tau^2 and the products of tau with what is not
+// (sprag/estimation/timing_filter.h), with one difference. There an event whose time is off by tau
+// ~ N(0, sigma^2) is a mixture over tau. Here tau, tau^2 and the products of tau with what is not
 // known of gamma- and of its rate are normal unknowns of their instant: at the reported time g_i- =
 // gamma_i- tau - gamma_i-' tau^2 / 2, and the impact was tau earlier, which moves q by (u+ - u-)
 // tau, and u by what gamma_i- and the damping forces were otherwise meanwhile. That is right to
@@ -20,6 +20,7 @@
 #include <span>
 #include <vector>
 
+#include "sprag/estimation/active_impact.h"
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/contact_event.h"
@@ -62,16 +63,6 @@ class LinearFilter {
   double inside(int contact) const;
 
  private:
-  // A measurement whose deviation is below this share of its terms tells nothing but their
-  // rounding.
-  static constexpr double rounding = 32.0 * std::numeric_limits<double>::epsilon();
-
-  struct Closing {
-    int contact;
-    double epsilon;
-    double gamma, gamma_rate, gamma_second_rate;  // before the impact
-  };
-
   const Dynamics& dynamics() const { return flows_.dynamics(); }
   Eigen::Index f() const { return dynamics().coordinates(); }
   void go_on(Instant t);
@@ -82,9 +73,7 @@ class LinearFilter {
   void measure_closings();
   void add_event_unknowns();
   double condition(double residual, double noise, double scale);
-  void reset(ContactSet staying, ContactSet leaving);
-  void decide(ContactSet staying, ContactSet leaving);
-  std::vector<Closing>::iterator find_closing(int contact);
+  void strike(ContactSet staying, ContactSet leaving);
   ContactSet closing() const;
   void add_effect(Eigen::Index row, const Eigen::VectorXd& on_q, const Eigen::VectorXd& on_u);
 
@@ -97,6 +86,7 @@ class LinearFilter {
   ContactSet chi_;
   ContactSet inside_ = 0;  // closed since t = 0: the machine may have started inside the support
   BeliefColumns columns_;
+  ActiveImpact impact_;
   Belief now_;  // at the last instant
   Motion motion_;
   Motion previous_;  // as it went on from the instant before
@@ -110,8 +100,6 @@ class LinearFilter {
   Eigen::MatrixXd event_;  // rows of S of the event's own unknowns, and their means: tau, tau^2,
   Eigen::VectorXd event_mean_;  // tau times what is not known of each gamma- and of its rate
   Eigen::VectorXd phi_;         // what a measurement sees of each column
-  Eigen::MatrixXd z_, v_;       // S in a flow's oscillators
-  Eigen::MatrixXd directions_;  // f x m: u+ - u- for a unit impulse of each closing
   Eigen::VectorXd no_gaps_;
 };
 

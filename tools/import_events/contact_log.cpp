@@ -9,7 +9,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/report_builder.h"
+#include "sprag/estimation/message_builder.h"
 
 namespace sprag {
 
@@ -46,7 +46,7 @@ class ContactLog {
   void send(std::span<const ContactEvent> events, double horizon) {
     builder_.add(events);
     do {
-      ContactsMessage message;
+      EncodedContacts message;
       encode(builder_.next(horizon, utime_of(horizon)), message);
       data_.assign(message.begin(), message.end());
       if (key_) {
@@ -64,7 +64,7 @@ class ContactLog {
 
  private:
   ChannelLogWriter log_;
-  ReportBuilder builder_;
+  MessageBuilder builder_;
   const std::optional<Key>& key_;
   std::vector<std::uint8_t> data_;
 };
