@@ -5,39 +5,22 @@
 #include <cmath>
 #include <condition_variable>
 #include <mutex>
-#include <random>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/message_builder.h"
+#include "lcmtypes/contact_sender.h"
 
 namespace sprag {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Clock = ContactSender::Clock;
 
-constexpr auto heartbeat = std::chrono::milliseconds(10);
-constexpr int goodbyes = 20;
 // Of a paced machine whose horizon stays more often than that, observers say that it has come to
 // its end.
 constexpr int most_repeats = 2;
-
-std::int64_t random_session() {
-  std::random_device device;
-  const std::uint64_t high = device();
-  const std::uint64_t low = device();
-  return static_cast<std::int64_t>(((high << 32U) | low) >> 1U);
-}
-
-std::int64_t wall_clock_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 // Observers take finite speeds beyond that for damage.
 double checked_speed(double speed) {
@@ -64,8 +47,8 @@ class EventPublisher::Core {
   Core(int contacts, const PublisherSettings& settings)
       : contacts_(checked_contacts(contacts)),
         paced_(!std::isinf(settings.speed)),
-        builder_(random_session(), checked_speed(settings.speed), contacts),
         bus_(settings.url, settings.key),
+        sender_(bus_, contacts, checked_speed(settings.speed)),
         beats_([this](const std::stop_token& stop) { beat(stop); }) {}
   Core(const Core&) = delete;
   Core& operator=(const Core&) = delete;
@@ -90,9 +73,9 @@ class EventPublisher::Core {
     horizon_ = t;
     const auto end =
         std::upper_bound(waiting_.begin(), waiting_.end(), ContactEvent{t, 0, {}}, earlier);
-    builder_.add({waiting_.begin(), end});
+    sender_.add({waiting_.begin(), end});
     waiting_.erase(waiting_.begin(), end);
-    if (builder_.pending() || Clock::now() >= next_beat_) send();
+    if (sender_.due()) send();
   }
 
   void close() noexcept {
@@ -101,20 +84,20 @@ class EventPublisher::Core {
     if (beats_.joinable()) beats_.join();
     const std::lock_guard lock(mutex_);
     if (std::exchange(closed_, true) || horizon_ < 0.0) return;
-    for (int i = 0; i < goodbyes; ++i) {
-      if (i > 0) std::this_thread::sleep_for(heartbeat);
+    for (int i = 0; i < ContactSender::goodbyes; ++i) {
+      if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
       send();
     }
   }
 
-  std::int64_t session() const { return builder_.session(); }
+  std::int64_t session() const { return sender_.session(); }
   std::int64_t sent() const {
     const std::lock_guard lock(mutex_);
-    return builder_.sent() - unsent_;
+    return sender_.messages() - sender_.unsent();
   }
   std::int64_t unsent() const {
     const std::lock_guard lock(mutex_);
-    return unsent_;
+    return sender_.unsent();
   }
 
  private:
@@ -124,20 +107,17 @@ class EventPublisher::Core {
   void beat(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     while (!stop.stop_requested()) {
-      const auto now = Clock::now();
-      if (horizon_ >= 0.0 && now >= next_beat_ && (!paced_ || repeats_ < most_repeats)) send();
-      wake_.wait_until(lock, stop, std::max(next_beat_, now + heartbeat / 2), [] { return false; });
+      const bool repeats = !paced_ || repeats_ < most_repeats;
+      if (horizon_ >= 0.0 && sender_.due() && repeats) send();
+      const auto soonest = Clock::now() + ContactSender::heartbeat / 2;
+      wake_.wait_until(lock, stop, std::max(sender_.next(), soonest), [] { return false; });
     }
   }
 
   void send() {
     repeats_ = horizon_ > said_ ? 0 : repeats_ + 1;
     said_ = horizon_;
-    do {
-      encode(builder_.next(horizon_, wall_clock_us()), bytes_);
-      if (!bus_.publish(contacts_channel, bytes_)) ++unsent_;
-    } while (builder_.pending());
-    next_beat_ = Clock::now() + heartbeat;
+    sender_.send(horizon_);
   }
 
   int contacts_;
@@ -145,16 +125,13 @@ class EventPublisher::Core {
   std::mutex closing_;
   mutable std::mutex mutex_;  // of all that follows
   std::condition_variable_any wake_;
-  MessageBuilder builder_;
   Bus bus_;
-  EncodedContacts bytes_{};
+  ContactSender sender_;
   std::vector<ContactEvent> waiting_;  // behind the horizon, in order
   double horizon_ = -1.0;              // none yet
   double said_ = -1.0;                 // in the last message
   int repeats_ = 0;                    // of it
-  std::int64_t unsent_ = 0;
   bool closed_ = false;
-  Clock::time_point next_beat_ = Clock::time_point::min();
   std::jthread beats_;  // last: it uses all the others
 };
 

@@ -6,14 +6,13 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <random>
 #include <thread>
 
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_sender.h"
 #include "lcmtypes/state_codec.h"
-#include "sprag/estimation/message_builder.h"
+#include "lcmtypes/wall_clock.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/states_file.h"
 #include "sprag/mechanics/master.h"
@@ -22,45 +21,31 @@ namespace sprag {
 namespace {
 
 using namespace std::chrono_literals;
-using Clock = std::chrono::steady_clock;
+using Clock = ContactSender::Clock;
 
-constexpr auto heartbeat = 10ms;
 constexpr auto longest_sleep = 1ms;
 constexpr auto progress_period = 1s;
-// The last messages are repeated: nothing follows that would repair their loss.
-constexpr int last_message_repeats = 20;
 // Simulated time that an unpaced master covers between two looks at the clock.
 constexpr double unpaced_stride = 1.0;
 
 // Events that the master finds before they are written.
 constexpr std::size_t events_at_once = 1000;
 
-std::int64_t random_session() {
-  std::random_device device;
-  const std::uint64_t high = device();
-  const std::uint64_t low = device();
-  return static_cast<std::int64_t>(((high << 32U) | low) >> 1U);
-}
-
-std::int64_t wall_clock_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
 class MasterProcess {
  public:
   MasterProcess(const Scene& scene, const MasterOptions& options, const CommonOptions& common)
       : options_(options),
         master_(scene.model, scene.master),
-        builder_(random_session(), options.speed, static_cast<int>(scene.model.contacts.size())),
         last_tick_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                                 : last_tick(options.duration, options.tick)),
         wants_states_(!options.states.empty() || (options.lcm && options.truth)) {
-    if (options.lcm) bus_.emplace(common.url, key_of(common));
+    if (options.lcm) {
+      bus_.emplace(common.url, key_of(common));
+      sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()), options.speed);
+      sample_.session = sender_->session();
+    }
     if (!options.events.empty()) events_file_.emplace(options.events);
     if (!options.states.empty()) states_file_.emplace(options.states, scene.model.coordinates());
-    sample_.session = builder_.session();
     sample_.q.setZero(scene.model.coordinates());
     sample_.u.setZero(scene.model.coordinates());
   }
@@ -84,9 +69,9 @@ class MasterProcess {
     report["flow_path"] = name(master_.flows()[0].path());
     report["expansions"] = master_.expansions();
     report["ticks"] = next_tick_;
-    report["session"] = builder_.session();
-    report["messages"] = builder_.sent();
-    report["unsent"] = unsent_;
+    report["session"] = sample_.session;
+    report["messages"] = sender_ ? sender_->messages() : 0;
+    report["unsent"] = (sender_ ? sender_->unsent() : 0) + unsent_states_;
     report["wall_s"] = std::chrono::duration<double>(Clock::now() - start_).count();
     const bool events_good = !events_file_ || events_file_->close();
     const bool states_good = !states_file_ || states_file_->close();
@@ -97,12 +82,12 @@ class MasterProcess {
  private:
   /// The main loop.
   void loop() {
-    start_ = next_heartbeat_ = Clock::now();
+    start_ = Clock::now();
     auto next_progress = start_ + progress_period;
     while (!stop_requested()) {
       const double t = std::min(due(), options_.duration);
       advance(t);
-      publish(reached_);
+      if (sender_ && sender_->due()) sender_->send(reached_);
       if (t >= options_.duration) break;
       if (Clock::now() >= next_progress) {
         progress(t);
@@ -123,7 +108,8 @@ class MasterProcess {
   }
 
   Clock::time_point next_wake() const {
-    auto soonest = std::min(Clock::now() + longest_sleep, next_heartbeat_);
+    auto soonest = Clock::now() + longest_sleep;
+    if (sender_) soonest = std::min(soonest, sender_->next());
     const double event = master_.next_event();
     if (!std::isinf(event)) soonest = std::min(soonest, wall(event));
     if (!wants_states_ || next_tick_ > last_tick_) return soonest;
@@ -160,7 +146,7 @@ class MasterProcess {
 
   void take_events() {
     events_ += static_cast<std::int64_t>(found_.size());
-    if (bus_) builder_.add(found_);
+    if (sender_) sender_->add(found_);
     if (events_file_) {
       for (const ContactEvent& event : found_) events_file_->write(event);
     }
@@ -175,26 +161,14 @@ class MasterProcess {
     sample_.tick = next_tick_;
     sample_.t = t.hi;
     sample_.closed = master_.closed();
-    if (!bus_->publish(truth_channel, encode(sample_, buffer_))) ++unsent_;
-  }
-
-  void publish(double t) {
-    if (!bus_) return;
-    const auto now = Clock::now();
-    if (!builder_.pending() && now < next_heartbeat_) return;
-    do {
-      encode(builder_.next(t, wall_clock_us()), message_);
-      if (!bus_->publish(contacts_channel, message_)) ++unsent_;
-    } while (builder_.pending());
-    next_heartbeat_ = now + heartbeat;
+    if (!bus_->publish(truth_channel, encode(sample_, buffer_))) ++unsent_states_;
   }
 
   void say_goodbye() {
-    if (!bus_) return;
-    for (int i = 0; i < last_message_repeats; ++i) {
-      if (i > 0) std::this_thread::sleep_for(heartbeat);
-      next_heartbeat_ = Clock::time_point::min();
-      publish(reached_);
+    if (!sender_) return;
+    for (int i = 0; i < ContactSender::goodbyes; ++i) {
+      if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
+      sender_->send(reached_);
       if (options_.truth && next_tick_ > 0)
         (void)bus_->publish(truth_channel, encode(sample_, buffer_));
     }
@@ -208,22 +182,21 @@ class MasterProcess {
 
   MasterOptions options_;
   Master master_;
-  MessageBuilder builder_;
   std::int64_t last_tick_;
   bool wants_states_;
   std::optional<Bus> bus_;
+  std::optional<ContactSender> sender_;  // on the bus
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
 
-  Clock::time_point start_, next_heartbeat_;
+  Clock::time_point start_;
   double reached_ = 0.0;
   std::int64_t next_tick_ = 0;
   std::int64_t events_ = 0;
-  std::int64_t unsent_ = 0;
+  std::int64_t unsent_states_ = 0;
   std::vector<ContactEvent> found_;
   StateSample sample_;
   std::vector<std::uint8_t> buffer_;
-  EncodedContacts message_{};
 };
 
 }  // namespace

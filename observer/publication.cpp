@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "lcmtypes/wall_clock.h"
 #include "observer/wake.h"
 
 namespace sprag {

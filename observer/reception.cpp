@@ -4,6 +4,7 @@
 
 #include "lcmtypes/big_endian.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/wall_clock.h"
 
 namespace sprag {
 namespace {

@@ -44,10 +44,4 @@ inline std::int64_t monotonic_now() {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-inline std::int64_t wall_clock_us() {
-  timespec time;
-  clock_gettime(CLOCK_REALTIME, &time);
-  return std::int64_t{time.tv_sec} * 1'000'000 + time.tv_nsec / 1000;
-}
-
 }  // namespace sprag

@@ -18,6 +18,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
+#include "lcmtypes/wall_clock.h"
 #include "observer/wake.h"
 
 namespace sprag::bench_latency {

@@ -41,7 +41,9 @@ class ReadmeTest(unittest.TestCase):
 
     def test_the_readme_of_the_whole_has_the_first_example(self):
         text = (SOURCE / "README.md").read_text(encoding="utf-8")
-        self.assertEqual(text.split("```python\n")[1].split("```")[0].strip(), self.blocks[0].strip())
+        behind = text.split("```python\n")[1].split("```")
+        self.assertEqual(behind[0].strip(), self.blocks[0].strip())
+        self.assertEqual(behind[2].lstrip("\n"), self.printed)
 
     def test_the_first_example_is_short(self):
         self.assertLessEqual(len(self.blocks[0].splitlines()), 15)
