@@ -34,12 +34,14 @@ const char* advice(Suspicion suspicion) {
 
 }  // namespace
 
-void ConfidenceRecord::take(double t, const Confidence& confidence, double initial,
-                            std::ostream& out) {
+void ConfidenceRecord::conclude(const Confidence& confidence, double initial) {
   any_ = confidence.has_filter || (confidence.has_replica && std::isfinite(initial));
-  t_ = t;
   initial_ = initial;
   last_ = confidence;
+}
+
+void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream& out) {
+  t_ = t;
   ++ticks_;
   if (confidence.from_filter) ++ticks_from_filter_;
   take_inconsistencies(confidence, out);

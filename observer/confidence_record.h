@@ -13,10 +13,13 @@ namespace sprag {
 
 class ConfidenceRecord {
  public:
-  /// Takes the confidence of the settled tick at t [s], in order; `initial` is B(0). A filter that
-  /// no longer fits the events is told on `out` in a line, the first 20 times; so are contacts that
-  /// others hold already, or that cannot be held together, and covariances that were gone.
-  void take(double t, const Confidence& confidence, double initial, std::ostream& out);
+  /// Notes what has happened by the settled tick at t [s], in order. A filter that no longer fits
+  /// the events is told on `out` in a line, the first 20 times; so are contacts that others hold
+  /// already, or that cannot be held together, and covariances that were gone.
+  void note(double t, const Confidence& confidence, std::ostream& out);
+
+  /// The confidence of the last settled tick so far, in full; `initial` is B(0).
+  void conclude(const Confidence& confidence, double initial);
 
   /// Adds "redundant_closings" and "refused_impacts" to a report, and "confidence" if there is
   /// anything to say.

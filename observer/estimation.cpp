@@ -20,11 +20,16 @@ EstimateSample Estimation::empty_sample() const {
   return sample;
 }
 
-void Estimation::describe(const State& state, bool with_state, EstimateSample& sample) {
+void Estimation::note(const State& state, EstimateSample& sample) const {
   sample.tick = state.tick;
   sample.t = tick_instant(state.tick, estimator.h()).hi;
   sample.closed = state.chi;
-  if (with_state) estimator.output(state, sample.q, sample.u);
+  estimator.note(state, sample.confidence);
+}
+
+void Estimation::describe(const State& state, EstimateSample& sample) {
+  note(state, sample);
+  estimator.output(state, sample.q, sample.u);
   const bool complete = time_line.complete_to(sample.t);
   estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
                        sample.confidence);

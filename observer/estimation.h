@@ -24,9 +24,10 @@ struct Estimation {
   /// With room for all that an estimate holds.
   EstimateSample empty_sample() const;
 
-  /// What there is to say of a tick, but for session, settled tick and time of sending. Does not
-  /// allocate; q and u only where `with_state`, which costs less without.
-  void describe(const State& state, bool with_state, EstimateSample& sample);
+  /// What there is to say of a tick, but for session, settled tick and time of sending; or without
+  /// q, u, deviations and bound, which costs next to nothing. They do not allocate.
+  void describe(const State& state, EstimateSample& sample);
+  void note(const State& state, EstimateSample& sample) const;
 
   /// Adds "settled_tick" and "flow_path".
   void to_json(nlohmann::ordered_json& report);

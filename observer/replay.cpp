@@ -152,10 +152,24 @@ class Replay {
         [&](const Estimation::State& state) {
           check_interrupt();
           if (state.tick > last_) return true;
-          estimation_.describe(state, settled_.writes_states(), sample_);
-          settled_.take(sample_);
+          if (settled_.writes_states()) {
+            estimation_.describe(state, sample_);
+            settled_.take(sample_);
+          } else {
+            estimation_.note(state, sample_);
+            settled_.note(sample_);
+            if (state.tick == last_) conclude(state);
+          }
           return true;
         });
+    if (!settled_.writes_states() && settled_.ticks() > 0 && time_line_.handed_out() < last_) {
+      conclude(time_line_.present());
+    }
+  }
+
+  void conclude(const Estimation::State& state) {
+    estimation_.describe(state, sample_);
+    settled_.conclude(sample_);
   }
 
   Estimation estimation_;

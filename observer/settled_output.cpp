@@ -17,10 +17,19 @@ SettledOutput::SettledOutput(const std::filesystem::path& states, const Estimate
   if (!states_->good()) throw std::runtime_error(states_->error());
 }
 
-void SettledOutput::take(const EstimateSample& settled) {
+void SettledOutput::note(const EstimateSample& settled) {
   ++ticks_;
   t_ = settled.t;
-  record_.take(settled.t, settled.confidence, initial_bound_, std::cerr);
+  record_.note(settled.t, settled.confidence, std::cerr);
+}
+
+void SettledOutput::conclude(const EstimateSample& settled) {
+  record_.conclude(settled.confidence, initial_bound_);
+}
+
+void SettledOutput::take(const EstimateSample& settled) {
+  note(settled);
+  conclude(settled);
   if (!states_) return;
   to_columns(settled.confidence, initial_bound_, columns_);
   states_->write(settled.tick, settled.t, settled.q, settled.u, columns_);

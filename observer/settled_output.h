@@ -21,11 +21,13 @@ class SettledOutput {
   /// `initial` is B(0). Throws std::runtime_error where the file cannot be written.
   SettledOutput(const std::filesystem::path& states, const EstimateSample& empty, double initial);
 
-  /// Whether q and u of what it takes matter.
+  /// Without a file only the last estimate has to be known in full.
   bool writes_states() const { return states_.has_value(); }
 
-  /// Tick by tick, in order.
+  /// Tick by tick, in order: in full, or what has happened, and now and then in full as well.
   void take(const EstimateSample& settled);
+  void note(const EstimateSample& settled);
+  void conclude(const EstimateSample& settled);
 
   /// What was taken is in the file.
   void flush();

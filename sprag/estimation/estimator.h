@@ -21,8 +21,10 @@ namespace sprag {
 ///   apply(events, state)             those of the present instant, at a start
 ///   output(state, q, u)              the estimate at the present tick
 ///   no_confidence()                  room for all that it says of its error
-///   confidence(state, initial, to)   fills that in; `initial` is B(0), +infinity where no bound
-///                                    holds any longer
+///   note(state, to)                  fills in what has happened: counts, innovations, whose
+///                                    estimate it is; costs next to nothing
+///   confidence(state, initial, to)   fills in all, deviations and bound too; `initial` is B(0),
+///                                    +infinity where no bound holds any longer
 template <typename E>
 concept Estimator = requires(E estimator, const E& constant, typename E::State& state,
                              const typename E::State& present, const State& start, std::int64_t k,
@@ -38,6 +40,7 @@ concept Estimator = requires(E estimator, const E& constant, typename E::State& 
   estimator.apply(events, state);
   estimator.output(present, x, x);
   { constant.no_confidence() } -> std::same_as<Confidence>;
+  constant.note(present, confidence);
   estimator.confidence(present, initial, confidence);
 };
 

@@ -38,8 +38,8 @@ void change(Any& any, AnyEstimator::State& state, const Act& act) {
       any);
 }
 
-template <typename Act>
-void read(Any& any, const AnyEstimator::State& state, const Act& act) {
+template <typename Of, typename Act>
+void read(Of& any, const AnyEstimator::State& state, const Act& act) {
   std::visit(
       [&](auto& estimator) { act(estimator, std::get<StateOf<decltype(estimator)>>(state.of)); },
       any);
@@ -81,6 +81,11 @@ void AnyEstimator::output(const State& state, Eigen::Ref<Eigen::VectorXd> q,
 
 Confidence AnyEstimator::no_confidence() const {
   return std::visit([](const auto& estimator) { return estimator.no_confidence(); }, estimator_);
+}
+
+void AnyEstimator::note(const State& state, Confidence& confidence) const {
+  read(estimator_, state,
+       [&](const auto& estimator, const auto& of) { estimator.note(of, confidence); });
 }
 
 void AnyEstimator::confidence(const State& state, double initial, Confidence& confidence) {

@@ -35,6 +35,7 @@ class AnyEstimator {
   void apply(std::span<const ContactEvent> events, State& state);
   void output(const State& state, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;
+  void note(const State& state, Confidence& confidence) const;
   void confidence(const State& state, double initial, Confidence& confidence);
   double h() const;
 

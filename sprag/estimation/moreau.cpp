@@ -124,6 +124,10 @@ void MoreauReplica::output(const MoreauState& state, Eigen::Ref<Eigen::VectorXd>
 }
 
 void MoreauReplica::confidence(const MoreauState& state, double, Confidence& confidence) const {
+  note(state, confidence);
+}
+
+void MoreauReplica::note(const MoreauState& state, Confidence& confidence) const {
   confidence.refused_impacts = state.refused_impacts;
 }
 

@@ -53,6 +53,7 @@ class MoreauReplica {
 
   /// It says nothing of its error but which impacts it refused; `initial` does not matter.
   Confidence no_confidence() const { return {}; }
+  void note(const MoreauState& state, Confidence& confidence) const;
   void confidence(const MoreauState& state, double initial, Confidence& confidence) const;
 
   double h() const { return h_; }

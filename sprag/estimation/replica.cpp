@@ -225,7 +225,11 @@ Confidence Replica::no_confidence() const {
 }
 
 void Replica::confidence(const ReplicaState& state, double initial, Confidence& confidence) {
+  note(state, confidence);
   confidence.bound = std::isfinite(initial) ? error_bound(state, initial) : infinity;
+}
+
+void Replica::note(const ReplicaState& state, Confidence& confidence) const {
   confidence.replica = state.innovation;
   confidence.redundancy = state.redundancy;
   confidence.refused_impacts = state.refused_impacts;

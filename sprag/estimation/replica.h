@@ -74,6 +74,7 @@ class Replica {
   /// Room for what confidence() says, without allocating: a bound on V (error_bound()), how far the
   /// contact that closed last was from closing in the estimate, and contacts it could not hold.
   Confidence no_confidence() const;
+  void note(const ReplicaState& state, Confidence& confidence) const;  ///< all but the bound
   void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
   double h() const { return h_; }

@@ -139,20 +139,27 @@ Confidence SupervisedFilter::no_confidence() const {
   return confidence;
 }
 
+void SupervisedFilter::note(const SupervisedState& state, Confidence& confidence) const {
+  filter_.note(state.filter, confidence);
+  replica_.note(state, confidence);
+  confidence.from_filter = state.trusted;
+  confidence.inconsistencies = state.inconsistencies;
+  confidence.last = state.last;
+}
+
 void SupervisedFilter::confidence(const SupervisedState& state, double initial,
                                   Confidence& confidence) {
-  filter_.confidence(state.filter, initial, confidence);
   replica_.confidence(state, initial, confidence);
-  confidence.from_filter = state.trusted;
-  if (!state.trusted) {
+  if (state.trusted) {
+    filter_.confidence(state.filter, initial, confidence);
+  } else {
     // The replica's own error is not estimated.
     constexpr double infinity = std::numeric_limits<double>::infinity();
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);
   }
-  confidence.inconsistencies = state.inconsistencies;
-  confidence.last = state.last;
+  note(state, confidence);
 }
 
 }  // namespace sprag

@@ -47,6 +47,7 @@ class SupervisedFilter {
   /// Room for what confidence() says, without allocating: what the filter says where it is trusted,
   /// else infinite deviations; the replica's bound; `initial` as Replica's.
   Confidence no_confidence() const;
+  void note(const SupervisedState& state, Confidence& confidence) const;
   void confidence(const SupervisedState& state, double initial, Confidence& confidence);
 
   double h() const { return replica_.h(); }

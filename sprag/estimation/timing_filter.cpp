@@ -128,6 +128,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
   event_ = {};
+  last_published_ = {};
   start_ = start;
   now_.q = start.q;
   now_.u = start.u;
@@ -141,6 +142,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
                            const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
                            TimingState& state) {
   const Instant t = state.motion.t;
+  last_published_ = {};
   const Covariance& from = slot(believed);
   share_.setOnes();
   if (from.instants == believed) {
@@ -262,12 +264,14 @@ bool TimingFilter::load(const TimingState& state, Instant t) {
     load(S, t);
     return true;
   }
+  last_published_ = {};
   set_start(uncertainty_, now_);
   columns_.move(*state.motion.flow, t - state.covariance_time, now_);
   return false;
 }
 
 void TimingFilter::load(const Covariance& from, Instant t) {
+  last_published_ = {};
   const double tau = t - from.mean.t;
   now_.columns = from.columns;
   now_.S_q.leftCols(from.columns) = from.S_q.leftCols(from.columns);
@@ -338,6 +342,19 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
 // Around an event that jitters: the expectation over what may have happened by the present tick,
 // in `now_`. False where there is nothing of the kind.
 bool TimingFilter::publish(const TimingState& state) {
+  const Published wanted{&state, state.tick, state.instants, false};
+  const Published& last = last_published_;
+  // Mean and deviations are asked for one after the other. Whatever changes a state loads another
+  // covariance.
+  if (wanted.state != last.state || wanted.tick != last.tick || wanted.instants != last.instants) {
+    const bool near = find_published(state);
+    last_published_ = wanted;
+    last_published_.near = near;
+  }
+  return last_published_.near;
+}
+
+bool TimingFilter::find_published(const TimingState& state) {
   const Instant t = tick_instant(state.tick, h_);
   ContactSet unsettled = recently_reported(state, t);
   bool near = take_so_far(state, t, unsettled);
@@ -483,7 +500,11 @@ Confidence TimingFilter::no_confidence() const {
 }
 
 void TimingFilter::confidence(const TimingState& state, double, Confidence& confidence) {
+  note(state, confidence);
   deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
+}
+
+void TimingFilter::note(const TimingState& state, Confidence& confidence) const {
   confidence.remembered = remembers(state);
   confidence.forgotten = state.forgotten;
   confidence.filter = state.innovation;

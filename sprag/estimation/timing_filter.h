@@ -137,6 +137,7 @@ class TimingFilter {
   /// Room for what confidence() says, without allocating: deviations, the last innovation, and what
   /// did not fit. `initial` does not matter.
   Confidence no_confidence() const;
+  void note(const TimingState& state, Confidence& confidence) const;  ///< all but the deviations
   void confidence(const TimingState& state, double initial, Confidence& confidence);
 
   /// Whether a state's covariance is still kept; deviations begin at the start's where it is not.
@@ -204,6 +205,7 @@ class TimingFilter {
 
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
+  bool find_published(const TimingState& state);
   bool take_so_far(const TimingState& state, Instant t, ContactSet& unsettled);
   UncertainEvent next_due(const TimingState& state, const Motion& motion, ContactSet heard,
                           ContactSet unsettled);
@@ -237,6 +239,12 @@ class TimingFilter {
   Eigen::VectorXd phi_;  // what a measurement sees of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_;
+  // Of which state `now_` is what is published, and whether it is more than the mean alone.
+  struct Published {
+    const TimingState* state = nullptr;
+    std::int64_t tick = 0, instants = 0;
+    bool near = false;
+  } last_published_;
 };
 
 }  // namespace sprag

@@ -31,7 +31,8 @@ Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double
   std::ostringstream out;
   run_time_line(estimator, scene, events, end, false, [&](const auto& state) {
     estimator.confidence(state, 0.5, confidence);
-    record.take(tick_instant(state.tick, 1e-2).hi, confidence, 0.5, out);
+    record.note(tick_instant(state.tick, 1e-2).hi, confidence, out);
+    record.conclude(confidence, 0.5);
   });
   Said said;
   record.print(out);
@@ -120,7 +121,8 @@ TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
           target, [](const auto&) {},
           [&](const auto& state) {
             filter.confidence(state, 0.5, confidence);
-            record.take(tick_instant(state.tick, h).hi, confidence, 0.5, out);
+            record.note(tick_instant(state.tick, h).hi, confidence, out);
+            record.conclude(confidence, 0.5);
             return true;
           });
     };
