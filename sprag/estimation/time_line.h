@@ -52,6 +52,7 @@ class TimeLine {
     consumed_ = 0;
     handed_out_ = reached_ = k - 1;
     started_ = true;
+    frontier_tick_ = no_tick;
     start_again();
   }
 
@@ -109,7 +110,9 @@ class TimeLine {
 
   /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
   void go_back_to(std::int64_t k) {
-    if (started_ && k < now_) redo_after(std::max({k, handed_out_, first_}));
+    k = std::max({k, handed_out_, first_});
+    if (k < oldest_ && frontier_tick_ != handed_out_) k = oldest_;
+    if (started_ && k < now_) redo_after(k);
   }
 
   /// Runs to tick `target`, or as far as the horizon when that is later, by at most `budget` ticks;
@@ -136,7 +139,11 @@ class TimeLine {
       arrived = now_ >= target;
       const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
       if (arrived || waits || budget-- <= 0) break;
-      step();
+      if (handed_out_ == now_ && now_ < settled) {
+        step_in_place();
+      } else {
+        step();
+      }
     }
     forget();
     return arrived;
@@ -167,6 +174,7 @@ class TimeLine {
   const RollbackCounts& rollbacks() const { return rollbacks_; }
 
  private:
+  static constexpr std::int64_t no_tick = -2;
   static constexpr std::size_t event_capacity = 1U << 16U;
   // Ticks that are run through at a start or behind a gap: some tenths of a second.
   static constexpr std::int64_t far = 100'000;
@@ -181,7 +189,7 @@ class TimeLine {
   EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }
   const EstimatorState& saved(std::int64_t k) const { return saved_[slot(k)]; }
   std::size_t slot(std::int64_t k) const {
-    return static_cast<std::size_t>(k % static_cast<std::int64_t>(saved_.size()));
+    return static_cast<std::size_t>((k + shift_) % static_cast<std::int64_t>(saved_.size()));
   }
 
   // First tick at or after the event.
@@ -201,6 +209,7 @@ class TimeLine {
 
   void start_again() {
     now_ = oldest_ = first_;
+    shift_ = 0;
     EstimatorState& state = saved(first_);
     estimator_->start(start_, first_, chi_, state);
     consumed_ = 0;
@@ -211,7 +220,10 @@ class TimeLine {
 
   void step() {
     if (now_ + 1 - oldest_ == static_cast<std::int64_t>(saved_.size())) {
-      if (oldest_ == handed_out_) frontier_ = saved(oldest_);
+      if (oldest_ == handed_out_) {
+        frontier_ = saved(oldest_);
+        frontier_tick_ = handed_out_;
+      }
       ++oldest_;
     }
     const EstimatorState& from = saved(now_);
@@ -219,6 +231,13 @@ class TimeLine {
     to = from;
     ++now_;
     estimator_->tick(events_of(now_), to);
+  }
+
+  // Where nothing goes back behind the next tick any more: it takes the place of this one.
+  void step_in_place() {
+    --shift_;
+    oldest_ = ++now_;
+    estimator_->tick(events_of(now_), saved(now_));
   }
 
   // Back to the last tick before the event number `first_new`.
@@ -268,8 +287,12 @@ class TimeLine {
   State start_;
   std::int64_t history_;
   EventHistory events_;
-  std::vector<EstimatorState> saved_;  // ring: tick k in slot k mod size, for oldest_ <= k <= now_
-  EstimatorState frontier_;            // at handed_out_, once that is older than oldest_
+  // Ring: tick k is in slot k + shift_ mod size, for oldest_ <= k <= now_.
+  std::vector<EstimatorState> saved_;
+  std::int64_t shift_ = 0;  // minus the ticks that took the place of the one before
+  // At handed_out_, where that is older than oldest_ and may be gone back to.
+  EstimatorState frontier_;
+  std::int64_t frontier_tick_ = no_tick;
   bool started_ = false;
   ContactSet chi_ = 0;  // at the first tick
   std::int64_t first_ = 0;
