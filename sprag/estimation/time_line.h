@@ -53,6 +53,7 @@ class TimeLine {
     handed_out_ = reached_ = k - 1;
     started_ = true;
     frontier_tick_ = no_tick;
+    next_t_ = -1.0;
     start_again();
   }
 
@@ -189,7 +190,8 @@ class TimeLine {
   EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }
   const EstimatorState& saved(std::int64_t k) const { return saved_[slot(k)]; }
   std::size_t slot(std::int64_t k) const {
-    return static_cast<std::size_t>((k + shift_) % static_cast<std::int64_t>(saved_.size()));
+    const std::size_t slot = oldest_slot_ + static_cast<std::size_t>(k - oldest_);
+    return slot < saved_.size() ? slot : slot - saved_.size();
   }
 
   // First tick at or after the event.
@@ -200,7 +202,13 @@ class TimeLine {
   // The events of one tick, from `consumed_` on.
   std::span<const ContactEvent> events_of(std::int64_t k) {
     const auto& all = events_.events();
-    std::size_t end = consumed_;
+    if (consumed_ == all.size()) return {};
+    if (all[consumed_].t != next_t_) {
+      next_t_ = all[consumed_].t;
+      next_tick_ = tick_of(all[consumed_]);
+    }
+    if (next_tick_ != k) return {};
+    std::size_t end = consumed_ + 1;
     while (end < all.size() && tick_of(all[end]) == k) ++end;
     const std::span<const ContactEvent> events(all.data() + consumed_, end - consumed_);
     consumed_ = end;
@@ -209,7 +217,6 @@ class TimeLine {
 
   void start_again() {
     now_ = oldest_ = first_;
-    shift_ = 0;
     EstimatorState& state = saved(first_);
     estimator_->start(start_, first_, chi_, state);
     consumed_ = 0;
@@ -224,6 +231,7 @@ class TimeLine {
         frontier_ = saved(oldest_);
         frontier_tick_ = handed_out_;
       }
+      oldest_slot_ = slot(oldest_ + 1);
       ++oldest_;
     }
     const EstimatorState& from = saved(now_);
@@ -235,7 +243,7 @@ class TimeLine {
 
   // Where nothing goes back behind the next tick any more: it takes the place of this one.
   void step_in_place() {
-    --shift_;
+    oldest_slot_ = slot(now_);
     oldest_ = ++now_;
     estimator_->tick(events_of(now_), saved(now_));
   }
@@ -287,9 +295,8 @@ class TimeLine {
   State start_;
   std::int64_t history_;
   EventHistory events_;
-  // Ring: tick k is in slot k + shift_ mod size, for oldest_ <= k <= now_.
-  std::vector<EstimatorState> saved_;
-  std::int64_t shift_ = 0;  // minus the ticks that took the place of the one before
+  std::vector<EstimatorState> saved_;  // ring, of the ticks from oldest_ to now_
+  std::size_t oldest_slot_ = 0;
   // At handed_out_, where that is older than oldest_ and may be gone back to.
   EstimatorState frontier_;
   std::int64_t frontier_tick_ = no_tick;
@@ -301,6 +308,8 @@ class TimeLine {
   std::int64_t reached_ = -1;
   std::int64_t handed_out_ = -1;
   std::size_t consumed_ = 0;  // events up to and including tick now_
+  double next_t_ = -1.0;      // of the next event that was looked at, and its tick
+  std::int64_t next_tick_ = -1;
   RollbackCounts rollbacks_;
 };
 
