@@ -37,8 +37,8 @@ struct Recording {
 };
 
 inline bool same_bits(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), static_cast<std::size_t>(a.size()) * sizeof(double)) == 0;
+  const auto bytes = static_cast<std::size_t>(a.size()) * sizeof(double);
+  return a.size() == b.size() && (bytes == 0 || std::memcmp(a.data(), b.data(), bytes) == 0);
 }
 
 /// Empty where they are equal, bit for bit; else says where they are not.
