@@ -25,8 +25,9 @@ using Clock = ContactSender::Clock;
 
 constexpr auto longest_sleep = 1ms;
 constexpr auto progress_period = 1s;
-// Simulated time that an unpaced master covers between two looks at the clock.
-constexpr double unpaced_stride = 1.0;
+// Simulated time that an unpaced master covers between two looks at the clock: at first, and more
+// as long as nothing happens.
+constexpr double least_stride = 1.0;
 
 // Events that the master finds before they are written.
 constexpr std::size_t events_at_once = 1000;
@@ -98,7 +99,7 @@ class MasterProcess {
   }
 
   double due() const {
-    if (std::isinf(options_.speed)) return reached_ + unpaced_stride;
+    if (std::isinf(options_.speed)) return reached_ + stride_;
     return options_.speed * std::chrono::duration<double>(Clock::now() - start_).count();
   }
 
@@ -125,8 +126,11 @@ class MasterProcess {
       write_state(instant);
       ++next_tick_;
     }
+    const std::int64_t before = events_;
     find_events(at(t));
     reached_ = t;
+    if (wants_states_) return;
+    stride_ = events_ > before ? std::max(0.5 * stride_, least_stride) : 2.0 * stride_;
   }
 
   void find_events(Instant t) {
@@ -191,6 +195,7 @@ class MasterProcess {
 
   Clock::time_point start_;
   double reached_ = 0.0;
+  double stride_ = least_stride;
   std::int64_t next_tick_ = 0;
   std::int64_t events_ = 0;
   std::int64_t unsent_states_ = 0;

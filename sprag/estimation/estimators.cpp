@@ -54,7 +54,7 @@ static_assert(Estimator<SupervisedFilter>);
 static_assert(Estimator<AnyEstimator>);
 
 AnyEstimator::AnyEstimator(const Scene& scene, double h, EstimatorKind kind, StepperKind stepper)
-    : estimator_(make(scene, h, kind, stepper)) {}
+    : h_(h), estimator_(make(scene, h, kind, stepper)) {}
 
 void AnyEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state) {
   std::visit(
@@ -91,10 +91,6 @@ void AnyEstimator::note(const State& state, Confidence& confidence) const {
 void AnyEstimator::confidence(const State& state, double initial, Confidence& confidence) {
   read(estimator_, state,
        [&](auto& estimator, const auto& of) { estimator.confidence(of, initial, confidence); });
-}
-
-double AnyEstimator::h() const {
-  return std::visit([](const auto& estimator) { return estimator.h(); }, estimator_);
 }
 
 Flows* AnyEstimator::flows() {

@@ -37,7 +37,7 @@ class AnyEstimator {
   Confidence no_confidence() const;
   void note(const State& state, Confidence& confidence) const;
   void confidence(const State& state, double initial, Confidence& confidence);
-  double h() const;
+  double h() const { return h_; }
 
   /// What it moves on; null with Moreau's stepper, which needs none.
   Flows* flows();
@@ -45,6 +45,7 @@ class AnyEstimator {
   const char* flow_path();
 
  private:
+  double h_;
   std::variant<Replica, MoreauReplica, TimingFilter, SupervisedFilter> estimator_;
 };
 

@@ -131,7 +131,8 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
   const Model& model = scene.model;
   std::vector<Parameter> parameters;
   add_restitutions(model, parameters);
-  if (scene.beam) {
+  const bool has_damping = scene.beam && scene.beam->damping_ratio.size() == 0;
+  if (has_damping) {
     Parameter damping = around(Quantity::damping, "damping", "N s/m^2", scene.beam->damping);
     damping.lowest = 0.0;
     // Of an undamped beam: as far as 10 % of critical damping of its first mode.
@@ -140,17 +141,16 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
     damping.highest = damping.nominal > 0.0 ? 2.0 * damping.nominal : usual;
     damping.relative = damping.nominal > 0.0;
     parameters.push_back(damping);
+  } else if (!model.C.isZero(0.0)) {
+    parameters.push_back(around(Quantity::damping, "factor on C", "", 1.0));
+    parameters.back().lowest = 0.0;
+    parameters.back().highest = 2.0;
+  }
+  if (scene.beam) {
     parameters.push_back(
         around(Quantity::stiffness, "bending stiffness", "N m^2", scene.beam->bending_stiffness));
-  } else {
-    if (!model.C.isZero(0.0)) {
-      parameters.push_back(around(Quantity::damping, "factor on C", "", 1.0));
-      parameters.back().lowest = 0.0;
-      parameters.back().highest = 2.0;
-    }
-    if (!model.K.isZero(0.0)) {
-      parameters.push_back(around(Quantity::stiffness, "factor on K", "", 1.0));
-    }
+  } else if (!model.K.isZero(0.0)) {
+    parameters.push_back(around(Quantity::stiffness, "factor on K", "", 1.0));
   }
   const std::size_t contacts = model.contacts.size();
   for (int i = 0; i < static_cast<int>(contacts); ++i) {
@@ -188,7 +188,7 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
       }
       break;
     case Quantity::damping:
-      if (scene.beam) {
+      if (scene.beam && scene.beam->damping_ratio.size() == 0) {
         Beam beam = *scene.beam;
         beam.damping = value;
         model.C = damping(beam).asDiagonal();
@@ -201,6 +201,7 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
         Beam beam = *scene.beam;
         beam.bending_stiffness = value;
         model.K = stiffness(beam).asDiagonal();
+        model.C = damping(beam).asDiagonal();
       } else {
         model.K *= value;
       }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sprag/files/toml_reader.h"
+#include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
 
@@ -70,12 +71,33 @@ bool sees_nothing(const Eigen::VectorXd& w) {
   return w.squaredNorm() < std::numeric_limits<double>::min();
 }
 
+// zeta_i of n modes, given by one number for all or one each, in place of the key `other`.
+Eigen::VectorXd read_damping_ratio(const TomlTable& table, const char* other, Eigen::Index n) {
+  if (table.has(other)) {
+    table.fail("damping_ratio", std::string("and ") + table.path_of(other) +
+                                    " exclude each other; must be one of them");
+  }
+  const Eigen::VectorXd zeta = table.numbers("damping_ratio");
+  if (zeta.size() != 1 && zeta.size() != n) {
+    table.fail("damping_ratio", "has " + std::to_string(zeta.size()) + " numbers; must be one or " +
+                                    std::to_string(n));
+  }
+  if (!(zeta.minCoeff() >= 0.0)) {
+    table.fail("damping_ratio", "has " + to_text(zeta.minCoeff()) + "; must be >= 0");
+  }
+  return zeta.size() == n ? zeta : Eigen::VectorXd::Constant(n, zeta[0]);
+}
+
 Beam read_beam_table(const TomlTable& table) {
-  const Beam beam{.modes = table.integer("modes", 1, 200),
-                  .length = table.number("length", positive),
-                  .bending_stiffness = table.number("bending_stiffness", positive),
-                  .mass_per_length = table.number("mass_per_length", positive),
-                  .damping = table.number("damping", not_negative)};
+  Beam beam{.modes = table.integer("modes", 1, 200),
+            .length = table.number("length", positive),
+            .bending_stiffness = table.number("bending_stiffness", positive),
+            .mass_per_length = table.number("mass_per_length", positive)};
+  if (table.has("damping_ratio")) {
+    beam.damping_ratio = read_damping_ratio(table, "damping", beam.modes);
+  } else {
+    beam.damping = table.number("damping", not_negative);
+  }
   const auto usable = [](const Eigen::VectorXd& diagonal) {
     return diagonal.allFinite() && diagonal.minCoeff() > 0;
   };
@@ -189,8 +211,9 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
                "has the eigenvalue " + rounded(signs.smallest) + "; must be positive definite");
   }
   const Eigen::Index f = model.M.rows();
-  model.C = read_semidefinite(table, "C", f);
   model.K = read_semidefinite(table, "K", f);
+  model.C = table.has("damping_ratio") ? damping_of_ratios(model, read_damping_ratio(table, "C", f))
+                                       : read_semidefinite(table, "C", f);
   for (const TomlTable& force :
        root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase"})) {
     model.forces.push_back(read_force(force, f));
@@ -332,9 +355,9 @@ Scene parse_scene(std::string_view text, const std::string& file) {
                                         "contact", "master", "replica", "events"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
-  const auto beam =
-      root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length", "damping"});
-  const auto system = root.table("system", {"M", "C", "K"});
+  const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
+                                        "damping", "damping_ratio"});
+  const auto system = root.table("system", {"M", "C", "K", "damping_ratio"});
   if (beam && system) system->fail_here("system and beam exclude each other; must be one of them");
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
   const std::vector<TomlTable> contacts =

@@ -89,7 +89,11 @@ Eigen::VectorXd mass(const Beam& beam) {
 }
 
 Eigen::VectorXd damping(const Beam& beam) {
-  return Eigen::VectorXd::Constant(beam.modes, beam.damping * beam.length);
+  if (beam.damping_ratio.size() == 0) {
+    return Eigen::VectorXd::Constant(beam.modes, beam.damping * beam.length);
+  }
+  return 2.0 *
+         beam.damping_ratio.cwiseProduct(mass(beam).cwiseProduct(stiffness(beam)).cwiseSqrt());
 }
 
 Eigen::VectorXd stiffness(const Beam& beam) {

@@ -14,6 +14,8 @@ struct Beam {
   double bending_stiffness = 1.0;  ///< EI [N m^2]
   double mass_per_length = 1.0;    ///< rho A [kg/m]
   double damping = 0.0;            ///< d [N s/m^2], viscous against the frame
+  /// zeta_i of each mode, n entries, in place of d; empty: d holds.
+  Eigen::VectorXd damping_ratio = {};
 };
 
 /// beta_i l, i >= 1: i-th positive root of cos(x) cosh(x) + 1 = 0, right to a few units in the last

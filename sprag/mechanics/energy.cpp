@@ -44,6 +44,18 @@ NaturalModes natural_modes(const Model& model) {
           unit * (values.array() > rounding).select(values, 0.0), false};
 }
 
+Eigen::MatrixXd damping_of_ratios(const Model& model, const Eigen::VectorXd& zeta) {
+  const NaturalModes modes = natural_modes(model);
+  const Eigen::VectorXd critical =
+      2.0 * modes.mass.cwiseProduct(modes.stiffness).cwiseSqrt().cwiseProduct(zeta);
+  if (modes.of_coordinates) return critical.asDiagonal();
+  // Phi^T C Phi = diag(critical), and Phi^-1 = diag(1 / mass) Phi^T M.
+  const Eigen::MatrixXd inverse =
+      modes.mass.cwiseInverse().asDiagonal() * modes.Phi.transpose() * model.M;
+  const Eigen::MatrixXd C = inverse.transpose() * critical.asDiagonal() * inverse;
+  return 0.5 * (C + C.transpose());
+}
+
 ErrorEnergy::ErrorEnergy(const Model& model) {
   NaturalModes modes = natural_modes(model);
   if (!modes.of_coordinates) {

@@ -20,6 +20,10 @@ struct NaturalModes {
 /// Throws ModelError if M is not positive definite.
 NaturalModes natural_modes(const Model& model);
 
+/// C that gives the natural modes of M and K the damping ratios zeta, f entries >= 0: by coordinate
+/// where M and K are diagonal, else by ascending frequency. Throws ModelError as natural_modes().
+Eigen::MatrixXd damping_of_ratios(const Model& model, const Eigen::VectorXd& zeta);
+
 /// The parts V_i belong to the natural modes.
 class ErrorEnergy {
  public:

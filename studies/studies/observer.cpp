@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "sprag/estimation/estimator.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/files/scene_file.h"

@@ -92,7 +92,17 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
 TEST(SceneErrors, FirstUnknownKeyIsNamed) {
   EXPECT_EQ(error_of(replaced(beam_text, "[beam]\n", "[beam]\nzeta = 1\nalpha = 2\n")),
             "x.toml:2:1: unknown key beam.zeta; must be one of modes, length, bending_stiffness, "
-            "mass_per_length, damping");
+            "mass_per_length, damping, damping_ratio");
+}
+
+TEST(SceneErrors, DampingRatiosThatCannotBe) {
+  expect_errors(beam_text, {{"damping = 0.17", "damping_ratio = -0.1",
+                             "x.toml:6:17: beam.damping_ratio has -0.1; must be >= 0"},
+                            {"damping = 0.17", "damping_ratio = [0.1, 0.2]",
+                             "x.toml:6:17: beam.damping_ratio has 2 numbers; must be one or 3"},
+                            {"damping = 0.17", "damping = 0.17\ndamping_ratio = 0.1",
+                             "x.toml:7:17: beam.damping_ratio and beam.damping exclude each other; "
+                             "must be one of them"}});
 }
 
 TEST(SceneErrors, WrongTypesNameBoth) {

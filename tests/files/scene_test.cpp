@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -76,6 +77,29 @@ TEST(Scene, SystemSceneIsReadAsWritten) {
   EXPECT_EQ(model.contacts[0].restitution, 0.5);
   EXPECT_EQ(scene.master.q, Eigen::Vector2d(0.1, 0.2));
   EXPECT_EQ(scene.master.u, Eigen::Vector2d::Zero());
+}
+
+TEST(Scene, DampingRatiosArePerMode) {
+  const Scene one = parse(replaced(beam_text, "damping = 0.17", "damping_ratio = 0.02"));
+  const Scene each =
+      parse(replaced(beam_text, "damping = 0.17", "damping_ratio = [0.01, 0.0, 0.3]"));
+  const Eigen::Vector3d zeta(0.01, 0.0, 0.3);
+  for (int i = 0; i < 3; ++i) {
+    const double critical = 2.0 * std::sqrt(one.model.K(i, i) * one.model.M(i, i));
+    EXPECT_NEAR(one.model.C(i, i), 0.02 * critical, 1e-15 * critical);
+    EXPECT_NEAR(each.model.C(i, i), zeta[i] * critical, 1e-15 * critical);
+  }
+
+  // Coupled masses: in the natural modes, by ascending frequency.
+  const Model model =
+      parse(replaced(system_text, "C = [[0.1, 0.0], [0.0, 0.2]]", "damping_ratio = [0.05, 0.1]"))
+          .model;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(model.K, model.M);
+  const Eigen::MatrixXd C = modes.eigenvectors().transpose() * model.C * modes.eigenvectors();
+  const Eigen::Vector2d omega = modes.eigenvalues().cwiseSqrt();
+  EXPECT_NEAR(C(0, 0), 2.0 * 0.05 * omega[0], 1e-13);
+  EXPECT_NEAR(C(1, 1), 2.0 * 0.1 * omega[1], 1e-13);
+  EXPECT_NEAR(C(0, 1), 0.0, 1e-13);
 }
 
 TEST(Scene, BeamForceIsEq22) {

@@ -196,6 +196,15 @@ TEST(Beam, MeansAreTheIntegralsOfTheShapes) {
   }
 }
 
+TEST(Beam, DampingRatiosAreThoseOfItsModes) {
+  Beam beam{.modes = 3, .length = 2.0, .bending_stiffness = 3.0, .mass_per_length = 5.0};
+  beam.damping_ratio = Eigen::Vector3d(0.01, 0.0, 0.2);
+  for (int i = 0; i < 3; ++i) {
+    const double omega = std::sqrt(stiffness(beam)[i] / mass(beam)[i]);
+    EXPECT_NEAR(damping(beam)[i] / (2.0 * mass(beam)[i] * omega), beam.damping_ratio[i], 1e-15);
+  }
+}
+
 TEST(Beam, MatricesCarryTheUnitsOfEq22) {
   const Beam beam{
       .modes = 4, .length = 2.0, .bending_stiffness = 3.0, .mass_per_length = 5.0, .damping = 0.7};
