@@ -201,7 +201,7 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
         Beam beam = *scene.beam;
         beam.bending_stiffness = value;
         model.K = stiffness(beam).asDiagonal();
-        model.C = damping(beam).asDiagonal();
+        if (beam.damping_ratio.size() > 0) model.C = damping(beam).asDiagonal();
       } else {
         model.K *= value;
       }
