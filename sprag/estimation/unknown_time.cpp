@@ -225,9 +225,9 @@ double UnknownTime::weigh(const Sight& sight, double age) {
     // The least of tau^2 / sigma^2 + g^2 / s^2 as if g were linear; what is further away is not.
     const double tau = age - delay_;
     const double here = square(tau / sigma_) + square(sight.value) / sight.s2;
-    const double least =
+    const double there =
         square(sight.value + sight.rate * tau) / (sight.s2 + square(sight.rate * sigma_));
-    innovation_.square = here - least < nearly_least ? least : here;
+    innovation_.square = here - there < nearly_least ? there : here;
   }
   return weight;
 }
