@@ -1,0 +1,140 @@
+#include "sprag/identification/free_flight.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "sprag/identification/oscillator_step.h"
+
+namespace sprag {
+
+FreeFlight::FreeFlight(const Machine& machine, Eigen::VectorXd inputs)
+    : machine_(machine), inputs_(std::move(inputs)) {
+  constexpr double samples = 12.0;  // of a period
+  constants_ = inputs_.segment(2 * machine.groups(), machine.constant_forces.cols());
+  const double stiffest = machine.modal ? machine.K.maxCoeff() : machine.K.trace();
+  double fastest = std::sqrt(std::max(stiffest, 0.0));
+  if (machine.groups() > 0) fastest = std::max(fastest, machine.frequencies.maxCoeff());
+  step_ = fastest > 0.0 ? 2.0 * std::numbers::pi / fastest / samples : 0.0;
+}
+
+void FreeFlight::move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const {
+  const Eigen::Index n = machine_.n();
+  if (!machine_.modal) {
+    Eigen::VectorXd x(2 * n + constants_.size());
+    x << y, u, constants_;
+    const Eigen::VectorXd moved =
+        coupled_step(machine_.C, machine_.K, machine_.constant_forces, tau) * x;
+    y = moved.head(n);
+    u = moved.tail(n);
+    return;
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const OscillatorStep step = oscillator_step(machine_.C(i, 0), machine_.K(i, 0), tau);
+    double force = 0.0;
+    if (constants_.size() > 0) force = machine_.constant_forces.row(i).dot(constants_);
+    const double before = y[i];
+    y[i] = step.yy * before + step.yu * u[i] + step.force * force;
+    u[i] = step.uy * before + step.uu * u[i] + step.yu * force;
+  }
+}
+
+double FreeFlight::gap(int contact, const Eigen::VectorXd& y, double t) const {
+  const Eigen::Index G = machine_.groups();
+  double g = machine_.W.col(contact).dot(y) + inputs_[2 * G + constants_.size() + contact];
+  for (Eigen::Index j = 0; j < G; ++j) {
+    g += (machine_.gap_response(contact, j) * std::polar(1.0, machine_.frequencies[j] * t) *
+          std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]))
+             .real();
+  }
+  return g;
+}
+
+double FreeFlight::gap_velocity(int contact, const Eigen::VectorXd& u, double t) const {
+  double gamma = machine_.W.col(contact).dot(u);
+  for (Eigen::Index j = 0; j < machine_.groups(); ++j) {
+    const double Omega = machine_.frequencies[j];
+    gamma -= Omega * (machine_.gap_response(contact, j) * std::polar(1.0, Omega * t) *
+                      std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]))
+                         .imag();
+  }
+  return gamma;
+}
+
+void FreeFlight::hit(int contact, double t, Eigen::VectorXd& u) const {
+  u -= machine_.jump.col(contact) * gap_velocity(contact, u, t);
+}
+
+std::optional<Impact> FreeFlight::next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
+                                              double until) const {
+  const int contacts = static_cast<int>(machine_.W.cols());
+  constexpr double most_samples = 2000.0;
+  double h = step_ > 0.0 ? step_ : until - t;
+  h = std::max(h, (until - t) / most_samples);
+  while (t < until) {
+    const double tau = std::min(h, until - t);
+    Eigen::VectorXd y_next = y, u_next = u;
+    move(tau, y_next, u_next);
+    int first = -1;
+    double at = tau;
+    for (int i = 0; i < contacts; ++i) {
+      if (gap(i, y_next, t + tau) >= 0.0) continue;
+      // It falls through zero in here: bisection, which needs the sign alone.
+      double low = 0.0, high = at;
+      for (int halving = 0; halving < 50; ++halving) {
+        const double middle = 0.5 * (low + high);
+        Eigen::VectorXd y_middle = y, u_middle = u;
+        move(middle, y_middle, u_middle);
+        const bool still_outside =
+            gap(i, y_middle, t + middle) >= 0.0 || gap_velocity(i, u_middle, t + middle) > 0.0;
+        (still_outside ? low : high) = middle;
+      }
+      if (first < 0 || high < at) {
+        first = i;
+        at = high;
+      }
+    }
+    if (first >= 0) return Impact{t + at, first, false, 0};
+    y = y_next;
+    u = u_next;
+    t += tau;
+  }
+  return std::nullopt;
+}
+
+double FreeFlight::deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until) const {
+  constexpr int least = 4, most = 200;
+  const double wanted = step_ > 0.0 ? (until - t) / step_ : least;
+  const int samples = static_cast<int>(std::clamp(std::ceil(wanted), 1.0 * least, 1.0 * most));
+  const double h = (until - t) / samples;
+  double lowest = 0.0;
+  for (int k = 1; k < samples; ++k) {
+    move(h, y, u);
+    for (int i = 0; i < static_cast<int>(machine_.W.cols()); ++i) {
+      lowest = std::min(lowest, gap(i, y, t + k * h));
+    }
+  }
+  return lowest;
+}
+
+double deepest_passage(const MachineFamily& family, const Likelihood& solution) {
+  const Machine machine = family.at(solution.values);
+  const FreeFlight flight(machine, family.inputs(solution.values));
+  double deepest = 0.0;
+  for (std::size_t s = 0; s < solution.path.size(); ++s) {
+    const Stretch& stretch = solution.path[s];
+    Eigen::VectorXd y = solution.x0[s].head(family.n()), u = solution.x0[s].tail(family.n());
+    const double speed = solution.gamma[s].cwiseAbs().mean();
+    double t = stretch.start;
+    for (const Impact& impact : stretch.impacts) {
+      deepest = std::max(deepest, -flight.deepest(y, u, t, impact.t) / speed);
+      flight.move(impact.t - t, y, u);
+      flight.hit(impact.contact, impact.t, u);
+      t = impact.t;
+    }
+  }
+  return deepest;
+}
+
+}  // namespace sprag

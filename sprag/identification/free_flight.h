@@ -1,0 +1,44 @@
+// A machine that flies freely from any state, hit by nothing: where it is, and what it meets next.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "sprag/identification/machine_family.h"
+#include "sprag/identification/maximum_likelihood.h"
+#include "sprag/identification/record.h"
+
+namespace sprag {
+
+class FreeFlight {
+ public:
+  /// `machine` must stay in place.
+  FreeFlight(const Machine& machine, Eigen::VectorXd inputs);
+
+  /// Moves the free part of the motion by tau.
+  void move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const;
+  double gap(int contact, const Eigen::VectorXd& y, double t) const;
+  double gap_velocity(int contact, const Eigen::VectorXd& u, double t) const;
+  /// The impact of a contact: changes u.
+  void hit(int contact, double t, Eigen::VectorXd& u) const;
+
+  /// A fraction of the fastest vibration's period.
+  double step() const { return step_; }
+
+  /// The first impact after t and up to `until`, (y, u) being the free part of the motion at t.
+  std::optional<Impact> next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
+                                    double until) const;
+
+  /// The lowest gap of all contacts between t and `until`, at samples [m]; at most 0.
+  double deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until) const;
+
+ private:
+  const Machine& machine_;
+  Eigen::VectorXd inputs_, constants_;
+  double step_ = 0.0;
+};
+
+/// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].
+double deepest_passage(const MachineFamily& family, const Likelihood& solution);
+
+}  // namespace sprag

@@ -1,0 +1,374 @@
+#include "sprag/identification/identification.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "sprag/identification/free_flight.h"
+#include "sprag/identification/mending.h"
+#include "sprag/identification/search.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+// Of the usual time between impacts.
+constexpr double exact = 2e-9;      // what is left of a fit to exact times
+constexpr double promising = 2e-3;  // a search ends where less is left, if the jitter is not told
+constexpr double largest_jitter = 0.02;  // more than this is no jitter
+// Impacts nearer to each other are not told apart where times jitter, and where they do not.
+constexpr double close = 0.0065, close_if_exact = 3e-4;
+constexpr double close_in_jitters = 10.0;
+constexpr double search_in_jitters = 30.0;
+
+double largest_chi2(int freedom) {
+  const double of = std::max(freedom, 1);
+  return of * (1.0 + 6.0 * std::sqrt(2.0 / of));
+}
+
+// A standard deviation of which a few large ones change little.
+double usual(std::vector<double> sizes) {
+  if (sizes.empty()) return 0.0;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return 1.4826 * *middle;
+}
+
+struct Attempt {
+  Likelihood solution;
+  std::vector<Eigen::VectorXd> others;
+  double jitter = 0.0;  // told, or found
+  FitProblem problem = FitProblem::not_found;
+};
+
+class Identifier {
+ public:
+  Identifier(const Scene& scene, std::span<const ContactEvent> events,
+             const IdentificationSettings& settings)
+      : events_(events), settings_(settings), family_(scene, settings.unknowns) {}
+
+  Identification run();
+
+ private:
+  Attempt attempt(const Stretches& stretches) const;
+  FitProblem judge(const Likelihood& solution, double& jitter) const;
+  bool comes_from_outside(const Likelihood& solution, double jitter) const;
+  void mends(Attempt& best, Stretches& stretches, Identification& result) const;
+  void predict(const Attempt& best, const Stretches& stretches, Identification& result) const;
+  void describe(const Attempt& best, const Stretches& stretches, Identification& result) const;
+  void put_start(const Attempt& best, Identification& result) const;
+
+  double good() const {
+    return settings_.jitter ? std::max(search_in_jitters * *settings_.jitter, exact * interval_)
+                            : promising * interval_;
+  }
+
+  std::span<const ContactEvent> events_;
+  const IdentificationSettings& settings_;
+  MachineFamily family_;
+  Stretches stretches_of(double closest) const;
+
+  double interval_ = 0.0;
+};
+
+Stretches Identifier::stretches_of(double closest) const {
+  RecordSettings record;
+  record.begins = settings_.begins;
+  record.closed = settings_.closed;
+  record.close = std::max(closest * interval_, close_in_jitters * settings_.jitter.value_or(0.0));
+  return cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
+}
+
+bool Identifier::comes_from_outside(const Likelihood& solution, double jitter) const {
+  for (const Eigen::VectorXd& gamma : solution.gamma) {
+    if (gamma.size() > 0 && !(gamma.maxCoeff() < 0.0)) return false;
+  }
+  return deepest_passage(family_, solution) < close_in_jitters * jitter + 1e3 * exact * interval_;
+}
+
+FitProblem Identifier::judge(const Likelihood& solution, double& jitter) const {
+  if (!solution.values.allFinite() || !std::isfinite(solution.squares)) {
+    return FitProblem::not_found;
+  }
+  // Times are never more exact than they can be told apart.
+  const double resolved = 1e-10 * interval_;
+  jitter = std::max(settings_.jitter.value_or(solution.scatter()), resolved);
+  if (!settings_.jitter && jitter > largest_jitter * interval_) return FitProblem::misfit;
+  if (settings_.jitter && !(solution.squares / square(jitter) < largest_chi2(solution.freedom))) {
+    return FitProblem::misfit;
+  }
+  if (!solution.converged && solution.scatter() > exact * interval_) return FitProblem::misfit;
+  return comes_from_outside(solution, jitter) ? FitProblem::none : FitProblem::from_inside;
+}
+
+Attempt Identifier::attempt(const Stretches& stretches) const {
+  const SearchResult found = search(family_, stretches, {good()});
+  Attempt attempt;
+  if (found.best.values.size() != family_.nominal().size()) return attempt;
+  attempt.solution = maximize_likelihood(family_, stretches, found.best);
+  attempt.problem = judge(attempt.solution, attempt.jitter);
+  for (const PathFit& other : found.others) {
+    const Likelihood solution = maximize_likelihood(family_, stretches, other);
+    double jitter = 0.0;
+    if (judge(solution, jitter) != FitProblem::none) continue;
+    if (attempt.problem != FitProblem::none || solution.squares < attempt.solution.squares) {
+      if (attempt.problem == FitProblem::none) attempt.others.push_back(attempt.solution.values);
+      attempt.solution = solution;
+      attempt.problem = FitProblem::none;
+      attempt.jitter = jitter;
+    } else {
+      attempt.others.push_back(solution.values);
+    }
+  }
+  // As good as the best by what the jitter makes of chi^2, or they are none.
+  std::erase_if(attempt.others, [&](const Eigen::VectorXd& values) {
+    return (values - attempt.solution.values).cwiseAbs().maxCoeff() == 0.0;
+  });
+  return attempt;
+}
+
+void Identifier::mends(Attempt& best, Stretches& stretches, Identification& result) const {
+  Mended mended = mend(family_, stretches, settings_.jitter, interval_);
+  if (mended.spurious.empty() && mended.missing.empty()) return;
+  Attempt again;
+  again.solution = std::move(mended.solution);
+  again.problem = judge(again.solution, again.jitter);
+  if (again.problem != FitProblem::none) return;
+  best = std::move(again);
+  stretches = std::move(mended.stretches);
+  result.spurious = std::move(mended.spurious);
+  for (const Impact& impact : mended.missing) result.missing.push_back({impact.t, impact.contact});
+}
+
+// The fit to the first four fifths, and how far off it expects what comes.
+void Identifier::predict(const Attempt& best, const Stretches& stretches,
+                         Identification& result) const {
+  const std::size_t total = count(stretches);
+  const std::size_t first = total - total / 5;
+  Stretches before = part(stretches, 0, first);
+  Likelihood start = best.solution;
+  start.path = part(best.solution.path, 0, first);
+  const std::size_t fewest = static_cast<std::size_t>(2 * family_.n()) + 1;
+  while (!before.empty() && before.back().size() < fewest) {
+    before.pop_back();
+    start.path.pop_back();
+  }
+  if (before.empty()) return;
+  start.x0.resize(before.size());
+  const Likelihood fit = maximize_likelihood(family_, before, std::move(start));
+  if (!fit.values.allFinite()) return;
+  result.first_squares = fit.squares;
+  result.first_freedom = fit.freedom;
+  // Along the measured times the path finds to the machine's, so that each impact is expected from
+  // those before it.
+  const Machine machine = family_.at(fit.values);
+  const Eigen::VectorXd inputs = family_.inputs(fit.values);
+  Flights flights;
+  Harmonics harmonics;
+  const Stretches compared(stretches.begin(),
+                           stretches.begin() + static_cast<std::ptrdiff_t>(before.size()));
+  flights.set(machine, compared);
+  harmonics.set(machine.frequencies, compared);
+  std::vector<double> inside, beyond;
+  std::size_t number = 0;
+  for (std::size_t s = 0; s < compared.size(); ++s) {
+    Path path;
+    follow(machine, flights, harmonics, compared[s], s, fit.x0[s], inputs, path);
+    for (std::size_t k = 0; k < compared[s].size(); ++k, ++number) {
+      if (!compared[s].impacts[k].timed) continue;
+      const auto i = static_cast<Eigen::Index>(k);
+      // Of an impact that hardly touches the time says little.
+      const double speed = std::max(std::abs(path.gamma[i]), path.gamma.cwiseAbs().mean() / 3.0);
+      (number < first ? inside : beyond).push_back(std::abs(path.g[i]) / speed);
+    }
+  }
+  result.predicted_before = usual(inside);
+  result.predicted = usual(beyond);
+}
+
+void Identifier::put_start(const Attempt& best, Identification& result) const {
+  const Likelihood& solution = best.solution;
+  const Machine machine = family_.at(solution.values);
+  const Eigen::VectorXd inputs = family_.inputs(solution.values);
+  const Eigen::Index n = family_.n();
+  const double t = solution.path.front().start;
+  Eigen::VectorXd y = solution.x0.front().head(n), u = solution.x0.front().tail(n);
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const std::complex<double> z(inputs[2 * g], inputs[2 * g + 1]);
+    const std::complex<double> turn = z * std::polar(1.0, machine.frequencies[g] * t);
+    y += (machine.response.col(g) * turn).real();
+    u += (machine.response.col(g) * (turn * std::complex<double>(0.0, machine.frequencies[g])))
+             .real();
+  }
+  const Eigen::MatrixXd& V = family_.V();
+  result.start_t = t;
+  result.start = {V * y, V * u};
+  const Eigen::MatrixXd& covariance = solution.x0_covariance.front();
+  const Eigen::MatrixXd of_q = V * covariance.topLeftCorner(n, n) * V.transpose();
+  const Eigen::MatrixXd of_u = V * covariance.bottomRightCorner(n, n) * V.transpose();
+  result.start_sigma = {best.jitter * of_q.diagonal().cwiseMax(0.0).cwiseSqrt(),
+                        best.jitter * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
+}
+
+void Identifier::describe(const Attempt& best, const Stretches& stretches,
+                          Identification& result) const {
+  constexpr double noticeable = 0.05;  // of an undetermined direction
+  const Likelihood& solution = best.solution;
+  result.problem = best.problem;
+  result.jitter = best.jitter;
+  result.jitter_told = settings_.jitter.has_value();
+  result.scatter = solution.scatter();
+  result.freedom = solution.freedom;
+  result.chi2 = solution.squares / square(best.jitter);
+  result.largest_chi2 = largest_chi2(solution.freedom);
+  result.impacts = static_cast<int>(count(stretches));
+  result.stretches = static_cast<int>(stretches.size());
+  result.from = stretches.front().impacts.front().t;
+  result.to = stretches.back().impacts.back().t;
+  result.interval = interval_;
+  result.others = best.others;
+  const double sigma = std::max(best.jitter, solution.scatter());
+  const auto unknowns = static_cast<Eigen::Index>(family_.unknowns().size());
+  for (Eigen::Index k = 0; k < unknowns; ++k) {
+    FittedUnknown fitted{.unknown = family_.unknowns()[static_cast<std::size_t>(k)]};
+    fitted.value = solution.values[k];
+    if (fitted.unknown.kind == Kind::phase) {
+      fitted.value = fitted.unknown.nominal +
+                     std::remainder(fitted.value - fitted.unknown.nominal, 2.0 * std::numbers::pi);
+    }
+    const double variance = solution.covariance(k, k);
+    fitted.sigma = sigma * std::sqrt(variance) * std::abs(fitted.unknown.slope(fitted.value));
+    fitted.determined = solution.undetermined.cols() == 0 ||
+                        solution.undetermined.row(k).cwiseAbs().maxCoeff() < noticeable;
+    for (Eigen::Index j = 0; j < unknowns; ++j) {
+      const double scale = std::sqrt(variance * solution.covariance(j, j));
+      if (j == k || !(scale > 0.0)) continue;
+      const double correlation = solution.covariance(k, j) / scale;
+      if (fitted.partner < 0 || std::abs(correlation) > std::abs(fitted.correlation)) {
+        fitted.partner = static_cast<int>(j);
+        fitted.correlation = correlation;
+      }
+    }
+    result.unknowns.push_back(std::move(fitted));
+  }
+  put_start(best, result);
+  Eigen::VectorXd values = solution.values;
+  for (Eigen::Index k = 0; k < unknowns; ++k) {
+    values[k] = result.unknowns[static_cast<std::size_t>(k)].value;
+  }
+  result.fitted = family_.with(values);
+  result.fitted.replica = result.start;
+  result.fitted.jitter = result.jitter;
+}
+
+Identification Identifier::run() {
+  Identification result;
+  const auto n = static_cast<std::size_t>(family_.n());
+  RecordSettings whole;
+  whole.begins = settings_.begins;
+  whole.closed = settings_.closed;
+  interval_ = usual_interval(cut(events_, whole, 2));
+  const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
+  Stretches stretches = stretches_of(jitters ? close : close_if_exact);
+  const auto need = [&](const Stretches& of) {
+    return family_.unknowns().size() + 2 * n * of.size() + 2;
+  };
+  if (count(stretches) < need(stretches)) {
+    throw TooFewImpacts(
+        stretches.empty()
+            ? "no part of the record has " + std::to_string(2 * n + 2) +
+                  " single impacts in a row; the start alone takes " + std::to_string(2 * n)
+            : "the record has " + std::to_string(count(stretches)) + " impacts that count; " +
+                  std::to_string(need(stretches)) + " are needed at least for " +
+                  std::to_string(need(stretches) - 2) + " unknowns");
+  }
+  for (const ContactEvent& event : events_) {
+    if (event.kind == ContactEventKind::pulse) ++result.left_out;
+  }
+  Attempt best = attempt(stretches);
+  // Where a jitter is not told, impacts near to each other may be told apart, or not.
+  Stretches coarse = stretches_of(close);
+  if (best.problem != FitProblem::none && !settings_.jitter && count(coarse) != count(stretches) &&
+      count(coarse) >= need(coarse)) {
+    Attempt other = attempt(coarse);
+    if (other.problem == FitProblem::none) {
+      best = std::move(other);
+      stretches = std::move(coarse);
+    }
+  }
+  if (best.problem != FitProblem::none && settings_.mend) mends(best, stretches, result);
+  if (best.solution.values.size() != family_.nominal().size()) {
+    result.problem = FitProblem::not_found;
+    result.interval = interval_;
+    result.fitted = family_.scene();
+    return result;
+  }
+  describe(best, stretches, result);
+  result.left_out =
+      std::max(0, result.left_out - result.impacts - static_cast<int>(result.spurious.size()));
+  predict(best, stretches, result);
+  // What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its
+  // jitter that of the rest.
+  const int added = result.freedom - result.first_freedom;
+  if (result.fits() && result.first_freedom > 0 && added > 0) {
+    const double jitter = settings_.jitter.value_or(0.0) > 0.0
+                              ? *settings_.jitter
+                              : std::sqrt(result.first_squares / result.first_freedom);
+    const double squares = best.solution.squares - result.first_squares;
+    const double resolved = exact * interval_;
+    if (squares > (square(jitter) + square(resolved)) * largest_chi2(added)) {
+      result.problem = FitProblem::unpredictable;
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+Identification identify(const Scene& scene, std::span<const ContactEvent> events,
+                        const IdentificationSettings& settings) {
+  return Identifier(scene, events, settings).run();
+}
+
+Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
+                     const IdentificationSettings& settings, double jitter) {
+  Explanations explanations;
+  IdentificationSettings of = settings;
+  of.jitter = jitter;
+  of.mend = false;
+  const std::vector<Unknown>& all = settings.unknowns;
+  const auto judge = [&](std::vector<std::size_t> sought) {
+    of.unknowns.clear();
+    Explanation explanation;
+    for (const std::size_t k : sought) {
+      of.unknowns.push_back(all[k]);
+      explanation.keys.push_back(all[k].key);
+    }
+    try {
+      explanation.fit = identify(scene, events, of);
+    } catch (const TooFewImpacts&) {
+      return;
+    }
+    if (explanation.fit.fits() && explanation.fit.missing.empty() &&
+        explanation.fit.spurious.empty()) {
+      explanations.simplest.push_back(std::move(explanation));
+    }
+  };
+  judge({});
+  if (explanations.simplest.empty()) {
+    for (std::size_t j = 0; j < all.size(); ++j) judge({j});
+  }
+  if (explanations.simplest.empty()) {
+    for (std::size_t j = 0; j < all.size(); ++j) {
+      for (std::size_t k = j + 1; k < all.size(); ++k) judge({j, k});
+    }
+  }
+  std::stable_sort(
+      explanations.simplest.begin(), explanations.simplest.end(),
+      [](const Explanation& a, const Explanation& b) { return a.fit.chi2 < b.fit.chi2; });
+  return explanations;
+}
+
+}  // namespace sprag

@@ -1,0 +1,82 @@
+// The machines that the unknowns of a scene span, in coordinates y with q = V y and V^T M V = I:
+//
+//   y'' + C y' + K y = F(t),   g_i = w_i^T y + s_i(t) + c_i,   u+ = u- - jump_i gamma_i-,
+//   jump_i = (1 + epsilon_i) w_i / (w_i^T w_i).
+//
+// What drives them is linear in a few *inputs*: for each group of harmonics a and b, the harmonic
+// being a cos(Omega t) - b sin(Omega t) = Re (a + i b) e^(i Omega t), a factor on each constant
+// force, and each clearance.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "sprag/identification/unknowns.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// One of them, but for its inputs. n coordinates, m contacts, G groups of harmonics, J constant
+/// forces.
+struct Machine {
+  bool modal = false;               ///< C and K are diagonal
+  Eigen::MatrixXd C, K;             ///< n x n, or n x 1: their diagonals
+  Eigen::MatrixXd W;                ///< n x m
+  Eigen::MatrixXd jump;             ///< n x m
+  Eigen::VectorXd frequencies;      ///< G
+  Eigen::MatrixXcd response;        ///< n x G: the steady y of a harmonic 1 e^(i Omega t)
+  Eigen::MatrixXcd gap_response;    ///< m x G: what it and the support's motion make of the gaps
+  Eigen::MatrixXd constant_forces;  ///< n x J
+
+  Eigen::Index n() const { return W.rows(); }
+  Eigen::Index groups() const { return frequencies.size(); }
+  /// 2 G + J + m.
+  Eigen::Index inputs() const { return 2 * groups() + constant_forces.cols() + W.cols(); }
+};
+
+class MachineFamily {
+ public:
+  /// Throws ModelError where M is not positive definite.
+  MachineFamily(const Scene& scene, std::vector<Unknown> unknowns);
+
+  const Scene& scene() const { return scene_; }
+  const std::vector<Unknown>& unknowns() const { return unknowns_; }
+  Eigen::Index n() const { return scene_.model.coordinates(); }
+  int contacts() const { return static_cast<int>(scene_.model.contacts.size()); }
+
+  /// The values are those of all unknowns, those of the inputs included, in their order.
+  Machine at(const Eigen::VectorXd& values) const;
+  Eigen::VectorXd inputs(const Eigen::VectorXd& values) const;
+  /// d inputs / d value of the unknown number k, which is a linear one.
+  Eigen::VectorXd inputs_rate(const Eigen::VectorXd& values, std::size_t k) const;
+
+  Eigen::VectorXd nominal() const;
+
+  const std::vector<HarmonicGroup>& groups() const { return groups_; }
+  /// Numbers of the inputs: a of a group (b is the next), a constant force's, a clearance.
+  Eigen::Index harmonic_input(int group) const { return 2 * group; }
+  Eigen::Index constant_input(int force) const;
+  Eigen::Index clearance_input(int contact) const;
+
+  const Eigen::MatrixXd& V() const { return V_; }
+  /// y of q.
+  Eigen::VectorXd to_modes(const Eigen::VectorXd& q) const { return V_inverse_ * q; }
+
+  /// The scene with these values: beam, model and positions.
+  Scene with(const Eigen::VectorXd& values) const;
+
+ private:
+  void set_flow(const Eigen::VectorXd& values, Machine& machine) const;
+
+  Scene scene_;
+  std::vector<Unknown> unknowns_;
+  std::vector<HarmonicGroup> groups_;
+  std::vector<int> constants_;  // forces with a constant
+  Eigen::MatrixXd V_, V_inverse_;
+  bool modal_ = false;
+  Eigen::MatrixXd C_, K_, W_;          // of the scene as it is, in y
+  Eigen::MatrixXcd forces_, motions_;  // of the groups, n x G and m x G, at amplitude 1
+  Eigen::MatrixXd constant_forces_;    // n x J
+};
+
+}  // namespace sprag

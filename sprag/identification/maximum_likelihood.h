@@ -1,0 +1,52 @@
+// Maximum likelihood with the true event times tau_k among the unknowns ("lifted", as multiple
+// shooting is): with x0 of each stretch and theta,
+//
+//   min sum (tau_k - t_k)^2 / sigma^2   subject to   g_k(tau_1 ... tau_k; x0, theta) = 0,
+//
+// by Gauss and Newton's steps in the null space of the linearized constraints. A path that the
+// machine itself takes is chaotic; one along given tau is not, so that the constraints, J for x0
+// and theta and G for tau side by side, are well conditioned where G alone is not.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "sprag/identification/linear_path.h"
+#include "sprag/identification/machine_family.h"
+#include "sprag/identification/projection.h"
+#include "sprag/identification/record.h"
+
+namespace sprag {
+
+struct Likelihood {
+  Eigen::VectorXd values;           ///< of all unknowns, P
+  std::vector<Eigen::VectorXd> x0;  ///< free part of the motion at each stretch's start, 2n
+  Stretches path;                   ///< with the true times
+  std::vector<Eigen::VectorXd> gamma;
+  /// Of each impact: the share of its error that the solution takes up, 0 to 1. (tau - t) /
+  /// (sigma sqrt(1 - leverage)) is standard normal where the machine and sigma are right.
+  std::vector<Eigen::VectorXd> leverage;
+
+  bool converged = false;
+  double squares = 0.0;  ///< sum of (tau - t)^2 of timed impacts [s^2]
+  int timed = 0;         ///< impacts
+  int freedom = 0;       ///< timed impacts less unknowns
+  /// In coordinates of the unknowns, for a jitter of 1 s: covariance, P x P, in the directions that
+  /// the events determine, and the others, P x U.
+  Eigen::MatrixXd covariance, undetermined;
+  /// Of x0 of each stretch, for a jitter of 1 s.
+  std::vector<Eigen::MatrixXd> x0_covariance;
+
+  double scatter() const;  ///< sqrt(squares / freedom) [s]
+};
+
+/// From a fit of variable projection, its scale set so that amplitudes that are not sought are as
+/// they are. `stretches` has the measured times.
+Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
+                               const PathFit& start);
+
+/// The same from a solution for the same stretches.
+Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
+                               Likelihood start);
+
+}  // namespace sprag

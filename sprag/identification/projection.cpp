@@ -1,0 +1,332 @@
+#include "sprag/identification/projection.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+using QR = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
+
+constexpr double rank_threshold = 1e-13;
+// Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
+constexpr double least_weight = 0.33, largest_weight = 6.0;
+
+void factorize(const Eigen::MatrixXd& A, QR& qr) {
+  qr.setThreshold(rank_threshold);
+  qr.compute(A);
+}
+
+}  // namespace
+
+class Projection::Core {
+ public:
+  explicit Core(const MachineFamily& of);
+
+  void take(Stretches stretches);
+  PathFit at(const Eigen::VectorXd& values);
+  PathFit refine(const PathFit& from, int most_steps);
+
+  const MachineFamily& family;
+  std::vector<std::size_t> nonlinear;
+  Eigen::VectorXd known;  // inputs that are not free
+  Eigen::MatrixXd E;      // inputs = known + E zeta
+  bool homogeneous = false;
+
+ private:
+  struct Factors {
+    QR qr;
+    Eigen::VectorXd scale;             // of the columns of x0
+    Eigen::MatrixXd top;               // Q^T (inputs, known), the rows that x0 reaches
+    Eigen::Index first = 0, rows = 0;  // of those that it does not, among all stretches'
+  };
+
+  void solve(const Eigen::VectorXd& values, PathFit& fit);
+  Eigen::MatrixXd jacobian(const PathFit& at);
+  void weigh_equally();
+  void weigh();
+  double objective() const { return residual_.squaredNorm(); }
+
+  Stretches stretches_;
+  Eigen::Index impacts_ = 0;
+  std::vector<Eigen::VectorXd> weights_;
+  double normalization_ = 0.0;  // weight of "mean gamma- is -1"
+
+  Machine machine_;
+  Flights flights_, other_flights_;
+  Harmonics harmonics_, other_harmonics_;
+  PathRows rows_;
+  Path path_;
+  std::vector<Eigen::VectorXd> gamma_;
+  std::vector<Factors> factors_;
+  QR inputs_qr_;
+  Eigen::VectorXd residual_;  // what is left, in the space that z does not reach
+};
+
+Projection::Core::Core(const MachineFamily& of) : family(of) {
+  const std::vector<Unknown>& unknowns = family.unknowns();
+  const Eigen::VectorXd nominal = family.nominal();
+  const Eigen::VectorXd inputs = family.inputs(nominal);
+  std::vector<Eigen::VectorXd> columns;
+  known = inputs;
+  const auto free = [&](Eigen::Index i) {
+    columns.emplace_back(Eigen::VectorXd::Unit(inputs.size(), i));
+    known[i] = 0.0;
+  };
+  const auto has = [&](Kind kind, int index) {
+    return std::any_of(unknowns.begin(), unknowns.end(), [&](const Unknown& unknown) {
+      return unknown.kind == kind && unknown.index == index;
+    });
+  };
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
+    const Unknown& unknown = unknowns[k];
+    if (!unknown.linear()) nonlinear.push_back(k);
+    if (unknown.kind == Kind::clearance) free(family.clearance_input(unknown.index));
+    if (unknown.kind == Kind::constant) free(family.constant_input(unknown.index));
+    if (unknown.kind == Kind::phase) {
+      free(family.harmonic_input(unknown.index));
+      free(family.harmonic_input(unknown.index) + 1);
+    } else if (unknown.kind == Kind::amplitude && !has(Kind::phase, unknown.index)) {
+      const Eigen::Index a = family.harmonic_input(unknown.index);
+      Eigen::VectorXd column = Eigen::VectorXd::Zero(inputs.size());
+      column.segment(a, 2) = inputs.segment(a, 2);
+      columns.push_back(column);
+      known.segment(a, 2).setZero();
+    }
+  }
+  E.resize(inputs.size(), static_cast<Eigen::Index>(columns.size()));
+  for (std::size_t j = 0; j < columns.size(); ++j) {
+    E.col(static_cast<Eigen::Index>(j)) = columns[j];
+  }
+  homogeneous = known.isZero(0.0);
+}
+
+void Projection::Core::take(Stretches stretches) {
+  stretches_ = std::move(stretches);
+  impacts_ = static_cast<Eigen::Index>(count(stretches_));
+  gamma_.resize(stretches_.size());
+  factors_.resize(stretches_.size());
+  weigh_equally();
+}
+
+void Projection::Core::weigh_equally() {
+  weights_.clear();
+  for (const Stretch& stretch : stretches_) {
+    weights_.emplace_back(Eigen::VectorXd::Ones(static_cast<Eigen::Index>(stretch.size())));
+  }
+  normalization_ = homogeneous ? std::sqrt(static_cast<double>(impacts_)) : 0.0;
+}
+
+void Projection::Core::weigh() {
+  double mean = 0.0;
+  for (const Eigen::VectorXd& gamma : gamma_) mean += gamma.cwiseAbs().sum();
+  mean /= static_cast<double>(impacts_);
+  for (std::size_t s = 0; s < gamma_.size(); ++s) {
+    for (Eigen::Index k = 0; k < gamma_[s].size(); ++k) {
+      const double least = mean / largest_weight;
+      weights_[s][k] = std::max(1.0 / std::max(std::abs(gamma_[s][k]), least), least_weight / mean);
+    }
+  }
+}
+
+void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
+  const Eigen::Index n2 = 2 * family.n();
+  machine_ = family.at(values);
+  flights_.set(machine_, stretches_);
+  harmonics_.set(machine_.frequencies, stretches_);
+  fit.values = values;
+  fit.x0.resize(stretches_.size());
+  const Eigen::Index zetas = E.cols();
+  std::vector<Eigen::MatrixXd> lower(stretches_.size());
+  std::vector<PathRows> all_rows(stretches_.size());
+  Eigen::Index rows = 0;
+  for (std::size_t s = 0; s < stretches_.size(); ++s) {
+    path_rows(machine_, flights_, harmonics_, stretches_[s], s, all_rows[s]);
+    const PathRows& of = all_rows[s];
+    const Eigen::Index N = of.A.rows();
+    const bool normalized = homogeneous && s == 0;
+    Eigen::MatrixXd X(N + (normalized ? 1 : 0), n2);
+    Eigen::MatrixXd I(X.rows(), zetas + 1);
+    X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
+    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * (of.A.rightCols(E.rows()) * E);
+    I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known);
+    if (normalized) {
+      const Eigen::RowVectorXd mean = normalization_ * of.Gamma.colwise().mean();
+      X.row(N) = mean.head(n2);
+      I.row(N).head(zetas) = mean.tail(E.rows()) * E;
+      I(N, zetas) = normalization_;
+    }
+    Factors& factors = factors_[s];
+    factors.scale = X.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+    X = (X * factors.scale.cwiseInverse().asDiagonal()).eval();
+    factorize(X, factors.qr);
+    I.applyOnTheLeft(factors.qr.householderQ().adjoint());
+    const Eigen::Index rank = factors.qr.rank();
+    factors.top = I.topRows(rank);
+    lower[s] = I.bottomRows(I.rows() - rank);
+    factors.first = rows;
+    factors.rows = lower[s].rows();
+    rows += factors.rows;
+  }
+  Eigen::MatrixXd stacked(rows, zetas + 1);
+  for (std::size_t s = 0; s < stretches_.size(); ++s) {
+    stacked.middleRows(factors_[s].first, factors_[s].rows) = lower[s];
+  }
+  Eigen::VectorXd zeta(zetas);
+  Eigen::VectorXd right = stacked.col(zetas);
+  Eigen::Index rank = 0;
+  if (zetas > 0) {
+    const Eigen::VectorXd scale = stacked.leftCols(zetas).colwise().norm().transpose().cwiseMax(
+        std::numeric_limits<double>::min());
+    factorize(stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal(), inputs_qr_);
+    rank = inputs_qr_.rank();
+    zeta = -inputs_qr_.solve(right).cwiseQuotient(scale);
+    right.applyOnTheLeft(inputs_qr_.householderQ().adjoint());
+  }
+  residual_ = right.tail(rows - rank);
+  fit.inputs = known + E * zeta;
+  Eigen::VectorXd with_known(zetas + 1);
+  with_known << zeta, 1.0;
+  double squares = 0.0;
+  int inside = 0;
+  double speed = 0.0;
+  for (std::size_t s = 0; s < stretches_.size(); ++s) {
+    const Factors& factors = factors_[s];
+    const Eigen::Index of = factors.qr.rank();
+    Eigen::VectorXd y = Eigen::VectorXd::Zero(n2);
+    y.head(of) = factors.qr.matrixQR().topLeftCorner(of, of).triangularView<Eigen::Upper>().solve(
+        -factors.top * with_known);
+    fit.x0[s] = (factors.qr.colsPermutation() * y).cwiseQuotient(factors.scale);
+    Eigen::VectorXd z(n2 + E.rows());
+    z << fit.x0[s], fit.inputs;
+    gamma_[s] = all_rows[s].Gamma * z;
+    inside += static_cast<int>((gamma_[s].array() > 0.0).count());
+    speed += gamma_[s].cwiseAbs().sum();
+    squares += (weights_[s].cwiseProduct(all_rows[s].A * z)).squaredNorm();
+  }
+  // Impacts that are weighted alike are not yet times.
+  const bool equal = weights_[0].size() > 0 && weights_[0][0] == 1.0;
+  const double unit = equal && !homogeneous ? speed / static_cast<double>(impacts_) : 1.0;
+  fit.rms = std::sqrt(squares / static_cast<double>(impacts_)) / unit;
+  fit.inside = static_cast<double>(inside) / static_cast<double>(impacts_);
+  if (!std::isfinite(fit.rms)) fit.rms = std::numeric_limits<double>::infinity();
+}
+
+PathFit Projection::Core::at(const Eigen::VectorXd& values) {
+  weigh_equally();
+  PathFit fit;
+  solve(values, fit);
+  return fit;
+}
+
+// Kaufman's: what theta changes with z as it is, as far as z does not reach it.
+Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
+  constexpr double step = 4e-6;
+  const auto unknowns = static_cast<Eigen::Index>(nonlinear.size());
+  const Eigen::Index rows = factors_.back().first + factors_.back().rows;
+  Eigen::MatrixXd J(rows, unknowns);
+  for (Eigen::Index k = 0; k < unknowns; ++k) {
+    const std::size_t number = nonlinear[static_cast<std::size_t>(k)];
+    const Unknown& unknown = family.unknowns()[number];
+    const double value = at.values[static_cast<Eigen::Index>(number)];
+    std::vector<Eigen::VectorXd> change(stretches_.size());
+    for (const double side : {1.0, -1.0}) {
+      Eigen::VectorXd values = at.values;
+      values[static_cast<Eigen::Index>(number)] =
+          unknown.value(unknown.coordinate(value) + side * step);
+      const Machine machine = family.at(values);
+      other_flights_.set(machine, stretches_);
+      other_harmonics_.set(machine.frequencies, stretches_);
+      for (std::size_t s = 0; s < stretches_.size(); ++s) {
+        follow(machine, other_flights_, other_harmonics_, stretches_[s], s, at.x0[s], at.inputs,
+               path_);
+        const bool normalized = homogeneous && s == 0;
+        const Eigen::Index N = path_.g.size();
+        if (side > 0.0) change[s].setZero(N + (normalized ? 1 : 0));
+        change[s].head(N) += side / (2.0 * step) * weights_[s].cwiseProduct(path_.g);
+        if (normalized) change[s][N] += side / (2.0 * step) * normalization_ * path_.gamma.mean();
+      }
+    }
+    for (std::size_t s = 0; s < stretches_.size(); ++s) {
+      change[s].applyOnTheLeft(factors_[s].qr.householderQ().adjoint());
+      J.col(k).segment(factors_[s].first, factors_[s].rows) = change[s].tail(factors_[s].rows);
+    }
+  }
+  if (E.cols() == 0) return J;
+  J.applyOnTheLeft(inputs_qr_.householderQ().adjoint());
+  return J.bottomRows(rows - inputs_qr_.rank());
+}
+
+PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
+  constexpr double longest_step = 0.1;
+  const std::vector<Unknown>& unknowns = family.unknowns();
+  const auto p = static_cast<Eigen::Index>(nonlinear.size());
+  PathFit best;
+  weigh_equally();
+  solve(from.values, best);
+  weigh();
+  solve(from.values, best);
+  double lambda = 1e-3;
+  for (int step = 0; step < most_steps && p > 0; ++step) {
+    const Eigen::MatrixXd J = jacobian(best);
+    const Eigen::VectorXd gradient = J.transpose() * residual_;
+    const Eigen::MatrixXd normal = J.transpose() * J;
+    const double before = objective();
+    if (!std::isfinite(before)) break;
+    bool better = false;
+    double moved = 0.0;
+    while (!better && lambda < 1e9) {
+      Eigen::MatrixXd damped = normal;
+      damped.diagonal() *= 1.0 + lambda;
+      damped.diagonal().array() += std::numeric_limits<double>::min();
+      Eigen::VectorXd change = -damped.ldlt().solve(gradient);
+      const double largest = change.cwiseAbs().maxCoeff();
+      if (largest > longest_step) change *= longest_step / largest;
+      Eigen::VectorXd values = best.values;
+      for (Eigen::Index k = 0; k < p; ++k) {
+        const std::size_t number = nonlinear[static_cast<std::size_t>(k)];
+        const Unknown& unknown = unknowns[number];
+        double& value = values[static_cast<Eigen::Index>(number)];
+        value = unknown.value(
+            std::clamp(unknown.coordinate(value) + change[k], unknown.lowest(), unknown.highest()));
+      }
+      moved = change.cwiseAbs().maxCoeff();
+      PathFit next;
+      solve(values, next);
+      if (objective() < before) {
+        better = true;
+        best = std::move(next);
+        lambda = std::max(lambda / 9.0, 1e-12);
+      } else {
+        lambda *= 4.0;
+        if (moved < 1e-15) break;
+      }
+    }
+    if (!better) {
+      solve(best.values, best);
+      break;
+    }
+    const bool slow = objective() > (1.0 - 1e-6) * before;
+    weigh();
+    solve(best.values, best);
+    if (moved < 1e-14 || (slow && moved < 1e-9)) break;
+  }
+  return best;
+}
+
+Projection::Projection(const MachineFamily& family) : core_(std::make_unique<Core>(family)) {}
+Projection::~Projection() = default;
+const std::vector<std::size_t>& Projection::nonlinear() const { return core_->nonlinear; }
+Eigen::Index Projection::free_inputs() const { return core_->E.cols(); }
+bool Projection::homogeneous() const { return core_->homogeneous; }
+void Projection::take(Stretches stretches) { core_->take(std::move(stretches)); }
+PathFit Projection::at(const Eigen::VectorXd& values) { return core_->at(values); }
+PathFit Projection::refine(const PathFit& from, int most_steps) {
+  return core_->refine(from, most_steps);
+}
+
+}  // namespace sprag

@@ -1,0 +1,235 @@
+#include "sprag/identification/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+// Steps of a grid, in coordinates of the unknowns: wide enough that a refinement between two points
+// finds to one of them (measured on the paper's beam with 22 impacts).
+constexpr double step_of_stiffness = 0.05, step_of_position = 0.04;
+constexpr double step_of_phase = 0.8;  // [rad], by which a frequency's step turns the last impact
+constexpr double most_points = 30000.0;
+constexpr std::size_t kept = 6;
+constexpr double growth = 1.5;
+
+struct Axis {
+  std::size_t unknown = 0;
+  double step = 0.0;
+  int to_low = 0, to_high = 0;  // points beside the nominal one
+};
+
+std::vector<Axis> axes_of(const MachineFamily& family, double duration, double refinement) {
+  std::vector<Axis> axes;
+  const std::vector<Unknown>& unknowns = family.unknowns();
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
+    const Unknown& unknown = unknowns[k];
+    Axis axis{.unknown = k};
+    if (unknown.kind == Kind::stiffness || unknown.kind == Kind::stiffness_entry) {
+      axis.step = step_of_stiffness;
+    } else if (unknown.kind == Kind::position) {
+      axis.step = step_of_position;
+    } else if (unknown.kind == Kind::frequency) {
+      axis.step = step_of_phase / (unknown.nominal * duration);
+    } else {
+      continue;
+    }
+    axis.step *= refinement;
+    // A nominal value that is off by that share of the true one, either way.
+    const double radius = -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
+    axis.to_low = static_cast<int>(std::ceil(std::min(radius, -unknown.lowest()) / axis.step));
+    axis.to_high = static_cast<int>(std::ceil(std::min(radius, unknown.highest()) / axis.step));
+    axes.push_back(axis);
+  }
+  // Frequencies last: what does not depend on them is then computed once for all of them.
+  std::stable_partition(axes.begin(), axes.end(), [&](const Axis& axis) {
+    return unknowns[axis.unknown].kind != Kind::frequency;
+  });
+  double points = 1.0;
+  for (const Axis& axis : axes) points *= axis.to_low + axis.to_high + 1;
+  if (points > most_points) {
+    const double wider = std::pow(points / most_points, 1.0 / static_cast<double>(axes.size()));
+    for (Axis& axis : axes) {
+      axis.step *= wider;
+      axis.to_low = static_cast<int>(std::ceil(axis.to_low / wider));
+      axis.to_high = static_cast<int>(std::ceil(axis.to_high / wider));
+    }
+  }
+  return axes;
+}
+
+struct Point {
+  std::vector<int> at;  // steps from the nominal one
+  PathFit fit;
+  double score = 0.0;
+};
+
+bool near(const Point& a, const Point& b) {
+  for (std::size_t i = 0; i < a.at.size(); ++i) {
+    if (std::abs(a.at[i] - b.at[i]) >= 2) return false;
+  }
+  return true;
+}
+
+// The best points, at least two steps from each other.
+void keep(Point point, std::vector<Point>& best) {
+  if (!std::isfinite(point.score)) return;
+  for (Point& other : best) {
+    if (near(point, other) && other.score <= point.score) return;
+  }
+  std::erase_if(best, [&](const Point& other) { return near(point, other); });
+  const auto behind =
+      std::upper_bound(best.begin(), best.end(), point.score,
+                       [](double score, const Point& other) { return score < other.score; });
+  best.insert(behind, std::move(point));
+  if (best.size() > kept) best.pop_back();
+}
+
+std::vector<Point> best_of_grid(const MachineFamily& family, Projection& projection,
+                                const std::vector<Axis>& axes) {
+  constexpr double penalty = 3.0;  // of impacts from inside
+  std::vector<Point> best;
+  Point point{std::vector<int>(axes.size()), {}, 0.0};
+  for (std::size_t i = 0; i < axes.size(); ++i) point.at[i] = -axes[i].to_low;
+  Eigen::VectorXd values = family.nominal();
+  while (true) {
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+      const Unknown& unknown = family.unknowns()[axes[i].unknown];
+      values[static_cast<Eigen::Index>(axes[i].unknown)] = unknown.value(
+          std::clamp(axes[i].step * point.at[i], unknown.lowest(), unknown.highest()));
+    }
+    PathFit fit = projection.at(values);
+    const double score = fit.rms * (1.0 + penalty * fit.inside);
+    if (best.size() < kept || score < best.back().score) keep({point.at, fit, score}, best);
+    std::size_t i = axes.size();
+    while (i > 0 && point.at[i - 1] == axes[i - 1].to_high) {
+      point.at[i - 1] = -axes[i - 1].to_low;
+      --i;
+    }
+    if (i == 0) break;
+    ++point.at[i - 1];
+  }
+  return best;
+}
+
+double duration_of(const Stretches& stretches) {
+  return stretches.back().impacts.back().t - stretches.front().start;
+}
+
+// Refines on windows that grow from `size` impacts at `first` to all.
+PathFit grow(Projection& projection, const Stretches& all, std::size_t first, std::size_t size,
+             PathFit fit, std::size_t fewest) {
+  constexpr int steps = 12, last_steps = 40;
+  const std::size_t total = count(all);
+  while (size < total) {
+    const auto next = static_cast<std::size_t>(std::ceil(growth * static_cast<double>(size)));
+    // Forward as far as it goes, then backward.
+    const std::size_t end = std::min(total, first + next);
+    first = end > next ? end - next : 0;
+    size = end - first;
+    Stretches window = part(all, first, size);
+    std::erase_if(window, [&](const Stretch& stretch) { return stretch.size() < fewest; });
+    projection.take(std::move(window));
+    fit = projection.refine(fit, size == total ? last_steps : steps);
+  }
+  return fit;
+}
+
+}  // namespace
+
+std::size_t first_window(const MachineFamily& family, const Projection& projection) {
+  const auto n = static_cast<std::size_t>(family.n());
+  const std::size_t unknowns =
+      2 * n + static_cast<std::size_t>(projection.free_inputs()) + projection.nonlinear().size();
+  return std::max(6 * n + 4, unknowns + 8);
+}
+
+namespace {
+
+constexpr int first_steps = 25;
+
+bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b) {
+  constexpr double apart = 0.01;
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    const Unknown& unknown = family.unknowns()[k];
+    const auto i = static_cast<Eigen::Index>(k);
+    if (unknown.linear()) continue;
+    if (std::abs(unknown.coordinate(a.values[i]) - unknown.coordinate(b.values[i])) > apart) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// The best places of the grid, each refined, the best first.
+std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
+                                    const Stretches& window, double refinement) {
+  projection.take(window);
+  const std::vector<Axis> axes = axes_of(family, duration_of(window), refinement);
+  std::vector<PathFit> starts;
+  for (const Point& point : best_of_grid(family, projection, axes)) {
+    starts.push_back(projection.refine(point.fit, first_steps));
+  }
+  std::stable_sort(starts.begin(), starts.end(),
+                   [](const PathFit& a, const PathFit& b) { return a.score() < b.score(); });
+  return starts;
+}
+
+}  // namespace
+
+PathFit search_window(const MachineFamily& family, const Stretches& window) {
+  Projection projection(family);
+  std::vector<PathFit> starts = refined_starts(family, projection, window, 1.0);
+  return starts.empty() ? PathFit{} : std::move(starts.front());
+}
+
+SearchResult search(const MachineFamily& family, const Stretches& stretches,
+                    const SearchSettings& settings) {
+  constexpr std::size_t followed = 3;  // of the refined places
+  Projection projection(family);
+  const std::size_t total = count(stretches);
+  const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
+  const std::size_t n = std::min(total, first_window(family, projection));
+  SearchResult result;
+  PathFit& best = result.best;
+  best.rms = std::numeric_limits<double>::infinity();
+  struct Window {
+    std::size_t first, size;
+    double refinement;
+  };
+  std::vector<Window> windows;
+  for (const std::size_t first : {std::size_t{0}, n / 2, n, 2 * n, 3 * n}) {
+    if (first + n <= total) windows.push_back({first, n, 1.0});
+  }
+  windows.push_back({0, std::min(total, n * 7 / 5), 0.5});
+  for (const Window& window : windows) {
+    Stretches first = part(stretches, window.first, window.size);
+    std::erase_if(first, [&](const Stretch& stretch) { return stretch.size() < fewest; });
+    if (first.empty()) continue;
+    const std::vector<PathFit> starts =
+        refined_starts(family, projection, first, window.refinement);
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      const bool found = best.score() <= settings.good;
+      // Another minimum as deep as the one that was found shows on few impacts already.
+      if (found ? starts[i].score() > settings.good : i >= followed) continue;
+      PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
+      if (found) {
+        const auto same = [&](const PathFit& other) { return same_place(family, fit, other); };
+        if (fit.score() <= settings.good && !same(best) &&
+            std::none_of(result.others.begin(), result.others.end(), same)) {
+          result.others.push_back(std::move(fit));
+        }
+      } else if (fit.score() < best.score()) {
+        best = std::move(fit);
+      }
+    }
+    if (best.score() <= settings.good) break;
+  }
+  return result;
+}
+
+}  // namespace sprag

@@ -1,0 +1,32 @@
+// Where no start is known: the parameters' box is searched on a few impacts, the best places are
+// refined (projection.h), and the window grows from there to all impacts. Far from the truth the
+// squares of a long record have a minimum every fraction of a percent; those of a short one do not.
+#pragma once
+
+#include "sprag/identification/machine_family.h"
+#include "sprag/identification/projection.h"
+#include "sprag/identification/record.h"
+
+namespace sprag {
+
+struct SearchSettings {
+  double good = 0.0;  ///< a fit that leaves less than this is no chance [s]
+};
+
+struct SearchResult {
+  PathFit best;
+  /// Others, at other values, that leave less than `good` as well.
+  std::vector<PathFit> others;
+};
+
+/// The best fit to all stretches. Each stretch must have more than 2n impacts.
+SearchResult search(const MachineFamily& family, const Stretches& stretches,
+                    const SearchSettings& settings);
+
+/// The best fit to some impacts alone, that of one window.
+PathFit search_window(const MachineFamily& family, const Stretches& window);
+
+/// Impacts that a first window takes.
+std::size_t first_window(const MachineFamily& family, const Projection& projection);
+
+}  // namespace sprag

@@ -1,0 +1,241 @@
+#include "sprag/identification/unknowns.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "sprag/estimation/parameters.h"
+#include "sprag/files/nearest_word.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+constexpr double beyond = 0.05;  // the box ends a little outside what is asked for
+
+Unknown positive(Kind kind, int index, std::string key, std::string unit, double nominal) {
+  Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
+  unknown.nominal = nominal;
+  unknown.logarithmic = nominal > 0.0;
+  return unknown;
+}
+
+std::string of(const char* table, std::size_t i, const char* key) {
+  return std::string(table) + '.' + std::to_string(i + 1) + '.' + key;
+}
+
+void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
+  const auto& contacts = model.contacts;
+  const bool one = std::all_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
+    return contact.restitution == contacts.front().restitution;
+  });
+  const auto restitution = [](int index, std::string key, double nominal) {
+    Unknown unknown = positive(Kind::restitution, index, std::move(key), "", nominal);
+    unknown.upper_limit = 1.0;
+    return unknown;
+  };
+  if (one) {
+    unknowns.push_back(restitution(-1, "impact.restitution", contacts.front().restitution));
+  }
+  for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
+    unknowns.push_back(
+        restitution(static_cast<int>(i), of("contact", i, "restitution"), contacts[i].restitution));
+  }
+}
+
+void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
+  if (scene.beam && scene.beam->damping_ratio.size() == 0) {
+    Unknown d = positive(Kind::damping, -1, "beam.damping", "N s/m^2", scene.beam->damping);
+    // Of an undamped beam: 2 % of critical damping of its first mode.
+    d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
+                  scene.beam->mass_per_length;
+    unknowns.push_back(d);
+  } else if (!scene.model.C.isZero(0.0)) {
+    unknowns.push_back(
+        positive(Kind::damping, -1, scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
+  }
+  if (scene.beam) {
+    unknowns.push_back(positive(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
+                                scene.beam->bending_stiffness));
+  } else if (!scene.model.K.isZero(0.0)) {
+    unknowns.push_back(positive(Kind::stiffness, -1, "system.K", "", 1.0));
+  }
+}
+
+// What a length of this machine is: for clearances, which may nominally be 0.
+double usual_length(const Scene& scene) {
+  double length = 0.0;
+  for (const Contact& contact : scene.model.contacts) {
+    length = std::max({length, std::abs(contact.clearance), std::abs(contact.motion.amplitude),
+                       std::abs(contact.w.dot(scene.master.q)),
+                       std::abs(contact.w.dot(scene.replica.q))});
+  }
+  return length > 0.0 ? length : 1.0;
+}
+
+std::string unit_of_amplitude(const Scene& scene, const HarmonicGroup& group) {
+  if (scene.beam) return "m";
+  if (group.forces.size() + group.contacts.size() > 1) return "";
+  return group.forces.empty() ? "m" : "N";
+}
+
+}  // namespace
+
+double Unknown::coordinate(double of_value) const {
+  return logarithmic ? std::log(of_value / nominal) : (of_value - nominal) / unit_step;
+}
+
+double Unknown::value(double of_coordinate) const {
+  return logarithmic ? nominal * std::exp(of_coordinate) : nominal + unit_step * of_coordinate;
+}
+
+double Unknown::lowest() const {
+  const double share = -(std::log1p(2.0 * within) + beyond);
+  if (logarithmic) return share;
+  const bool not_negative = kind == Kind::restitution || kind == Kind::damping;
+  return not_negative ? coordinate(0.0) : share;
+}
+
+double Unknown::highest() const {
+  const double share = std::log1p(2.0 * within) + beyond;
+  if (!logarithmic && kind == Kind::damping) return 10.0;
+  return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
+}
+
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
+  const auto moves = [](const Harmonic& harmonic) {
+    return harmonic.amplitude != 0.0 && harmonic.frequency > 0.0;
+  };
+  std::vector<HarmonicGroup> groups;
+  const Model& model = scene.model;
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    const Harmonic& harmonic = model.forces[j].harmonic;
+    if (!moves(harmonic)) continue;
+    groups.push_back({{static_cast<int>(j)},
+                      {},
+                      "force." + std::to_string(j + 1),
+                      harmonic.amplitude,
+                      harmonic.frequency,
+                      harmonic.phase});
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const Harmonic& harmonic = model.contacts[i].motion;
+    if (!moves(harmonic)) continue;
+    groups.push_back({{},
+                      {static_cast<int>(i)},
+                      of("contact", i, "motion"),
+                      harmonic.amplitude,
+                      harmonic.frequency,
+                      harmonic.phase});
+  }
+  const double common = only_frequency(model);
+  if (groups.empty() || common == 0.0 || (!scene.beam && groups.size() == 1)) return groups;
+  HarmonicGroup all{.forces = {}, .contacts = {}, .key = "excitation", .frequency = common};
+  for (const HarmonicGroup& group : groups) {
+    all.forces.insert(all.forces.end(), group.forces.begin(), group.forces.end());
+    all.contacts.insert(all.contacts.end(), group.contacts.begin(), group.contacts.end());
+  }
+  if (scene.beam) {
+    // The frame's motion e(t) shows in its force, -e''(t).
+    all.amplitude = std::abs(groups.front().amplitude) / square(common);
+    all.phase = groups.front().phase;
+  }
+  return {all};
+}
+
+std::vector<Unknown> unknowns_of(const Scene& scene) {
+  const Model& model = scene.model;
+  std::vector<Unknown> unknowns;
+  add_restitutions(model, unknowns);
+  add_flow(scene, unknowns);
+  const double length = usual_length(scene);
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const int contact = static_cast<int>(i);
+    if (scene.beam) {
+      unknowns.push_back(
+          positive(Kind::position, contact, of("contact", i, "position"), "m", scene.positions[i]));
+      unknowns.back().upper_limit = scene.beam->length;
+    }
+    Unknown clearance{
+        .kind = Kind::clearance, .index = contact, .key = of("contact", i, "clearance")};
+    clearance.unit = "m";
+    clearance.nominal = model.contacts[i].clearance;
+    clearance.unit_step = length;
+    unknowns.push_back(clearance);
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const HarmonicGroup& group = groups[g];
+    const int index = static_cast<int>(g);
+    unknowns.push_back(
+        positive(Kind::frequency, index, group.key + ".frequency", "rad/s", group.frequency));
+    Unknown phase{.kind = Kind::phase, .index = index, .key = group.key + ".phase", .unit = "rad"};
+    phase.nominal = group.phase;
+    unknowns.push_back(phase);
+    unknowns.push_back(positive(Kind::amplitude, index, group.key + ".amplitude",
+                                unit_of_amplitude(scene, group), group.amplitude));
+    unknowns.back().unit_step = std::abs(group.amplitude);
+  }
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    const double constant = model.forces[j].constant;
+    if (constant == 0.0) continue;
+    unknowns.push_back(
+        positive(Kind::constant, static_cast<int>(j), of("force", j, "constant"), "N", constant));
+    unknowns.back().unit_step = std::abs(constant);
+  }
+  return unknowns;
+}
+
+namespace {
+
+// "system.K.1.2": which entry, if it is one.
+bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
+  constexpr std::string_view prefix = "system.";
+  if (scene.beam || key.size() < prefix.size() + 5 || key.substr(0, prefix.size()) != prefix) {
+    return false;
+  }
+  const char matrix = key[prefix.size()];
+  if (matrix != 'K' && matrix != 'C') return false;
+  int row = 0, column = 0;
+  const char* const end = key.data() + key.size();
+  const auto first = std::from_chars(key.data() + prefix.size() + 2, end, row);
+  if (first.ec != std::errc() || first.ptr == end || *first.ptr != '.') return false;
+  const auto second = std::from_chars(first.ptr + 1, end, column);
+  if (second.ec != std::errc() || second.ptr != end) return false;
+  const auto f = static_cast<int>(scene.model.coordinates());
+  if (row < 1 || column < 1 || row > f || column > f) return false;
+  const Eigen::MatrixXd& of_scene = matrix == 'K' ? scene.model.K : scene.model.C;
+  unknown =
+      positive(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1, std::string(key),
+               matrix == 'K' ? "N/m" : "N s/m", of_scene(row - 1, column - 1));
+  unknown.row = row - 1;
+  unknown.column = column - 1;
+  unknown.unit_step =
+      unknown.nominal != 0.0 ? std::abs(unknown.nominal) : of_scene.cwiseAbs().maxCoeff();
+  return true;
+}
+
+}  // namespace
+
+Unknown unknown_of(const Scene& scene, std::string_view key) {
+  const std::vector<Unknown> unknowns = unknowns_of(scene);
+  for (const Unknown& unknown : unknowns) {
+    if (unknown.key == key) return unknown;
+  }
+  Unknown entry;
+  if (read_entry(scene, key, entry)) return entry;
+  std::vector<std::string_view> keys;
+  for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
+  std::string text = std::string(key) + " is no parameter of this scene; ";
+  if (const auto nearest = nearest_word(key, keys)) {
+    text += "did you mean " + std::string(*nearest) + "? ";
+  }
+  text += "It has";
+  for (const std::string_view of_scene : keys) text += ' ' + std::string(of_scene);
+  throw std::invalid_argument(text);
+}
+
+}  // namespace sprag

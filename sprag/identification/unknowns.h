@@ -1,0 +1,75 @@
+// The parameters of a scene's machine that identification can seek, by the keys of the scene file:
+// impact.restitution, contact.1.position, beam.damping, excitation.phase, system.K.1.2, ...
+//
+// Where a key stands for several numbers (K and C of a general system, harmonics of one frequency)
+// it is a common factor, nominally 1, and a phase a common shift, nominally 0.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+struct Unknown {
+  enum class Kind {
+    restitution,  ///< epsilon of contact `index`, or of all
+    damping,      ///< d of a beam, or a factor on C
+    stiffness,    ///< EI of a beam, or a factor on K
+    damping_entry,
+    stiffness_entry,  ///< C and K at (row, column) and (column, row)
+    position,         ///< x_c of contact `index` of a beam
+    frequency,        ///< of group `index` of harmonics
+    // The path is linear in what follows (linear_path.h).
+    phase,
+    amplitude,
+    constant,   ///< of force `index`
+    clearance,  ///< of contact `index`
+  };
+
+  Kind kind = Kind::restitution;
+  int index = -1;  ///< from 0; -1: all of them, or the machine as a whole
+  int row = 0, column = 0;
+  std::string key = {};  ///< of the scene file
+  std::string unit = {};
+  double nominal = 0.0;
+  double within = 0.2;       ///< how far it may be off, as a share
+  bool logarithmic = false;  ///< sought as log(value / nominal)
+  double unit_step = 1.0;    ///< of one that is not: what counts as a change by 1
+
+  bool linear() const { return kind >= Kind::phase; }
+  /// Sought on a scale where a change by 0.1 is one of 10 %, 0 at the nominal value.
+  double coordinate(double value) const;
+  double value(double coordinate) const;
+  /// d value / d coordinate at this value.
+  double slope(double value) const { return logarithmic ? value : unit_step; }
+  /// Coordinates that may be tried.
+  double lowest() const;
+  double highest() const;
+
+  double upper_limit = 0.0;  ///< of the value, where there is one: epsilon <= 1, x_c <= l; else 0
+};
+
+/// All that the scene's machine has, without single entries of C and K.
+std::vector<Unknown> unknowns_of(const Scene& scene);
+
+/// The one of this key, entries included. Throws std::invalid_argument, with the nearest key there
+/// is.
+Unknown unknown_of(const Scene& scene, std::string_view key);
+
+/// Harmonics that have one amplitude, frequency and phase in the scene file.
+struct HarmonicGroup {
+  std::vector<int> forces;    ///< from 0
+  std::vector<int> contacts;  ///< whose supports move with it, from 0
+  std::string key;            ///< "excitation", "force.1", "contact.2.motion"
+  double amplitude = 1.0, frequency = 0.0, phase = 0.0;
+};
+
+/// Of a beam one; of a general system one of all harmonics where they have one frequency, else one
+/// each.
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene);
+
+}  // namespace sprag

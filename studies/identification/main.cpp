@@ -1,0 +1,125 @@
+// identification: repeats the trials of docs/identification.md and prints what was wanted and got.
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sprag/files/scene_file.h"
+#include "studies/identification/trial.h"
+
+namespace {
+
+using namespace sprag::identification_study;
+
+struct Row {
+  const char* name;
+  const char* scene;
+  Trial trial;
+  int runs;
+  int wanted;
+};
+
+void run_row(const std::filesystem::path& scenes, const Row& row, std::uint64_t first_seed) {
+  const sprag::Scene scene = sprag::read_scene(scenes / row.scene);
+  int right = 0, wrong = 0, inside = 0, values = 0;
+  double slowest = 0.0, seconds = 0.0;
+  std::vector<double> errors;
+  for (int i = 0; i < row.runs; ++i) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
+    const Outcome outcome = run(scene, row.trial, seed);
+    if (outcome.right(row.trial)) {
+      ++right;
+      errors.push_back(outcome.worst);
+      inside += outcome.inside_95;
+      values += outcome.values;
+    } else {
+      wrong += outcome.accepted() ? 1 : 0;
+      std::fprintf(stderr, "%s: seed %llu: %s, worst %.2g (%.2g sigma), %d impacts\n", row.name,
+                   static_cast<unsigned long long>(seed),
+                   outcome.too_few      ? "too few"
+                   : outcome.accepted() ? "accepted"
+                                        : "refused",
+                   outcome.worst, outcome.worst_sigmas, outcome.found.impacts);
+    }
+    slowest = std::max(slowest, outcome.seconds);
+    seconds += outcome.seconds;
+  }
+  std::sort(errors.begin(), errors.end());
+  std::string coverage = "-";
+  if (row.trial.jitter > 0.0 && values > 0) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.1f %%", 100.0 * inside / values);
+    coverage = text;
+  }
+  std::printf("| %s | %d/%d | %d/%d | %d | %.1e | %s | %.2f, %.2f |\n", row.name, row.wanted,
+              row.runs, right, row.runs, wrong, errors.empty() ? 0.0 : errors[errors.size() / 2],
+              coverage.c_str(), seconds / row.runs, slowest);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    std::fprintf(stderr, "usage: identification SCENES [FIRST_SEED [ROW]]\n");
+    return 2;
+  }
+  const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
+  const std::string only = argc > 3 ? argv[3] : "";
+  const Row rows[] = {
+      {"10 %, exact times", "paper_beam.toml", {.off = 0.1}, 50, 49},
+      {"20 %, exact times", "paper_beam.toml", {.off = 0.2}, 50, 49},
+      {"10 %, jitter 1e-4", "paper_beam.toml", {.off = 0.1, .jitter = 1e-4}, 50, 49},
+      {"20 %, jitter 1e-4", "paper_beam.toml", {.off = 0.2, .jitter = 1e-4}, 50, 49},
+      {"20 %, jitter 1e-4, not told",
+       "paper_beam.toml",
+       {.off = 0.2, .jitter = 1e-4, .jitter_told = false},
+       50,
+       49},
+      {"30 %, exact times", "paper_beam.toml", {.off = 0.3}, 50, 49},
+      {"machine itself off by 20 %, exact times",
+       "paper_beam.toml",
+       {.off = 0.2, .machine_off = 0.2},
+       49,
+       47},
+      {"machine itself off by 20 %, jitter 1e-4",
+       "paper_beam.toml",
+       {.off = 0.2, .machine_off = 0.2, .jitter = 1e-4},
+       49,
+       47},
+      {"22 impacts, exact times", "paper_beam.toml", {.off = 0.2, .impacts = 22}, 25, 24},
+      {"22 impacts, jitter 1e-4",
+       "paper_beam.toml",
+       {.off = 0.2, .impacts = 22, .jitter = 1e-4},
+       25,
+       24},
+      {"5 % lost, jitter 1e-4",
+       "paper_beam.toml",
+       {.off = 0.2, .jitter = 1e-4, .lost = 0.05},
+       12,
+       11},
+      {"5 % spurious, jitter 1e-4",
+       "paper_beam.toml",
+       {.off = 0.2, .jitter = 1e-4, .spurious = 0.05},
+       12,
+       11},
+      {"5 % lost, exact times", "paper_beam.toml", {.off = 0.2, .lost = 0.05}, 12, 11},
+      {"5 % spurious, exact times", "paper_beam.toml", {.off = 0.2, .spurious = 0.05}, 12, 11},
+      {"lab_rig, 10 %", "lab_rig.toml", {.off = 0.1}, 10, 10},
+      {"two_stops_beam, 10 %", "two_stops_beam.toml", {.off = 0.1}, 10, 10},
+      {"paper_beam_frame, 10 %", "paper_beam_frame.toml", {.off = 0.1}, 10, 10},
+      {"paper_beam_chatter, 10 %", "paper_beam_chatter.toml", {.off = 0.1}, 10, 10},
+      {"steel_ruler, 10 %", "steel_ruler.toml", {.off = 0.1}, 10, 10},
+      {"non_proportional, 10 %", "non_proportional.toml", {.off = 0.1}, 10, 10},
+  };
+  std::printf(
+      "| trial | wanted | got | accepted though wrong | median of the worst error | 95 %% "
+      "intervals cover | mean, slowest time [s] |\n|---|---|---|---|---|---|---|\n");
+  for (const Row& row : rows) {
+    if (only.empty() || std::string(row.name).find(only) != std::string::npos) {
+      run_row(argv[1], row, seed);
+    }
+  }
+}

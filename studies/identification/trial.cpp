@@ -1,0 +1,172 @@
+#include "studies/identification/trial.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "sprag/mechanics/master.h"
+
+namespace sprag::identification_study {
+namespace {
+
+using Kind = Unknown::Kind;
+
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+  double sign() { return uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0; }
+  /// By Box and Muller: the standard does not fix its own.
+  double normal() {
+    const double radius = std::sqrt(-2.0 * std::log1p(-uniform(0.0, 1.0)));
+    return radius * std::cos(2.0 * std::numbers::pi * uniform(0.0, 1.0));
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+std::vector<Unknown> unknowns(const Scene& scene, const std::vector<std::string>& keys) {
+  std::vector<Unknown> all;
+  for (const std::string& key : keys) all.push_back(unknown_of(scene, key));
+  return all;
+}
+
+void limit(const Unknown& unknown, double& value) {
+  if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
+}
+
+// Another machine of the family, which is hit often enough and never held.
+std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const Scene& scene,
+                                                                         const Trial& trial,
+                                                                         Draw& draw) {
+  const std::vector<Unknown> all = unknowns(scene, usual_keys(scene));
+  const MachineFamily family(scene, all);
+  Eigen::VectorXd values = family.nominal();
+  for (std::size_t k = 0; trial.machine_off > 0.0 && k < all.size(); ++k) {
+    double& value = values[static_cast<Eigen::Index>(k)];
+    if (all[k].kind == Kind::phase) {
+      value = draw.uniform(-std::numbers::pi, std::numbers::pi);
+    } else if (all[k].kind == Kind::clearance && !family.groups().empty()) {
+      value += draw.uniform(-0.3, 0.3) * family.groups()[0].amplitude;
+    } else {
+      value *= 1.0 + draw.uniform(-1.0, 1.0) * trial.machine_off;
+      limit(all[k], value);
+    }
+  }
+  Scene machine = family.with(values);
+  for (const Contact& contact : machine.model.contacts) {
+    if (gap(contact, machine.master.q, 0.0) < 0.0) return std::nullopt;
+  }
+  Master master(machine.model, machine.master);
+  std::vector<ContactEvent> events;
+  const auto wanted = static_cast<std::size_t>(trial.impacts);
+  master.advance(at(1e5), events, wanted);
+  if (events.size() < wanted) return std::nullopt;
+  events.resize(wanted);
+  const bool held = std::any_of(events.begin(), events.end(), [](const ContactEvent& event) {
+    return event.kind != ContactEventKind::pulse;
+  });
+  if (held && trial.machine_off > 0.0) return std::nullopt;
+  return std::pair{std::move(machine), std::move(events)};
+}
+
+}  // namespace
+
+std::vector<std::string> usual_keys(const Scene& scene) {
+  std::vector<std::string> keys;
+  const std::vector<Unknown> all = unknowns_of(scene);
+  const bool one = all.front().key == "impact.restitution";
+  for (const Unknown& unknown : all) {
+    const bool of_contact = unknown.kind == Kind::restitution && unknown.index >= 0;
+    if (unknown.kind == Kind::amplitude || unknown.kind == Kind::constant) continue;
+    if (one && of_contact) continue;
+    keys.push_back(unknown.key);
+  }
+  return keys;
+}
+
+bool Outcome::right(const Trial& trial) const {
+  if (!accepted()) return false;
+  return trial.jitter > 0.0 ? worst_sigmas < 6.0 : worst < 1e-9;
+}
+
+Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
+  Draw draw(seed);
+  Outcome outcome;
+  auto drawn = other_machine(scene, trial, draw);
+  for (int again = 0; !drawn && again < 1000; ++again) drawn = other_machine(scene, trial, draw);
+  if (!drawn) {
+    outcome.too_few = true;
+    return outcome;
+  }
+  const Scene& machine = drawn->first;
+  std::vector<ContactEvent> events;
+  const double end = drawn->second.back().t;
+  for (ContactEvent event : drawn->second) {
+    if (draw.uniform(0.0, 1.0) < trial.lost) {
+      ++outcome.events_lost;
+      continue;
+    }
+    event.t += trial.jitter * draw.normal();
+    events.push_back(event);
+  }
+  for (int i = 0; i < trial.impacts; ++i) {
+    if (!(draw.uniform(0.0, 1.0) < trial.spurious)) continue;
+    ++outcome.events_spurious;
+    events.push_back({draw.uniform(0.0, end), 0, ContactEventKind::pulse});
+  }
+  std::sort(events.begin(), events.end(),
+            [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+
+  const std::vector<std::string> keys = trial.keys.empty() ? usual_keys(machine) : trial.keys;
+  const MachineFamily of_machine(machine, unknowns(machine, keys));
+  outcome.truth = of_machine.nominal();
+  Eigen::VectorXd wrong = outcome.truth;
+  for (std::size_t k = 0; k < keys.size(); ++k) {
+    if (of_machine.unknowns()[k].linear()) continue;
+    double& value = wrong[static_cast<Eigen::Index>(k)];
+    value *= 1.0 + draw.sign() * draw.uniform(0.5, 1.0) * trial.off;
+    limit(of_machine.unknowns()[k], value);
+  }
+  Scene nominal = of_machine.with(wrong);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns(nominal, keys);
+  for (std::size_t k = 0; k < keys.size(); ++k) {
+    settings.unknowns[k].within = trial.within.value_or(trial.off);
+    // A factor on the scene's own matrix: what makes the scene the machine.
+    const auto i = static_cast<Eigen::Index>(k);
+    const bool factor = keys[k] == "system.K" || keys[k] == "system.C";
+    if (factor) outcome.truth[i] /= wrong[i];
+  }
+  if (trial.jitter_told) settings.jitter = trial.jitter;
+  // Phases and clearances need no guess, and get none.
+  const auto begin = std::chrono::steady_clock::now();
+  try {
+    outcome.found = identify(nominal, events, settings);
+  } catch (const TooFewImpacts&) {
+    outcome.too_few = true;
+    return outcome;
+  }
+  outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  for (std::size_t k = 0; k < outcome.found.unknowns.size(); ++k) {
+    const FittedUnknown& fitted = outcome.found.unknowns[k];
+    const double truth = outcome.truth[static_cast<Eigen::Index>(k)];
+    double error = fitted.unknown.coordinate(fitted.value) - fitted.unknown.coordinate(truth);
+    if (fitted.unknown.kind == Kind::phase) {
+      error = std::remainder(error, 2.0 * std::numbers::pi);
+    }
+    const double sigma = fitted.sigma / std::abs(fitted.unknown.slope(fitted.value));
+    outcome.worst = std::max(outcome.worst, std::abs(error));
+    outcome.worst_sigmas = std::max(outcome.worst_sigmas, std::abs(error) / sigma);
+    if (std::abs(error) < 1.96 * sigma) ++outcome.inside_95;
+    ++outcome.values;
+  }
+  return outcome;
+}
+
+}  // namespace sprag::identification_study

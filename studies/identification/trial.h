@@ -1,0 +1,46 @@
+// One trial of identification: a machine, its events, and a scene that is wrong about it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sprag/identification/identification.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag::identification_study {
+
+struct Trial {
+  double off = 0.2;  ///< each nonlinear parameter of the scene is wrong by (0.5 ... 1) of it
+  double machine_off = 0.0;  ///< the machine itself is off by up to it, its phase and clearance any
+  int impacts = 100;
+  double jitter = 0.0;                ///< [s]
+  double lost = 0.0, spurious = 0.0;  ///< shares of the events
+  bool jitter_told = true;
+  std::vector<std::string> keys = {};  ///< what is sought; empty: all but the scale
+  std::optional<double> within = {};   ///< told to the identification; none: `off`
+};
+
+struct Outcome {
+  bool too_few = false;
+  Identification found;
+  Eigen::VectorXd truth;          ///< of the unknowns, in their order
+  double worst = 0.0;             ///< error in coordinates of the unknowns
+  double worst_sigmas = 0.0;      ///< the same in its own standard deviations
+  int inside_95 = 0, values = 0;  ///< errors below 1.96 standard deviations
+  double seconds = 0.0;
+  int events_lost = 0, events_spurious = 0;
+
+  bool accepted() const { return !too_few && found.fits(); }
+  /// Accepted, and every value within 1e-9, or with jitter within 6 of its standard deviations.
+  bool right(const Trial& trial) const;
+};
+
+/// What is sought where a trial does not say: all but the scale, and one restitution for all.
+std::vector<std::string> usual_keys(const Scene& scene);
+
+/// A trial with the machine of this scene and this seed.
+Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed);
+
+}  // namespace sprag::identification_study

@@ -1,0 +1,200 @@
+#include "sprag/identification/identification.h"
+
+#include <gtest/gtest.h>
+
+#include <iostream>
+
+#include "studies/identification/trial.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using identification_study::Outcome;
+using identification_study::run;
+using identification_study::Trial;
+using identification_study::usual_keys;
+using test::events_of;
+using test::shipped_scene;
+
+std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
+  std::vector<Unknown> unknowns;
+  for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
+  return unknowns;
+}
+
+TEST(Identification, SevenParametersFromExactTimes) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Trial trial{.off = 0.2, .machine_off = 0.2};
+  for (int seed = 101; seed <= 100 + std::max(1, repetitions(4)); ++seed) {
+    const Outcome outcome = run(scene, trial, static_cast<std::uint64_t>(seed));
+    std::cout << "seed " << seed << ": " << outcome.worst << '\n';
+    ASSERT_EQ(outcome.values, 7);
+    EXPECT_TRUE(outcome.right(trial)) << "seed " << seed;
+    EXPECT_TRUE(outcome.found.others.empty());
+  }
+}
+
+TEST(Identification, SigmasAreHonest) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Trial trial{.off = 0.1, .impacts = 60, .jitter = 1e-4};
+  int inside = 0, values = 0;
+  const int runs = repetitions(12);
+  for (int seed = 1; seed <= runs; ++seed) {
+    const Outcome outcome = run(scene, trial, static_cast<std::uint64_t>(seed));
+    EXPECT_TRUE(outcome.right(trial)) << "seed " << seed << ": " << outcome.worst_sigmas;
+    inside += outcome.inside_95;
+    values += outcome.values;
+  }
+  std::cout << "seeds 1 to " << runs << ": " << inside << " of " << values
+            << " within 1.96 sigma\n";
+  if (!sanitized) {
+    // Values of one run are correlated, so that these are some 30 independent ones.
+    EXPECT_GT(inside, 0.85 * values);
+    EXPECT_LT(inside, values);
+  }
+}
+
+TEST(Identification, AJitterThatIsNotToldIsFound) {
+  const Trial trial{.off = 0.1, .jitter = 1e-4, .jitter_told = false};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 5);
+  EXPECT_TRUE(outcome.right(trial));
+  EXPECT_NEAR(outcome.found.jitter, 1e-4, 3e-5);
+  EXPECT_FALSE(outcome.found.jitter_told);
+  EXPECT_LT(outcome.found.predicted, 30e-4);
+}
+
+TEST(Identification, LostAndSpuriousEventsAreTold) {
+  if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
+  const Scene scene = shipped_scene("paper_beam");
+  const Trial lost{.off = 0.1, .impacts = 60, .jitter = 1e-4, .lost = 0.04};
+  const Outcome of_lost = run(scene, lost, 1);
+  EXPECT_TRUE(of_lost.right(lost));
+  ASSERT_GT(of_lost.events_lost, 0);
+  EXPECT_FALSE(of_lost.found.missing.empty());
+  EXPECT_TRUE(of_lost.found.spurious.empty());
+  const Trial spurious{.off = 0.1, .impacts = 60, .jitter = 1e-4, .spurious = 0.04};
+  const Outcome of_spurious = run(scene, spurious, 1);
+  EXPECT_TRUE(of_spurious.right(spurious));
+  ASSERT_GT(of_spurious.events_spurious, 0);
+  EXPECT_FALSE(of_spurious.found.spurious.empty());
+}
+
+class IdentificationOfScenes : public testing::TestWithParam<const char*> {};
+
+// Several contacts, coupled damping, sustained contacts, SI units.
+TEST_P(IdentificationOfScenes, FindsAllThatCanBeTold) {
+  const Trial trial{.off = 0.1};
+  const Outcome outcome = run(shipped_scene(GetParam()), trial, 1);
+  std::cout << GetParam() << ": " << outcome.worst << ", " << outcome.seconds << " s\n";
+  EXPECT_TRUE(outcome.right(trial));
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, IdentificationOfScenes,
+                         testing::Values("lab_rig", "two_stops_beam", "non_proportional",
+                                         "paper_beam_chatter", "steel_ruler"));
+
+// With the true scale of time as well: an entry of K and one of C, by matrix exponentials.
+TEST(Identification, SingleEntriesOfMatrices) {
+  const Scene scene = shipped_scene("lab_rig");
+  const Trial trial{
+      .off = 0.05, .impacts = 60, .keys = {"system.K.2.2", "system.C.1.1", "contact.1.clearance"}};
+  const Outcome outcome = run(scene, trial, 3);
+  EXPECT_TRUE(outcome.right(trial)) << outcome.worst;
+}
+
+TEST(Identification, WhatTheEventsCannotTellIsSaid) {
+  // One impact a period: the same times for ever.
+  const Scene scene = shipped_scene("impact_oscillator");
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  const Identification found = identify(scene, events_of(scene, 10.0), settings);
+  EXPECT_TRUE(std::any_of(found.unknowns.begin(), found.unknowns.end(),
+                          [](const FittedUnknown& fitted) { return !fitted.determined; }));
+}
+
+TEST(Identification, TooFewModesAreRefused) {
+  Scene machine = shipped_scene("paper_beam");
+  const std::string three = "modes = 3";
+  const Scene four = parse_scene(R"(
+[beam]
+modes = 4
+length = 1.0
+bending_stiffness = 1.0
+mass_per_length = 1.0
+damping = 0.17
+[excitation]
+amplitude = 0.03
+frequency = 9.5
+[impact]
+restitution = 0.7
+[[contact]]
+position = 0.868
+[master]
+q = [-0.05]
+[replica]
+)",
+                                 "four_modes.toml");
+  auto events = events_of(four, 80.0);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(machine, usual_keys(machine));
+  settings.mend = false;
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
+  for (const std::optional<double> jitter : {std::optional<double>(), std::optional(1e-4)}) {
+    settings.jitter = jitter;
+    const Identification found = identify(machine, events, settings);
+    EXPECT_FALSE(found.fits()) << found.scatter;
+    EXPECT_GT(found.scatter, 1e-2);
+  }
+}
+
+TEST(Identification, TooFewImpactsAreSaid) {
+  const Scene scene = shipped_scene("paper_beam");
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  EXPECT_THROW(identify(scene, events_of(scene, 4.0), settings), TooFewImpacts);
+  EXPECT_THROW(identify(scene, {}, settings), TooFewImpacts);
+}
+
+TEST(Identification, TheFittedSceneIsTheMachine) {
+  const Scene scene = shipped_scene("paper_beam");
+  Scene wrong = scene;
+  const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution", "beam.damping"}));
+  wrong = family.with(Eigen::Vector2d(0.62, 0.19));
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(wrong, {"impact.restitution", "beam.damping"});
+  const Identification found = identify(wrong, events_of(scene, 60.0), settings);
+  ASSERT_TRUE(found.fits());
+  EXPECT_NEAR(found.fitted.model.contacts[0].restitution, 0.7, 1e-10);
+  EXPECT_NEAR(found.fitted.beam->damping, 0.17, 1e-10);
+  EXPECT_LT((found.fitted.replica.q - scene.master.q).norm(), 1e-9);
+  EXPECT_LT((found.fitted.replica.u - scene.master.u).norm(), 1e-9);
+  EXPECT_LT((found.fitted.model.C - scene.model.C).norm(), 1e-9);
+}
+
+TEST(Explain, NamesTheFewestThatExplain) {
+  const Scene scene = shipped_scene("paper_beam");
+  const auto all = unknowns_named(scene, usual_keys(scene));
+  IdentificationSettings settings;
+  settings.unknowns = all;
+  const auto explained = [&](const std::vector<std::string>& keys, const Eigen::VectorXd& values) {
+    const MachineFamily family(scene, unknowns_named(scene, keys));
+    return explain(scene, events_of(family.with(values), 50.0), settings, 0.0);
+  };
+  const Explanations right = explained({}, {});
+  ASSERT_EQ(right.simplest.size(), 1U);
+  EXPECT_TRUE(right.simplest[0].keys.empty());
+  const Explanations one = explained({"beam.damping"}, Eigen::VectorXd::Constant(1, 0.2));
+  ASSERT_EQ(one.simplest.size(), 1U);
+  EXPECT_EQ(one.simplest[0].keys, (std::vector<std::string>{"beam.damping"}));
+  if (sanitized) return;
+  const Explanations two =
+      explained({"beam.bending_stiffness", "excitation.phase"}, Eigen::Vector2d(1.02, 0.3));
+  ASSERT_EQ(two.simplest.size(), 1U);
+  EXPECT_EQ(two.simplest[0].keys,
+            (std::vector<std::string>{"beam.bending_stiffness", "excitation.phase"}));
+}
+
+}  // namespace
+}  // namespace sprag
