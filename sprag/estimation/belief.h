@@ -100,6 +100,8 @@ struct UncertainEvent {
   Kind kind = Kind::none;
   int contact = 0;
   ContactSet held = 0;  ///< closed before and after
+  /// Of a release: how long the contact had been closed, by the reports [s].
+  double held_for = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace sprag

@@ -65,7 +65,7 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
     S.mean = sample_;
   }
   for (Eigen::VectorXd* x :
-       {&u_before_, &before_impact_, &u_sequence_, &on_u_, &share_, &off_q_, &off_u_}) {
+       {&u_before_, &before_impact_, &u_sequence_, &on_u_, &share_, &off_q_, &off_u_, &on_flow_}) {
     x->setZero(f());
   }
   from_start_q_ = uncertainty_.q.inverse();
@@ -178,6 +178,9 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
 // Mean and covariance, `now_`, go on from the motion's instant.
 void TimingFilter::go_on(TimingState& state) {
   const Instant t = state.motion.t;
+  const ContactSet closed = state.chi & ~state.inside;
+  const ContactSet kept = state.motion.flow->locked() & closed;
+  enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   ++state.instants;
   Covariance& S = slot(state.instants);
   S.instants = state.instants;
@@ -188,9 +191,6 @@ void TimingFilter::go_on(TimingState& state) {
   state.watched = 0.0;
   state.unknown = false;
   if (unknown_time_) state.expected_energy = expected_energy();
-  const ContactSet closed = state.chi & ~state.inside;
-  const ContactSet kept = state.motion.flow->locked() & closed;
-  enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
   S.mean = state.motion;
   S.event = event_;
 }
@@ -203,8 +203,22 @@ void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
     locked = 0;
     flow = &(*flows_)[0];
   }
-  flow->enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(locked)), state.motion);
+  enter(*flow, t, state.motion);
   TickedFlight::set_anchor(state.motion, state.anchor);
+}
+
+// What is not known to fit the locked contacts moves by as little energy as it takes, so that what
+// is expected of the error does not grow.
+void TimingFilter::enter(const Flow& flow, Instant t, Motion& motion) {
+  enter_motion(flow, t, motion);
+  flow.close_gap_differences(now_.S_q.leftCols(now_.columns));
+}
+
+// The mean alone.
+void TimingFilter::enter_motion(const Flow& flow, Instant t, Motion& motion) {
+  on_flow_ = now_.q;
+  flow.close_gaps(t, on_flow_);
+  flow.enter(on_flow_, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), motion);
 }
 
 void TimingFilter::tick(std::span<const ContactEvent> events, TimingState& state) {
@@ -333,8 +347,9 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
     } else {
       unsettled |= bit(next.event.contact);
     }
-    const Flow& flow = *next.mean.flow;
-    flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+    enter_motion(*next.mean.flow, t, published_);
+    if (first < state.instants)
+      published_.flow->close_gap_differences(now_.S_q.leftCols(now_.columns));
   }
   return true;
 }
@@ -372,8 +387,7 @@ bool TimingFilter::find_published(const TimingState& state) {
     heard |= bit(due.contact);
     unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
     if (due.kind == UncertainEvent::Kind::pulse) {
-      const Flow& flow = *published_.flow;
-      flow.enter(now_.q, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), published_);
+      enter_motion(*published_.flow, t, published_);
     }
     columns_.merge(now_);
     near = true;

@@ -187,6 +187,8 @@ class TimingFilter {
   bool load(const TimingState& state, Instant t);
   void load(const Covariance& from, Instant t);
   void enter(ContactSet locked, Instant t, TimingState& state);
+  void enter(const Flow& flow, Instant t, Motion& motion);
+  void enter_motion(const Flow& flow, Instant t, Motion& motion);
   void begin_again(int contact, TimingState& state);
   void note(double square, Consistency& consistency) const;
 
@@ -233,7 +235,7 @@ class TimingFilter {
   UncertainEvent event_;
   BeliefColumns columns_;
   ActiveImpact impact_;
-  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_;
+  Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
   Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
   Eigen::VectorXd phi_;  // what a measurement sees of each column

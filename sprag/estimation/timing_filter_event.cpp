@@ -149,8 +149,10 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   const int i = event.contact;
   state.chi = after(state.chi, event);
   if (contains(state.inside, i) || contains(before, i) == closes) return;
-  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi};
+  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi,
+                           event.t - state.last_report[i]};
   if (closes) {
+    uncertain.held_for = infinity;
     const ContactSet redundant = drop_redundant(uncertain.held, bit(i), state);
     if (redundant != 0) return;
     uncertain.kind = event.kind == ContactEventKind::closes ? UncertainEvent::Kind::stays

@@ -40,10 +40,6 @@ constexpr double most_growth = 12.0;
 // may still have.
 constexpr double burst_energy = 0.49;
 
-// Where the fastest mode turns further in sigma, its phase is not known on either flow, and what
-// one flow makes of it and the other does not says nothing.
-constexpr double one_turn = 2.0 * std::numbers::pi;
-
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
 
@@ -75,12 +71,6 @@ Moments moments_of(std::span<const double> log_weights) {
   if (!(total > 0.0)) return {};
   const double mean = first / total;
   return {total, mean, std::sqrt(std::max(second / total - square(mean), 0.0))};
-}
-
-double fastest_of(const Flow& flow) {
-  return flow.modes() > 0
-             ? flow.oscillators().root_kappa().segment(flow.frequencies(), flow.modes()).maxCoeff()
-             : 0.0;
 }
 
 }  // namespace
@@ -130,7 +120,7 @@ void UnknownTime::look(const Signal& signal, double value_rounding, double rate_
   const Eigen::Index nf = flow_->frequencies();
   flow_->enter_differences(belief.S_q.leftCols(columns_), belief.S_u.leftCols(columns_),
                            Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
-  fastest_ = fastest_of(*flow_);
+  fastest_ = n > 0 ? of.root_kappa().segment(nf, n).maxCoeff() : 0.0;
   growth_ = 0.0;
   for (Eigen::Index i = nf; i < nf + n; ++i) growth_ = std::max(growth_, growth_of(of, i));
   then_ = motion;
@@ -215,7 +205,12 @@ UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
   return sight;
 }
 
-double UnknownTime::log_prior(double age) const { return -0.5 * square((age - delay_) / sigma_); }
+// What has released was closed before, at a time that is not known better.
+double UnknownTime::log_prior(double age) const {
+  const double of_report = -0.5 * square((age - delay_) / sigma_);
+  if (!(closed_since_ < infinity)) return of_report;
+  return of_report + log_normal_cdf((closed_since_ - age) / sigma_);
+}
 
 // log of the weight of a reported event's age. Remembers how well the best one fits.
 double UnknownTime::weigh(const Sight& sight, double age) {
@@ -378,6 +373,7 @@ void UnknownTime::add_changed_flow(const Flow& after) {
   then_.x.z.segment(nf, n) += from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
   then_.x.v.segment(nf, n) += from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
   flow_->state(then_, q_, u_);
+  after.close_gaps(then_.t, q_);
   after.enter(q_, u_, then_.t, no_gaps_.head(std::popcount(after.locked())), after_);
   after.propagate(after_, motion_->t, after_);
   after.state(after_, q_after_, u_after_);
@@ -412,7 +408,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
     of.alpha = kick * sight.mean_rate;
     of.beta = square(kick) * sight.variance;
     of.slope = kick * sight.variance / sight.d;
-  } else if (has_happened && any_phase_ && -growth_ * age <= most_growth) {
+  } else if (has_happened && -growth_ * age <= most_growth) {
     const bool stays = event.kind == UncertainEvent::Kind::stays;
     after = flows_->find(stays ? event.held | bit(event.contact) : event.held);
     if (after != nullptr) of.alpha = 1.0;
@@ -474,7 +470,7 @@ void UnknownTime::look_for(const UncertainEvent& event, const Motion& motion, co
 bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                        double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
-  any_phase_ = so_far || fastest_of(*motion.flow) * sigma_ < one_turn;
+  closed_since_ = delay + event.held_for;
   look_for(event, motion, terms, belief);
   mixture_.begin(columns_);
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
@@ -519,7 +515,6 @@ double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, cons
 double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
                                  const Terms& terms, bool condition, Belief& belief) {
   delay_ = 0.0;
-  any_phase_ = true;
   look_for(due, motion, terms, belief);
   mixture_.begin(columns_);
 

@@ -96,7 +96,7 @@ class UnknownTime {
   const Flows* flows_;
   double sigma_;
   double delay_ = 0.0;
-  bool any_phase_ = true;  // what a change of flows makes of the mean is taken at any omega sigma
+  double closed_since_ = 0.0;  // the contact that releases, by the reports
   EventMixture mixture_;
   double best_weight_ = 0.0;
   Innovation innovation_;

@@ -168,6 +168,24 @@ void Flow::state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
   }
 }
 
+void Flow::close_gaps(Instant t, Eigen::VectorXd& q) const {
+  Eigen::Index k = 0;
+  for_each(locked_, [&](int i) {
+    const Contact& contact = dynamics_->model().contacts[static_cast<std::size_t>(i)];
+    q -= sprag::gap(contact, q, t.hi) * static_shapes_.col(k++);
+  });
+}
+
+void Flow::close_gap_differences(Eigen::Ref<Eigen::MatrixXd> q) const {
+  Eigen::Index k = 0;
+  for_each(locked_, [&](int i) {
+    for (auto column : q.colwise()) {
+      column -= dynamics_->W().col(i).dot(column) * static_shapes_.col(k);
+    }
+    ++k;
+  });
+}
+
 void Flow::kick(int contact, double Lambda, Motion& motion) const {
   motion.x.v.segment(nf_, modes()) += Lambda * kick_.col(contact).array();
 }

@@ -119,6 +119,13 @@ class Flow {
 
   Signal signal(const Functional& functional) const;
 
+  /// Moves q, f entries, so that all contacts of L have g = 0 at t, by what takes the least elastic
+  /// energy: a static deflection. Where q is not known to fit L, the metric of M, in which enter()
+  /// projects, would put the misfit into the highest modes.
+  void close_gaps(Instant t, Eigen::VectorXd& q) const;
+  /// The same for differences of q, one a column.
+  void close_gap_differences(Eigen::Ref<Eigen::MatrixXd> q) const;
+
  private:
   class Builder;
 
@@ -148,7 +155,8 @@ class Flow {
   Eigen::MatrixXd enter_zq_, enter_zu_, enter_vq_, enter_vu_;
   Eigen::ArrayXd alpha0_;
   Eigen::MatrixXd alpha_held_;
-  Eigen::MatrixXd kick_;  // modes x m
+  Eigen::MatrixXd kick_;           // modes x m
+  Eigen::MatrixXd static_shapes_;  // f x L: each opens one contact of L by 1, and no other
 
   std::vector<Signal> gap_, gap_velocity_, force_;
 };

@@ -70,6 +70,7 @@ class Flow::Builder {
   Forced forced(const MatrixR& push, const MatrixCR& harmonics) const;
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
+  void set_static_shapes(const Nullspace& space);
 
   Flow& flow_;
   const Dynamics& dynamics_;
@@ -199,11 +200,29 @@ void Flow::Builder::build_on_nullspace() {
     space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
   }
 
+  set_static_shapes(space);
+
   if (modal) {
     build_modal(space);
   } else {
     build_dense(space);
   }
+}
+
+// K y = push_L where anything holds y.
+void Flow::Builder::set_static_shapes(const Nullspace& space) {
+  MatrixR shapes = space.q_D.rightCols(space.q_D.cols() - 1);
+  if (shapes.cols() > 0 && space.K.cols() > 0) {
+    const ExtendedEigenpairs modes = eigenpairs(space.K);
+    VectorR kappa = modes.values;
+    drop_noise(kappa);
+    MatrixR y = product(modes.vectors.transpose(), space.push.rightCols(shapes.cols()));
+    for (Eigen::Index i = 0; i < kappa.size(); ++i) {
+      y.row(i) *= kappa[i] > 0 ? 1 / kappa[i] : Real(0);
+    }
+    shapes += product(space.B, product(modes.vectors, y));
+  }
+  flow_.static_shapes_ = shapes.cast<double>();
 }
 
 void Flow::Builder::build_modal(const Nullspace& space) {

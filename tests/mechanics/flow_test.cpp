@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -515,6 +516,42 @@ TEST(Flow, AFloatingPairInThePlaneFalls) {
     model.contacts.push_back({Eigen::Vector4d(0.0, 1.0, 0.0, 0.0), 0.3, {0.1, 2.0, 0.0}, 0.5});
     check_flow(model, 0, 0.0, start);
     check_flow(model, 1, 0.0, start);
+  }
+}
+
+// A state that does not fit the locked contacts moves by the static deflection that closes their
+// gaps: at right angles, in K, to all that leaves them closed.
+TEST_P(FlowOfAStructure, ClosesGapsStatically) {
+  for (int i = 0; i < repetitions(20); ++i) {
+    const std::uint64_t seed = 60000 + 1000 * GetParam() + static_cast<std::uint64_t>(i);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const int f = random.integer(1, 5);
+    Model model = random_machine(random, structures[GetParam()], f);
+    const int m = random.integer(1, std::min(f, 3));
+    add_contacts(random, model, m);
+    const Dynamics dynamics(model);
+    const ContactSet all = bit(m) - 1;
+    const Flow flow(dynamics, all);
+    const State state = random_state(random, model);
+    const double t = random.uniform(0, 10);
+    Eigen::VectorXd q = state.q;
+    flow.close_gaps(at(t), q);
+    for (const Contact& contact : model.contacts) {
+      EXPECT_NEAR(exact_gap(contact, q, t), 0.0, 1e-12 * (1 + state.q.norm()));
+    }
+    const Eigen::VectorXd moved = q - state.q;
+    const Eigen::MatrixXd kept = dynamics.W().transpose().fullPivLu().kernel();
+    if (f > m) {
+      EXPECT_LE((kept.transpose() * model.K * moved).norm(),
+                1e-10 * kept.norm() * model.K.norm() * (1 + moved.norm()));
+    }
+    Eigen::MatrixXd differences(f, 2);
+    differences << state.q, q;
+    flow.close_gap_differences(differences);
+    EXPECT_LT((dynamics.W().transpose() * differences).norm(), 1e-12 * (1 + state.q.norm()));
+    const auto energy = [&](const auto& x) { return x.dot(model.K * x); };
+    EXPECT_LE(energy(differences.col(0)), energy(state.q) * (1 + 1e-12));
   }
 }
 
