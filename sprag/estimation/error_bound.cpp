@@ -27,6 +27,12 @@ constexpr double touching = 1e-12;    // of the gap's terms
 constexpr double resolvable = 1e-14;  // of the time
 constexpr double window = 16.0;       // rests of a chatter, of contacts that are completed together
 
+bool law_is_masters(const Model& model) {
+  return std::none_of(model.contacts.begin(), model.contacts.end(), [](const Contact& contact) {
+    return contact.replica_restitution.has_value();
+  });
+}
+
 bool law_is_monotone(const Model& model) {
   if (model.contacts.size() <= 1) return true;
   return model.law == ImpactLaw::poisson &&
@@ -104,7 +110,9 @@ ContactSet rows_of(ContactSet of, ContactSet among) {
 }  // namespace
 
 ErrorBound::ErrorBound(const Flows& flows)
-    : flows_(&flows), guaranteed_(law_is_monotone(flows.dynamics().model())) {
+    : flows_(&flows),
+      guaranteed_(law_is_monotone(flows.dynamics().model()) &&
+                  law_is_masters(flows.dynamics().model())) {
   const Dynamics& dynamics = flows.dynamics();
   const Flow& free = flows[0];
   const Eigen::Index n = free.size();

@@ -51,7 +51,8 @@ class ErrorBound {
   /// `flows` must outlive this. Throws ModelError.
   explicit ErrorBound(const Flows& flows);
 
-  /// Whether V cannot grow by the law: one contact, or Poisson's law with one restitution.
+  /// Whether V cannot grow by the law: one contact, or Poisson's law with one restitution; and the
+  /// replica's is the master's.
   bool guaranteed() const { return guaranteed_; }
 
   /// `chi`: closed contacts.

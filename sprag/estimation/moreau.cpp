@@ -95,7 +95,7 @@ void MoreauReplica::tick(std::span<const ContactEvent> events, MoreauState& stat
       const Contact& contact = model.contacts[index(i)];
       gamma[row] = gap_velocity(contact, u_new_, t_new);
       const bool impacts = closing != 0 && (contains(pulsing, i) || !contains(closing, i));
-      epsilon[row] = impacts ? contact.restitution : 0.0;
+      epsilon[row] = impacts ? restitution_of_replica(contact) : 0.0;
       ++row;
     });
     ContactVector P;

@@ -89,7 +89,9 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
   const Model& model = flows_->dynamics().model();
   const ContactSet before = state.chi;
   ContactSet closing = 0;
-  for (std::size_t i = 0; i < epsilon_.size(); ++i) epsilon_[i] = model.contacts[i].restitution;
+  for (std::size_t i = 0; i < epsilon_.size(); ++i) {
+    epsilon_[i] = restitution_of_replica(model.contacts[i]);
+  }
   for (const ContactEvent& event : events) {
     state.chi = after(state.chi, event);
     if (event.kind == ContactEventKind::opens) continue;

@@ -293,12 +293,29 @@ void read_master(const TomlTable& root, Scene& scene) {
   }
 }
 
+void read_replica_restitution(const TomlTable& table, std::vector<Contact>& contacts) {
+  const auto m = static_cast<Eigen::Index>(contacts.size());
+  const Eigen::VectorXd epsilon = table.numbers("restitution");
+  if (epsilon.size() != 1 && epsilon.size() != m) {
+    table.fail("restitution", "has " + std::to_string(epsilon.size()) +
+                                  " numbers; must be one or " + std::to_string(m));
+  }
+  for (Eigen::Index i = 0; i < m; ++i) {
+    const double value = epsilon[epsilon.size() == m ? i : 0];
+    if (!(std::abs(value) <= 1.0)) {
+      table.fail("restitution", "has " + to_text(value) + "; must be in [-1, 1]");
+    }
+    contacts[static_cast<std::size_t>(i)].replica_restitution = value;
+  }
+}
+
 void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  const auto table = root.table("replica", {"q", "u", "uncertainty", "drift"});
+  const auto table = root.table("replica", {"q", "u", "restitution", "uncertainty", "drift"});
   scene.replica =
       table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
   if (table) scene.drift = table->number_or("drift", 0.0, not_negative);
+  if (table && table->has("restitution")) read_replica_restitution(*table, scene.model.contacts);
   if (!table || !table->has("uncertainty")) return;
   const Eigen::VectorXd energies = table->numbers("uncertainty");
   if (energies.size() != 1 && energies.size() != f) {

@@ -269,9 +269,16 @@ Solved impact_by(const Solve& solve, ImpactLaw law, const ContactMatrix& G,
   ContactVector gamma_C;
   if (solve(G, gamma_minus, Lambda, gamma_C) != Solved::yes) return Solved::dependent;
   const ContactVector restitution = epsilon.cwiseProduct(Lambda);
-  const ContactVector b = gamma_C + G * restitution;
+  ContactVector b = gamma_C + G * restitution;
   ContactVector nu;
+  const bool some_remains = (epsilon.array() < 0.0).any();
+  ContactVector least;
+  if (some_remains) {
+    least = -epsilon.cwiseMin(0.0).cwiseProduct(gamma_minus.cwiseMin(0.0));
+    b -= least;
+  }
   const Solved solved = solve(G, b, nu, gamma_plus);
+  if (some_remains) gamma_plus += least;
   Lambda += restitution + nu;
   return solved;
 }

@@ -6,6 +6,12 @@
 //                         >= 0
 //   generalized Newton    0 <= Lambda  _|_  gamma+ + E gamma- >= 0
 //
+// A replica's epsilon_i may be negative, down to -1 (model.h): not all of the approach is taken
+// away. Newton's law is the same then; Poisson's expansion takes away no more than that,
+// 0 <= nu _|_ gamma+ >= -E- min(gamma-, 0) with E- = min(E, 0). What is not approaching does not
+// begin to. With one epsilon in [-1, 0] for all, both are (1 + epsilon) P gamma - epsilon gamma, P the
+// nearest point with gamma >= 0: a mean of P and nothing, which expands no distance.
+//
 // The complementarity problems are solved by principal pivoting, block-wise, with Murty's
 // least-index rule, which is finite for positive definite G, behind it: exact to rounding. Nothing
 // here allocates.
@@ -54,7 +60,7 @@ Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
 Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector& Lambda);
 
 /// Impulses Lambda [N s] and post-impact gap velocities gamma_plus of n contacts that are closed at
-/// one instant; epsilon in [0, 1]^n.
+/// one instant; epsilon in [-1, 1]^n.
 Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
               const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus);
 

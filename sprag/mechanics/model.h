@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,7 +38,14 @@ struct Contact {
   double clearance = 0.0;    ///< c_i [m]
   Harmonic motion;           ///< s_i(t) [m], motion of the support against the coordinates' frame
   double restitution = 0.0;  ///< epsilon_i in [0, 1]
+  /// In [-1, 1]: epsilon_i of a replica's pulses, where something is left out of its machine that
+  /// gives way as well (analysis/reduction.h). A contact that closes to stay takes 0 as ever.
+  std::optional<double> replica_restitution = {};
 };
+
+inline double restitution_of_replica(const Contact& contact) {
+  return contact.replica_restitution.value_or(contact.restitution);
+}
 
 enum class ImpactLaw { poisson, newton };
 

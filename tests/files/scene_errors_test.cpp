@@ -77,7 +77,8 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
        {"u = [0.0", "v = [0.0",
         "x.toml:22:1: unknown key master.v; must be one of q, u, penetration"},
        {"u = []", "penetration = \"release\"",
-        "x.toml:25:1: unknown key replica.penetration; must be one of q, u, uncertainty, drift"}});
+        "x.toml:25:1: unknown key replica.penetration; must be one of q, u, restitution, "
+        "uncertainty, drift"}});
   expect_errors(
       system_text,
       {{"K =", "k =", "x.toml:4:1: unknown key system.k; did you mean K?"},

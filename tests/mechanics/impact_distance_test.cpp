@@ -147,6 +147,46 @@ TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) 
   EXPECT_GT(kept, repetitions(1000) / 3);
 }
 
+// A replica's effective restitution: what it leaves of the approach is at most what it says, and
+// what does not approach goes on not to.
+TEST_P(CommonRestitution, NeverBringsTwoMachinesApartWhereItIsNegative) {
+  const std::uint64_t seed = 206;
+  Random random(seed);
+  const int cases = repetitions(60000);
+  double largest = 0.0;
+  for (int i = 0; i < cases; ++i) {
+    Machines machines = random_machines(random);
+    machines.epsilon *= -1.0;
+    const double ratio = machines.ratio(GetParam());
+    largest = std::max(largest, ratio);
+    ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
+    const Vector remains = -machines.epsilon.cwiseProduct(machines.a.cwiseMin(0.0));
+    ASSERT_GE((machines.a_plus - remains).minCoeff(), -rounding) << "case " << i;
+    // Both laws are the same one then.
+    const Vector by_this_law = machines.a_plus;
+    machines.ratio(GetParam() == ImpactLaw::newton ? ImpactLaw::poisson : ImpactLaw::newton);
+    ASSERT_LE((machines.a_plus - by_this_law).norm(), rounding) << "case " << i;
+  }
+  print("common negative restitution", cases, largest);
+}
+
+TEST(NegativeRestitution, LeavesOneContactItsShareOfTheApproach) {
+  for (const ImpactLaw law : {ImpactLaw::poisson, ImpactLaw::newton}) {
+    ContactMatrix G(1, 1);
+    G << 2.0;
+    ContactVector epsilon(1), gamma(1), Lambda, gamma_plus;
+    epsilon << -0.25;
+    gamma << -3.0;
+    ASSERT_EQ(impact(law, G, epsilon, gamma, Lambda, gamma_plus), Solved::yes);
+    EXPECT_DOUBLE_EQ(gamma_plus[0], -0.75);
+    EXPECT_DOUBLE_EQ(Lambda[0], 0.75 * 3.0 / 2.0);
+    gamma << 3.0;
+    ASSERT_EQ(impact(law, G, epsilon, gamma, Lambda, gamma_plus), Solved::yes);
+    EXPECT_EQ(gamma_plus[0], 3.0);
+    EXPECT_EQ(Lambda[0], 0.0);
+  }
+}
+
 /// Master and replica at one instant. Of the contacts that take part some have been closed before:
 /// the master's stay at gamma = 0, the replica's clutch holds gamma >= 0. The others close now: in
 /// the master they approach, in the replica they do anything.

@@ -1,0 +1,136 @@
+#include "sprag/files/scene_writer.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+
+#include "sprag/files/output_file.h"
+#include "sprag/files/toml_reader.h"
+
+namespace sprag {
+namespace {
+
+std::string text_of(double value) {
+  std::string text = to_text(value);
+  // "-0" would be an integer, which has no sign.
+  if (text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string text_of(const Eigen::VectorXd& vector) {
+  std::string text = "[";
+  for (Eigen::Index i = 0; i < vector.size(); ++i) {
+    if (i > 0) text += ", ";
+    text += text_of(vector[i]);
+  }
+  return text + "]";
+}
+
+std::string text_of(const Eigen::MatrixXd& matrix) {
+  std::string text = "[\n";
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    text += "  " + text_of(Eigen::VectorXd(matrix.row(i))) + ",\n";
+  }
+  return text + "]";
+}
+
+std::string in_quotes(std::string_view given) {
+  std::string text = "\"";
+  for (const char c : given) {
+    if (c == '"' || c == '\\') text += '\\';
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      char escape[8];
+      std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
+      text += escape;
+    } else {
+      text += c;
+    }
+  }
+  return text + "\"";
+}
+
+bool is_given(const Harmonic& harmonic) {
+  return harmonic.amplitude != 0.0 || harmonic.frequency != 0.0 || harmonic.phase != 0.0;
+}
+
+template <typename Value>
+void add(std::string& text, std::string_view key, const Value& value) {
+  text += key;
+  text += " = " + text_of(value) + '\n';
+}
+
+void add_force(std::string& text, const Force& force) {
+  text += "\n[[force]]\n";
+  add(text, "direction", force.direction);
+  add(text, "constant", force.constant);
+  if (!is_given(force.harmonic)) return;
+  add(text, "amplitude", force.harmonic.amplitude);
+  add(text, "frequency", force.harmonic.frequency);
+  add(text, "phase", force.harmonic.phase);
+}
+
+void add_contact(std::string& text, const Contact& contact) {
+  text += "\n[[contact]]\n";
+  add(text, "direction", contact.w);
+  add(text, "clearance", contact.clearance);
+  if (const Harmonic& s = contact.motion; is_given(s)) {
+    text += "motion = { amplitude = " + text_of(s.amplitude) +
+            ", frequency = " + text_of(s.frequency) + ", phase = " + text_of(s.phase) + " }\n";
+  }
+  add(text, "restitution", contact.restitution);
+}
+
+void add_replica(std::string& text, const Scene& scene) {
+  text += "\n[replica]\n";
+  add(text, "q", scene.replica.q);
+  add(text, "u", scene.replica.u);
+  Eigen::VectorXd restitution(static_cast<Eigen::Index>(scene.model.contacts.size()));
+  bool own = false;
+  for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+    const Contact& contact = scene.model.contacts[i];
+    own = own || contact.replica_restitution.has_value();
+    restitution[static_cast<Eigen::Index>(i)] = restitution_of_replica(contact);
+  }
+  if (own) add(text, "restitution", restitution);
+  if (scene.uncertainty.size() > 0) add(text, "uncertainty", scene.uncertainty);
+  add(text, "drift", scene.drift);
+}
+
+}  // namespace
+
+std::string to_toml(const Scene& scene, std::string_view comment) {
+  std::string text;
+  while (!comment.empty()) {
+    const std::string_view line = comment.substr(0, comment.find('\n'));
+    comment.remove_prefix(std::min(line.size() + 1, comment.size()));
+    text += "# ";
+    text += line;
+    text += '\n';
+  }
+  text += "name = " + in_quotes(scene.name) + "\n\n[system]\n";
+  const Model& model = scene.model;
+  add(text, "M", model.M);
+  add(text, "C", model.C);
+  add(text, "K", model.K);
+  for (const Force& force : model.forces) add_force(text, force);
+  for (const Contact& contact : model.contacts) add_contact(text, contact);
+  text += "\n[impact]\nlaw = ";
+  text += model.law == ImpactLaw::newton ? "\"newton\"\n" : "\"poisson\"\n";
+  add(text, "chatter_time", model.chatter_time);
+  text += "\n[master]\n";
+  add(text, "q", scene.master.q);
+  add(text, "u", scene.master.u);
+  if (scene.release_penetration) text += "penetration = \"release\"\n";
+  add_replica(text, scene);
+  text += "\n[events]\n";
+  add(text, "jitter", scene.jitter);
+  return text;
+}
+
+void write_scene(const std::filesystem::path& file, const Scene& scene, std::string_view comment) {
+  OutputFile out(file);
+  out.write(to_toml(scene, comment));
+  if (!out.close()) throw std::runtime_error(out.error());
+}
+
+}  // namespace sprag

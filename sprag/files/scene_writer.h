@@ -1,0 +1,21 @@
+// Writes a scene as a scene file (TOML): any machine as a general [system], every number with all
+// its digits.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// The text of a scene file that parse_scene() reads as the same scene, bit for bit; but a beam
+/// becomes a system. `comment`: lines that go before, without '#'.
+std::string to_toml(const Scene& scene, std::string_view comment = "");
+
+/// Writes it to a file. Throws std::runtime_error if that cannot be written.
+void write_scene(const std::filesystem::path& file, const Scene& scene,
+                 std::string_view comment = "");
+
+}  // namespace sprag
