@@ -39,9 +39,11 @@ class Table {
 void observer(Table& table);
 inline constexpr const char* observer_columns = "method,tick,V100,cpu_us_per_time";
 
-/// A 40-mode master observed with fewer modes, by frequency and by share in the contact.
+/// A 40-mode master with three kinds of damping observed with fewer modes: alone, with the
+/// correction that its events choose, and what is possible at best.
 void modes(Table& table);
-inline constexpr const char* modes_columns = "order,modes,V_floor,tip_error,ns_per_tick";
+inline constexpr const char* modes_columns =
+    "damping,method,correction,modes,coordinates,V_kept,tip_rms,ns_per_tick";
 
 /// ns per tick and us per impact against modes and contacts.
 void growth(Table& table);
