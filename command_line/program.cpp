@@ -128,6 +128,8 @@ void needs(CLI::Option* option, CLI::Option* other) { option->needs(other); }
 
 void excludes(CLI::Option* option, CLI::Option* other) { option->excludes(other); }
 
+void require(CLI::Option* option) { option->required(); }
+
 std::string choose(const std::string& given, std::span<const std::string> choices) {
   std::string text = given + "; choose ";
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -180,6 +182,18 @@ CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
 CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
                                  const std::string& unit, const std::string& help) {
   return add_number(app, name, value, unit, help, true);
+}
+
+CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
+                       const std::string& help) {
+  const auto store = [&value, name](const std::string& text) {
+    const auto number = parse_integer(text);
+    if (!number || *number < 1 || *number > std::numeric_limits<int>::max()) {
+      throw CLI::ValidationError(name, text + " is not allowed; must be a whole number > 0");
+    }
+    value = static_cast<int>(*number);
+  };
+  return app.add_option_function<std::string>(name, store, help)->type_name(unit);
 }
 
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,

@@ -49,7 +49,8 @@ struct CommonOptions {
 /// options are of the kinds below does without its headers.
 std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name);
 
-/// Adds --url, --key, --report and --version ("NAME VERSION", with the app's name); CLI11 has --help.
+/// Adds --url, --key, --report and --version ("NAME VERSION", with the app's name); CLI11 has
+/// --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
 
 /// Adds an option, or an argument, which is required, for a file that the program reads or writes.
@@ -67,6 +68,9 @@ CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value, const
 /// An option that can be given only with another one, or only without it.
 void needs(CLI::Option* option, CLI::Option* other);
 void excludes(CLI::Option* option, CLI::Option* other);
+
+/// An option without which the program does not run.
+void require(CLI::Option* option);
 
 /// Adds an option that takes one of the names; `take` gets the index of the one that is given.
 /// Another one is bad usage, and the message lists those that there are.
@@ -95,6 +99,10 @@ CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
 /// The same; "max" is allowed too and means infinity.
 CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
                                  const std::string& unit, const std::string& help);
+
+/// Adds an option that takes a whole number > 0; anything else is bad usage.
+CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
+                       const std::string& help);
 
 /// The key of --key, if it is given. Throws InputError.
 std::optional<Key> key_of(const CommonOptions& options);

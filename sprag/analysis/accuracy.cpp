@@ -1,9 +1,10 @@
 #include "sprag/analysis/accuracy.h"
 
 #include <algorithm>
+#include <limits>
 #include <numbers>
+#include <optional>
 
-#include "sprag/analysis/reduction.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/interrupt.h"
 #include "sprag/mechanics/master.h"
@@ -13,6 +14,10 @@ namespace {
 
 constexpr std::int64_t most_ticks = 50000;
 constexpr double ticks_per_period = 8.0;
+constexpr std::size_t most_events_of_fit = 2000;
+constexpr int most_corrected = 30;
+constexpr int all_tried = 8;
+constexpr int most_static_vectors = 4;  // of a contact
 
 // What the replica of `machine` shows at each tick while it follows the events.
 Eigen::MatrixXd follow(const ModalMachine& machine, const std::vector<ContactEvent>& events,
@@ -41,6 +46,67 @@ Eigen::MatrixXd follow(const ModalMachine& machine, const std::vector<ContactEve
   return shown;
 }
 
+struct Corrected {
+  Reduction reduction;
+  double change;
+};
+
+// The best of all corrected machines with this number of coordinates.
+template <typename Change>
+std::optional<Corrected> best_corrected(const ModalMachine& machine,
+                                        const std::vector<Eigen::Index>& order, int coordinates,
+                                        const Followed& followed, const Change& change) {
+  std::optional<Corrected> best;
+  const auto consider = [&](Reduction reduction) {
+    double here = std::numeric_limits<double>::infinity();
+    try {
+      here = change(reduction.machine);
+    } catch (const ModelError&) {  // no flow
+    }
+    if (!(here < (best ? best->change : std::numeric_limits<double>::infinity()))) return;
+    best = Corrected{std::move(reduction), here};
+  };
+  const int fewest_modes =
+      coordinates - most_static_vectors * static_cast<int>(machine.model.contacts.size());
+  for (int n = std::max(fewest_modes, 1); n <= coordinates; ++n) {
+    const std::vector<Eigen::Index> kept(order.begin(), order.begin() + n);
+    if (n == coordinates) {
+      if (auto fitted = fitted_restitution(machine, kept, followed)) consider(std::move(*fitted));
+      break;
+    }
+    for (Reduction& reduction : candidates(machine, kept)) {
+      if (reduction.machine.model.coordinates() == coordinates) consider(std::move(reduction));
+    }
+  }
+  return best;
+}
+
+// The fewest coordinates below `modes` with which a corrected machine stays within the tolerance.
+template <typename Change>
+std::optional<Corrected> fewest_corrected(const ModalMachine& machine,
+                                          const std::vector<Eigen::Index>& order, int modes,
+                                          double tolerance, const Followed& followed,
+                                          const Change& change) {
+  const int most = std::min(modes - 1, most_corrected);
+  const auto within = [&](int coordinates) {
+    auto best = best_corrected(machine, order, coordinates, followed, change);
+    if (best && !(best->change < tolerance)) best.reset();
+    return best;
+  };
+  int failed = 0;
+  for (int c = 1; c <= most;) {
+    if (auto found = within(c)) {
+      for (int fewer = failed + 1; fewer < c; ++fewer) {
+        if (auto better = within(fewer)) return better;
+      }
+      return found;
+    }
+    failed = c;
+    c = c < all_tried || c == most ? c + 1 : std::min(c + c / 2, most);
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Accuracy find_accuracy(const Scene& scene, double tolerance, double duration,
@@ -66,15 +132,29 @@ Accuracy find_accuracy(const Scene& scene, double tolerance, double duration,
   const Eigen::MatrixXd whole = follow(machine, events, tick, ticks);
   result.modes = static_cast<int>(order.size());
   result.changes.push_back({result.modes, 0.0});
+  const auto change_of = [&](const ModalMachine& part) {
+    return (follow(part, events, tick, ticks) - whole).cwiseAbs().maxCoeff();
+  };
   for (int n = result.modes - 1; n >= 1; --n) {
-    const std::vector<Eigen::Index> kept(order.begin(), order.begin() + n);
-    const Eigen::MatrixXd shown = follow(reduced(machine, kept), events, tick, ticks);
-    const double change = (shown - whole).cwiseAbs().maxCoeff();
+    const double change = change_of(reduced(machine, {order.begin(), order.begin() + n}));
     result.changes.push_back({n, change});
     if (!(change < tolerance)) break;
     result.modes = n;
+    result.change = change;
   }
   std::reverse(result.changes.begin(), result.changes.end());
+
+  const Followed followed{
+      .events = std::span(events).first(std::min(events.size(), most_events_of_fit)),
+      .start = &ModalMachine::master};
+  if (auto found = fewest_corrected(machine, order, result.modes, tolerance, followed, change_of)) {
+    result.fewest = std::move(found->reduction);
+    result.change = found->change;
+  } else {
+    result.fewest = {.correction = "none",
+                     .modes = result.modes,
+                     .machine = reduced(machine, {order.begin(), order.begin() + result.modes})};
+  }
   return result;
 }
 

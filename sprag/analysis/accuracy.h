@@ -1,10 +1,12 @@
 // How many modes an observer needs: the master of the whole machine gives the contact events, and a
 // replica of its first modes alone follows them, started on the master's own state, so that all it
-// does wrong is for want of modes.
+// does wrong is for want of modes. The same with corrections for the modes that are left out
+// (reduction.h): they take fewer coordinates.
 #pragma once
 
 #include <vector>
 
+#include "sprag/analysis/reduction_choice.h"
 #include "sprag/analysis/trial.h"
 #include "sprag/mechanics/scene.h"
 
@@ -23,6 +25,13 @@ struct Accuracy {
     double change;
   };
   std::vector<Change> changes;
+  /// The fewest coordinates that do, static vectors included: with a correction if that takes fewer
+  /// than `modes`, else these modes alone. Corrections of up to 30 coordinates are tried, above 8
+  /// not with every number of them.
+  Reduction fewest;
+  double change = 0.0;  ///< with them [m]
+
+  Eigen::Index coordinates() const { return fewest.machine.model.coordinates(); }
 };
 
 /// Tolerance [m] > 0. Throws ModelError where damping couples the modes, SimulationError where the

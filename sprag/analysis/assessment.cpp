@@ -242,6 +242,29 @@ Finding moreau_finding(const Assessment& a) {
           ""};
 }
 
+// Restitutions that the replica has and the master does not.
+std::string own_restitutions(const Model& model) {
+  std::string own;
+  for (const Contact& contact : model.contacts) {
+    if (!contact.replica_restitution) continue;
+    own += (own.empty() ? "" : ", ") + readable(*contact.replica_restitution);
+  }
+  return own;
+}
+
+// What fewer coordinates do it, by which correction.
+std::string corrected(const Accuracy& found) {
+  const Reduction& fewest = found.fewest;
+  std::string with = std::to_string(fewest.modes) + (fewest.modes == 1 ? " mode" : " modes");
+  if (fewest.share) {
+    with += " with the " + fewest.correction + " for the replica";
+  } else {
+    with += " and static vectors of the contacts (" + fewest.correction + ")";
+  }
+  return with + " are enough as well: " + std::to_string(found.coordinates()) +
+         " coordinates, and it changes by " + readable(found.change);
+}
+
 double trial_duration(const Scene& scene, const Dynamics& dynamics, const Assessment& a) {
   double slowest = std::numeric_limits<double>::infinity();
   for (const Mode& mode : a.modes) {
@@ -315,6 +338,13 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   findings.push_back(trial_finding(a.trial));
   findings.push_back(seen_modes(a.modes));
   findings.push_back(moreau_finding(a));
+  if (const std::string own = own_restitutions(model); !own.empty()) {
+    findings.push_back({"replica", false, true,
+                        "the replica's pulses have a restitution of their own, " + own +
+                            ": it follows a machine of which this one is a part, not this scene's "
+                            "own master",
+                        ""});
+  }
   return a;
 }
 
@@ -336,6 +366,7 @@ void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& li
       finding.what +=
           ", with " + std::to_string(change.modes) + " it changes by " + readable(change.change);
     }
+    if (found.coordinates() < found.modes) finding.what += "; " + corrected(found);
   } catch (const ModelError& error) {
     finding.what = error.what();
   } catch (const SimulationError& error) {

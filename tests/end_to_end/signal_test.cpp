@@ -170,13 +170,28 @@ TEST_P(SignalTest, EndsACheckOfAScene) {
   EXPECT_EQ(json("report.json").value("exit", -1), 1);
 }
 
-TEST_P(SignalTest, EndsADiagnosis) {
+// Pulses at random.
+std::string write_pulses(const std::string& file, int count) {
   std::mt19937_64 random(7);
   std::exponential_distribution<double> flight(1.0);
-  EventsWriter events(file("random.csv"));
+  EventsWriter events(file);
   double t = 0.0;
-  for (int i = 0; i < 20000; ++i) events.write({t += flight(random), 0, ContactEventKind::pulse});
-  ASSERT_TRUE(events.close());
+  for (int i = 0; i < count; ++i) events.write({t += flight(random), 0, ContactEventKind::pulse});
+  EXPECT_TRUE(events.close());
+  return file;
+}
+
+TEST_P(SignalTest, EndsAReduction) {
+  Process& reduce = start("reduce", {write_pulses(file("random.csv"), 500000), scene("stiff_beam"),
+                                     "--modes", "10", "--output", file("reduced.toml")});
+  expect_still_at_work(reduce);
+  const Ended ended = expect_end(reduce, 1);
+  EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
+  EXPECT_FALSE(std::filesystem::exists(file("reduced.toml")));
+}
+
+TEST_P(SignalTest, EndsADiagnosis) {
+  write_pulses(file("random.csv"), 20000);
   Process& diagnose =
       start("diagnose", {file("random.csv"), scene("paper_beam"), "--report", file("report.json")});
   expect_still_at_work(diagnose);

@@ -36,6 +36,16 @@ nlohmann::ordered_json trial_json(const Trial& trial) {
   return object;
 }
 
+nlohmann::ordered_json fewest_json(const Accuracy& accuracy) {
+  const Reduction& fewest = accuracy.fewest;
+  nlohmann::ordered_json object{{"coordinates", accuracy.coordinates()},
+                                {"modes", fewest.modes},
+                                {"correction", fewest.correction},
+                                {"change", accuracy.change}};
+  if (fewest.share) object["share"] = *fewest.share;
+  return object;
+}
+
 }  // namespace
 
 void to_json(const Assessment& a, nlohmann::ordered_json& object) {
@@ -66,7 +76,8 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
     object["accuracy"] = {{"tolerance", a.accuracy->tolerance},
                           {"duration", a.accuracy->duration},
                           {"modes", a.accuracy->modes},
-                          {"changes", std::move(changes)}};
+                          {"changes", std::move(changes)},
+                          {"corrected", fewest_json(*a.accuracy)}};
   }
   object["findings"] = nlohmann::ordered_json::array();
   for (const Finding& finding : a.findings) {

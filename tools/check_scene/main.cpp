@@ -6,6 +6,7 @@
 #include "sprag/analysis/assessment.h"
 #include "sprag/files/output_file.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/scene_writer.h"
 #include "tools/check_scene/json.h"
 
 namespace {
@@ -24,12 +25,18 @@ int main(int argc, char** argv) {
   std::filesystem::path file;
   bool json = false;
   double tolerance = 0.0;
+  std::filesystem::path output;
   sprag::add_common_options(*app, common);
   sprag::add_scene(*app, common, file);
   sprag::add_flag(*app, "--json", json, "Print one JSON object");
 
-  sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
-                      "Also tell how few modes show the tip to TOL metres");
+  CLI::Option* accuracy =
+      sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
+                          "Also tell how few modes show the tip to TOL metres, and how few "
+                          "coordinates with a correction for the modes that are left out");
+  sprag::needs(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, output,
+                               "REDUCED.toml", "With --accuracy: write the scene in these"),
+               accuracy);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::read_scene(file);
@@ -50,6 +57,12 @@ int main(int argc, char** argv) {
       out.write(sprag::to_text(assessment));
     }
     if (!out.close()) throw std::runtime_error(out.error());
+    if (!output.empty()) {
+      if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);
+      const sprag::Reduction& fewest = assessment.accuracy->fewest;
+      sprag::write_scene(output, sprag::reduced_scene(scene, fewest.machine),
+                         sprag::description(scene, fewest));
+    }
     return assessment.synchronizes() ? sprag::exit_done : exit_may_not;
   });
 }
