@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
 
 #include "sprag/analysis/reduction_choice.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
+#include "studies/studies/mode_limit.h"
 #include "studies/studies/study.h"
 
 namespace sprag::studies {
@@ -79,13 +81,23 @@ void follow(const ModalMachine& whole, const Truth& truth, const Reduction& redu
              1e9 * seconds / static_cast<double>(ticks)});
 }
 
-// What n modes show at best: they are right, and the others at rest.
-void add_exact(const ModalMachine& whole, const Truth& truth, int n, const char* damping,
-               Table& table) {
+// What n modes would show if they were right and the others at rest, and what of it can be reached
+// where what is left out is as good as noise to them.
+void add_limits(const ModalMachine& whole, const Truth& truth, int n, const char* damping,
+                bool noise, Table& table) {
   const Eigen::Index rest = whole.model.coordinates() - n;
   const Eigen::RowVectorXd left_out = whole.observed.rightCols(rest) * truth.q.bottomRows(rest);
-  table.add({damping, "exact", "", static_cast<double>(n), static_cast<double>(n), 0.0,
-             std::sqrt(left_out.squaredNorm() / static_cast<double>(left_out.size())), 0.0});
+  const double tip = std::sqrt(left_out.squaredNorm() / static_cast<double>(left_out.size()));
+  const auto add = [&](const char* method, double error) {
+    table.add(
+        {damping, method, "", static_cast<double>(n), static_cast<double>(n), 0.0, error, 0.0});
+  };
+  add("exact", tip);
+  if (!noise) return;
+  add("optimistic limit",
+      mode_limit(whole, truth.events, n, settled, tip, LeftOutGap::new_at_each_pulse));
+  add("cautious limit",
+      mode_limit(whole, truth.events, n, settled, tip, LeftOutGap::same_in_a_cluster));
 }
 
 Scene damped(const std::string& damping) {
@@ -115,7 +127,8 @@ void modes(Table& table) {
       });
       follow(whole, truth, *plain, damping, "plain", table);
       follow(whole, truth, all.front(), damping, "corrected", table);
-      add_exact(whole, truth, n, damping, table);
+      // Damped in proportion to stiffness, what is left out follows the contact: no noise at all.
+      add_limits(whole, truth, n, damping, std::string_view(damping) != "stiffness", table);
     }
   }
 }

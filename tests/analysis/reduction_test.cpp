@@ -389,6 +389,24 @@ TEST(ReductionChoice, AskingForMoreThanThereIsIsRefused) {
   EXPECT_NO_THROW(reduced_scene(blind, reduced(machine, {0, 1})));
 }
 
+// Bounces of a chatter hardly count, however many they are.
+TEST(ReductionChoice, AClosingWeighsAsMuchAsTheTimeSinceTheOneBefore) {
+  const ModalMachine machine = modal_machine(shipped_scene("paper_beam"));
+  const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 8.0);
+  const auto rms = [&](std::size_t count, double counts) {
+    return rms_gap(machine, {.events = std::span(events).first(count), .counts = counts});
+  };
+  double squares = 0.0;
+  double last = 0.0;
+  for (std::size_t i = 0; i < 6; ++i) {
+    ASSERT_EQ(events[i].kind, ContactEventKind::pulse);
+    squares += (events[i].t - last) * square(rms(i + 1, events[i].t));
+    last = events[i].t;
+    EXPECT_NEAR(rms(i + 1, 0.0), std::sqrt(squares / last), 1e-12);
+  }
+  EXPECT_GT(squares, 1e-3);
+}
+
 // A recording that begins later, with a contact closed.
 TEST(ReductionChoice, EventsMayBeginLater) {
   const Scene scene = shipped_scene("paper_beam_chatter");
