@@ -9,8 +9,8 @@
 // A replica's epsilon_i may be negative, down to -1 (model.h): not all of the approach is taken
 // away. Newton's law is the same then; Poisson's expansion takes away no more than that,
 // 0 <= nu _|_ gamma+ >= -E- min(gamma-, 0) with E- = min(E, 0). What is not approaching does not
-// begin to. With one epsilon in [-1, 0] for all, both are (1 + epsilon) P gamma - epsilon gamma, P the
-// nearest point with gamma >= 0: a mean of P and nothing, which expands no distance.
+// begin to. With one epsilon in [-1, 0] for all, both are (1 + epsilon) P gamma - epsilon gamma, P
+// the nearest point with gamma >= 0: a mean of P and nothing, which expands no distance.
 //
 // The complementarity problems are solved by principal pivoting, block-wise, with Murty's
 // least-index rule, which is finite for positive definite G, behind it: exact to rounding. Nothing
