@@ -196,6 +196,11 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
 }
 
+CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
+                      const std::string& type, const std::string& help) {
+  return app.add_option(name, value, help)->type_name(type);
+}
+
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run) {
   const Signals signals(app.get_name());

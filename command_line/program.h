@@ -104,6 +104,10 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
                        const std::string& help);
 
+/// Adds an option that takes any text, of this type by name.
+CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
+                      const std::string& type, const std::string& help);
+
 /// The key of --key, if it is given. Throws InputError.
 std::optional<Key> key_of(const CommonOptions& options);
 

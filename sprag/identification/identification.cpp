@@ -242,6 +242,8 @@ void Identifier::describe(const Attempt& best, const Stretches& stretches,
     fitted.sigma = sigma * std::sqrt(variance) * std::abs(fitted.unknown.slope(fitted.value));
     fitted.determined = solution.undetermined.cols() == 0 ||
                         solution.undetermined.row(k).cwiseAbs().maxCoeff() < noticeable;
+    // A hundred percent, or all of a turn, or of the usual length.
+    if (sigma * std::sqrt(variance) > 1.0) fitted.determined = false;
     for (Eigen::Index j = 0; j < unknowns; ++j) {
       const double scale = std::sqrt(variance * solution.covariance(j, j));
       if (j == k || !(scale > 0.0)) continue;

@@ -92,7 +92,8 @@ struct TooFewImpacts : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Throws TooFewImpacts, and ModelError where the scene's machine has no exact flow.
+/// Throws TooFewImpacts, ModelError where M is not positive definite, and Interrupted
+/// (interrupt.h).
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings);
 

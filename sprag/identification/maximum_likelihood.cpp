@@ -1,10 +1,12 @@
 #include "sprag/identification/maximum_likelihood.h"
 
-#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "sprag/identification/basic_solution.h"
+#include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {
@@ -13,17 +15,20 @@ using Kind = Unknown::Kind;
 
 constexpr double untimed_weight = 1e-3;  // square root of 1e-6
 constexpr double undetermined_below = 1e-8;
+// An unknown of whose effect the starts take up all but this share is scaled by the effect itself,
+// so that one of which they take up all but rounding is found to be undetermined.
+constexpr double least_share = 1e-4;
 
 // The constraints of one stretch, solved for what is its own: x0 and tau.
 struct Block {
-  Eigen::VectorXd scale;                           // of x0's columns
-  Eigen::MatrixXd Q2;                              // null space, (2n + N) x 2n
-  Eigen::VectorXd step;                            // least (x0, tau) that satisfies them
-  Eigen::MatrixXd step_rate;                       // for each unknown, (2n + N) x P
-  Eigen::MatrixXd B2;                              // what Q2 does to weighted times, N x 2n
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;  // of B2
-  Eigen::VectorXd e0;                              // weighted times for no change of the unknowns
-  Eigen::MatrixXd eJ;                              // and what they change
+  Eigen::VectorXd scale;      // of x0's columns
+  Eigen::MatrixXd Q2;         // null space, (2n + N) x 2n
+  Eigen::VectorXd step;       // least (x0, tau) that satisfies them
+  Eigen::MatrixXd step_rate;  // for each unknown, (2n + N) x P
+  Eigen::MatrixXd B2;         // what Q2 does to weighted times, N x 2n
+  PivotedQR qr;               // of B2
+  Eigen::VectorXd e0;         // weighted times for no change of the unknowns
+  Eigen::MatrixXd eJ;         // and what they change
 };
 
 class Maximization {
@@ -111,12 +116,14 @@ void Maximization::linearize() {
     }
   }
   Eigen::Index rows_in_all = 0;
+  Eigen::VectorXd effects = Eigen::VectorXd::Zero(unknowns());
   PathRows rows;
   RowMatrix G;
   for (std::size_t s = 0; s < S; ++s) {
     Block& block = blocks_[s];
     Path& of = paths_[s];
     const auto N = static_cast<Eigen::Index>(at_.path[s].size());
+    check_interrupt();
     follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, of);
     at_.gamma[s] = of.gamma;
     path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
@@ -139,6 +146,7 @@ void Maximization::linearize() {
     right.setZero();
     right.col(0).head(N) = -weight.cwiseProduct(of.g);
     right.block(0, 1, N, unknowns()) = -(weight.asDiagonal() * J);
+    effects += right.rightCols(unknowns()).colwise().squaredNorm().transpose();
     const Eigen::MatrixXd top = right.topRows(N);
     right.topRows(N) =
         qr.matrixQR().topRows(N).triangularView<Eigen::Upper>().transpose().solve(top);
@@ -174,7 +182,14 @@ void Maximization::linearize() {
     r_.segment(row, left) = rotated.col(unknowns()).tail(left);
     row += left;
   }
-  M_scale_ = M_.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+  M_scale_ = M_.colwise()
+                 .norm()
+                 .transpose()
+                 .cwiseMax(least_share * effects.cwiseSqrt())
+                 .cwiseMax(std::numeric_limits<double>::min());
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    if (M_.col(k).norm() < undetermined_below * M_scale_[k]) M_.col(k).setZero();
+  }
 }
 
 // Moves to the next iterate; how far the times and unknowns moved, in units of what they may.
@@ -182,10 +197,10 @@ double Maximization::step() {
   const Eigen::Index n2 = 2 * family_.n();
   dp_ = Eigen::VectorXd::Zero(unknowns());
   if (unknowns() > 0) {
-    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
+    PivotedQR qr;
     qr.setThreshold(undetermined_below);
     qr.compute(M_ * M_scale_.cwiseInverse().asDiagonal());
-    dp_ = -qr.solve(r_).cwiseQuotient(M_scale_);
+    dp_ = -basic_solution(qr, r_).col(0).cwiseQuotient(M_scale_);
   }
   double longest = dp_.size() > 0 ? dp_.cwiseAbs().maxCoeff() : 0.0;
   std::vector<Eigen::VectorXd> moves(blocks_.size());
@@ -194,7 +209,7 @@ double Maximization::step() {
   if (longest > most) share = most / longest;
   for (std::size_t s = 0; s < blocks_.size(); ++s) {
     const Block& block = blocks_[s];
-    const Eigen::VectorXd v = -block.qr.solve(block.e0 + block.eJ * dp_);
+    const Eigen::VectorXd v = -basic_solution(block.qr, block.e0 + block.eJ * dp_);
     moves[s] = block.step + block.step_rate * dp_ + block.Q2 * v;
     // Impacts keep their order.
     const auto& impacts = at_.path[s].impacts;
@@ -247,7 +262,7 @@ void Maximization::finish() {
     const Eigen::VectorXd values = svd.singularValues();
     const Eigen::MatrixXd directions = M_scale_.cwiseInverse().asDiagonal() * svd.matrixV();
     for (Eigen::Index k = 0; k < P; ++k) {
-      if (k < values.size() && values[k] > undetermined_below * values[0]) {
+      if (k < values.size() && values[k] > undetermined_below * std::max(values[0], 1e-3)) {
         at_.covariance += directions.col(k) * directions.col(k).transpose() / square(values[k]);
         ++determined;
       } else {
@@ -267,7 +282,7 @@ void Maximization::finish() {
         R.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(rank, rank));
     const Eigen::MatrixXd own = block.Q2.topRows(n2) * (block.qr.colsPermutation() * inverse);
     const Eigen::MatrixXd by_unknowns =
-        block.step_rate.topRows(n2) - block.Q2.topRows(n2) * block.qr.solve(block.eJ);
+        block.step_rate.topRows(n2) - block.Q2.topRows(n2) * basic_solution(block.qr, block.eJ);
     const Eigen::MatrixXd covariance =
         own * own.transpose() + by_unknowns * at_.covariance * by_unknowns.transpose();
     const Eigen::VectorXd unit = block.scale.cwiseInverse();
@@ -279,7 +294,7 @@ void Maximization::finish() {
 
 // The diagonal of the projection onto what x0 and the unknowns do to the times.
 void Maximization::set_leverages() {
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
+  PivotedQR qr;
   qr.setThreshold(undetermined_below);
   if (unknowns() > 0) qr.compute(M_ * M_scale_.cwiseInverse().asDiagonal());
   const Eigen::Index rank = unknowns() > 0 ? qr.rank() : 0;

@@ -1,23 +1,26 @@
 #include "sprag/identification/projection.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "sprag/identification/basic_solution.h"
+#include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {
 
 using Kind = Unknown::Kind;
-using QR = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
 
 constexpr double rank_threshold = 1e-13;
+// An input of whose effect the start takes up all but this is not told: rounding is below it.
+constexpr double least_share = 1e-4, least_of_inputs = 1e-8;
 // Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
 
-void factorize(const Eigen::MatrixXd& A, QR& qr) {
-  qr.setThreshold(rank_threshold);
+void factorize(const Eigen::MatrixXd& A, double threshold, PivotedQR& qr) {
+  qr.setThreshold(threshold);
   qr.compute(A);
 }
 
@@ -35,11 +38,12 @@ class Projection::Core {
   std::vector<std::size_t> nonlinear;
   Eigen::VectorXd known;  // inputs that are not free
   Eigen::MatrixXd E;      // inputs = known + E zeta
+  Eigen::VectorXd nominal_zeta;
   bool homogeneous = false;
 
  private:
   struct Factors {
-    QR qr;
+    PivotedQR qr;
     Eigen::VectorXd scale;             // of the columns of x0
     Eigen::MatrixXd top;               // Q^T (inputs, known), the rows that x0 reaches
     Eigen::Index first = 0, rows = 0;  // of those that it does not, among all stretches'
@@ -63,7 +67,7 @@ class Projection::Core {
   Path path_;
   std::vector<Eigen::VectorXd> gamma_;
   std::vector<Factors> factors_;
-  QR inputs_qr_;
+  PivotedQR inputs_qr_;
   Eigen::VectorXd residual_;  // what is left, in the space that z does not reach
 };
 
@@ -103,6 +107,10 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
     E.col(static_cast<Eigen::Index>(j)) = columns[j];
   }
   homogeneous = known.isZero(0.0);
+  nominal_zeta.resize(E.cols());
+  for (Eigen::Index j = 0; j < E.cols(); ++j) {
+    nominal_zeta[j] = E.col(j).dot(inputs - known) / E.col(j).squaredNorm();
+  }
 }
 
 void Projection::Core::take(Stretches stretches) {
@@ -144,6 +152,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   std::vector<Eigen::MatrixXd> lower(stretches_.size());
   std::vector<PathRows> all_rows(stretches_.size());
   Eigen::Index rows = 0;
+  Eigen::RowVectorXd input_squares = Eigen::RowVectorXd::Zero(zetas);
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
     path_rows(machine_, flights_, harmonics_, stretches_[s], s, all_rows[s]);
     const PathRows& of = all_rows[s];
@@ -160,10 +169,11 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
       I.row(N).head(zetas) = mean.tail(E.rows()) * E;
       I(N, zetas) = normalization_;
     }
+    input_squares += I.leftCols(zetas).colwise().squaredNorm();
     Factors& factors = factors_[s];
     factors.scale = X.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
     X = (X * factors.scale.cwiseInverse().asDiagonal()).eval();
-    factorize(X, factors.qr);
+    factorize(X, rank_threshold, factors.qr);
     I.applyOnTheLeft(factors.qr.householderQ().adjoint());
     const Eigen::Index rank = factors.qr.rank();
     factors.top = I.topRows(rank);
@@ -180,11 +190,22 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   Eigen::VectorXd right = stacked.col(zetas);
   Eigen::Index rank = 0;
   if (zetas > 0) {
-    const Eigen::VectorXd scale = stacked.leftCols(zetas).colwise().norm().transpose().cwiseMax(
-        std::numeric_limits<double>::min());
-    factorize(stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal(), inputs_qr_);
+    const Eigen::VectorXd scale = stacked.leftCols(zetas)
+                                      .colwise()
+                                      .norm()
+                                      .cwiseMax(least_share * input_squares.cwiseSqrt())
+                                      .transpose()
+                                      .cwiseMax(std::numeric_limits<double>::min());
+    Eigen::MatrixXd scaled = stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal();
+    for (Eigen::Index j = 0; j < zetas; ++j) {
+      if (scaled.col(j).norm() < least_of_inputs) scaled.col(j).setZero();
+    }
+    factorize(scaled, least_of_inputs, inputs_qr_);
     rank = inputs_qr_.rank();
-    zeta = -inputs_qr_.solve(right).cwiseQuotient(scale);
+    // What is not told stays as it was.
+    if (!homogeneous) right += stacked.leftCols(zetas) * nominal_zeta;
+    zeta = -basic_solution(inputs_qr_, right).col(0).cwiseQuotient(scale);
+    if (!homogeneous) zeta += nominal_zeta;
     right.applyOnTheLeft(inputs_qr_.householderQ().adjoint());
   }
   residual_ = right.tail(rows - rank);
@@ -272,6 +293,7 @@ PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
   solve(from.values, best);
   double lambda = 1e-3;
   for (int step = 0; step < most_steps && p > 0; ++step) {
+    check_interrupt();
     const Eigen::MatrixXd J = jacobian(best);
     const Eigen::VectorXd gradient = J.transpose() * residual_;
     const Eigen::MatrixXd normal = J.transpose() * J;
@@ -282,7 +304,9 @@ PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
     while (!better && lambda < 1e9) {
       Eigen::MatrixXd damped = normal;
       damped.diagonal() *= 1.0 + lambda;
-      damped.diagonal().array() += std::numeric_limits<double>::min();
+      // What these impacts do not tell stays where it is.
+      damped.diagonal().array() += (1e-12 + 1e-6 * lambda) * normal.diagonal().maxCoeff() +
+                                   std::numeric_limits<double>::min();
       Eigen::VectorXd change = -damped.ldlt().solve(gradient);
       const double largest = change.cwiseAbs().maxCoeff();
       if (largest > longest_step) change *= longest_step / largest;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/mechanics/interrupt.h"
+
 namespace sprag {
 namespace {
 
@@ -11,7 +13,9 @@ using Kind = Unknown::Kind;
 
 // Steps of a grid, in coordinates of the unknowns: wide enough that a refinement between two points
 // finds to one of them (measured on the paper's beam with 22 impacts).
-constexpr double step_of_stiffness = 0.05, step_of_position = 0.04;
+constexpr double widest_of_stiffness = 0.05, widest_of_position = 0.04;
+constexpr double turn_of_fastest = 2.0;  // [rad] in a usual flight, by a step of 1 of the stiffness
+constexpr double part_of_wave = 0.31;  // of the shortest, by which a position's step goes along it
 constexpr double step_of_phase = 0.8;  // [rad], by which a frequency's step turns the last impact
 constexpr double most_points = 30000.0;
 constexpr std::size_t kept = 6;
@@ -23,16 +27,35 @@ struct Axis {
   int to_low = 0, to_high = 0;  // points beside the nominal one
 };
 
-std::vector<Axis> axes_of(const MachineFamily& family, double duration, double refinement) {
+double step_of_stiffness(const MachineFamily& family, double interval) {
+  const Machine machine = family.at(family.nominal());
+  double fastest = 0.0;
+  for (Eigen::Index i = 0; i < machine.n(); ++i) {
+    const Eigen::Index column = machine.modal ? 0 : i;
+    // What dies away within a flight tells nothing of its phase.
+    constexpr double gone = 3.0;
+    if (0.5 * machine.C(i, column) * interval > gone) continue;
+    fastest = std::max(fastest, std::sqrt(std::max(machine.K(i, column), 0.0)));
+  }
+  return std::min(widest_of_stiffness,
+                  turn_of_fastest / std::max(fastest * interval, turn_of_fastest));
+}
+
+double step_of_position(const MachineFamily& family) {
+  return std::min(widest_of_position, part_of_wave / wavenumber(family.scene().beam->modes));
+}
+
+std::vector<Axis> axes_of(const MachineFamily& family, double duration, double interval,
+                          double refinement) {
   std::vector<Axis> axes;
   const std::vector<Unknown>& unknowns = family.unknowns();
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     const Unknown& unknown = unknowns[k];
     Axis axis{.unknown = k};
     if (unknown.kind == Kind::stiffness || unknown.kind == Kind::stiffness_entry) {
-      axis.step = step_of_stiffness;
+      axis.step = step_of_stiffness(family, interval);
     } else if (unknown.kind == Kind::position) {
-      axis.step = step_of_position;
+      axis.step = step_of_position(family);
     } else if (unknown.kind == Kind::frequency) {
       axis.step = step_of_phase / (unknown.nominal * duration);
     } else {
@@ -97,6 +120,7 @@ std::vector<Point> best_of_grid(const MachineFamily& family, Projection& project
   for (std::size_t i = 0; i < axes.size(); ++i) point.at[i] = -axes[i].to_low;
   Eigen::VectorXd values = family.nominal();
   while (true) {
+    check_interrupt();
     for (std::size_t i = 0; i < axes.size(); ++i) {
       const Unknown& unknown = family.unknowns()[axes[i].unknown];
       values[static_cast<Eigen::Index>(axes[i].unknown)] = unknown.value(
@@ -165,11 +189,51 @@ bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b)
   return true;
 }
 
+std::size_t first_of_longest(const Stretches& stretches) {
+  std::size_t at = 0, first = 0, longest = 0;
+  for (const Stretch& stretch : stretches) {
+    if (stretch.size() > longest) {
+      longest = stretch.size();
+      first = at;
+    }
+    at += stretch.size();
+  }
+  return first;
+}
+
+std::vector<std::size_t> hits(const Stretches& stretches, int contacts) {
+  std::vector<std::size_t> hits(static_cast<std::size_t>(contacts));
+  for (const Stretch& stretch : stretches) {
+    for (const Impact& impact : stretch.impacts) ++hits[static_cast<std::size_t>(impact.contact)];
+  }
+  return hits;
+}
+
+// So many impacts from `first` on that every contact is among them, if it is hit at all: of one
+// that is not, nothing would be told.
+std::size_t with_all_contacts(const MachineFamily& family, const Stretches& all, std::size_t first,
+                              std::size_t size) {
+  constexpr std::size_t enough = 4;
+  const std::vector<std::size_t> wanted = hits(all, family.contacts());
+  const std::size_t total = count(all);
+  while (first + size < total) {
+    const std::vector<std::size_t> of = hits(part(all, first, size), family.contacts());
+    bool enough_of_all = true;
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      if (of[i] < std::min(enough, wanted[i])) enough_of_all = false;
+    }
+    if (enough_of_all) break;
+    ++size;
+  }
+  return size;
+}
+
 // The best places of the grid, each refined, the best first.
 std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
                                     const Stretches& window, double refinement) {
   projection.take(window);
-  const std::vector<Axis> axes = axes_of(family, duration_of(window), refinement);
+  const std::vector<Axis> axes =
+      axes_of(family, duration_of(window), usual_interval(window), refinement);
   std::vector<PathFit> starts;
   for (const Point& point : best_of_grid(family, projection, axes)) {
     starts.push_back(projection.refine(point.fit, first_steps));
@@ -202,11 +266,18 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
     double refinement;
   };
   std::vector<Window> windows;
-  for (const std::size_t first : {std::size_t{0}, n / 2, n, 2 * n, 3 * n}) {
-    if (first + n <= total) windows.push_back({first, n, 1.0});
+  // A long stretch tells more with fewer unknowns of its own.
+  const std::size_t longest = first_of_longest(stretches);
+  for (const std::size_t first : {longest, longest + n / 2, longest + n, longest + 2 * n,
+                                  longest + 3 * n, std::size_t{0}, n / 2}) {
+    const bool is_there = std::any_of(windows.begin(), windows.end(),
+                                      [&](const Window& window) { return window.first == first; });
+    if (first + n <= total && !is_there) windows.push_back({first, n, 1.0});
   }
-  windows.push_back({0, std::min(total, n * 7 / 5), 0.5});
-  for (const Window& window : windows) {
+  const std::size_t wide = std::min(total, n * 7 / 5);
+  windows.push_back({std::min(longest, total - wide), wide, 0.5});
+  for (Window& window : windows) {
+    window.size = with_all_contacts(family, stretches, window.first, window.size);
     Stretches first = part(stretches, window.first, window.size);
     std::erase_if(first, [&](const Stretch& stretch) { return stretch.size() < fewest; });
     if (first.empty()) continue;

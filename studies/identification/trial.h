@@ -14,6 +14,7 @@ namespace sprag::identification_study {
 struct Trial {
   double off = 0.2;  ///< each nonlinear parameter of the scene is wrong by (0.5 ... 1) of it
   double machine_off = 0.0;  ///< the machine itself is off by up to it, its phase and clearance any
+  double damping_off = 0.0;  ///< of the damping, in place of `off`; 0: as the others
   int impacts = 100;
   double jitter = 0.0;                ///< [s]
   double lost = 0.0, spurious = 0.0;  ///< shares of the events
@@ -29,7 +30,7 @@ struct Outcome {
   double worst = 0.0;             ///< error in coordinates of the unknowns
   double worst_sigmas = 0.0;      ///< the same in its own standard deviations
   int inside_95 = 0, values = 0;  ///< errors below 1.96 standard deviations
-  double seconds = 0.0;
+  double seconds = 0.0;           ///< of CPU
   int events_lost = 0, events_spurious = 0;
 
   bool accepted() const { return !too_few && found.fits(); }

@@ -18,9 +18,10 @@ constexpr auto patience = sanitized ? 100s : 14s;
 constexpr unsigned alarm_seconds = sanitized ? 150 : 30;
 
 const std::map<std::string, std::string> programs{
-    {"check_scene", CHECK_SCENE}, {"diagnose", DIAGNOSE}, {"import_events", IMPORT_EVENTS},
-    {"master_sim", MASTER_SIM},   {"observer", OBSERVER}, {"reduce", REDUCE},
-    {"sync_logger", SYNC_LOGGER}};
+    {"check_scene", CHECK_SCENE}, {"diagnose", DIAGNOSE},
+    {"identify", IDENTIFY},       {"import_events", IMPORT_EVENTS},
+    {"master_sim", MASTER_SIM},   {"observer", OBSERVER},
+    {"reduce", REDUCE},           {"sync_logger", SYNC_LOGGER}};
 
 }  // namespace
 

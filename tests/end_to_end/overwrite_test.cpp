@@ -91,6 +91,8 @@ TEST_F(OverwriteTest, TheToolsDestroyNothing) {
   expect_refused("check_scene", {beam_, "--report", beam_}, "SCENE", "--report");
   expect_refused("diagnose", {events_, beam_, "--report", events_}, "LOG", "--report");
   expect_refused("diagnose", {events_, beam_, "--report", beam_}, "SCENE", "--report");
+  expect_refused("identify", {events_, beam_, "--output", beam_}, "SCENE", "--output");
+  expect_refused("identify", {events_, beam_, "--output", events_}, "LOG", "--output");
   const Arguments reduce{events_, beam_, "--modes", "2", "--output"};
   expect_refused("reduce", reduce + Arguments{events_}, "EVENTS", "--output");
   expect_refused("reduce", reduce + Arguments{beam_}, "SCENE", "--output");

@@ -190,14 +190,16 @@ TEST_P(SignalTest, EndsAReduction) {
   EXPECT_FALSE(std::filesystem::exists(file("reduced.toml")));
 }
 
-TEST_P(SignalTest, EndsADiagnosis) {
+TEST_P(SignalTest, EndsADiagnosisAndAnIdentification) {
   write_pulses(file("random.csv"), 20000);
-  Process& diagnose =
-      start("diagnose", {file("random.csv"), scene("paper_beam"), "--report", file("report.json")});
-  expect_still_at_work(diagnose);
-  const Ended ended = expect_end(diagnose, 1);
-  EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
-  EXPECT_EQ(json("report.json").value("error", ""), "interrupted");
+  for (const char* program : {"diagnose", "identify"}) {
+    Process& process =
+        start(program, {file("random.csv"), scene("paper_beam"), "--report", file("report.json")});
+    expect_still_at_work(process);
+    const Ended ended = expect_end(process, 1);
+    EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
+    EXPECT_EQ(json("report.json").value("error", ""), "interrupted");
+  }
 }
 
 TEST_P(SignalTest, EndsAProgramThatCannotLookAtIt) {

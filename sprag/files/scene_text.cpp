@@ -1,0 +1,145 @@
+#include "sprag/files/scene_text.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdint>
+
+#include "sprag/files/scene_file.h"
+#include "sprag/files/toml_reader.h"
+
+namespace sprag {
+namespace {
+
+std::vector<std::string> parts_of(std::string_view path) {
+  std::vector<std::string> parts;
+  while (true) {
+    const auto dot = path.find('.');
+    parts.emplace_back(path.substr(0, dot));
+    if (dot == std::string_view::npos) return parts;
+    path.remove_prefix(dot + 1);
+  }
+}
+
+toml::table parsed(std::string_view text, const std::string& file) {
+  try {
+    return toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    const toml::source_position& at = error.source().begin;
+    throw SceneError(file, static_cast<int>(at.line), static_cast<int>(at.column),
+                     std::string(error.description()));
+  }
+}
+
+const toml::node* child(const toml::node& node, const std::string& part) {
+  if (const toml::table* table = node.as_table()) return table->get(part);
+  const toml::array* array = node.as_array();
+  std::size_t index = 0;
+  const char* const end = part.data() + part.size();
+  if (array == nullptr || std::from_chars(part.data(), end, index).ptr != end || index == 0) {
+    return nullptr;
+  }
+  return array->get(index - 1);
+}
+
+const toml::node* find(const toml::table& root, const std::vector<std::string>& parts,
+                       std::size_t count) {
+  const toml::node* node = &root;
+  for (std::size_t i = 0; node != nullptr && i < count; ++i) node = child(*node, parts[i]);
+  return node;
+}
+
+// Bytes: what stands before a value on its line is ASCII.
+std::size_t offset(std::string_view text, const toml::source_position& position) {
+  std::size_t at = 0;
+  for (std::uint32_t line = 1; line < position.line; ++line) at = text.find('\n', at) + 1;
+  return at + position.column - 1;
+}
+
+struct Edit {
+  std::size_t from, to;
+  std::string by;
+};
+
+std::string written(const SceneValue& value) {
+  if (!value.array) return to_text(value.numbers.at(0));
+  std::string text = "[";
+  for (std::size_t i = 0; i < value.numbers.size(); ++i) {
+    text += (i > 0 ? ", " : "") + to_text(value.numbers[i]);
+  }
+  return text + "]";
+}
+
+// Where a table's last key ends; its header's line where it has none.
+std::size_t end_of(std::string_view text, const toml::table& table) {
+  std::size_t end = offset(text, table.source().begin);
+  for (const auto& [key, node] : table) {
+    if (node.is_table() && !node.as_table()->is_inline()) continue;
+    if (node.is_array_of_tables()) continue;
+    end = std::max(end, offset(text, node.source().end));
+  }
+  return end;
+}
+
+Edit added(std::string_view text, const toml::table& table, const std::string& key,
+           const std::string& value) {
+  const std::size_t end = end_of(text, table);
+  if (table.is_inline()) return {end, end, ", " + key + " = " + value};
+  std::size_t line_end = text.find('\n', end);
+  if (line_end == std::string_view::npos) line_end = text.size();
+  return {line_end, line_end, "\n" + key + " = " + value};
+}
+
+}  // namespace
+
+std::string with_values(std::string_view text, const std::vector<SceneValue>& values,
+                        const std::string& file) {
+  const toml::table root = parsed(text, file);
+  std::vector<Edit> edits;
+  std::string end;
+  std::string table_at_end;
+  for (const SceneValue& value : values) {
+    const std::vector<std::string> parts = parts_of(value.path);
+    if (const toml::node* node = find(root, parts, parts.size())) {
+      const toml::source_region& at = node->source();
+      edits.push_back({offset(text, at.begin), offset(text, at.end), written(value)});
+      continue;
+    }
+    const toml::node* parent = find(root, parts, parts.size() - 1);
+    if (parent != nullptr && parent->is_table()) {
+      edits.push_back(added(text, *parent->as_table(), parts.back(), written(value)));
+      continue;
+    }
+    if (parts.size() != 2) throw SceneError(file, "has no " + value.path);
+    if (table_at_end != parts.front()) end += "\n[" + parts.front() + "]\n";
+    table_at_end = parts.front();
+    end += parts.back() + " = " + written(value) + "\n";
+  }
+  std::stable_sort(edits.begin(), edits.end(),
+                   [](const Edit& a, const Edit& b) { return a.from < b.from; });
+  std::string edited;
+  std::size_t at = 0;
+  for (const Edit& edit : edits) {
+    edited += text.substr(at, edit.from - at);
+    edited += edit.by;
+    at = edit.to;
+  }
+  edited += text.substr(at);
+  if (!end.empty() && !edited.empty() && edited.back() != '\n') edited += '\n';
+  return edited + end;
+}
+
+bool has_key(std::string_view text, std::string_view path, const std::string& file) {
+  const toml::table root = parsed(text, file);
+  const std::vector<std::string> parts = parts_of(path);
+  return find(root, parts, parts.size()) != nullptr;
+}
+
+double number_of(std::string_view text, std::string_view path, double fallback,
+                 const std::string& file) {
+  const toml::table root = parsed(text, file);
+  const std::vector<std::string> parts = parts_of(path);
+  const toml::node* node = find(root, parts, parts.size());
+  return node != nullptr ? node->value<double>().value_or(fallback) : fallback;
+}
+
+}  // namespace sprag

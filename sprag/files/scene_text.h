@@ -1,0 +1,30 @@
+// The text of a scene file with other numbers in it: comments, order and spacing stay.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace sprag {
+
+/// A key, as errors name it ("beam.damping", "contact.2.position", "system.K.1.2"), entries
+/// counting from 1, and its value: a number, or an array.
+struct SceneValue {
+  std::string path;
+  std::vector<double> numbers;
+  bool array = false;
+};
+
+/// Where a key is not there yet it is added to its table, and the table, which then must not be
+/// one of an array, to the end. `file` is the name that errors carry. Throws SceneError.
+std::string with_values(std::string_view text, const std::vector<SceneValue>& values,
+                        const std::string& file);
+
+/// Whether the text has this key or table.
+bool has_key(std::string_view text, std::string_view path, const std::string& file);
+
+/// The number of this key, or `fallback` where it is not there. Throws SceneError.
+double number_of(std::string_view text, std::string_view path, double fallback,
+                 const std::string& file);
+
+}  // namespace sprag

@@ -1,0 +1,83 @@
+#include "sprag/files/scene_text.h"
+
+#include <gtest/gtest.h>
+
+#include "sprag/files/scene_file.h"
+
+namespace sprag {
+namespace {
+
+constexpr const char* text = R"(# A comment.
+name = "é"   # beyond ASCII
+[beam]
+damping = 0.17   # d [N s/m²]
+[[contact]]
+position = 0.8
+[[contact]]   # the second
+position = 0.9   # x_c
+clearance = 0.1
+motion = { amplitude = 0.1, frequency = 2 }
+[system]
+K = [
+  [1.0, 2.0],   # first
+  [2.0, 3.0],
+]
+[master]
+q = [0.1,
+     0.2]  # start
+[events]
+)";
+
+std::string with(const std::vector<SceneValue>& values) {
+  return with_values(text, values, "x.toml");
+}
+
+std::string replaced(const std::string& what, const std::string& by) {
+  std::string expected = text;
+  const auto at = expected.find(what);
+  EXPECT_NE(at, std::string::npos);
+  return expected.replace(at, what.size(), by);
+}
+
+TEST(SceneText, OnlyTheNumbersChange) {
+  EXPECT_EQ(with({}), text);
+  EXPECT_EQ(with({{"beam.damping", {0.25}}}), replaced("0.17 ", "0.25 "));
+  EXPECT_EQ(with({{"contact.2.position", {0.95}}}), replaced("0.9 ", "0.95 "));
+  EXPECT_EQ(with({{"system.K.2.1", {-7}}}), replaced("[2.0, 3.0]", "[-7, 3.0]"));
+  EXPECT_EQ(with({{"contact.2.motion.frequency", {3}}}),
+            replaced("frequency = 2", "frequency = 3"));
+  EXPECT_EQ(with({{"master.q", {1, 2, 3}, true}}), replaced("[0.1,\n     0.2]", "[1, 2, 3]"));
+}
+
+TEST(SceneText, WhatIsNotThereIsAdded) {
+  EXPECT_EQ(with({{"contact.1.clearance", {0.5}}}),
+            replaced("position = 0.8\n", "position = 0.8\nclearance = 0.5\n"));
+  EXPECT_EQ(with({{"contact.2.motion.phase", {0.5}}}),
+            replaced("frequency = 2 }", "frequency = 2, phase = 0.5 }"));
+  EXPECT_EQ(with({{"beam.length", {2}}}), replaced("# d [N s/m²]\n", "# d [N s/m²]\nlength = 2\n"));
+  EXPECT_EQ(with({{"events.jitter", {1e-4}}}),
+            replaced("[events]\n", "[events]\njitter = 1e-04\n"));
+  EXPECT_EQ(with({{"replica.q", {1}, true}, {"replica.u", {0}, true}}),
+            std::string(text) + "\n[replica]\nq = [1]\nu = [0]\n");
+  EXPECT_THROW(with({{"contact.3.clearance", {1}}}), SceneError);
+}
+
+TEST(SceneText, ManyAtOnce) {
+  const std::string edited = with({{"master.q", {5}, true},
+                                   {"beam.damping", {1}},
+                                   {"contact.2.clearance", {2}},
+                                   {"contact.1.clearance", {3}},
+                                   {"system.K.1.1", {4}}});
+  EXPECT_EQ(number_of(edited, "beam.damping", 0.0, "x"), 1.0);
+  EXPECT_EQ(number_of(edited, "contact.2.clearance", 0.0, "x"), 2.0);
+  EXPECT_EQ(number_of(edited, "contact.1.clearance", 0.0, "x"), 3.0);
+  EXPECT_EQ(number_of(edited, "system.K.1.1", 0.0, "x"), 4.0);
+  EXPECT_EQ(number_of(edited, "master.q.1", 0.0, "x"), 5.0);
+  EXPECT_EQ(number_of(edited, "master.q.2", -1.0, "x"), -1.0);
+  EXPECT_TRUE(has_key(edited, "contact.1.clearance", "x"));
+  EXPECT_FALSE(has_key(text, "contact.1.clearance", "x"));
+  EXPECT_NE(edited.find("# x_c"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace sprag

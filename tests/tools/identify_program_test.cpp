@@ -1,0 +1,226 @@
+// identify with the programs around it: a master that is not what the scene says.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "command_line/program.h"
+#include "sprag/files/events_file.h"
+#include "sprag/files/scene_file.h"
+#include "tests/support/process.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/run.h"
+#include "tests/support/temporary_directory.h"
+#include "tools/identify/options.h"
+#include "tools/import_events/contact_log.h"
+
+namespace sprag {
+namespace {
+
+using test::read_text;
+using test::shipped_scene;
+using test::write_text;
+using Arguments = std::vector<std::string>;
+
+constexpr auto patience = std::chrono::seconds(120);
+
+std::string scene_file(const std::string& name) {
+  return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml";
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  const auto at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), by);
+}
+
+class IdentifyProgramTest : public testing::Test {
+ protected:
+  struct Ended {
+    int code;
+    std::string out, err;
+  };
+
+  std::string path(const std::string& name) const { return (directory_ / name).string(); }
+
+  Ended identify(const Arguments& arguments) {
+    Arguments command{IDENTIFY};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    test::Process process(std::move(command), directory_ / "",
+                          "process_" + std::to_string(processes_++));
+    const auto code = process.wait(patience);
+    return {code.value_or(-1), process.out(), process.err()};
+  }
+
+  /// Events of a scene text, as a CSV.
+  std::string events_of(const std::string& text, double duration, double jitter = 0.0) {
+    std::mt19937_64 engine(5);
+    std::normal_distribution<double> normal;
+    EventsWriter writer(path("events.csv"));
+    for (ContactEvent event : test::events_of(parse_scene(text, "real.toml"), duration)) {
+      event.t += jitter > 0.0 ? jitter * normal(engine) : 0.0;
+      writer.write(event);
+    }
+    EXPECT_TRUE(writer.close());
+    return path("events.csv");
+  }
+
+  test::TemporaryDirectory directory_;
+  int processes_ = 0;
+};
+
+TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {
+  const std::string beam = scene_file("paper_beam");
+  const std::string text = read_text(beam);
+  const std::string events =
+      events_of(replaced(text, "restitution = 0.7", "restitution = 0.65"), 60);
+  const Ended ended =
+      identify({events, beam, "--output", path("fitted.toml"), "--report", path("report.json")});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("paper_beam: the events fit"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("impact.restitution 0.65 instead of 0.7 alone explains them"),
+            std::string::npos)
+      << ended.out;
+  EXPECT_NE(ended.out.find("excitation.amplitude     held"), std::string::npos) << ended.out;
+  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  EXPECT_EQ(report["fits"], true);
+  EXPECT_EQ(report["exit"], 0);
+  ASSERT_EQ(report["simplest"].size(), 1U);
+  EXPECT_EQ(report["simplest"][0][0]["parameter"], "impact.restitution");
+  EXPECT_EQ(report["parameters"].size(), 7U);
+
+  const std::string fitted = read_text(path("fitted.toml"));
+  EXPECT_NE(fitted.find("# l [m]"), std::string::npos);
+  const Scene scene = read_scene(path("fitted.toml"));
+  EXPECT_NEAR(scene.model.contacts[0].restitution, 0.65, 1e-10);
+  EXPECT_NEAR(scene.beam->damping, 0.17, 1e-10);
+  EXPECT_NEAR(scene.positions[0], 0.868, 1e-10);
+  EXPECT_NEAR(scene.replica.q[0], -0.05, 1e-9);
+  EXPECT_NEAR(scene.master.q[0], -0.05, 1e-9);
+  EXPECT_EQ(scene.jitter, 0.0);
+  // The scene that was written explains the events as it is.
+  const Ended again = identify({events, path("fitted.toml"), "--json"});
+  EXPECT_EQ(again.code, 0);
+  const auto json = nlohmann::json::parse(again.out);
+  ASSERT_EQ(json["simplest"].size(), 1U);
+  EXPECT_TRUE(json["simplest"][0].empty()) << again.out;
+}
+
+// What was found has to be written where scenes of all kinds say it.
+TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
+  struct Case {
+    const char *scene, *what, *by, *free;
+    double duration;
+  };
+  for (const Case& of :
+       {Case{"lab_rig", "4.5 Hz [rad/s]", "4.5 Hz [rad/s]\nphase = 0.4", "", 20.0},
+        Case{"non_proportional", "frequency = 9.5 }", "frequency = 9.5, phase = 0.0 }",
+             "impact.restitution,system.K,system.C,excitation.phase,excitation.frequency", 40.0},
+        Case{"lab_rig", "[-600.0, 600.0]]", "[-600.0, 620.0]]", "system.K.2.2", 20.0},
+        Case{"two_stops_beam", "clearance = 0.05", "clearance = 0.052",
+             "contact.2.clearance,contact.1.restitution", 6.0}}) {
+    const std::string text = read_text(scene_file(of.scene));
+    const std::string events = events_of(replaced(text, of.what, of.by), of.duration);
+    Arguments arguments{events, scene_file(of.scene), "--output", path("fitted.toml")};
+    if (*of.free != '\0') arguments.insert(arguments.end(), {"--free", of.free});
+    const Ended ended = identify(arguments);
+    EXPECT_EQ(ended.code, 0) << of.scene << ended.out << ended.err;
+    const Scene fitted = read_scene(path("fitted.toml"));
+    const Scene real = parse_scene(replaced(text, of.what, of.by), "real.toml");
+    EXPECT_LT((fitted.model.K - real.model.K).norm(), 1e-7 * real.model.K.norm()) << of.scene;
+    EXPECT_LT((fitted.model.C - real.model.C).norm(), 1e-7 * real.model.C.norm()) << of.scene;
+    for (std::size_t j = 0; j < real.model.forces.size(); ++j) {
+      EXPECT_NEAR(value(fitted.model.forces[j].harmonic, 1.0),
+                  value(real.model.forces[j].harmonic, 1.0), 1e-7)
+          << of.scene;
+    }
+    for (std::size_t i = 0; i < real.model.contacts.size(); ++i) {
+      EXPECT_NEAR(fitted.model.contacts[i].clearance, real.model.contacts[i].clearance, 1e-8);
+      EXPECT_NEAR(fitted.model.contacts[i].restitution, real.model.contacts[i].restitution, 1e-8);
+    }
+  }
+}
+
+TEST_F(IdentifyProgramTest, ALogAndAJitter) {
+  const Scene beam = shipped_scene("paper_beam");
+  std::mt19937_64 engine(3);
+  std::normal_distribution<double> normal;
+  auto events = test::events_of(beam, 60.0);
+  for (ContactEvent& event : events) event.t += 1e-4 * normal(engine);
+  write_contact_log(path("run.lcmlog"), events, 1, 60.0, std::nullopt);
+  const Ended found = identify({path("run.lcmlog"), scene_file("paper_beam"), "--within", "0.1",
+                                "--json", "--output", path("fitted.toml")});
+  ASSERT_EQ(found.code, 0) << found.err;
+  const auto json = nlohmann::json::parse(found.out);
+  EXPECT_NEAR(json["jitter"].get<double>(), 1e-4, 3e-5);
+  EXPECT_EQ(json["jitter_told"], false);
+  EXPECT_NEAR(read_scene(path("fitted.toml")).jitter, 1e-4, 3e-5);
+  const Ended told = identify({path("run.lcmlog"), scene_file("paper_beam"), "--jitter", "1e-6",
+                               "--within", "0.1", "--free", "impact.restitution"});
+  EXPECT_EQ(told.code, 3) << told.out;
+  EXPECT_NE(told.out.find("do not fit"), std::string::npos) << told.out;
+}
+
+TEST_F(IdentifyProgramTest, WhatDoesNotFitIsRefusedOrTaken) {
+  const std::string text = read_text(scene_file("paper_beam"));
+  const std::string events = events_of(replaced(text, "modes = 3", "modes = 4"), 60.0);
+  const Ended refused =
+      identify({events, scene_file("paper_beam"), "--free", "beam.bending_stiffness,beam.damping",
+                "--within", "0.1", "--output", path("fitted.toml")});
+  EXPECT_EQ(refused.code, 3) << refused.out;
+  EXPECT_NE(refused.out.find("too few modes"), std::string::npos) << refused.out;
+  EXPECT_FALSE(std::filesystem::exists(path("fitted.toml")));
+  const Ended taken =
+      identify({events, scene_file("paper_beam"), "--free", "beam.bending_stiffness,beam.damping",
+                "--within", "0.1", "--accept", "--output", path("fitted.toml")});
+  EXPECT_EQ(taken.code, 0) << taken.out;
+  EXPECT_GT(read_scene(path("fitted.toml")).jitter, 1e-3);
+}
+
+TEST_F(IdentifyProgramTest, TooFewEventsAndBadUsage) {
+  const std::string beam = scene_file("paper_beam");
+  const std::string events = events_of(read_text(beam), 60.0);
+  const Ended few = identify({events, beam, "--duration", "3"});
+  EXPECT_EQ(few.code, 1);
+  EXPECT_NE(few.err.find("impacts"), std::string::npos) << few.err;
+  const Ended misspelled = identify({events, beam, "--free", "beam.dampin"});
+  EXPECT_EQ(misspelled.code, 2);
+  EXPECT_NE(misspelled.err.find("did you mean beam.damping?"), std::string::npos) << misspelled.err;
+  for (const Arguments& arguments :
+       {Arguments{}, Arguments{events}, Arguments{path("absent.csv"), beam},
+        Arguments{events, path("absent.toml")}, Arguments{events, beam, "--within", "-1"},
+        Arguments{events, beam, "--within", "0.2x"}, Arguments{events, beam, "--within", "x=0.2"},
+        Arguments{events, beam, "--known", "contact.2.clearance"},
+        Arguments{events, beam, "--free", "beam.damping", "--known", "beam.damping"},
+        Arguments{events, beam, "--output", beam}, Arguments{events, beam, "--jitter", "0"}}) {
+    EXPECT_EQ(identify(arguments).code, 2);
+  }
+}
+
+std::vector<std::string> keys_of(const std::vector<Unknown>& unknowns) {
+  std::vector<std::string> keys;
+  for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
+  return keys;
+}
+
+TEST(IdentifyOptions, HoldTheScale) {
+  const Scene rig = shipped_scene("lab_rig");
+  const auto usual = sought(rig, {});
+  EXPECT_EQ(keys_of(usual), (std::vector<std::string>{"impact.restitution", "system.C", "system.K",
+                                                      "contact.1.clearance", "force.1.frequency",
+                                                      "force.1.phase"}));
+  EXPECT_EQ(held_for_scale(rig, usual), "force.1.amplitude");
+  const auto by_clearance = sought(rig, {.free = "", .known = "contact.1.clearance", .within = ""});
+  EXPECT_EQ(held_for_scale(rig, by_clearance), "contact.1.clearance");
+  EXPECT_EQ(by_clearance.size(), usual.size());
+  const auto one = sought(rig, {.free = "system.K", .known = "", .within = "0.5,system.K=0.1"});
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(one[0].within, 0.1);
+  EXPECT_EQ(held_for_scale(rig, one), "");
+  EXPECT_EQ(sought(rig, {.free = "all", .known = "", .within = "0.5"})[2].within, 0.5);
+  EXPECT_THROW(sought(rig, {.free = "beam.damping", .known = "", .within = ""}), UsageError);
+}
+
+}  // namespace
+}  // namespace sprag

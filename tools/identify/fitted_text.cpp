@@ -1,0 +1,192 @@
+#include "tools/identify/fitted_text.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/files/scene_file.h"
+#include "sprag/files/scene_text.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+std::vector<double> numbers_of(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }
+
+class Text {
+ public:
+  Text(std::string_view text, const std::string& file) : text_(text), file_(file) {}
+
+  void set(const std::string& path, double value) { values_.push_back({path, {value}}); }
+  void set(const std::string& path, const Eigen::VectorXd& value) {
+    values_.push_back({path, numbers_of(value), true});
+  }
+  bool has(const std::string& path) const { return has_key(text_, path, file_); }
+  double number(const std::string& path, double fallback) const {
+    return number_of(text_, path, fallback, file_);
+  }
+  std::string written() const { return with_values(text_, values_, file_); }
+
+ private:
+  std::string_view text_;
+  const std::string& file_;
+  std::vector<SceneValue> values_;
+};
+
+std::string entry(const char* matrix, Eigen::Index i, Eigen::Index j) {
+  return std::string(matrix) + '.' + std::to_string(i + 1) + '.' + std::to_string(j + 1);
+}
+
+void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) text.set(entry(path, i, j), matrix(i, j));
+  }
+}
+
+void set_damping_ratio(const std::string& path, double factor, const Eigen::VectorXd& ratios,
+                       Text& text) {
+  const double one = text.number(path, -1.0);
+  if (one >= 0.0) {
+    text.set(path, factor * one);
+  } else {
+    text.set(path, ratios);
+  }
+}
+
+void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const char* key, Text& text) {
+  const auto value_of = [&](const Harmonic& harmonic) {
+    const std::string name = key;
+    return name == "amplitude"   ? harmonic.amplitude
+           : name == "frequency" ? harmonic.frequency
+                                 : harmonic.phase;
+  };
+  for (const int j : group.forces) {
+    text.set("force." + std::to_string(j + 1) + '.' + key,
+             value_of(fitted.model.forces[static_cast<std::size_t>(j)].harmonic));
+  }
+  for (const int i : group.contacts) {
+    text.set("contact." + std::to_string(i + 1) + ".motion." + key,
+             value_of(fitted.model.contacts[static_cast<std::size_t>(i)].motion));
+  }
+}
+
+void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {
+  const Unknown& unknown = of.unknown;
+  const bool factor = !scene.beam;
+  switch (unknown.kind) {
+    case Kind::restitution:
+      if (unknown.index >= 0) break;
+      // Contacts that have one of their own keep it unless it is written as well.
+      for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+        const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
+        if (text.has(own)) text.set(own, of.value);
+      }
+      if (text.has("impact.restitution")) text.set("impact.restitution", of.value);
+      return;
+    case Kind::damping:
+      if (factor) {
+        if (text.has("system.C")) set_matrix("system.C", fitted.model.C, text);
+        return;
+      }
+      if (scene.beam->damping_ratio.size() > 0) {
+        set_damping_ratio("beam.damping_ratio", of.value, fitted.beam->damping_ratio, text);
+        return;
+      }
+      break;
+    case Kind::stiffness:
+      if (factor) {
+        set_matrix("system.K", fitted.model.K, text);
+        return;
+      }
+      break;
+    case Kind::damping_entry:
+    case Kind::stiffness_entry: {
+      const char* matrix = unknown.kind == Kind::damping_entry ? "system.C" : "system.K";
+      text.set(entry(matrix, unknown.row, unknown.column), of.value);
+      if (unknown.row != unknown.column) {
+        text.set(entry(matrix, unknown.column, unknown.row), of.value);
+      }
+      return;
+    }
+    case Kind::frequency:
+    case Kind::phase:
+    case Kind::amplitude:
+      if (!scene.beam) {
+        const char* key = unknown.kind == Kind::frequency ? "frequency"
+                          : unknown.kind == Kind::phase   ? "phase"
+                                                          : "amplitude";
+        set_harmonics(fitted, harmonic_groups(scene)[static_cast<std::size_t>(unknown.index)], key,
+                      text);
+        return;
+      }
+      break;
+    default:
+      break;
+  }
+  text.set(unknown.key, of.value);
+}
+
+// A system's damping ratios that give its fitted C with its fitted K.
+void set_system_ratio(const Identification& fit, const std::string& file, Text& text) {
+  double factor = 1.0;
+  for (const FittedUnknown& of : fit.unknowns) {
+    if (of.unknown.kind == Kind::damping) factor *= of.value;
+    if (of.unknown.kind == Kind::stiffness) factor /= std::sqrt(of.value);
+    if (of.unknown.kind == Kind::damping_entry || of.unknown.kind == Kind::stiffness_entry) {
+      throw SceneError(file, "system.damping_ratio cannot say a single entry; give system.C");
+    }
+  }
+  if (factor == 1.0) return;
+  const std::string path = "system.damping_ratio";
+  const double one = text.number(path, -1.0);
+  if (one >= 0.0) {
+    text.set(path, factor * one);
+    return;
+  }
+  for (Eigen::Index i = 0; i < fit.fitted.model.coordinates(); ++i) {
+    const std::string entry_path = path + '.' + std::to_string(i + 1);
+    if (text.has(entry_path)) text.set(entry_path, factor * text.number(entry_path, 0.0));
+  }
+}
+
+bool starts_outside(const Scene& fitted, const State& start) {
+  return std::all_of(fitted.model.contacts.begin(), fitted.model.contacts.end(),
+                     [&](const Contact& contact) { return gap(contact, start.q, 0.0) >= 0.0; });
+}
+
+// The energy that the start may be off by, and never 0.
+double start_energy(const Identification& fit) {
+  const Model& model = fit.fitted.model;
+  const double of_u = fit.start_sigma.u.cwiseAbs2().dot(model.M.diagonal());
+  const double of_q = fit.start_sigma.q.cwiseAbs2().dot(model.K.diagonal());
+  const double kinetic = fit.start.u.cwiseAbs2().dot(model.M.diagonal()) +
+                         fit.start.q.cwiseAbs2().dot(model.K.diagonal());
+  // V within nine times its mean, and what rounding leaves.
+  return std::max(4.5 * (of_u + of_q), 1e-18 * kinetic);
+}
+
+}  // namespace
+
+std::string fitted_text(std::string_view text, const Scene& scene, const Identification& fit,
+                        double begins, const std::string& file) {
+  Text out(text, file);
+  for (const FittedUnknown& unknown : fit.unknowns) set_unknown(scene, fit.fitted, unknown, out);
+  if (!scene.beam && out.has("system.damping_ratio")) set_system_ratio(fit, file, out);
+  if (fit.start_t == begins) {
+    out.set("replica.q", fit.start.q);
+    out.set("replica.u", fit.start.u);
+    out.set("replica.uncertainty", start_energy(fit));
+    if (begins == 0.0 && out.has("master") && starts_outside(fit.fitted, fit.start)) {
+      out.set("master.q", fit.start.q);
+      out.set("master.u", fit.start.u);
+    }
+  }
+  // Times that are exact to within what can be told have no jitter.
+  const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
+  if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);
+  std::string written = out.written();
+  parse_scene(written, file);
+  return written;
+}
+
+}  // namespace sprag

@@ -1,0 +1,39 @@
+// identify: finds the parameters of a scene's machine from the times of its contact events.
+#include "command_line/program.h"
+#include "tools/identify/run.h"
+
+int main(int argc, char** argv) {
+  const auto app = sprag::command_line(
+      "Finds the parameters of a scene's machine from the times of its contact events alone, with "
+      "standard deviations, and says which of them explain the events. Exit code 0: the events fit "
+      "with what was found, 3: they do not, 1: too few of them.",
+      "identify");
+  sprag::CommonOptions common;
+  sprag::IdentifyRun run;
+  double jitter = 0.0;
+  sprag::add_common_options(*app, common);
+  sprag::add_file(*app, common, "LOG", sprag::NamedFile::Use::read, run.log, "",
+                  "LCM log or events CSV");
+  sprag::add_scene(*app, common, run.scene);
+  sprag::add_text(*app, "--free", run.sought.free, "NAME,...",
+                  "Parameters that are sought, by their keys in the scene, or all");
+  sprag::add_text(*app, "--known", run.sought.known, "NAME,...",
+                  "Parameters that are right; of a clearance it also says what fixes the scale");
+  sprag::add_text(*app, "--within", run.sought.within, "SHARE",
+                  "How far each may be off, default 0.2; NAME=SHARE,... of single ones");
+  sprag::add_positive(*app, "--jitter", jitter, "SIGMA",
+                      "Standard deviation of the event times [s], in place of the scene's; without "
+                      "either it is found");
+  sprag::add_positive(*app, "--duration", run.duration, "T",
+                      "Leave out events after this time [s]");
+  sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output,
+                  "FITTED.toml", "Write the scene with the fitted values, its comments kept");
+  sprag::add_flag(*app, "--accept", run.accept,
+                  "Take what does not fit as an effective model, what is left as its jitter");
+  sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
+
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    if (jitter > 0.0) run.jitter = jitter;
+    return sprag::run_identify(run, common, report);
+  });
+}

@@ -1,0 +1,132 @@
+#include "tools/identify/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <stdexcept>
+
+#include "command_line/program.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+std::vector<std::string> words(const std::string& text) {
+  std::vector<std::string> words;
+  std::size_t at = 0;
+  while (at <= text.size() && !text.empty()) {
+    const std::size_t comma = std::min(text.find(',', at), text.size());
+    if (comma > at) words.push_back(text.substr(at, comma - at));
+    at = comma + 1;
+  }
+  return words;
+}
+
+Unknown named(const Scene& scene, const std::string& key) {
+  try {
+    return unknown_of(scene, key);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
+bool carries_scale(const Unknown& unknown) {
+  return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
+         (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
+}
+
+void set_within(const Scene& scene, const std::string& text, std::vector<Unknown>& unknowns) {
+  for (const std::string& word : words(text)) {
+    const std::size_t equals = word.find('=');
+    const std::string number = equals == std::string::npos ? word : word.substr(equals + 1);
+    double within = 0.0;
+    const char* const end = number.data() + number.size();
+    const auto read = std::from_chars(number.data(), end, within);
+    if (read.ec != std::errc() || read.ptr != end || !(within > 0.0) || !(within <= 10.0)) {
+      throw UsageError("--within: " + word + " must be a share in (0, 10], or NAME=SHARE");
+    }
+    const std::string key = equals == std::string::npos ? "" : word.substr(0, equals);
+    if (!key.empty()) named(scene, key);
+    for (Unknown& unknown : unknowns) {
+      if (key.empty() || unknown.key == key) unknown.within = within;
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options) {
+  const std::vector<Unknown> all = unknowns_of(scene);
+  std::vector<std::string> known = words(options.known);
+  for (const std::string& key : known) named(scene, key);
+  const auto is_known = [&](const std::string& key) {
+    return std::find(known.begin(), known.end(), key) != known.end();
+  };
+  std::vector<Unknown> unknowns;
+  if (!options.free.empty() && options.free != "all") {
+    for (const std::string& key : words(options.free)) {
+      if (is_known(key)) throw UsageError("--free and --known both name " + key);
+      const auto same = [&](const Unknown& unknown) { return unknown.key == key; };
+      if (std::none_of(unknowns.begin(), unknowns.end(), same)) {
+        unknowns.push_back(named(scene, key));
+      }
+    }
+  } else {
+    const bool one = all.front().key == "impact.restitution";
+    // What holds the scale: what --known says, else the first amplitude, else a constant force.
+    const bool scale_known = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
+      return is_known(unknown.key) && carries_scale(unknown);
+    });
+    bool held = scale_known;
+    for (const Kind kind : {Kind::amplitude, Kind::constant}) {
+      for (const Unknown& unknown : all) {
+        if (held || unknown.kind != kind) continue;
+        known.push_back(unknown.key);
+        held = true;
+      }
+    }
+    for (const Unknown& unknown : all) {
+      const bool own_restitution = unknown.kind == Kind::restitution && unknown.index >= 0;
+      if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
+    }
+  }
+  // One --within for all, then those of single names.
+  std::string for_all, for_names;
+  for (const std::string& word : words(options.within)) {
+    (word.find('=') == std::string::npos ? for_all : for_names) += word + ',';
+  }
+  set_within(scene, for_all, unknowns);
+  set_within(scene, for_names, unknowns);
+  return unknowns;
+}
+
+std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sought) {
+  const auto is_sought = [&](const Unknown& unknown) {
+    return std::any_of(sought.begin(), sought.end(),
+                       [&](const Unknown& other) { return other.key == unknown.key; });
+  };
+  std::string held;
+  for (const Unknown& unknown : unknowns_of(scene)) {
+    if (!carries_scale(unknown) || is_sought(unknown)) continue;
+    if (!held.empty()) return "";  // two of them: the scale is the scene's
+    held = unknown.key;
+  }
+  return held;
+}
+
+std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown>& sought) {
+  std::vector<Unknown> causes = sought;
+  const std::vector<Unknown> all = unknowns_of(scene);
+  // An amplitude shows where something else says how large it is.
+  const auto scales = std::count_if(all.begin(), all.end(), carries_scale);
+  for (const Unknown& unknown : all) {
+    const bool is_there = std::any_of(causes.begin(), causes.end(), [&](const Unknown& other) {
+      return other.key == unknown.key;
+    });
+    if (!is_there && (!carries_scale(unknown) || scales > 1)) causes.push_back(unknown);
+  }
+  return causes;
+}
+
+}  // namespace sprag

@@ -1,0 +1,93 @@
+#include "tools/identify/run.h"
+
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "observer/recorded_events.h"
+#include "sprag/files/output_file.h"
+#include "sprag/files/scene_file.h"
+#include "tools/identify/fitted_text.h"
+#include "tools/identify/print.h"
+
+namespace sprag {
+namespace {
+
+std::string text_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
+                 const Identification& fit, double begins) {
+  OutputFile out(run.output);
+  out.write(fitted_text(text, scene, fit, begins, run.output.string()));
+  if (!out.close()) throw std::runtime_error(out.error());
+  if (fit.start_t != begins) {
+    std::cerr << "the fit begins at t = " << fit.start_t << ", so that the start in "
+              << run.output.string() << " is the one it was\n";
+  }
+}
+
+}  // namespace
+
+int run_identify(const IdentifyRun& run, const CommonOptions& common,
+                 nlohmann::ordered_json& report) {
+  const Scene scene = read_scene(run.scene);
+  const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
+  if (!run.output.empty() && text.empty()) {
+    throw UsageError("--output needs a scene file that can be read again, not a pipe");
+  }
+  IdentificationSettings settings;
+  settings.unknowns = sought(scene, run.sought);
+  const RecordedEvents recorded = read_recorded_events(
+      run.log, static_cast<int>(scene.model.contacts.size()), run.duration, key_of(common));
+  for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
+  report["problems"] = recorded.problems;
+  settings.begins = recorded.begins;
+  settings.closed = recorded.closed;
+  if (run.jitter) {
+    settings.jitter = run.jitter;
+  } else if (scene.jitter > 0.0) {
+    settings.jitter = scene.jitter;
+  }
+  IdentifyResult result;
+  result.scene = scene.name;
+  result.events = recorded.events;
+  result.held = held_for_scale(scene, settings.unknowns);
+  result.fit = identify(scene, recorded.events, settings);
+  // Judged by the jitter that is told, else by what the fit of all leaves.
+  if (run.sought.free.empty() && (result.fit.fits() || settings.jitter)) {
+    IdentificationSettings of_causes = settings;
+    of_causes.unknowns = single_causes(scene, settings.unknowns);
+    result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter);
+    result.asked_for_causes = true;
+  }
+  const bool effective = run.accept && result.fit.problem == FitProblem::misfit;
+  if (effective) {
+    result.accepted = true;
+    result.fit.jitter = result.fit.scatter;
+    result.fit.fitted.jitter = result.fit.scatter;
+  }
+  to_json(result, report);
+  OutputFile out = OutputFile::standard_output();
+  if (run.json) {
+    using Json = nlohmann::ordered_json;
+    Json object;
+    to_json(result, object);
+    out.write(object.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  } else {
+    out.write(to_text(result));
+  }
+  if (!out.close()) throw std::runtime_error(out.error());
+  const bool good = result.fit.fits() || effective;
+  if (good && !run.output.empty()) {
+    write_scene(run, text, scene, result.fit, recorded.begins);
+  }
+  if (!recorded.whole) return exit_failed;
+  return good ? exit_done : exit_not_identified;
+}
+
+}  // namespace sprag

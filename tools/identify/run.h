@@ -1,0 +1,31 @@
+// identify: reads the events, fits the scene to them, prints, and writes the fitted scene.
+#pragma once
+
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+
+#include "command_line/program.h"
+#include "tools/identify/options.h"
+
+namespace sprag {
+
+inline constexpr int exit_not_identified = 3;  ///< a verdict, not a failure
+
+struct IdentifyRun {
+  std::filesystem::path log, scene, output;
+  SoughtOptions sought;
+  bool json = false;
+  bool accept = false;
+  std::optional<double> jitter;                               ///< [s]; none: the scene's
+  double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
+};
+
+/// Prints to standard output, fills `report` and returns the exit code: that of a failure if the
+/// file is damaged. Throws SceneError, InputError, ModelError, UsageError, and std::runtime_error
+/// (too few events, output that cannot be written).
+int run_identify(const IdentifyRun& run, const CommonOptions& common,
+                 nlohmann::ordered_json& report);
+
+}  // namespace sprag
