@@ -80,6 +80,7 @@ class Replica {
   double h() const { return h_; }
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
+  const TickedFlight& flight() const { return flight_; }
 
   /// Upper bound on the error energy V at the tick, if it was at most `initial` at the start and
   /// the events are exact and complete; +infinity where the machine's law is not monotone.

@@ -39,6 +39,14 @@ class TickedFlight {
     }
   }
 
+  /// Ticks ahead that are products of the rounded step, up to the next exact one.
+  static int plain_ticks(const Anchor& anchor) { return block - 1 - anchor.ticks_since; }
+  /// The rounded step, with which the constant forces go only where `drifts()`.
+  const TickTable& table() const { return tick_; }
+  bool drifts() const { return drifts_; }
+  /// Whether forces near resonance are added to the product (drives.h).
+  bool driven() const { return !driven_tick_.empty(); }
+
  private:
   static constexpr int block = 64;  // ticks
 

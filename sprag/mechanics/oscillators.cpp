@@ -2,13 +2,7 @@
 
 #include <cmath>
 
-// Sanitizers do not work with functions that are chosen at load time.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SPRAG_WIDEST __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define SPRAG_WIDEST
-#endif
+#include "sprag/mechanics/widest.h"
 
 namespace sprag {
 namespace {
@@ -122,7 +116,6 @@ TickTable::TickTable(const Oscillators& oscillators, double h) {
   v_alpha = response.v;
 }
 
-// Wider registers where the processor has them; the same roundings, since nothing is fused.
 SPRAG_WIDEST void TickTable::rotate_many(Eigen::Index n, const double* __restrict zz,
                                          const double* __restrict zv, const double* __restrict vz,
                                          const double* __restrict vv, double* __restrict z,

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/estimation/replica_sweep.h"
 #include "tests/estimation/random_events.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_model.h"
@@ -191,6 +192,14 @@ TEST(ReplicaTick, OfManyContactsDoesNotAllocateTheSecondTime) {
   EXPECT_EQ(met.allocations, 0);
   EXPECT_GT(met.several_ticks, 100);
   EXPECT_GT(met.switchings, 100);
+}
+
+TEST(ReplicaSweep, RunsWithoutAllocating) {
+  const Drive drive = shipped("paper_beam_chatter");
+  const ReplicaSweep::Run run{std::make_shared<Flows>(drive.model), drive.start, drive.events};
+  ReplicaSweep sweep(std::vector(3, run), drive.h);
+  EXPECT_EQ(allocations_of([&] { sweep.run(drive.ticks()); }), 0);
+  EXPECT_EQ(sweep.state(0).tick, drive.ticks());
 }
 
 // Going back copies states: into one that has been used, and into a fresh one of the same replica.
