@@ -123,7 +123,7 @@ void ReplicaSweep::run(std::int64_t k) {
       if (lane.under_way == 0) continue;
       lane.left -= ticks;
       if (lane.left > 0) continue;
-      fetch(l);
+      fetch(l, k);
       go_on(l, k);
     }
   }
@@ -181,17 +181,22 @@ void ReplicaSweep::put(std::size_t l) {
   }
 }
 
-void ReplicaSweep::fetch(std::size_t l) {
+void ReplicaSweep::fetch(std::size_t l, std::int64_t end) {
   Lane& lane = lane_[l];
   Motion& motion = lane.state.motion;
+  lane.state.tick += lane.under_way;
+  lane.state.anchor.ticks_since += lane.under_way;
+  lane.under_way = 0;
+  motion.t = no_instant;
+  // The exact step starts from the anchor and asks for nothing else.
+  const std::int64_t next = lane.state.tick + 1;
+  const bool from_anchor = TickedFlight::plain_ticks(lane.state.anchor) == 0 &&
+                           next < lane.event_tick && next <= std::min(end, lane.ticks);
+  if (from_anchor) return;
   for (std::size_t i = 0; i < oscillators_.size(); ++i) {
     motion.x.z[index(i)] = oscillators_[i].z[l];
     motion.x.v[index(i)] = oscillators_[i].v[l];
   }
-  motion.t = no_instant;
-  lane.state.tick += lane.under_way;
-  lane.state.anchor.ticks_since += lane.under_way;
-  lane.under_way = 0;
 }
 
 // A lane that stands still is at zero, where nothing grows and nothing becomes denormal. Adding -0

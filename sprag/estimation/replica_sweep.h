@@ -72,7 +72,7 @@ class ReplicaSweep {
   void go_on(std::size_t l, std::int64_t end);
   void find_event_tick(Lane& lane) const;
   void put(std::size_t l);
-  void fetch(std::size_t l);
+  void fetch(std::size_t l, std::int64_t end);
   void rest(std::size_t l);
 
   double h_;
