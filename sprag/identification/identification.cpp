@@ -22,6 +22,8 @@ constexpr double largest_jitter = 0.02;  // more than this is no jitter
 constexpr double close = 0.0065, close_if_exact = 3e-4;
 constexpr double close_in_jitters = 10.0;
 constexpr double search_in_jitters = 30.0;
+// A flight that all but touches may seem to pass through, where its state is least sure.
+constexpr double passage_in_jitters = 50.0;
 
 double largest_chi2(int freedom) {
   const double of = std::max(freedom, 1);
@@ -85,7 +87,7 @@ bool Identifier::comes_from_outside(const Likelihood& solution, double jitter) c
   for (const Eigen::VectorXd& gamma : solution.gamma) {
     if (gamma.size() > 0 && !(gamma.maxCoeff() < 0.0)) return false;
   }
-  return deepest_passage(family_, solution) < close_in_jitters * jitter + 1e3 * exact * interval_;
+  return deepest_passage(family_, solution) < passage_in_jitters * jitter + 1e3 * exact * interval_;
 }
 
 FitProblem Identifier::judge(const Likelihood& solution, double& jitter) const {

@@ -40,8 +40,7 @@ class Maximization {
 
  private:
   void linearize();
-  void jacobian(std::size_t s, const Eigen::VectorXd& inputs, const PathRows& rows,
-                Eigen::MatrixXd& J);
+  void jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const;
   double step();
   void finish();
   void set_leverages();
@@ -63,9 +62,7 @@ class Maximization {
   Eigen::VectorXd dp_;
 };
 
-void Maximization::jacobian(std::size_t s, const Eigen::VectorXd& inputs, const PathRows& rows,
-                            Eigen::MatrixXd& J) {
-  (void)inputs;
+void Maximization::jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const {
   J.resize(rows.A.rows(), unknowns());
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     const Unknown& unknown = family_.unknowns()[static_cast<std::size_t>(k)];
@@ -129,7 +126,7 @@ void Maximization::linearize() {
     path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
     time_derivatives(machine_, flights_, at_.path[s], s, of, G);
     Eigen::MatrixXd J;
-    jacobian(s, inputs, rows, J);
+    jacobian(s, rows, J);
     const double speed = of.gamma.cwiseAbs().mean();
     const Eigen::VectorXd weight = of.gamma.cwiseAbs()
                                        .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())

@@ -128,8 +128,12 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
   outcome.truth = of_machine.nominal();
   Eigen::VectorXd wrong = outcome.truth;
   for (std::size_t k = 0; k < keys.size(); ++k) {
-    if (of_machine.unknowns()[k].linear()) continue;
     double& value = wrong[static_cast<Eigen::Index>(k)];
+    if (of_machine.unknowns()[k].linear()) {
+      // Phases and clearances need no guess, and get none.
+      value += of_machine.unknowns()[k].unit_step;
+      continue;
+    }
     const bool damping = of_machine.unknowns()[k].kind == Kind::damping;
     const double off = damping && trial.damping_off > 0.0 ? trial.damping_off : trial.off;
     value *= 1.0 + draw.sign() * draw.uniform(0.5, 1.0) * off;
@@ -147,9 +151,10 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
     const auto i = static_cast<Eigen::Index>(k);
     const bool factor = keys[k] == "system.K" || keys[k] == "system.C";
     if (factor) outcome.truth[i] /= wrong[i];
+    // A shift of all phases of a general system.
+    if (!nominal.beam && keys[k] == "excitation.phase") outcome.truth[i] -= wrong[i];
   }
   if (trial.jitter_told) settings.jitter = trial.jitter;
-  // Phases and clearances need no guess, and get none.
   const std::clock_t begin = std::clock();
   try {
     outcome.found = identify(nominal, events, settings);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <iostream>
 
 #include "studies/identification/trial.h"
@@ -116,7 +117,6 @@ TEST(Identification, WhatTheEventsCannotTellIsSaid) {
 
 TEST(Identification, TooFewModesAreRefused) {
   Scene machine = shipped_scene("paper_beam");
-  const std::string three = "modes = 3";
   const Scene four = parse_scene(R"(
 [beam]
 modes = 4
@@ -171,6 +171,50 @@ TEST(Identification, TheFittedSceneIsTheMachine) {
   EXPECT_LT((found.fitted.replica.q - scene.master.q).norm(), 1e-9);
   EXPECT_LT((found.fitted.replica.u - scene.master.u).norm(), 1e-9);
   EXPECT_LT((found.fitted.model.C - scene.model.C).norm(), 1e-9);
+}
+
+// Times of 30 bounces of a table-tennis ball, read from data/pingpong.wav of the repository
+// eepsmedia/ping-pong-bounce (MIT license) to about 0.3 ms; T. Erickson, "Ping-Pong Bounces",
+// Mathematics Teacher: Learning and Teaching PK-12, 2020, doi 10.5951/MTLT.2019.0042.
+TEST(Identification, AMeasuredBall) {
+  const Scene scene = parse_scene(R"(
+[system]
+M = [[1.0]]
+C = [[0.1]]
+K = [[0.0]]
+[[force]]
+direction = [1.0]
+constant = -9.81
+[impact]
+law = "newton"
+restitution = 0.93
+[[contact]]
+direction = [1.0]
+[master]
+u = [0.9]
+)",
+                                  "ball.toml");
+  std::ifstream file(SPRAG_SOURCE_DIR "/tests/identification/ping_pong_bounces.csv");
+  std::string line;
+  std::getline(file, line);
+  std::vector<ContactEvent> events;
+  while (std::getline(file, line)) {
+    events.push_back({std::stod(line), 0, ContactEventKind::pulse});
+  }
+  ASSERT_EQ(events.size(), 30U);
+  IdentificationSettings settings;
+  settings.unknowns =
+      unknowns_named(scene, {"impact.restitution", "system.C", "contact.1.clearance"});
+  settings.unknowns[1].within = 2.0;
+  const Identification found = identify(scene, events, settings);
+  ASSERT_TRUE(found.fits());
+  EXPECT_NEAR(found.unknowns[0].value, 0.9487, 0.0003);
+  EXPECT_NEAR(found.unknowns[1].value, 1.15, 0.1);
+  EXPECT_FALSE(found.unknowns[2].determined);
+  EXPECT_GT(std::abs(found.unknowns[0].correlation), 0.98);
+  EXPECT_NEAR(found.jitter, 6e-4, 1e-4);
+  settings.jitter = 3e-4;
+  EXPECT_FALSE(identify(scene, events, settings).fits());
 }
 
 TEST(Explain, NamesTheFewestThatExplain) {
