@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 
+#include "sprag/mechanics/wide_product.h"
+
 namespace sprag {
 namespace {
 
@@ -72,6 +74,8 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   from_start_u_ = uncertainty_.u.inverse();
   closings_.reserve(static_cast<std::size_t>(m));
   phi_.setZero(columns);
+  Wt_ = flows_->dynamics().W().transpose();
+  seen_of_gaps_.setZero(m, columns);
   const Flow& free = (*flows_)[0];
   columns_ = BeliefColumns(free, f(), columns);
   set_looks(free);
@@ -310,10 +314,10 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
     q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), unseen_q);
     u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), unseen_u);
   }
+  multiply(Wt_, now_.S_q.leftCols(c), seen_of_gaps_.leftCols(c));
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
-    auto phi = phi_.head(c);
-    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(flows_->dynamics().W().col(i));
-    gap[i] = std::hypot(phi.norm(), measurement_rounding * state.terms.length);
+    gap[i] =
+        std::hypot(seen_of_gaps_.row(i).head(c).norm(), measurement_rounding * state.terms.length);
   }
 }
 

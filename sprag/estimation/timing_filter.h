@@ -238,7 +238,8 @@ class TimingFilter {
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
   Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
-  Eigen::VectorXd phi_;  // what a measurement sees of each column
+  Eigen::VectorXd phi_;                // what a measurement sees of each column
+  Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_;
   // Of which state `now_` is what is published, and whether it is more than the mean alone.

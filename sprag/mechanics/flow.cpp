@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "sprag/mechanics/dynamics.h"
+#include "sprag/mechanics/wide_product.h"
 
 namespace sprag {
 
@@ -139,11 +140,11 @@ void Flow::enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
     v = u;
     return;
   }
-  z.noalias() = enter_zq_.lazyProduct(q);
-  v.noalias() = enter_vu_.lazyProduct(u);
+  multiply(enter_zq_, q, z);
+  multiply(enter_vu_, u, v);
   if (path_ == FlowPath::dense) {
-    z.noalias() += enter_zu_.lazyProduct(u);
-    v.noalias() += enter_vq_.lazyProduct(q);
+    multiply_and_add(enter_zu_, u, z);
+    multiply_and_add(enter_vq_, q, v);
   }
 }
 
@@ -155,10 +156,10 @@ void Flow::state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
     u = v;
     return;
   }
-  q.noalias() = Phi_.lazyProduct(z);
-  u.noalias() = Phi_.lazyProduct(v);
+  multiply(Phi_, z, q);
+  multiply(Phi_, v, u);
   if (path_ != FlowPath::dense) return;
-  q.noalias() += Psi_.lazyProduct(v);
+  multiply_and_add(Psi_, v, q);
   for (Eigen::Index i = 0; i < modes(); ++i) {
     const double kappa = oscillators_.kappa()[nf_ + i];
     const double delta = oscillators_.delta()[nf_ + i];

@@ -14,6 +14,7 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/replica_sweep.h"
 #include "sprag/estimation/time_line.h"
+#include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
@@ -191,6 +192,33 @@ BENCHMARK(events<TimingFilter>)
     ->Iterations(50);
 BENCHMARK(events<SupervisedFilter>)->Args({3, 100})->UseManualTime()->Iterations(200);
 BENCHMARK(free_tick<TimingFilter>)->Arg(3)->Arg(10)->Arg(100);
+
+// What the filter says at a tick, deviations and all, as a row of its states takes: a chain of n
+// masses with a contact each, so that the modes are dense. Two matrices of n times 2 n are moved.
+void row(benchmark::State& run) {
+  const Eigen::Index n = run.range(0);
+  Scene scene;
+  scene.model.M = scene.model.K = Eigen::MatrixXd::Identity(n, n);
+  scene.model.K.diagonal().array() += 2.0;
+  scene.model.K.diagonal<1>().setConstant(-1.0);
+  scene.model.K.diagonal<-1>().setConstant(-1.0);
+  scene.model.C = 0.02 * scene.model.M + 0.005 * scene.model.K;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    scene.model.contacts.push_back({Eigen::VectorXd::Unit(n, i), 1.0, {}, 0.6});
+  }
+  scene.master = scene.replica = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
+  scene.replica.q *= 1.1;
+  TimingFilter filter(scene.model, tick, uncertainty_of(scene));
+  TimingFilter::State state;
+  filter.start(scene.replica, 0, 0, state);
+  Confidence confidence = filter.no_confidence();
+  for ([[maybe_unused]] auto _ : run) {
+    filter.tick({}, state);
+    filter.confidence(state, 1.0, confidence);
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK(row)->Arg(3)->Arg(10)->Arg(30)->Arg(60);
 
 // 100 units of time of the observer's time line at h = 1e-3, all events known.
 void replay(benchmark::State& run) {
