@@ -17,6 +17,7 @@ struct Study {
 };
 
 constexpr Study all[] = {{"observer", observer_columns, observer},
+                         {"position_sensor", position_sensor_columns, position_sensor},
                          {"modes", modes_columns, modes},
                          {"growth", growth_columns, growth},
                          {"limit", limit_columns, limit},

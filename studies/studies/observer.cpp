@@ -1,17 +1,25 @@
+#include <array>
 #include <cmath>
 
 #include "sprag/estimation/estimator.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
+#include "sprag/estimation/supervised_filter.h"
+#include "sprag/estimation/timing_filter.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
+#include "studies/tolerance/disturbance.h"
+#include "studies/tolerance/statistics.h"
 
 namespace sprag::studies {
 namespace {
 
 constexpr double T = 100.0;
+constexpr std::array spans{20.0, T};
+// V is the median of samples so far apart before the end of a span [s].
+constexpr double sample = 0.1, window = 2.0;
 
 using Events = std::vector<ContactEvent>;
 
@@ -26,10 +34,23 @@ Events snapped(const Events& events, double h) {
   return late;
 }
 
+using States = std::array<std::vector<State>, spans.size()>;
+
+// The ticks at whose end a state is kept: those of the last two units before each span's end.
+template <typename Keep>
+void keep_ends(std::int64_t k, double h, const Keep& keep) {
+  const double t = static_cast<double>(k) * h;
+  for (std::size_t i = 0; i < spans.size(); ++i) {
+    const auto every = std::max<std::int64_t>(std::llround(sample / h), 1);
+    if (t > spans[i] - window && t < spans[i] + h / 2 && k % every == 0) keep(i);
+  }
+}
+
 template <Estimator E>
-State replay(const Scene& scene, const Events& events, double h) {
-  E estimator(scene.model, h);
+void replay(const Scene& scene, const Events& events, double h, States* ends) {
+  E estimator(scene, h);
   typename E::State state;
+  State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
   estimator.start(scene.replica, 0, 0, state);
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
@@ -38,15 +59,17 @@ State replay(const Scene& scene, const Events& events, double h) {
     const double t = tick_instant(k, h).hi;
     while (next != events.end() && next->t <= t) ++next;
     estimator.tick({first, next}, state);
+    if (ends == nullptr) continue;
+    keep_ends(k, h, [&](std::size_t i) {
+      estimator.output(state, end.q, end.u);
+      (*ends)[i].push_back(end);
+    });
   }
-  State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
-  estimator.output(state, end.q, end.u);
-  return end;
 }
 
 // A replica that does what the master does instead of what a clutch does: at a pulse
 // u+ = u- - (1 + epsilon) M^-1 w G^-1 gamma-, whatever the sign of gamma-. One contact, pulses.
-State copy_impact_map(const Scene& scene, const Events& events, double h) {
+void copy_impact_map(const Scene& scene, const Events& events, double h, States* ends) {
   const Flows flows(scene.model);
   const Flow& flow = flows[0];
   const double G = flows.dynamics().G()(0, 0);
@@ -65,33 +88,59 @@ State copy_impact_map(const Scene& scene, const Events& events, double h) {
       flow.kick(0, -(1.0 + epsilon) * value(flow.gap_velocity(0), motion) / G, motion);
     }
     flow.propagate(motion, t, shown);
+    if (ends == nullptr) continue;
+    keep_ends(k, h, [&](std::size_t i) {
+      flow.state(shown, end.q, end.u);
+      (*ends)[i].push_back(end);
+    });
   }
-  flow.state(shown, end.q, end.u);
-  return end;
 }
 
 }  // namespace
 
 void observer(Table& table) {
-  const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
-  Master master(scene.model, scene.master);
-  Events events;
-  master.advance(at(T), events);
-  State truth = scene.master;
+  Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
+  Events exact;
+  Master(scene.model, scene.master).advance(at(T), exact);
   const ErrorEnergy energy(scene.model);
 
-  const auto measure = [&](const char* method, double h, const auto& run) {
-    State end;
-    const double seconds = shortest_cpu_time([&] { end = run(); }, 0.2);
-    master.state(tick_instant(std::llround(T / h), h), truth.q, truth.u);
-    table.add({method, h, energy(truth.q, truth.u, end.q, end.u)[0], 1e6 * seconds / T});
+  const auto V_of = [&](const States& ends, std::size_t i, double h) {
+    Master master(scene.model, scene.master);
+    Events ignored;
+    State truth = scene.master;
+    std::vector<double> V;
+    std::size_t next = 0;
+    for (std::int64_t k = 1; k <= std::llround(T / h); ++k) {
+      keep_ends(k, h, [&](std::size_t of) {
+        if (of != i) return;
+        master.advance(tick_instant(k, h), ignored);
+        master.state(tick_instant(k, h), truth.q, truth.u);
+        const State& end = ends[i][next++];
+        V.push_back(energy(truth.q, truth.u, end.q, end.u)[0]);
+      });
+    }
+    return tolerance::quantile(V, 0.5);
   };
-  for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
-    measure("exact", h, [&] { return replay<Replica>(scene, events, h); });
-    measure("Moreau-Jean", h, [&] { return replay<MoreauReplica>(scene, events, h); });
-    const Events late = snapped(events, h);
-    measure("exact flow with events at ticks", h, [&] { return replay<Replica>(scene, late, h); });
-    measure("copied impact map", h, [&] { return copy_impact_map(scene, events, h); });
+  for (const double jitter : {0.0, 1e-4}) {
+    scene.jitter = jitter;
+    const Events events = tolerance::disturb(exact, {.jitter = jitter}, 1, T, 1);
+    for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
+      const auto measure = [&](const char* method, const auto& run) {
+        States ends;
+        run(&ends);
+        const double seconds = shortest_cpu_time([&] { run(nullptr); }, 0.2);
+        table.add({method, jitter, h, V_of(ends, 0, h), V_of(ends, 1, h), 1e6 * seconds / T});
+      };
+      const Events late = snapped(events, h);
+      measure("exact replica", [&](States* ends) { replay<Replica>(scene, events, h, ends); });
+      measure("timing filter", [&](States* ends) { replay<TimingFilter>(scene, events, h, ends); });
+      measure("both", [&](States* ends) { replay<SupervisedFilter>(scene, events, h, ends); });
+      measure("Moreau-Jean replica",
+              [&](States* ends) { replay<MoreauReplica>(scene, events, h, ends); });
+      measure("replica with events at ticks",
+              [&](States* ends) { replay<Replica>(scene, late, h, ends); });
+      measure("copied impact map", [&](States* ends) { copy_impact_map(scene, events, h, ends); });
+    }
   }
 }
 

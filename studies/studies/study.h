@@ -34,10 +34,14 @@ class Table {
   OutputFile out_;
 };
 
-/// V after 100 units of time on the paper's beam, and what a unit of time costs, for replicas and
-/// ticks.
+/// V after 20 and 100 units of time on the paper's beam, and what a unit of time costs, for
+/// estimators and ticks, with exact events and with jitter.
 void observer(Table& table);
-inline constexpr const char* observer_columns = "method,tick,V100,cpu_us_per_time";
+inline constexpr const char* observer_columns = "method,jitter,tick,V20,V100,cpu_us_per_time";
+
+/// V of a salted Kalman filter with a position sensor, and of the timing filter, by their noise.
+void position_sensor(Table& table);
+inline constexpr const char* position_sensor_columns = "scene,start,what,rate_hz,sigma,V";
 
 /// A 40-mode master with three kinds of damping observed with fewer modes: alone, with the
 /// correction that its events choose, and what is possible at best.

@@ -80,9 +80,10 @@ ImpactScore score(std::span<const ReferenceImpact> reference, std::span<const do
   return result;
 }
 
-StateScore score(const Reference& reference, const Eigen::MatrixXd& q, const Eigen::MatrixXd& u) {
+StateScore score(const Reference& reference, const Eigen::MatrixXd& q, const Eigen::MatrixXd& u,
+                 double until) {
   StateScore result;
-  result.horizon = reference.horizon;
+  result.horizon = until;
   double sum = 0.0;
   double largest = 0.0;
   int states = 0;
@@ -90,6 +91,7 @@ StateScore score(const Reference& reference, const Eigen::MatrixXd& q, const Eig
   bool ended = false;
   for (Eigen::Index k = 0; k < reference.q.cols(); ++k) {
     const double t = static_cast<double>(k) * reference.sample_step;
+    if (t > until) break;
     const bool reached = k < q.cols() && q.col(k).allFinite() && u.col(k).allFinite();
     const double error =
         reached ? (q.col(k) - reference.q.col(k)).lpNorm<Eigen::Infinity>() : not_known;

@@ -36,8 +36,9 @@ struct StateScore {
 };
 
 /// q and u have the shape of the reference's; columns that are NaN were not reached: they are left
-/// out of the errors and end the horizon.
-StateScore score(const Reference& reference, const Eigen::MatrixXd& q, const Eigen::MatrixXd& u);
+/// out of the errors and end the horizon. Samples beyond `until` [s] do not count.
+StateScore score(const Reference& reference, const Eigen::MatrixXd& q, const Eigen::MatrixXd& u,
+                 double until);
 
 /// The deepest that any contact is inside its support at a sample [m], >= 0; q has the samples of
 /// the task.

@@ -123,7 +123,9 @@ class Child {
           std::max(process_status("VmHWM") - process_status("RssFile") - before, 0.0);
     }
     figures.impacts = score(reference_.impacts, outcome_.impacts, reference_.horizon);
-    figures.states = score(reference_, outcome_.q, outcome_.u);
+    figures.early_impacts = score(reference_.impacts, outcome_.impacts, reference_.early);
+    figures.states = score(reference_, outcome_.q, outcome_.u, reference_.horizon);
+    figures.early_states = score(reference_, outcome_.q, outcome_.u, reference_.early);
     send();
     prepare_run(limits_.fine_step);
     run();
@@ -289,6 +291,7 @@ Measurement measure(const Method& method, double setting, const Model& model, co
   words.close_end(1);
   Figures unheard;  // all impacts are missed
   unheard.impacts = score(reference.impacts, {}, reference.horizon);
+  unheard.early_impacts = score(reference.impacts, {}, reference.early);
   const Reports reports = listen(messages.ends[0], words.ends[0], unheard, limits);
   if (reports.timed_out || reports.stopped) kill(pid, SIGKILL);
   int status = 0;

@@ -26,8 +26,8 @@ struct Limits {
 
 /// What is not known is NaN.
 struct Figures {
-  ImpactScore impacts;
-  StateScore states;
+  ImpactScore impacts, early_impacts;  ///< up to the reference's horizon, and its `early`
+  StateScore states, early_states;
   double penetration = not_known;      ///< [m]
   double cpu_us_per_time = not_known;  ///< shortest CPU time of the repeats [us] / their span [s]
   double memory_kb = not_known;        ///< peak that the first run adds, without code [kB]

@@ -23,6 +23,8 @@ struct Reference {
   Eigen::MatrixXd q, u;      ///< f x samples, at k sample_step up to the horizon
   /// Methods are compared up to here [s]: what has grown out of rounding is still small.
   double horizon = 0.0;
+  /// And up to here [s]: an error of the method itself has not grown by more than about ten.
+  double early = 0.0;
 };
 
 /// Names of the scenes that have a reference, in the order of the charts.

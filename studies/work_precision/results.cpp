@@ -39,6 +39,11 @@ Json row(const std::string& scene, const Method& method, double setting,
           {"solves", f.solves},
           {"right_hand_sides", f.right_hand_sides},
           {"memory_kb", known(f.memory_kb)},
+          {"early_found", f.early_impacts.found},
+          {"early_missed", f.early_impacts.missed},
+          {"early_invented", f.early_impacts.invented},
+          {"early_median_dt", known(f.early_impacts.median_dt)},
+          {"early_sup_q", known(f.early_states.sup_q)},
           {"reason", measurement.failure}};
 }
 

@@ -99,12 +99,14 @@ TEST(States, ErrorsLeaveOutImpactsAndWhatWasNotReached) {
   reference.u = Eigen::MatrixXd::Zero(1, 5);
   Eigen::MatrixXd q{{0.0, 0.001, 0.002, 0.02, not_known}};
   Eigen::MatrixXd u{{0.0, 0.3, 100.0, 0.6, not_known}};
-  const StateScore result = score(reference, q, u);
+  const StateScore result = score(reference, q, u, 2.0);
   EXPECT_EQ(result.sup_q, 0.02);
   EXPECT_NEAR(result.l1_u, 0.3, 1e-15);
   EXPECT_EQ(result.horizon, 1.5);
   q(0, 3) = u(0, 3) = not_known;
-  EXPECT_EQ(score(reference, q, u).horizon, 1.5);
+  EXPECT_EQ(score(reference, q, u, 2.0).horizon, 1.5);
+  EXPECT_EQ(score(reference, q, u, 1.0).sup_q, 0.002);
+  EXPECT_EQ(score(reference, q, u, 1.0).horizon, 1.0);
 }
 
 TEST(BouncingMass, ClosedFormIsWhatTheMasterDoes) {
