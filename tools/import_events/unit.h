@@ -31,8 +31,8 @@ struct ChosenUnit {
 };
 
 /// `given` if it is there; else what the names of the chosen columns say; else seconds. Throws
-/// UsageError (command_line/program.h) if nothing is given and the names disagree or say a unit that is
-/// not known.
+/// UsageError (command_line/program.h) if nothing is given and the names disagree or say a unit
+/// that is not known.
 ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
                        const std::vector<ContactColumns>& chosen, const std::string& file);
 
