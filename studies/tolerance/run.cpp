@@ -4,12 +4,17 @@
 #include <limits>
 
 #include "sprag/estimation/estimators.h"
+#include "sprag/estimation/replica_sweep.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/tolerance/forced_replica.h"
 
 namespace sprag::tolerance {
 namespace {
+
+double or_infinity(double V) {
+  return std::isfinite(V) ? V : std::numeric_limits<double>::infinity();
+}
 
 template <typename E>
 std::vector<double> follow(E& estimator, const State& start, std::span<const ContactEvent> events,
@@ -29,9 +34,8 @@ std::vector<double> follow(E& estimator, const State& start, std::span<const Con
     const Eigen::Index sample = k / stride - sampling.first();
     if (k % stride != 0 || sample < 0) continue;
     estimator.output(state, estimate.q, estimate.u);
-    const double value =
-        energy(truth.q.col(sample), truth.u.col(sample), estimate.q, estimate.u)[0];
-    V.push_back(std::isfinite(value) ? value : std::numeric_limits<double>::infinity());
+    V.push_back(
+        or_infinity(energy(truth.q.col(sample), truth.u.col(sample), estimate.q, estimate.u)[0]));
   }
   return V;
 }
@@ -112,6 +116,32 @@ std::vector<double> error_energies(Method method, Scene believed,
       return of(estimator);
     }
   }
+}
+
+std::vector<std::vector<double>> replica_energies(std::span<const Told> runs,
+                                                  std::span<const Truth> truths,
+                                                  const Sampling& sampling) {
+  const std::int64_t stride = std::llround(sampling.interval / sampling.tick);
+  std::vector<ReplicaSweep::Run> lanes;
+  std::vector<ErrorEnergy> energies;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    lanes.push_back({std::make_shared<Flows>(runs[i].believed.model), runs[i].believed.replica,
+                     runs[i].events});
+    energies.emplace_back(truths[i].model);
+  }
+  ReplicaSweep sweep(lanes, sampling.tick);
+  std::vector<std::vector<double>> V(runs.size());
+  for (std::int64_t sample = sampling.first(); sample <= sampling.last(); ++sample) {
+    sweep.run(sample * stride);
+    const Eigen::Index column = sample - sampling.first();
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      State estimate = runs[i].believed.replica;
+      sweep.output(i, estimate.q, estimate.u);
+      V[i].push_back(or_infinity(energies[i](truths[i].q.col(column), truths[i].u.col(column),
+                                             estimate.q, estimate.u)[0]));
+    }
+  }
+  return V;
 }
 
 }  // namespace sprag::tolerance

@@ -57,4 +57,16 @@ std::vector<double> error_energies(Method method, Scene believed,
                                    std::span<const ContactEvent> events, const Truth& truth,
                                    const Sampling& sampling);
 
+/// What an observer has: as in error_energies.
+struct Told {
+  Scene believed;
+  std::vector<ContactEvent> events;
+};
+
+/// The same with Method::replica for one to eight runs of machines of one structure, in a sweep
+/// (replica_sweep.h): bit for bit what error_energies gives for each. `truths` are as many.
+std::vector<std::vector<double>> replica_energies(std::span<const Told> runs,
+                                                  std::span<const Truth> truths,
+                                                  const Sampling& sampling);
+
 }  // namespace sprag::tolerance

@@ -5,6 +5,7 @@
 #include <limits>
 #include <mutex>
 
+#include "sprag/estimation/replica_sweep.h"
 #include "studies/tolerance/in_parallel.h"
 #include "studies/tolerance/machines.h"
 
@@ -142,29 +143,40 @@ std::vector<Point> measure(const Study& study, const Scene& scene, const Options
                       {study.methods.size(), std::vector<double>(runs)},
                       std::vector<double>(study.methods.size())});
   }
+  // Replicas go side by side, eight runs of a point at a time.
+  const std::size_t groups = (runs + ReplicaSweep::lanes - 1) / ReplicaSweep::lanes;
   std::mutex mutex;
-  in_parallel(options.threads, static_cast<int>(points.size() * runs), [&](int i) {
-    const auto run = static_cast<std::size_t>(i) % runs;
-    Point& point = points[static_cast<std::size_t>(i) / runs];
-    const Truth& truth = truths[run];
-    const Setting setting = study.setting(point.amount, run % 2 == 0 ? 1.0 : -1.0);
-    const auto events =
-        disturb(truth.events, setting.disturbance, static_cast<int>(truth.model.contacts.size()),
-                options.sampling.duration, seed_of(static_cast<int>(run)));
-    std::vector<double> of_replica;
-    std::vector<double> worse;
-    for (std::size_t j = 0; j < study.methods.size(); ++j) {
-      const auto V =
-          error_energies(study.methods[j], setting.believed, events, truth, options.sampling);
-      point.floors[j][run] = quantile(V, 0.5);
-      if (j == 0) of_replica = V;
-      worse.push_back(share_worse(V, of_replica));
+  in_parallel(options.threads, static_cast<int>(points.size() * groups), [&](int i) {
+    Point& point = points[static_cast<std::size_t>(i) / groups];
+    const std::size_t first = static_cast<std::size_t>(i) % groups * ReplicaSweep::lanes;
+    const auto of_group =
+        std::span<const Truth>(truths).subspan(first, std::min(ReplicaSweep::lanes, runs - first));
+    std::vector<Told> told;
+    for (std::size_t r = 0; r < of_group.size(); ++r) {
+      const Truth& truth = of_group[r];
+      const Setting setting = study.setting(point.amount, (first + r) % 2 == 0 ? 1.0 : -1.0);
+      told.push_back(
+          {setting.believed,
+           disturb(truth.events, setting.disturbance, static_cast<int>(truth.model.contacts.size()),
+                   options.sampling.duration, seed_of(static_cast<int>(first + r)))});
     }
-    const std::lock_guard lock(mutex);
-    for (std::size_t j = 0; j < worse.size(); ++j) {
-      point.share_worse[j] += worse[j] / static_cast<double>(runs);
+    const auto of_replicas = replica_energies(told, of_group, options.sampling);
+    for (std::size_t r = 0; r < told.size(); ++r) {
+      std::vector<double> worse;
+      for (std::size_t j = 0; j < study.methods.size(); ++j) {
+        const auto V = study.methods[j] == Method::replica
+                           ? of_replicas[r]
+                           : error_energies(study.methods[j], told[r].believed, told[r].events,
+                                            of_group[r], options.sampling);
+        point.floors[j][first + r] = quantile(V, 0.5);
+        worse.push_back(share_worse(V, of_replicas[r]));
+      }
+      const std::lock_guard lock(mutex);
+      for (std::size_t j = 0; j < worse.size(); ++j) {
+        point.share_worse[j] += worse[j] / static_cast<double>(runs);
+      }
+      progress();
     }
-    progress();
   });
   return points;
 }

@@ -168,6 +168,22 @@ TEST(Tolerance, WithoutDisturbanceAllMethodsSynchronize) {
   EXPECT_LT(floor(Method::both), 1e-20);
 }
 
+TEST(Tolerance, ReplicasSideBySideAreThoseThatRunAlone) {
+  const Sampling sampling{20.0, 0.1, 1e-2, 1e-3};
+  std::vector<Told> told;
+  std::vector<Truth> truths;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    truths.push_back(simulate(with_random_start(beam(), seed), sampling));
+    told.push_back({beam(), disturb(truths.back().events, {.jitter = 1e-3}, 1, 20.0, seed)});
+    told.back().believed.model.C *= 1.0 + 0.01 * static_cast<double>(seed);
+  }
+  const auto together = replica_energies(told, truths, sampling);
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    EXPECT_EQ(together[i], error_energies(Method::replica, told[i].believed, told[i].events,
+                                          truths[i], sampling));
+  }
+}
+
 const Study& study_of(const std::string& name) {
   static const std::vector<Study> all = studies(beam());
   return *std::find_if(all.begin(), all.end(), [&](const Study& one) { return one.name == name; });
