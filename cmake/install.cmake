@@ -25,10 +25,10 @@ install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/spr
 
 # Nothing that is called `observer` or `diagnose` belongs on a PATH: the command `sprag` runs them.
 if(SPRAG_PROGRAMS)
-  set(programs ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
-  install(TARGETS master_sim observer sync_logger check_scene import_events diagnose identify reduce
-          RUNTIME DESTINATION ${programs} COMPONENT runtime)
-  file(RELATIVE_PATH SPRAG_PROGRAMS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${programs})
+  set(programs master_sim observer sync_logger check_scene import_events diagnose identify reduce)
+  set(folder ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
+  install(TARGETS ${programs} RUNTIME DESTINATION ${folder} COMPONENT runtime)
+  file(RELATIVE_PATH SPRAG_PROGRAMS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${folder})
   set(SPRAG_SCENES_FOLDER "${CMAKE_INSTALL_DATADIR}/sprag/scenes, below the folder of the installation")
   configure_file(command_line/sprag.in ${PROJECT_BINARY_DIR}/sprag_command/sprag @ONLY)
   install(PROGRAMS ${PROJECT_BINARY_DIR}/sprag_command/sprag DESTINATION ${CMAKE_INSTALL_BINDIR}
@@ -48,7 +48,7 @@ if(SPRAG_PROGRAMS)
       set(man_pages ${man_pages} ${output} PARENT_SCOPE)
     endfunction()
     sprag_man_page(sprag sprag ${PROJECT_BINARY_DIR}/sprag_command/sprag)
-    foreach(program master_sim observer sync_logger check_scene import_events diagnose identify reduce)
+    foreach(program IN LISTS programs)
       sprag_man_page(sprag-${program} "sprag ${program}" $<TARGET_FILE:${program}>)
     endforeach()
     add_custom_target(man_pages ALL DEPENDS ${man_pages})
