@@ -14,6 +14,8 @@ constexpr double gate = 7.0;          // of what predictions are usually off
 constexpr double outlier = 4.5;       // of what the jitter does to one impact
 constexpr double exact = 1e-9;        // of the usual interval: no jitter
 constexpr double most_mended = 0.35;  // of the events; a path that needs more is none
+// One of so many events at most is left out as an outlier, or for coming before the path.
+constexpr std::size_t most_left_out = 8;
 
 struct Followed {
   Stretch measured;  // with guesses where an event is missing
@@ -149,9 +151,8 @@ bool start_at(const MachineFamily& family, const std::vector<Impact>& all, doubl
 }  // namespace
 
 void drop_outliers(const MachineFamily& family, double jitter, Mended& mended) {
-  constexpr double no_say = 0.95;        // leverage of an impact that nothing else tells about
-  constexpr std::size_t of_impacts = 8;  // at most every eighth
-  const std::size_t most = count(mended.stretches) / of_impacts;
+  constexpr double no_say = 0.95;  // leverage of an impact that nothing else tells about
+  const std::size_t most = count(mended.stretches) / most_left_out;
   for (std::size_t dropped = 0; dropped < most; ++dropped) {
     double worst = outlier;
     Impact* far = nullptr;
@@ -250,6 +251,11 @@ Mended mend(const MachineFamily& family, const Stretches& stretches, std::option
     followed = std::move(whole);
     break;
   }
+  // A path that leaves out much of the record's front explains another record.
+  const auto front = std::find_if(all.begin(), all.end(), [&](const Impact& impact) {
+    return impact.event == followed.measured.impacts.front().event;
+  });
+  if (static_cast<std::size_t>(front - all.begin()) > all.size() / most_left_out) return mended;
   mended.stretches = {followed.measured};
   mended.spurious = followed.spurious;
   mended.solution = std::move(followed.solution);
