@@ -5,7 +5,8 @@
 #include <complex>
 #include <numbers>
 
-#include "sprag/identification/oscillator_step.h"
+#include "sprag/identification/coupled_step.h"
+#include "sprag/mechanics/oscillators.h"
 
 namespace sprag {
 
@@ -31,12 +32,9 @@ void FreeFlight::move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const 
     return;
   }
   for (Eigen::Index i = 0; i < n; ++i) {
-    const OscillatorStep step = oscillator_step(machine_.C(i, 0), machine_.K(i, 0), tau);
     double force = 0.0;
     if (constants_.size() > 0) force = machine_.constant_forces.row(i).dot(constants_);
-    const double before = y[i];
-    y[i] = step.yy * before + step.yu * u[i] + step.force * force;
-    u[i] = step.uy * before + step.uu * u[i] + step.yu * force;
+    oscillator_step(0.5 * machine_.C(i, 0), machine_.K(i, 0), tau).apply(force, y[i], u[i]);
   }
 }
 

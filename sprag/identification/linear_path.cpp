@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <complex>
 
-#include "sprag/identification/oscillator_step.h"
+#include "sprag/identification/coupled_step.h"
 
 namespace sprag {
 namespace {
@@ -61,7 +61,7 @@ void Flights::set(const Machine& machine, const Stretches& stretches) {
     for (const std::vector<double>& of : intervals_) {
       for (const double tau : of) {
         for (Eigen::Index i = 0; i < n_; ++i) {
-          modes_.push_back(oscillator_step(C_(i, 0), K_(i, 0), tau));
+          modes_.push_back(oscillator_step(0.5 * C_(i, 0), K_(i, 0), tau));
         }
       }
     }
@@ -87,12 +87,12 @@ void Flights::move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eig
       double* const u = &U(i, 0);
       for (Eigen::Index j = 0; j < columns; ++j) {
         const double before = y[j];
-        y[j] = mode.yy * before + mode.yu * u[j];
-        u[j] = mode.uy * before + mode.uu * u[j];
+        y[j] = mode.zz * before + mode.zv * u[j];
+        u[j] = mode.vz * before + mode.vv * u[j];
       }
       for (Eigen::Index j = 0; j < J && forced + j < columns; ++j) {
-        y[forced + j] += mode.force * constant_forces_(i, j);
-        u[forced + j] += mode.yu * constant_forces_(i, j);
+        y[forced + j] += mode.z_alpha * constant_forces_(i, j);
+        u[forced + j] += mode.zv * constant_forces_(i, j);
       }
     }
     return;
@@ -116,14 +116,7 @@ void Flights::move(std::size_t s, std::size_t k, Eigen::VectorXd& y, Eigen::Vect
   if (modal_) {
     const OscillatorStep* const of = modes_.data() + flight * static_cast<std::size_t>(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
-      const OscillatorStep& mode = of[i];
-      const double before = y[i];
-      y[i] = mode.yy * before + mode.yu * u[i];
-      u[i] = mode.uy * before + mode.uu * u[i];
-      for (Eigen::Index j = 0; j < J; ++j) {
-        y[i] += mode.force * constant_forces_(i, j) * constants[j];
-        u[i] += mode.yu * constant_forces_(i, j) * constants[j];
-      }
+      of[i].apply(J > 0 ? constant_forces_.row(i).dot(constants) : 0.0, y[i], u[i]);
     }
     return;
   }

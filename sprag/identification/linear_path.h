@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "sprag/identification/machine_family.h"
-#include "sprag/identification/oscillator_step.h"
 #include "sprag/identification/record.h"
+#include "sprag/mechanics/oscillators.h"
 
 namespace sprag {
 

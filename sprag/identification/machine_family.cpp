@@ -171,9 +171,9 @@ Machine MachineFamily::at(const Eigen::VectorXd& values) const {
       }
     } else if (unknown.kind == Kind::position) {
       const auto i = static_cast<std::size_t>(unknown.index);
-      const Eigen::VectorXd of_scene = mode_shapes(*scene_.beam, scene_.positions[i]);
-      const double side = model.contacts[i].w.dot(of_scene) < 0.0 ? -1.0 : 1.0;
-      machine.W.col(unknown.index) = side * (V_.transpose() * mode_shapes(*scene_.beam, value));
+      machine.W.col(unknown.index) =
+          V_.transpose() *
+          moved_direction(*scene_.beam, model.contacts[i].w, scene_.positions[i], value);
     } else if (unknown.kind == Kind::frequency) {
       machine.frequencies[unknown.index] = value;
     }
@@ -292,9 +292,8 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
         model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
         break;
       case Kind::position: {
-        const Eigen::VectorXd of_scene = mode_shapes(*scene_.beam, scene_.positions[i]);
-        const double side = model.contacts[i].w.dot(of_scene) < 0.0 ? -1.0 : 1.0;
-        model.contacts[i].w = side * mode_shapes(*scene_.beam, value);
+        Eigen::VectorXd& w = model.contacts[i].w;
+        w = moved_direction(*scene_.beam, w, scene_.positions[i], value);
         scene.positions[i] = value;
         break;
       }

@@ -56,7 +56,18 @@ double step_response(double delta, double kappa, double omega, const Kernel& k, 
   return (slowly + std::expm1(-fast * tau) / fast) / (2.0 * omega);
 }
 
+Kernel kernel_of(double delta, double kappa, double omega, double tau) {
+  if (delta * delta > kappa) return overdamped(delta, kappa, omega, tau);
+  return underdamped(delta, kappa, omega, std::exp(-delta * tau), tau);
+}
+
 }  // namespace
+
+OscillatorStep oscillator_step(double delta, double kappa, double tau) {
+  const double omega = std::sqrt(std::abs(kappa - delta * delta));
+  const Kernel kernel = kernel_of(delta, kappa, omega, tau);
+  return {kernel, step_response(delta, kappa, omega, kernel, tau)};
+}
 
 Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kappa)
     : delta_(delta),
@@ -65,10 +76,7 @@ Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kapp
       omega_((kappa - delta.square()).abs().sqrt()) {}
 
 OscillatorKernel Oscillators::kernel(Eigen::Index i, double tau) const {
-  const double delta = delta_[i];
-  const double kappa = kappa_[i];
-  if (delta * delta > kappa) return overdamped(delta, kappa, omega_[i], tau);
-  return underdamped(delta, kappa, omega_[i], std::exp(-delta * tau), tau);
+  return kernel_of(delta_[i], kappa_[i], omega_[i], tau);
 }
 
 void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,

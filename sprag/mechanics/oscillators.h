@@ -18,6 +18,20 @@ struct OscillatorKernel {
   double zz, zv, vz, vv;
 };
 
+/// What tau makes of one oscillator, with the response of z to alpha = 1; that of v is zv.
+struct OscillatorStep : OscillatorKernel {
+  double z_alpha;
+
+  void apply(double alpha, double& z, double& v) const {
+    const double moved = zz * z + zv * v + z_alpha * alpha;
+    v = vz * z + vv * v + zv * alpha;
+    z = moved;
+  }
+};
+
+/// delta, kappa >= 0, tau >= 0.
+OscillatorStep oscillator_step(double delta, double kappa, double tau);
+
 /// Constant data of N oscillators.
 class Oscillators {
  public:
