@@ -44,6 +44,13 @@ MatrixR diagonal_of(const MatrixR& B, const MatrixR& A) {
   return VectorR(B.cwiseProduct(product(A, B)).colwise().sum().transpose()).asDiagonal();
 }
 
+// K^-1 push of modes with this K; zero where nothing holds them.
+MatrixR at_rest(const VectorR& kappa, const MatrixR& push) {
+  MatrixR y = push;
+  for (Eigen::Index i = 0; i < kappa.size(); ++i) y.row(i) *= kappa[i] > 0 ? 1 / kappa[i] : Real(0);
+  return y;
+}
+
 }  // namespace
 
 class Flow::Builder {
@@ -70,7 +77,7 @@ class Flow::Builder {
   Forced forced(const MatrixR& push, const MatrixCR& harmonics) const;
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
-  void set_static_shapes(const Nullspace& space);
+  void set_static_shapes(const Nullspace& space, const MatrixR& y);
 
   Flow& flow_;
   const Dynamics& dynamics_;
@@ -200,8 +207,6 @@ void Flow::Builder::build_on_nullspace() {
     space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
   }
 
-  set_static_shapes(space);
-
   if (modal) {
     build_modal(space);
   } else {
@@ -209,20 +214,10 @@ void Flow::Builder::build_on_nullspace() {
   }
 }
 
-// K y = push_L where anything holds y.
-void Flow::Builder::set_static_shapes(const Nullspace& space) {
-  MatrixR shapes = space.q_D.rightCols(space.q_D.cols() - 1);
-  if (shapes.cols() > 0 && space.K.cols() > 0) {
-    const ExtendedEigenpairs modes = eigenpairs(space.K);
-    VectorR kappa = modes.values;
-    drop_noise(kappa);
-    MatrixR y = product(modes.vectors.transpose(), space.push.rightCols(shapes.cols()));
-    for (Eigen::Index i = 0; i < kappa.size(); ++i) {
-      y.row(i) *= kappa[i] > 0 ? 1 / kappa[i] : Real(0);
-    }
-    shapes += product(space.B, product(modes.vectors, y));
-  }
-  flow_.static_shapes_ = shapes.cast<double>();
+// `y`: where what locked contacts push comes to rest, for each of them.
+void Flow::Builder::set_static_shapes(const Nullspace& space, const MatrixR& y) {
+  const auto q_D = space.q_D.rightCols(y.cols());
+  flow_.static_shapes_ = (q_D + product(space.B, y)).cast<double>();
 }
 
 void Flow::Builder::build_modal(const Nullspace& space) {
@@ -231,6 +226,7 @@ void Flow::Builder::build_modal(const Nullspace& space) {
   const VectorR delta = space.C.diagonal().cwiseMax(Real(0)) / 2;
   VectorR kappa = space.K.diagonal();
   drop_noise(kappa);
+  set_static_shapes(space, at_rest(kappa, space.push.rightCols(space.push.cols() - 1)));
   const MatrixR none = MatrixR::Zero(r, space.push.cols());
   MatrixCR Z(r, nf_);
   MatrixCR drive(r, nf_);
@@ -255,6 +251,13 @@ void Flow::Builder::build_modal(const Nullspace& space) {
 void Flow::Builder::build_dense(const Nullspace& space) {
   flow_.path_ = FlowPath::dense;
   const Eigen::Index r = space.B.cols();
+  if (flow_.locked_ != 0) {
+    ExtendedEigenpairs of_K = eigenpairs(space.K);
+    drop_noise(of_K.values);
+    const MatrixR push =
+        product(of_K.vectors.transpose(), space.push.rightCols(space.push.cols() - 1));
+    set_static_shapes(space, product(of_K.vectors, at_rest(of_K.values, push)));
+  }
   const ComplexModes modes = complex_modes(space.K, space.C);
   const VectorR& delta = modes.delta;
   const VectorR& kappa = modes.kappa;
