@@ -224,9 +224,8 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
       break;
     }
     case Quantity::position: {
-      const Eigen::VectorXd of_scene = mode_shapes(*scene.beam, scene.positions[contact]);
-      const double side = model.contacts[contact].w.dot(of_scene) < 0.0 ? -1.0 : 1.0;
-      model.contacts[contact].w = side * mode_shapes(*scene.beam, value);
+      Eigen::VectorXd& w = model.contacts[contact].w;
+      w = moved_direction(*scene.beam, w, scene.positions[contact], value);
       break;
     }
     case Quantity::clock_offset:

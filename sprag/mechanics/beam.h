@@ -50,4 +50,8 @@ enum class Side { below, above };
 Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, double restitution,
                      const Harmonic& motion = {});
 
+/// w of a contact, n entries, that is moved along the beam: from x_c = `from`, where its direction
+/// is `w`, to `to`, on the side where it is.
+Eigen::VectorXd moved_direction(const Beam& beam, const Eigen::VectorXd& w, double from, double to);
+
 }  // namespace sprag
