@@ -71,21 +71,27 @@ bool sees_nothing(const Eigen::VectorXd& w) {
   return w.squaredNorm() < std::numeric_limits<double>::min();
 }
 
+// n numbers, given by one for all or one each.
+Eigen::VectorXd one_or_each(const TomlTable& table, const char* key, Eigen::Index n) {
+  const Eigen::VectorXd given = table.numbers(key);
+  if (given.size() != 1 && given.size() != n) {
+    table.fail(key, "has " + std::to_string(given.size()) + " numbers; must be one or " +
+                        std::to_string(n));
+  }
+  return given.size() == n ? given : Eigen::VectorXd::Constant(n, given[0]);
+}
+
 // zeta_i of n modes, given by one number for all or one each, in place of the key `other`.
 Eigen::VectorXd read_damping_ratio(const TomlTable& table, const char* other, Eigen::Index n) {
   if (table.has(other)) {
     table.fail("damping_ratio", std::string("and ") + table.path_of(other) +
                                     " exclude each other; must be one of them");
   }
-  const Eigen::VectorXd zeta = table.numbers("damping_ratio");
-  if (zeta.size() != 1 && zeta.size() != n) {
-    table.fail("damping_ratio", "has " + std::to_string(zeta.size()) + " numbers; must be one or " +
-                                    std::to_string(n));
-  }
+  Eigen::VectorXd zeta = one_or_each(table, "damping_ratio", n);
   if (!(zeta.minCoeff() >= 0.0)) {
     table.fail("damping_ratio", "has " + to_text(zeta.minCoeff()) + "; must be >= 0");
   }
-  return zeta.size() == n ? zeta : Eigen::VectorXd::Constant(n, zeta[0]);
+  return zeta;
 }
 
 Beam read_beam_table(const TomlTable& table) {
@@ -294,18 +300,14 @@ void read_master(const TomlTable& root, Scene& scene) {
 }
 
 void read_replica_restitution(const TomlTable& table, std::vector<Contact>& contacts) {
-  const auto m = static_cast<Eigen::Index>(contacts.size());
-  const Eigen::VectorXd epsilon = table.numbers("restitution");
-  if (epsilon.size() != 1 && epsilon.size() != m) {
-    table.fail("restitution", "has " + std::to_string(epsilon.size()) +
-                                  " numbers; must be one or " + std::to_string(m));
-  }
-  for (Eigen::Index i = 0; i < m; ++i) {
-    const double value = epsilon[epsilon.size() == m ? i : 0];
+  const Eigen::VectorXd epsilon =
+      one_or_each(table, "restitution", static_cast<Eigen::Index>(contacts.size()));
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const double value = epsilon[static_cast<Eigen::Index>(i)];
     if (!(std::abs(value) <= 1.0)) {
       table.fail("restitution", "has " + to_text(value) + "; must be in [-1, 1]");
     }
-    contacts[static_cast<std::size_t>(i)].replica_restitution = value;
+    contacts[i].replica_restitution = value;
   }
 }
 
