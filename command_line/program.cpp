@@ -48,10 +48,13 @@ std::string overwritten_by(const CommonOptions& options) {
   return overwritten(files);
 }
 
+std::string line_of(const nlohmann::ordered_json& object) {
+  return object.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 bool write_report(const std::filesystem::path& file, const nlohmann::ordered_json& report) {
   OutputFile output(file);
-  output.write(report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
-  output.write("\n");
+  output.write(line_of(report));
   if (!output.close()) std::cerr << output.error() << '\n';
   return output.good();
 }
@@ -106,6 +109,14 @@ void add_common_options(CLI::App& app, CommonOptions& options) {
            "Sign all messages, and hear only signed ones");
   add_file(app, options, "--report", NamedFile::Use::written, options.report, "FILE.json",
            "Write the run's figures to this file");
+}
+
+void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
+                  nlohmann::ordered_json& report) {
+  report.update(object);
+  OutputFile out = OutputFile::standard_output();
+  out.write(json ? line_of(object) : text);
+  if (!out.close()) throw std::runtime_error(out.error());
 }
 
 CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,

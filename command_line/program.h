@@ -116,6 +116,11 @@ std::optional<Key> key_of(const CommonOptions& options);
 nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
                                 const BusCounts& bus);
 
+/// What a program has found: `object` goes into the report and, with `json`, to stdout as one JSON
+/// object; else `text` does. Throws std::runtime_error where stdout cannot be written.
+void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
+                  nlohmann::ordered_json& report);
+
 /// Whether SIGINT, SIGTERM or SIGHUP has arrived since run_program() began. They interrupt poll()
 /// and sleeps.
 inline bool stop_requested() noexcept { return interrupted(); }

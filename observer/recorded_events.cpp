@@ -1,6 +1,8 @@
 #include "observer/recorded_events.h"
 
+#include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "observer/recording.h"
@@ -103,6 +105,14 @@ RecordedEvents read_recorded_events(const std::filesystem::path& file, int conta
   RecordedEvents recorded =
       is_log ? read_log(std::move(input), contacts, key) : read_csv(std::move(input), contacts);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
+  return recorded;
+}
+
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    const CommonOptions& common, nlohmann::ordered_json& report) {
+  RecordedEvents recorded = read_recorded_events(file, contacts, end, key_of(common));
+  for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
+  report["problems"] = recorded.problems;
   return recorded;
 }
 

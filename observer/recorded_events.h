@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line/program.h"
 #include "lcmtypes/key.h"
 #include "sprag/mechanics/contact_event.h"
 
@@ -27,5 +28,9 @@ struct RecordedEvents {
 /// messages that it has signed count. Throws InputError if the file cannot be opened.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
                                     const std::optional<Key>& key);
+
+/// The same for a program: problems go to stderr and into its report.
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    const CommonOptions& common, nlohmann::ordered_json& report);
 
 }  // namespace sprag

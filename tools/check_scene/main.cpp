@@ -4,7 +4,6 @@
 
 #include "command_line/program.h"
 #include "sprag/analysis/assessment.h"
-#include "sprag/files/output_file.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
 #include "tools/check_scene/json.h"
@@ -46,17 +45,9 @@ int main(int argc, char** argv) {
     };
     sprag::Assessment assessment = sprag::assess(scene, limits);
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
-    sprag::to_json(assessment, report);
-    sprag::OutputFile out = sprag::OutputFile::standard_output();
-    if (json) {
-      nlohmann::ordered_json object;
-      sprag::to_json(assessment, object);
-      using Json = nlohmann::ordered_json;
-      out.write(object.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-    } else {
-      out.write(sprag::to_text(assessment));
-    }
-    if (!out.close()) throw std::runtime_error(out.error());
+    nlohmann::ordered_json object;
+    sprag::to_json(assessment, object);
+    sprag::print_result(object, sprag::to_text(assessment), json, report);
     if (!output.empty()) {
       if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);
       const sprag::Reduction& fewest = assessment.accuracy->fewest;

@@ -1,11 +1,11 @@
 #include "tools/identify/options.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <stdexcept>
 
 #include "command_line/program.h"
+#include "sprag/files/csv.h"
 
 namespace sprag {
 namespace {
@@ -40,10 +40,8 @@ void set_within(const Scene& scene, const std::string& text, std::vector<Unknown
   for (const std::string& word : words(text)) {
     const std::size_t equals = word.find('=');
     const std::string number = equals == std::string::npos ? word : word.substr(equals + 1);
-    double within = 0.0;
-    const char* const end = number.data() + number.size();
-    const auto read = std::from_chars(number.data(), end, within);
-    if (read.ec != std::errc() || read.ptr != end || !(within > 0.0) || !(within <= 10.0)) {
+    const double within = parse_double(number).value_or(0.0);
+    if (!(within > 0.0) || !(within <= 10.0)) {
       throw UsageError("--within: " + word + " must be a share in (0, 10], or NAME=SHARE");
     }
     const std::string key = equals == std::string::npos ? "" : word.substr(0, equals);

@@ -43,9 +43,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   IdentificationSettings settings;
   settings.unknowns = sought(scene, run.sought);
   const RecordedEvents recorded = read_recorded_events(
-      run.log, static_cast<int>(scene.model.contacts.size()), run.duration, key_of(common));
-  for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
-  report["problems"] = recorded.problems;
+      run.log, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;
   if (run.jitter) {
@@ -71,17 +69,9 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
     result.fit.jitter = result.fit.scatter;
     result.fit.fitted.jitter = result.fit.scatter;
   }
-  to_json(result, report);
-  OutputFile out = OutputFile::standard_output();
-  if (run.json) {
-    using Json = nlohmann::ordered_json;
-    Json object;
-    to_json(result, object);
-    out.write(object.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-  } else {
-    out.write(to_text(result));
-  }
-  if (!out.close()) throw std::runtime_error(out.error());
+  nlohmann::ordered_json object;
+  to_json(result, object);
+  print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
   if (good && !run.output.empty()) {
     write_scene(run, text, scene, result.fit, recorded.begins);
