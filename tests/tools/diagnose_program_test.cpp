@@ -1,7 +1,6 @@
 // diagnose with the programs around it: a master that is not what the scene says.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/bus.h"
@@ -10,42 +9,22 @@
 #include "observer/recorded_events.h"
 #include "sprag/estimation/message_builder.h"
 #include "sprag/files/csv.h"
-#include "tests/support/process.h"
+#include "tests/support/program_test.h"
 #include "tests/support/run.h"
-#include "tests/support/temporary_directory.h"
 #include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {
 
+using test::Arguments;
 using test::read_text;
 using test::write_text;
-using Arguments = std::vector<std::string>;
 
-constexpr auto patience = std::chrono::seconds(120);
 constexpr const char* paper_beam = SPRAG_SOURCE_DIR "/scenes/paper_beam.toml";
 
-class DiagnoseProgramTest : public testing::Test {
+class DiagnoseProgramTest : public test::ProgramTest {
  protected:
-  struct Ended {
-    int code;
-    std::string out, err;
-  };
-
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
-
-  Ended run(Arguments command) {
-    test::Process process(std::move(command), directory_ / "",
-                          "process_" + std::to_string(processes_++));
-    const auto code = process.wait(patience);
-    return {code.value_or(-1), process.out(), process.err()};
-  }
-
-  Ended diagnose(const Arguments& arguments) {
-    Arguments command{DIAGNOSE};
-    command.insert(command.end(), arguments.begin(), arguments.end());
-    return run(command);
-  }
+  Ended diagnose(const Arguments& arguments) { return run(DIAGNOSE, arguments); }
 
   /// The events of the paper's beam with another restitution.
   std::string simulate(const std::string& restitution) {
@@ -53,14 +32,11 @@ class DiagnoseProgramTest : public testing::Test {
     const std::string line = "restitution = 0.7";
     text.replace(text.find(line), line.size(), "restitution = " + restitution);
     write_text(path("real.toml"), text);
-    const Ended ended = run({MASTER_SIM, path("real.toml"), "--duration", "60", "--speed", "max",
-                             "--no-lcm", "--events", path("events.csv")});
+    const Ended ended = run(MASTER_SIM, {path("real.toml"), "--duration", "60", "--speed", "max",
+                                         "--no-lcm", "--events", path("events.csv")});
     EXPECT_EQ(ended.code, 0) << ended.err;
     return path("events.csv");
   }
-
-  test::TemporaryDirectory directory_;
-  int processes_ = 0;
 };
 
 TEST_F(DiagnoseProgramTest, AWrongRestitutionIsNamed) {
@@ -107,7 +83,7 @@ TEST_F(DiagnoseProgramTest, ImportedImpactsAreDiagnosedToo) {
     rig += '\n';
   }
   write_text(path("rig.csv"), rig);
-  ASSERT_EQ(run({IMPORT_EVENTS, path("rig.csv"), paper_beam, "--output", path("rig.lcmlog")}).code,
+  ASSERT_EQ(run(IMPORT_EVENTS, {path("rig.csv"), paper_beam, "--output", path("rig.lcmlog")}).code,
             0);
   const Ended ended = diagnose({path("rig.lcmlog"), paper_beam});
   EXPECT_EQ(ended.code, 3) << ended.err;

@@ -1,29 +1,25 @@
 // identify with the programs around it: a master that is not what the scene says.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "command_line/program.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/scene_file.h"
-#include "tests/support/process.h"
+#include "tests/support/program_test.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
-#include "tests/support/temporary_directory.h"
 #include "tools/identify/options.h"
 #include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {
 
+using test::Arguments;
 using test::read_text;
 using test::shipped_scene;
 using test::write_text;
-using Arguments = std::vector<std::string>;
-
-constexpr auto patience = std::chrono::seconds(120);
 
 std::string scene_file(const std::string& name) {
   return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml";
@@ -35,23 +31,9 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   return text.replace(at, what.size(), by);
 }
 
-class IdentifyProgramTest : public testing::Test {
+class IdentifyProgramTest : public test::ProgramTest {
  protected:
-  struct Ended {
-    int code;
-    std::string out, err;
-  };
-
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
-
-  Ended identify(const Arguments& arguments) {
-    Arguments command{IDENTIFY};
-    command.insert(command.end(), arguments.begin(), arguments.end());
-    test::Process process(std::move(command), directory_ / "",
-                          "process_" + std::to_string(processes_++));
-    const auto code = process.wait(patience);
-    return {code.value_or(-1), process.out(), process.err()};
-  }
+  Ended identify(const Arguments& arguments) { return run(IDENTIFY, arguments); }
 
   /// Events of a scene text, as a CSV.
   std::string events_of(const std::string& text, double duration, double jitter = 0.0) {
@@ -65,9 +47,6 @@ class IdentifyProgramTest : public testing::Test {
     EXPECT_TRUE(writer.close());
     return path("events.csv");
   }
-
-  test::TemporaryDirectory directory_;
-  int processes_ = 0;
 };
 
 TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {

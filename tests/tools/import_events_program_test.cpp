@@ -2,7 +2,6 @@
 // comes back as it was, and an observer replays it to the same bits.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -11,19 +10,16 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "sprag/files/events_file.h"
-#include "tests/support/process.h"
-#include "tests/support/temporary_directory.h"
+#include "tests/support/program_test.h"
 #include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {
 
 using enum ContactEventKind;
+using test::Arguments;
 using test::read_text;
 using test::write_text;
-using Arguments = std::vector<std::string>;
-
-constexpr auto patience = std::chrono::seconds(60);
 
 std::string scene(const std::string& name) { return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml"; }
 
@@ -38,51 +34,35 @@ std::string milliseconds(double t, int offset, char mark) {
          mark + digits.substr(point + 4);
 }
 
-class ImportEventsTest : public testing::Test {
+class ImportEventsTest : public test::ProgramTest {
  protected:
-  struct Ended {
-    int code;
-    std::string out, err;
-  };
-
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
   std::string text(const std::string& name) const { return read_text(directory_ / name); }
   nlohmann::json report() const { return nlohmann::json::parse(text("report.json")); }
 
-  Ended run(Arguments command) {
-    test::Process process(std::move(command), directory_ / "",
-                          "process_" + std::to_string(processes_++));
-    const auto code = process.wait(patience);
-    return {code.value_or(-1), process.out(), process.err()};
-  }
-
   Ended import(const Arguments& arguments) {
-    Arguments command{IMPORT_EVENTS, "--report", path("report.json")};
+    Arguments command{"--report", path("report.json")};
     command.insert(command.end(), arguments.begin(), arguments.end());
-    return run(command);
+    return run(IMPORT_EVENTS, command);
   }
 
   /// The events of a master, also in original.csv.
   std::vector<ContactEvent> simulate(const std::string& name, const std::string& duration,
                                      int contacts) {
-    const Ended ended = run({MASTER_SIM, scene(name), "--duration", duration, "--speed", "max",
-                             "--no-lcm", "--events", path("original.csv")});
+    const Ended ended = run(MASTER_SIM, {scene(name), "--duration", duration, "--speed", "max",
+                                         "--no-lcm", "--events", path("original.csv")});
     EXPECT_EQ(ended.code, 0) << ended.err;
     return read_events(path("original.csv"), contacts).events;
   }
 
   /// The observer's states, and in used.csv the events that it used.
   std::string replay(const std::string& name, const std::string& recording, Arguments more = {}) {
-    Arguments command{OBSERVER, scene(name), "--replay",         recording,  "--tick",
-                      "0.01",   "--states",  path("states.csv"), "--events", path("used.csv")};
+    Arguments command{scene(name), "--replay",         recording,  "--tick",        "0.01",
+                      "--states",  path("states.csv"), "--events", path("used.csv")};
     command.insert(command.end(), more.begin(), more.end());
-    const Ended ended = run(command);
+    const Ended ended = run(OBSERVER, command);
     EXPECT_EQ(ended.code, 0) << ended.err;
     return text("states.csv");
   }
-
-  test::TemporaryDirectory directory_;
-  int processes_ = 0;
 };
 
 TEST_F(ImportEventsTest, ImpactsOnAnotherClockComeBackAsTheyWere) {

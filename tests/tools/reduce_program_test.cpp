@@ -2,7 +2,6 @@
 // reduced, and observed with what comes out.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "observer/recorded_events.h"
@@ -10,42 +9,24 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
 #include "sprag/files/states_file.h"
-#include "tests/support/process.h"
+#include "tests/support/program_test.h"
 #include "tests/support/run.h"
-#include "tests/support/temporary_directory.h"
 #include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {
 
+using test::Arguments;
 using test::read_text;
 using test::write_text;
-using Arguments = std::vector<std::string>;
-
-constexpr auto patience = std::chrono::seconds(120);
 
 Arguments operator+(Arguments left, const Arguments& right) {
   left.insert(left.end(), right.begin(), right.end());
   return left;
 }
 
-class ReduceProgramTest : public testing::Test {
+class ReduceProgramTest : public test::ProgramTest {
  protected:
-  struct Ended {
-    int code;
-    std::string out, err;
-  };
-
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
-
-  Ended run(const std::string& program, Arguments arguments) {
-    arguments.insert(arguments.begin(), program);
-    test::Process process(std::move(arguments), directory_ / "",
-                          "process_" + std::to_string(processes_++));
-    const auto code = process.wait(patience);
-    return {code.value_or(-1), process.out(), process.err()};
-  }
-
   Ended reduce(const Arguments& arguments) { return run(REDUCE, arguments); }
 
   /// The stiff beam, damped in proportion to its stiffness.
@@ -104,9 +85,6 @@ class ReduceProgramTest : public testing::Test {
     while (text >> value >> word) row.push_back(value);
     return Eigen::Map<Eigen::VectorXd>(row.data(), static_cast<Eigen::Index>(row.size()));
   }
-
-  test::TemporaryDirectory directory_;
-  int processes_ = 0;
 };
 
 TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
