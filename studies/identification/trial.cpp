@@ -4,31 +4,15 @@
 #include <cmath>
 #include <ctime>
 #include <numbers>
-#include <random>
 
 #include "sprag/mechanics/master.h"
+#include "studies/tolerance/random.h"
 
 namespace sprag::identification_study {
 namespace {
 
 using Kind = Unknown::Kind;
-
-class Draw {
- public:
-  explicit Draw(std::uint64_t seed) : engine_(seed) {}
-  double uniform(double low, double high) {
-    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
-  }
-  double sign() { return uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0; }
-  /// By Box and Muller: the standard does not fix its own.
-  double normal() {
-    const double radius = std::sqrt(-2.0 * std::log1p(-uniform(0.0, 1.0)));
-    return radius * std::cos(2.0 * std::numbers::pi * uniform(0.0, 1.0));
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
+using tolerance::Random;
 
 std::vector<Unknown> unknowns(const Scene& scene, const std::vector<std::string>& keys) {
   std::vector<Unknown> all;
@@ -43,7 +27,7 @@ void limit(const Unknown& unknown, double& value) {
 // Another machine of the family, which is hit often enough and never held.
 std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const Scene& scene,
                                                                          const Trial& trial,
-                                                                         Draw& draw) {
+                                                                         Random& draw) {
   const std::vector<Unknown> all = unknowns(scene, usual_keys(scene));
   const MachineFamily family(scene, all);
   Eigen::VectorXd values = family.nominal();
@@ -96,7 +80,7 @@ bool Outcome::right(const Trial& trial) const {
 }
 
 Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
-  Draw draw(seed);
+  Random draw(seed);
   Outcome outcome;
   auto drawn = other_machine(scene, trial, draw);
   for (int again = 0; !drawn && again < 1000; ++again) drawn = other_machine(scene, trial, draw);
@@ -108,7 +92,7 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
   std::vector<ContactEvent> events;
   const double end = drawn->second.back().t;
   for (ContactEvent event : drawn->second) {
-    if (draw.uniform(0.0, 1.0) < trial.lost) {
+    if (draw.uniform() < trial.lost) {
       ++outcome.events_lost;
       continue;
     }
@@ -116,7 +100,7 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
     events.push_back(event);
   }
   for (int i = 0; i < trial.impacts; ++i) {
-    if (!(draw.uniform(0.0, 1.0) < trial.spurious)) continue;
+    if (!(draw.uniform() < trial.spurious)) continue;
     ++outcome.events_spurious;
     events.push_back({draw.uniform(0.0, end), 0, ContactEventKind::pulse});
   }
@@ -136,7 +120,8 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
     }
     const bool damping = of_machine.unknowns()[k].kind == Kind::damping;
     const double off = damping && trial.damping_off > 0.0 ? trial.damping_off : trial.off;
-    value *= 1.0 + draw.sign() * draw.uniform(0.5, 1.0) * off;
+    const double sign = draw.uniform() < 0.5 ? -1.0 : 1.0;
+    value *= 1.0 + sign * draw.uniform(0.5, 1.0) * off;
     limit(of_machine.unknowns()[k], value);
   }
   Scene nominal = of_machine.with(wrong);

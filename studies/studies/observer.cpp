@@ -96,6 +96,31 @@ void copy_impact_map(const Scene& scene, const Events& events, double h, States*
   }
 }
 
+// What the machine itself does there.
+States true_ends(const Scene& scene, double h) {
+  Master master(scene.model, scene.master);
+  Events ignored;
+  State here = scene.master;
+  States ends;
+  for (std::int64_t k = 1; k <= std::llround(T / h); ++k) {
+    keep_ends(k, h, [&](std::size_t i) {
+      master.advance(tick_instant(k, h), ignored);
+      master.state(tick_instant(k, h), here.q, here.u);
+      ends[i].push_back(here);
+    });
+  }
+  return ends;
+}
+
+double median_V(const ErrorEnergy& energy, const std::vector<State>& truth,
+                const std::vector<State>& estimates) {
+  std::vector<double> V;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    V.push_back(energy(truth[i].q, truth[i].u, estimates[i].q, estimates[i].u)[0]);
+  }
+  return tolerance::quantile(std::move(V), 0.5);
+}
+
 }  // namespace
 
 void observer(Table& table) {
@@ -104,32 +129,17 @@ void observer(Table& table) {
   Master(scene.model, scene.master).advance(at(T), exact);
   const ErrorEnergy energy(scene.model);
 
-  const auto V_of = [&](const States& ends, std::size_t i, double h) {
-    Master master(scene.model, scene.master);
-    Events ignored;
-    State truth = scene.master;
-    std::vector<double> V;
-    std::size_t next = 0;
-    for (std::int64_t k = 1; k <= std::llround(T / h); ++k) {
-      keep_ends(k, h, [&](std::size_t of) {
-        if (of != i) return;
-        master.advance(tick_instant(k, h), ignored);
-        master.state(tick_instant(k, h), truth.q, truth.u);
-        const State& end = ends[i][next++];
-        V.push_back(energy(truth.q, truth.u, end.q, end.u)[0]);
-      });
-    }
-    return tolerance::quantile(V, 0.5);
-  };
   for (const double jitter : {0.0, 1e-4}) {
     scene.jitter = jitter;
     const Events events = tolerance::disturb(exact, {.jitter = jitter}, 1, T, 1);
     for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
+      const States truth = true_ends(scene, h);
       const auto measure = [&](const char* method, const auto& run) {
         States ends;
         run(&ends);
         const double seconds = shortest_cpu_time([&] { run(nullptr); }, 0.2);
-        table.add({method, jitter, h, V_of(ends, 0, h), V_of(ends, 1, h), 1e6 * seconds / T});
+        table.add({method, jitter, h, median_V(energy, truth[0], ends[0]),
+                   median_V(energy, truth[1], ends[1]), 1e6 * seconds / T});
       };
       const Events late = snapped(events, h);
       measure("exact replica", [&](States* ends) { replay<Replica>(scene, events, h, ends); });

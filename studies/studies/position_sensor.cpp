@@ -24,7 +24,8 @@ namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr int seeds = 5;
-constexpr double shown_every = 0.01;  // V is looked at so often [s]
+constexpr double truth_every = 1e-3;  // [s]; also the faster sensor's
+constexpr double shown_every = 0.01;  // V of the timing filter is looked at so often [s]
 
 // One contact. Between measurements the estimate flies and impacts as the machine does; at an
 // impact of the mean the covariance is carried over by the saltation matrix
@@ -147,16 +148,21 @@ class SaltedKalmanFilter {
 
 struct Truth {
   std::vector<ContactEvent> events;
-  std::vector<State> states;  // every shown_every
+  std::vector<State> states;  // every truth_every
+
+  double end() const { return truth_every * static_cast<double>(states.size() - 1); }
+  const State& at_tick(std::int64_t k, double h) const {
+    return states[static_cast<std::size_t>(k * std::llround(h / truth_every))];
+  }
 };
 
 Truth simulate(const Scene& scene, double T) {
   Truth truth;
   Master master(scene.model, scene.master);
   State state = scene.master;
-  for (std::int64_t k = 0; k <= std::llround(T / shown_every); ++k) {
-    master.advance(tick_instant(k, shown_every), truth.events);
-    master.state(tick_instant(k, shown_every), state.q, state.u);
+  for (std::int64_t k = 0; k <= std::llround(T / truth_every); ++k) {
+    master.advance(tick_instant(k, truth_every), truth.events);
+    master.state(tick_instant(k, truth_every), state.q, state.u);
     truth.states.push_back(state);
   }
   return truth;
@@ -165,21 +171,17 @@ Truth simulate(const Scene& scene, double T) {
 // Median of V over the second half of the run.
 double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, double sigma,
                    double drift, int seed) {
-  const double T = shown_every * static_cast<double>(truth.states.size() - 1);
+  const double T = truth.end();
   const ErrorEnergy energy(scene.model);
   const Contact& contact = scene.model.contacts[0];
   SaltedKalmanFilter filter(scene, drift);
   tolerance::Random random(static_cast<std::uint64_t>(seed));
-  Master master(scene.model, scene.master);
-  std::vector<ContactEvent> ignored;
-  State here = scene.master;
   std::vector<double> V;
   const double h = 1.0 / rate_hz;
   for (std::int64_t k = 1; static_cast<double>(k) * h <= T; ++k) {
     const Instant t = tick_instant(k, h);
     filter.advance(t.hi);
-    master.advance(t, ignored);
-    master.state(t, here.q, here.u);
+    const State& here = truth.at_tick(k, h);
     filter.measure(gap(contact, here.q, t.hi) + sigma * random.normal(), sigma);
     const Belief& belief = filter.belief();
     const double now = energy(here.q, here.u, belief.q, belief.u)[0];
@@ -190,7 +192,7 @@ double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, doubl
 
 double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
   scene.jitter = jitter;
-  const double T = shown_every * static_cast<double>(truth.states.size() - 1);
+  const double T = truth.end();
   const auto events =
       tolerance::disturb(truth.events, {.jitter = jitter}, 1, T, static_cast<std::uint64_t>(seed));
   TimingFilter filter(scene, shown_every);
@@ -200,13 +202,13 @@ double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
   State shown = scene.replica;
   std::vector<double> V;
   auto next = events.begin();
-  for (std::size_t k = 1; k < truth.states.size(); ++k) {
+  for (std::int64_t k = 1; k <= std::llround(T / shown_every); ++k) {
     const auto first = next;
-    const double t = tick_instant(static_cast<std::int64_t>(k), shown_every).hi;
+    const double t = tick_instant(k, shown_every).hi;
     while (next != events.end() && next->t <= t) ++next;
     filter.tick({first, next}, state);
     filter.output(state, shown.q, shown.u);
-    const State& here = truth.states[k];
+    const State& here = truth.at_tick(k, shown_every);
     if (2.0 * t >= T) V.push_back(energy(here.q, here.u, shown.q, shown.u)[0]);
   }
   return tolerance::quantile(std::move(V), 0.5);

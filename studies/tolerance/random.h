@@ -16,6 +16,8 @@ class Random {
   /// In [0, 1).
   double uniform() { return static_cast<double>(engine_() >> 11U) * 0x1p-53; }
 
+  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+
   /// Of mean 1.
   double exponential() { return -std::log1p(-uniform()); }
 

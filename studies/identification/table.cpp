@@ -1,0 +1,147 @@
+#include "studies/identification/table.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <vector>
+
+#include "sprag/files/scene_file.h"
+#include "studies/identification/trial.h"
+
+namespace sprag::identification_study {
+namespace {
+
+struct Row {
+  const char* name;
+  const char* scene;
+  Trial trial;
+  int runs;
+  int wanted;
+  int modes = 0;  ///< of the beam, in place of the scene's 3; 0: as the scene has it
+};
+
+Scene scene_of(const std::filesystem::path& file, int modes) {
+  if (modes == 0) return read_scene(file);
+  std::ifstream in(file);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const std::string three = "modes = 3";
+  text.replace(text.find(three), three.size(), "modes = " + std::to_string(modes));
+  // Its replica has three modes' start.
+  return parse_scene(text.substr(0, text.find("[replica]")), file.string());
+}
+
+void run_row(const std::filesystem::path& scenes, const Row& row, std::uint64_t first_seed) {
+  const Scene scene = scene_of(scenes / row.scene, row.modes);
+  int right = 0, wrong = 0, inside = 0, values = 0;
+  double slowest = 0.0, seconds = 0.0;
+  std::vector<double> errors;
+  for (int i = 0; i < row.runs; ++i) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
+    const Outcome outcome = run(scene, row.trial, seed);
+    if (outcome.right(row.trial)) {
+      ++right;
+      errors.push_back(outcome.worst);
+      inside += outcome.inside_95;
+      values += outcome.values;
+    } else {
+      wrong += outcome.accepted() ? 1 : 0;
+      std::fprintf(stderr, "%s: seed %llu: %s, worst %.2g (%.2g sigma), %d impacts\n", row.name,
+                   static_cast<unsigned long long>(seed),
+                   outcome.too_few      ? "too few"
+                   : outcome.accepted() ? "accepted"
+                                        : "refused",
+                   outcome.worst, outcome.worst_sigmas, outcome.found.impacts);
+    }
+    slowest = std::max(slowest, outcome.seconds);
+    seconds += outcome.seconds;
+  }
+  std::sort(errors.begin(), errors.end());
+  std::string coverage = "-";
+  if (row.trial.jitter > 0.0 && values > 0) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.1f %%", 100.0 * inside / values);
+    coverage = text;
+  }
+  std::printf("| %s | %d/%d | %d/%d | %d | %.1e | %s | %.2f, %.2f |\n", row.name, row.wanted,
+              row.runs, right, row.runs, wrong, errors.empty() ? 0.0 : errors[errors.size() / 2],
+              coverage.c_str(), seconds / row.runs, slowest);
+  std::fflush(stdout);
+}
+
+const Row rows[] = {
+    {"10 %, exact times", "paper_beam.toml", {.off = 0.1}, 50, 49},
+    {"20 %, exact times", "paper_beam.toml", {.off = 0.2}, 50, 49},
+    {"10 %, jitter 1e-4", "paper_beam.toml", {.off = 0.1, .jitter = 1e-4}, 50, 49},
+    {"20 %, jitter 1e-4", "paper_beam.toml", {.off = 0.2, .jitter = 1e-4}, 50, 49},
+    {"20 %, jitter 1e-4, not told",
+     "paper_beam.toml",
+     {.off = 0.2, .jitter = 1e-4, .jitter_told = false},
+     50,
+     49},
+    {"30 %, exact times", "paper_beam.toml", {.off = 0.3}, 50, 49},
+    {"machine itself off by 20 %, exact times",
+     "paper_beam.toml",
+     {.off = 0.2, .machine_off = 0.2},
+     49,
+     47},
+    {"machine itself off by 20 %, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.2, .machine_off = 0.2, .jitter = 1e-4},
+     49,
+     47},
+    {"22 impacts, exact times", "paper_beam.toml", {.off = 0.2, .impacts = 22}, 25, 24},
+    {"22 impacts, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.2, .impacts = 22, .jitter = 1e-4},
+     25,
+     24},
+    {"5 % lost, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.2, .jitter = 1e-4, .lost = 0.05},
+     12,
+     11},
+    {"5 % spurious, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.2, .jitter = 1e-4, .spurious = 0.05},
+     12,
+     11},
+    {"5 % lost, exact times", "paper_beam.toml", {.off = 0.2, .lost = 0.05}, 12, 11},
+    {"5 % spurious, exact times", "paper_beam.toml", {.off = 0.2, .spurious = 0.05}, 12, 11},
+    {"2 % lost and 2 % spurious, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.2, .jitter = 1e-4, .lost = 0.02, .spurious = 0.02},
+     12,
+     11},
+    {"damping off by up to 50 %, jitter 1e-4",
+     "paper_beam.toml",
+     {.off = 0.1, .damping_off = 0.5, .jitter = 1e-4},
+     25,
+     24},
+    {"5 modes, 10 %, exact times", "paper_beam.toml", {.off = 0.1}, 15, 14, 5},
+    {"5 modes, 10 %, jitter 1e-4", "paper_beam.toml", {.off = 0.1, .jitter = 1e-4}, 15, 14, 5},
+    {"8 modes, 5 %, exact times", "paper_beam.toml", {.off = 0.05, .impacts = 250}, 6, 5, 8},
+    {"12 modes, 3 %, exact times", "paper_beam.toml", {.off = 0.03, .impacts = 400}, 4, 3, 12},
+    {"lab_rig, 10 %", "lab_rig.toml", {.off = 0.1}, 10, 10},
+    {"two_stops_beam, 10 %", "two_stops_beam.toml", {.off = 0.1}, 10, 10},
+    {"paper_beam_frame, 10 %", "paper_beam_frame.toml", {.off = 0.1}, 10, 10},
+    {"paper_beam_chatter, 10 %", "paper_beam_chatter.toml", {.off = 0.1}, 10, 10},
+    {"steel_ruler, 10 %", "steel_ruler.toml", {.off = 0.1}, 10, 10},
+    {"non_proportional, 10 %", "non_proportional.toml", {.off = 0.1}, 10, 10},
+};
+}  // namespace
+
+void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed,
+                 const std::string& only) {
+  std::printf("seeds from %llu on\n\n", static_cast<unsigned long long>(first_seed));
+  std::printf(
+      "| trial | wanted | got | accepted though wrong | median of the worst error | 95 %% "
+      "intervals cover | CPU [s], mean and most |\n|---|---|---|---|---|---|---|\n");
+  for (const Row& row : rows) {
+    if (only.empty() || std::string(row.name).find(only) != std::string::npos) {
+      run_row(scenes, row, first_seed);
+    }
+  }
+}
+
+}  // namespace sprag::identification_study

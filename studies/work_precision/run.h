@@ -1,0 +1,27 @@
+// One run of work_precision: every chosen method at its settings on every chosen scene.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "studies/work_precision/measure.h"
+
+namespace sprag::work_precision {
+
+struct Options {
+  std::vector<std::string> scenes, methods;  ///< none: all
+  std::filesystem::path scene_directory = SPRAG_SOURCE_DIR "/scenes";
+  std::filesystem::path reference_directory = SPRAG_SOURCE_DIR "/tests/reference";
+  std::filesystem::path out = ".";
+  Limits limits;
+  bool quick = false;  ///< two settings a method, short timing
+};
+
+/// Writes work_precision.csv and work_precision.json into `out` as it goes, and says on stderr
+/// what it does. Returns the number of rows. Throws UsageError for a name that is not known and
+/// SceneError for a scene that cannot be read.
+std::size_t run(Options options);
+
+}  // namespace sprag::work_precision
