@@ -149,10 +149,8 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   const int i = event.contact;
   state.chi = after(state.chi, event);
   if (contains(state.inside, i) || contains(before, i) == closes) return;
-  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi,
-                           event.t - state.last_report[i]};
+  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi};
   if (closes) {
-    uncertain.held_for = infinity;
     const ContactSet redundant = drop_redundant(uncertain.held, bit(i), state);
     if (redundant != 0) return;
     uncertain.kind = event.kind == ContactEventKind::closes ? UncertainEvent::Kind::stays
@@ -161,6 +159,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                          : UncertainEvent::Kind::pulse;
     state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
   }
+  if (!closes) uncertain.held_for = event.t - state.last_report[i];
   state.last_report[i] = event.t;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
                            state.motion);
