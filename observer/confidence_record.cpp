@@ -32,6 +32,30 @@ const char* advice(Suspicion suspicion) {
   }
 }
 
+void print_parameters(const ParameterEstimates& parameters, std::ostream& out) {
+  for (std::size_t k = 0; k < parameters.keys->size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    const auto digits = out.precision(9);
+    out << "  " << (*parameters.keys)[k] << " = " << parameters.values[i];
+    out.precision(digits);
+    if (std::isfinite(parameters.sigmas[i])) {
+      out << " +- " << parameters.sigmas[i] << '\n';
+    } else {
+      out << ", the scene's\n";
+    }
+  }
+}
+
+nlohmann::ordered_json parameters_to_json(const ParameterEstimates& parameters) {
+  nlohmann::ordered_json json;
+  for (std::size_t k = 0; k < parameters.keys->size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    json[(*parameters.keys)[k]] = {{"value", parameters.values[i]},
+                                   {"sigma", or_null(parameters.sigmas[i])}};
+  }
+  return json;
+}
+
 }  // namespace
 
 void ConfidenceRecord::conclude(const Confidence& confidence, double initial) {
@@ -47,6 +71,25 @@ void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream
   take_inconsistencies(confidence, out);
   take_contacts(confidence, out);
   take_forgotten(confidence, out);
+  if (confidence.parameters.any()) take_parameters(confidence, out);
+}
+
+void ConfidenceRecord::take_parameters(const Confidence& confidence, std::ostream& out) {
+  const ParameterEstimates& parameters = confidence.parameters;
+  const bool told = identified_.more(parameters.identifications, out);
+  if (parameters.accepted != accepted_ && parameters.accepted >= 0.0 &&
+      accepted_times_.size() < most_kept) {
+    accepted_times_.push_back(parameters.accepted);
+  }
+  if (told && parameters.accepted < 0.0) {
+    out << "t = " << t_ << ": the events so far fit no machine with what [adapt] leaves free\n";
+  } else if (told) {
+    out << "t = " << t_ << ": " << parameters.keys->size()
+        << " parameters are identified, and are estimated with the state from here on\n";
+  } else if (parameters.accepted < 0.0 && accepted_ >= 0.0) {
+    out << "t = " << t_ << ": the parameters do not fit any more; they are identified anew\n";
+  }
+  accepted_ = parameters.accepted;
 }
 
 // Ticks go back further than the filter keeps what it knew.
@@ -93,8 +136,8 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   if (!told) return;
   out << "t = " << last.t << ", contact " << last.contact + 1 << ": ";
   if (confidence.has_replica) {
-    out << "the timing filter does not fit, " << advice(last.suspicion)
-        << " The estimate is the replica's.\n";
+    out << (confidence.parameters.any() ? "the joint" : "the timing") << " filter does not fit, "
+        << advice(last.suspicion) << " The estimate is the replica's.\n";
   } else {
     out << "an event has not come that had to: a missing event? Until the next one nothing is "
            "known.\n";
@@ -123,6 +166,12 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
   json["sigma_u"] = numbers(last_.sigma_u);
   json["sigma_g"] = numbers(last_.sigma_g);
   if (last_.has_replica) json["ticks_from_filter"] = ticks_from_filter_;
+  if (last_.parameters.any()) {
+    report["adaptation"] = {{"identifications", identified_.total},
+                            {"accepted", accepted_times_},
+                            {"from_filter", last_.from_filter},
+                            {"parameters", parameters_to_json(last_.parameters)}};
+  }
   json["forgotten_covariances"] = forgotten_.total;
   json["ticks_with_sigma_of_start"] = ticks_of_start_;
   json["inconsistencies"] = inconsistencies_.total;
@@ -141,10 +190,11 @@ void ConfidenceRecord::print(std::ostream& out) const {
     out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
   }
   if (!last_.has_filter) return;
-  out << "timing filter: ";
+  out << (last_.parameters.any() ? "joint filter: " : "timing filter: ");
   if (last_.has_replica) {
     out << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
         << " % of the ticks, did not fit " << inconsistencies_.total << " times\n";
+    if (last_.parameters.any()) print_parameters(last_.parameters, out);
   } else {
     out << inconsistencies_.total << " events did not come that had to\n";
   }

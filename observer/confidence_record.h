@@ -32,6 +32,7 @@ class ConfidenceRecord {
   void take_inconsistencies(const Confidence& confidence, std::ostream& out);
   void take_contacts(const Confidence& confidence, std::ostream& out);
   void take_forgotten(const Confidence& confidence, std::ostream& out);
+  void take_parameters(const Confidence& confidence, std::ostream& out);
 
   struct Told {
     std::int64_t seen = 0;   // of the present session
@@ -49,6 +50,9 @@ class ConfidenceRecord {
   std::vector<Inconsistency> first_;  // a bounded number of them
   std::int64_t ticks_of_start_ = 0;   // whose own covariance was gone
   Told inconsistencies_, redundant_, refused_, forgotten_;
+  Told identified_;
+  double accepted_ = -1.0;              // what was told last
+  std::vector<double> accepted_times_;  // a bounded number of them
 };
 
 }  // namespace sprag

@@ -8,7 +8,10 @@ namespace sprag {
 Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history)
     : contacts(static_cast<int>(scene.model.contacts.size())),
       coordinates(scene.model.coordinates()),
-      initial_bound(sprag::initial_bound(scene)),
+      // A bound is the right model's.
+      initial_bound(options.estimator == EstimatorKind::adaptive
+                        ? std::numeric_limits<double>::infinity()
+                        : sprag::initial_bound(scene)),
       estimator(scene, options.tick, options.estimator, options.stepper),
       time_line(estimator, contacts, scene.replica, history) {}
 

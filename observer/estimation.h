@@ -7,14 +7,14 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
-#include "sprag/estimation/estimators.h"
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
 struct Estimation {
-  using State = AnyEstimator::State;
+  using State = AdaptiveEstimator::State;
 
   /// Keeps `history` ticks to go back to. Throws ModelError.
   Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history);
@@ -35,8 +35,8 @@ struct Estimation {
   int contacts;
   Eigen::Index coordinates;
   double initial_bound;  ///< B(0)
-  AnyEstimator estimator;
-  TimeLine<AnyEstimator> time_line;
+  AdaptiveEstimator estimator;
+  TimeLine<AdaptiveEstimator> time_line;
 };
 
 }  // namespace sprag

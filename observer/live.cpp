@@ -12,6 +12,7 @@
 #include "observer/estimation.h"
 #include "observer/figures.h"
 #include "observer/flow_builder.h"
+#include "observer/identification_thread.h"
 #include "observer/mailboxes.h"
 #include "observer/notices.h"
 #include "observer/publication.h"
@@ -57,6 +58,10 @@ class LiveObserver {
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
         publication_(bus_, inbox_, outbox_, notices_, settled_, options.duration) {
     if (Flows* flows = estimation_.estimator.flows()) flow_builder_.emplace(*flows);
+    if (const MachineFamily* family = estimation_.estimator.family()) {
+      identification_.emplace(*family, AdaptiveEstimator::most_events);
+      loop_.identify_in(*identification_);
+    }
     real_time_ = options.real_time && claim_real_time();
     std::cerr << "listening on " << common.url << '\n';
   }
@@ -69,6 +74,7 @@ class LiveObserver {
         reception_.run(stop_);
       });
       if (flow_builder_) threads_.start([this] { flow_builder_->run(); });
+      if (identification_) threads_.start([this] { identification_->run(); });
       threads_.start([this] {
         prepare_thread(integrating_priority);
         loop_.run(stop_);
@@ -118,6 +124,7 @@ class LiveObserver {
   void stop() {
     stop_ = true;
     if (flow_builder_) flow_builder_->stop();
+    if (identification_) identification_->stop();
     inbox_.arrived.signal();
     outbox_.ready.signal();
   }
@@ -128,7 +135,8 @@ class LiveObserver {
   }
 
   Estimation estimation_;
-  std::optional<FlowBuilder> flow_builder_;  // of the estimator's flows
+  std::optional<FlowBuilder> flow_builder_;             // of the estimator's flows
+  std::optional<IdentificationThread> identification_;  // for an adaptive one
   Inbox inbox_;
   Outbox outbox_;
   Notices notices_;

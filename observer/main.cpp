@@ -46,9 +46,11 @@ int main(int argc, char** argv) {
       *app, "--estimator", estimator,
       {{"replica", sprag::EstimatorKind::replica},
        {"timing", sprag::EstimatorKind::timing},
-       {"both", sprag::EstimatorKind::both}},
-      "replica (clutches switched by the events), timing (event times as measurements) or both "
-      "(timing as long as it fits, else replica) [both; with --stepper moreau: replica]");
+       {"both", sprag::EstimatorKind::both},
+       {"adaptive", sprag::EstimatorKind::adaptive}},
+      "replica (clutches switched by the events), timing (event times as measurements), both "
+      "(timing as long as it fits, else replica) or adaptive (parameters as well, see [adapt]) "
+      "[both; with --stepper moreau: replica]");
   sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
                   "Write the settled ticks here");
   sprag::add_positive(*app, "--history", options.history, "T",

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/wall_clock.h"
 #include "observer/wake.h"
 
@@ -44,6 +45,7 @@ void Publication::finish() {
   for (int i = 0; i < last_sample_repeats && !last_settled_.empty(); ++i) {
     std::this_thread::sleep_for(10ms);
     (void)bus_.publish(settled_channel, last_settled_);
+    if (!parameters_.empty()) (void)bus_.publish(parameters_channel, parameters_);
   }
   notices_.tell_rest(std::cerr);
 }
@@ -66,6 +68,20 @@ void Publication::publish(EstimateSample& estimate, bool settled) {
   if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
     ++unsent_;
   }
+  if (settled && estimate.confidence.parameters.any()) publish_parameters(estimate);
+}
+
+// Where they have changed.
+void Publication::publish_parameters(const EstimateSample& estimate) {
+  const Confidence& confidence = estimate.confidence;
+  const bool same = !parameters_.empty() && confidence.parameters.known == known_ &&
+                    confidence.parameters.accepted == accepted_ &&
+                    confidence.from_filter == from_filter_;
+  if (same) return;
+  known_ = confidence.parameters.known;
+  accepted_ = confidence.parameters.accepted;
+  from_filter_ = confidence.from_filter;
+  if (!bus_.publish(parameters_channel, encode_parameters(estimate, parameters_))) ++unsent_;
 }
 
 void Publication::tell(const Announcement& announcement) {

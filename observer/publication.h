@@ -35,6 +35,7 @@ class Publication {
  private:
   void empty_outbox();
   void publish(EstimateSample& estimate, bool settled);
+  void publish_parameters(const EstimateSample& estimate);
   void tell(const Announcement& announcement);
   void progress();
 
@@ -46,6 +47,9 @@ class Publication {
   double duration_;
   std::vector<std::uint8_t> buffer_;
   std::vector<std::uint8_t> last_settled_;
+  std::vector<std::uint8_t> parameters_;  // the last that were sent
+  double known_ = 0.0, accepted_ = 0.0;   // of these
+  bool from_filter_ = false;
   std::int64_t unsent_ = 0;
   bool observing_ = false;
   std::int64_t told_session_ = 0;

@@ -34,6 +34,11 @@ RealTimeLoop::RealTimeLoop(Estimation& estimation, std::int64_t last, Freshness 
   new_events_due_.reserve(most_new_events);
 }
 
+void RealTimeLoop::identify_in(IdentificationThread& thread) {
+  identification_ = &thread;
+  wanted_.events.reserve(AdaptiveEstimator::most_events);
+}
+
 void RealTimeLoop::run(const std::atomic<bool>& stop) {
   bool in_time = true;
   try {
@@ -51,6 +56,7 @@ void RealTimeLoop::turn(bool& in_time) {
   take_messages();
   if (!time_line_.started()) return;
   watch(begin);
+  identify();
   in_time = advance(begin);
   watch(monotonic_now());
   account(begin);
@@ -230,8 +236,24 @@ void RealTimeLoop::on_tick(const State& state) {
 }
 
 bool RealTimeLoop::on_settled(const State& state) {
-  if (state.tick > last_) return true;
-  return send(true, state);
+  if (state.tick <= last_ && !send(true, state)) return false;
+  if (estimation_.estimator.waits(state)) {
+    estimation_.estimator.wanted(state, wanted_);
+    asked_ = false;
+    time_line_.hold(state.tick);
+  }
+  return true;
+}
+
+// Settled ticks wait for what is identified; those that are for now do not.
+void RealTimeLoop::identify() {
+  if (identification_ == nullptr) return;
+  if (const AdaptationResult* result = identification_->result()) {
+    estimation_.estimator.put(*result);
+    // Of a session that is over: nothing takes it.
+    if (asked_ && time_line_.held()) time_line_.release();
+  }
+  if (!asked_ && time_line_.held()) asked_ = identification_->ask(wanted_);
 }
 
 // After going back the last tick reached goes out again, once.

@@ -8,6 +8,7 @@
 
 #include "observer/estimation.h"
 #include "observer/figures.h"
+#include "observer/identification_thread.h"
 #include "observer/mailboxes.h"
 #include "observer/master_clock.h"
 #include "observer/notices.h"
@@ -22,6 +23,9 @@ class RealTimeLoop {
                Outbox& outbox, Notices& notices);
   RealTimeLoop(const RealTimeLoop&) = delete;
   RealTimeLoop& operator=(const RealTimeLoop&) = delete;
+
+  /// Where an adaptive estimator's identifications are made; it must outlive this.
+  void identify_in(IdentificationThread& thread);
 
   /// Runs until tick `last` has settled, or until `stop`. A signal ends it as well.
   void run(const std::atomic<bool>& stop);
@@ -56,6 +60,7 @@ class RealTimeLoop {
   void on_tick(const State& state);
   bool on_settled(const State& state);
   void repeat_corrected();
+  void identify();
   bool send(bool settled, const State& state);
 
   // Time.
@@ -67,7 +72,7 @@ class RealTimeLoop {
   void announce(Announcement::Kind kind);
 
   Estimation& estimation_;
-  TimeLine<AnyEstimator>& time_line_;
+  TimeLine<AdaptiveEstimator>& time_line_;
   double h_;
   std::int64_t last_;
   Inbox& inbox_;
@@ -85,6 +90,9 @@ class RealTimeLoop {
   Pace pace_ = Pace::catching_up;
   std::int64_t lost_since_ = 0;
   bool silent_ = false;
+  IdentificationThread* identification_ = nullptr;
+  AdaptationTask wanted_;
+  bool asked_ = true;  // the thread has been told of it
   std::atomic<bool> done_{false};
   IntegrationFigures figures_;
 };

@@ -152,6 +152,7 @@ class Replay {
         [&](const Estimation::State& state) {
           check_interrupt();
           if (state.tick > last_) return true;
+          identify(state);
           if (settled_.writes_states()) {
             estimation_.describe(state, sample_);
             settled_.take(sample_);
@@ -167,13 +168,24 @@ class Replay {
     }
   }
 
+  // Before the next tick: it depends on the result.
+  void identify(const Estimation::State& state) {
+    AdaptiveEstimator& estimator = estimation_.estimator;
+    if (!estimator.waits(state)) return;
+    AdaptationTask task;
+    estimator.wanted(state, task);
+    identified_ = run(task, *estimator.family());
+    estimator.put(identified_);
+  }
+
   void conclude(const Estimation::State& state) {
     estimation_.describe(state, sample_);
     settled_.conclude(sample_);
   }
 
   Estimation estimation_;
-  TimeLine<AnyEstimator>& time_line_ = estimation_.time_line;
+  TimeLine<AdaptiveEstimator>& time_line_ = estimation_.time_line;
+  AdaptationResult identified_;
   SettledOutput settled_;
   EstimateSample sample_;
   std::int64_t last_;

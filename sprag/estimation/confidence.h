@@ -4,6 +4,9 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <string>
+#include <vector>
 
 #include "sprag/estimation/innovation.h"
 
@@ -44,6 +47,19 @@ struct Redundancy {
   int contact = 0;  ///< the last of them, from 0: it carries no force of its own
 };
 
+/// What is known of the machine's parameters, where they are estimated with its state.
+struct ParameterEstimates {
+  /// Keys of the scene file, P of them; null: none are estimated.
+  std::shared_ptr<const std::vector<std::string>> keys;
+  Eigen::VectorXd values,
+      sigmas;              ///< P entries each; sigmas are infinite where they are the scene's
+  double accepted = -1.0;  ///< since when those that were identified last count [s]; -1: none do
+  double known = -1.0;     ///< the last event that they are from [s]
+  std::int64_t identifications = 0;  ///< how many were tried
+
+  bool any() const { return keys != nullptr; }
+};
+
 struct Confidence {
   bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
   bool has_filter = false;   ///< a timing filter runs: all the rest is its own
@@ -58,6 +74,7 @@ struct Confidence {
   bool remembered = true;      ///< false: this one is gone, and the deviations begin at the start's
   Redundancy redundancy;
   std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
+  ParameterEstimates parameters;
 };
 
 }  // namespace sprag

@@ -15,7 +15,8 @@
 namespace sprag {
 
 enum class StepperKind { exact, moreau };
-enum class EstimatorKind { replica, timing, both };
+/// `adaptive` is the replica here; what goes on from it is in adaptation/adaptive_estimator.h.
+enum class EstimatorKind { replica, timing, both, adaptive };
 
 /// One of the estimators, chosen when the program runs; itself an Estimator.
 class AnyEstimator {

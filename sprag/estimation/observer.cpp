@@ -171,6 +171,9 @@ Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
   if (settings.stepper != StepperKind::exact && settings.estimator != EstimatorKind::replica) {
     throw std::invalid_argument("the moreau estimator is one of the replica alone");
   }
+  if (settings.estimator == EstimatorKind::adaptive) {
+    throw std::invalid_argument("an adaptive estimator is AdaptiveEstimator alone");
+  }
   core_ = std::make_unique<Core>(scene, settings);
 }
 

@@ -50,7 +50,7 @@ struct ObserverSettings {
 class Observer {
  public:
   /// At tick 0, in scene.replica. Throws ModelError, or std::invalid_argument for a tick that is
-  /// not > 0 or an estimator that has no such stepper.
+  /// not > 0, an estimator that has no such stepper, or an adaptive one.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   ~Observer();
   Observer(Observer&&) noexcept;

@@ -49,6 +49,7 @@ class TimeLine {
     events_.restart(next_record, chi, horizon);
     first_ = now_ = k;
     chi_ = chi;
+    hold_ = no_hold;
     consumed_ = 0;
     handed_out_ = reached_ = k - 1;
     started_ = true;
@@ -109,6 +110,16 @@ class TimeLine {
   /// Events may be missing between these times.
   void degrade(double from, double to) { events_.degrade(from, to); }
 
+  /// Hands out nothing behind tick k, the last one handed out or about to be, until release() or a
+  /// restart: what follows it depends on more than events. Ticks are run through all the same.
+  void hold(std::int64_t k) { hold_ = k; }
+  bool held() const { return hold_ != no_hold; }
+  /// The ticks behind that one are run through anew.
+  void release() {
+    hold_ = no_hold;
+    go_back_to(handed_out_);
+  }
+
   /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
   void go_back_to(std::int64_t k) {
     k = std::max({k, handed_out_, first_});
@@ -124,7 +135,7 @@ class TimeLine {
   bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
            std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
     if (!started_) return true;
-    const std::int64_t settled = settled_tick();
+    std::int64_t settled = settled_tick();
     target = std::max(target, settled);
     if (handed_out_ < settled && handed_out_ + 1 < oldest_) redo_after(handed_out_);
     bool arrived = false;
@@ -136,6 +147,7 @@ class TimeLine {
       while (handed_out_ < std::min(settled, now_)) {
         if (!on_settled(saved(handed_out_ + 1))) break;
         ++handed_out_;
+        settled = settled_tick();  // it may have been held
       }
       arrived = now_ >= target;
       const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
@@ -164,11 +176,9 @@ class TimeLine {
   std::int64_t tick_of_last_event() const {
     return events_.events().empty() ? first_ : tick_of(events_.events().back());
   }
-  /// Last tick at or before the horizon; before the first tick where there is none.
-  std::int64_t settled_tick() const {
-    if (events_.horizon() < 0.0) return first_ - 1;
-    return std::max(last_tick(events_.horizon(), h()), first_ - 1);
-  }
+  /// Last tick at or before the horizon, and not behind one that is held; before the first tick
+  /// where there is none.
+  std::int64_t settled_tick() const { return std::min(known_tick(), hold_); }
   /// Last tick handed out as settled.
   std::int64_t handed_out() const { return handed_out_; }
   const EventHistory& events() const { return events_; }
@@ -176,11 +186,16 @@ class TimeLine {
 
  private:
   static constexpr std::int64_t no_tick = -2;
+  static constexpr std::int64_t no_hold = std::numeric_limits<std::int64_t>::max();
   static constexpr std::size_t event_capacity = 1U << 16U;
   // Ticks that are run through at a start or behind a gap: some tenths of a second.
   static constexpr std::int64_t far = 100'000;
 
-  bool is_far(double horizon) const { return last_tick(horizon, h()) - settled_tick() > far; }
+  std::int64_t known_tick() const {
+    if (events_.horizon() < 0.0) return first_ - 1;
+    return std::max(last_tick(events_.horizon(), h()), first_ - 1);
+  }
+  bool is_far(double horizon) const { return last_tick(horizon, h()) - known_tick() > far; }
 
   void restart_behind(const ContactMessage& message) {
     restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
@@ -307,6 +322,7 @@ class TimeLine {
   std::int64_t now_ = 0;
   std::int64_t reached_ = -1;
   std::int64_t handed_out_ = -1;
+  std::int64_t hold_ = no_hold;
   std::size_t consumed_ = 0;  // events up to and including tick now_
   double next_t_ = -1.0;      // of the next event that was looked at, and its tick
   std::int64_t next_tick_ = -1;

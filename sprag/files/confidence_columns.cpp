@@ -26,6 +26,15 @@ void visit_columns(const Confidence& confidence, double initial, const Column& c
   column("sigma_filter_gap", confidence.filter.deviation);
   if (confidence.has_replica) column("from_filter", confidence.from_filter ? 1.0 : 0.0);
   column("inconsistencies", static_cast<double>(confidence.inconsistencies));
+  const ParameterEstimates& parameters = confidence.parameters;
+  if (!parameters.any()) return;
+  column("accepted", parameters.accepted);
+  Eigen::Index k = 0;
+  for (const std::string& key : *parameters.keys) {
+    column(key.c_str(), parameters.values[k]);
+    column(("sigma_" + key).c_str(), parameters.sigmas[k]);
+    ++k;
+  }
 }
 
 }  // namespace

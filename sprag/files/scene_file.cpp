@@ -1,5 +1,6 @@
 #include "sprag/files/scene_file.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -7,11 +8,13 @@
 #include <fstream>
 #include <limits>
 #include <optional>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "sprag/files/toml_reader.h"
+#include "sprag/identification/unknowns.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
@@ -337,6 +340,45 @@ void read_events(const TomlTable& root, Scene& scene) {
   if (table) scene.jitter = table->number_or("jitter", 0.0, not_negative);
 }
 
+void read_adaptation(const TomlTable& root, Scene& scene) {
+  const auto table = root.table("adapt", {"free", "within", "walk"});
+  if (!table) return;
+  Adaptation& adaptation = scene.adaptation;
+  if (table->has("free")) {
+    adaptation.free = table->strings("free");
+    if (adaptation.free.empty()) table->fail("free", "is empty; must name one parameter at least");
+  }
+  const std::vector<std::string>& keys = adaptation.free;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    try {
+      unknown_of(scene, keys[i]);
+    } catch (const std::invalid_argument& error) {
+      table->fail("free", i, std::string(": ") + error.what());
+    }
+    if (std::find(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(i), keys[i]) !=
+        keys.begin() + static_cast<std::ptrdiff_t>(i)) {
+      table->fail("free", i, " is " + keys[i] + " again; must be another one");
+    }
+  }
+  const auto n = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(keys.size()));
+  if (table->has("within")) {
+    adaptation.within = one_or_each(*table, "within", n);
+    if (!(adaptation.within.minCoeff() > 0.0 && adaptation.within.maxCoeff() <= 10.0)) {
+      table->fail("within",
+                  "has " +
+                      to_text(adaptation.within.minCoeff() > 0.0 ? adaptation.within.maxCoeff()
+                                                                 : adaptation.within.minCoeff()) +
+                      "; must be in (0, 10]");
+    }
+  }
+  if (table->has("walk")) {
+    adaptation.walk = one_or_each(*table, "walk", n);
+    if (!(adaptation.walk.minCoeff() >= 0.0)) {
+      table->fail("walk", "has " + to_text(adaptation.walk.minCoeff()) + "; must be >= 0");
+    }
+  }
+}
+
 std::string contents(const std::filesystem::path& file) {
   errno = 0;
   std::ifstream in(file, std::ios::binary);
@@ -371,7 +413,7 @@ SceneError::SceneError(const std::string& what_is_wrong)
 Scene parse_scene(std::string_view text, const std::string& file) {
   const TomlDocument document(text, file);
   const TomlTable root = document.root({"name", "beam", "excitation", "system", "force", "impact",
-                                        "contact", "master", "replica", "events"});
+                                        "contact", "master", "replica", "events", "adapt"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
@@ -386,6 +428,7 @@ Scene parse_scene(std::string_view text, const std::string& file) {
   if (!chatter_time_given) set_chatter_time(scene.model, scene.master);
   read_replica(root, scene);
   read_events(root, scene);
+  read_adaptation(root, scene);
   return scene;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
+#include <vector>
 
 #include "sprag/files/output_file.h"
 #include "sprag/files/toml_reader.h"
@@ -47,6 +48,12 @@ std::string in_quotes(std::string_view given) {
     }
   }
   return text + "\"";
+}
+
+std::string text_of(const std::vector<std::string>& strings) {
+  std::string text = "[";
+  for (const std::string& of : strings) text += (text.size() > 1 ? ", " : "") + in_quotes(of);
+  return text + "]";
 }
 
 bool is_given(const Harmonic& harmonic) {
@@ -96,6 +103,15 @@ void add_replica(std::string& text, const Scene& scene) {
   add(text, "drift", scene.drift);
 }
 
+// A beam's keys are none of the matrices that are written for it.
+void add_adaptation(std::string& text, const Scene& scene) {
+  if (scene.beam) return;
+  text += "\n[adapt]\n";
+  if (!scene.adaptation.free.empty()) add(text, "free", scene.adaptation.free);
+  add(text, "within", scene.adaptation.within);
+  add(text, "walk", scene.adaptation.walk);
+}
+
 }  // namespace
 
 std::string to_toml(const Scene& scene, std::string_view comment) {
@@ -124,6 +140,7 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add_replica(text, scene);
   text += "\n[events]\n";
   add(text, "jitter", scene.jitter);
+  add_adaptation(text, scene);
   return text;
 }
 

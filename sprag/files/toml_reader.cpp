@@ -205,6 +205,16 @@ Eigen::VectorXd TomlTable::numbers(std::string_view key) const {
   return Eigen::VectorXd::Constant(1, checked_number(node, path_of(key), any_number));
 }
 
+std::vector<std::string> TomlTable::strings(std::string_view key) const {
+  const toml::array& array = checked_array(required(key), path_of(key), "an array of strings");
+  std::vector<std::string> strings;
+  for (std::size_t i = 0; i < array.size(); ++i) {
+    if (!array[i].is_string()) fail(key, i, must_be(array[i], "a string"));
+    strings.push_back(array[i].as_string()->get());
+  }
+  return strings;
+}
+
 Eigen::MatrixXd TomlTable::symmetric_matrix(std::string_view key) const {
   const std::string path = path_of(key);
   const toml::array& rows = checked_array(required(key), path, "an array of rows of numbers");
@@ -261,6 +271,11 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) co
 void TomlTable::fail(std::string_view key, const std::string& message) const {
   const toml::node* node = table_->get(key);
   fail_at((node ? *node : *table_).source().begin, path_of(key) + " " + message);
+}
+
+void TomlTable::fail(std::string_view key, std::size_t i, const std::string& message) const {
+  const toml::array& array = *required(key).as_array();
+  fail_at(array[i].source().begin, entry(path_of(key), i) + message);
 }
 
 void TomlTable::fail_here(const std::string& message) const {

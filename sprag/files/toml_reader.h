@@ -54,6 +54,8 @@ class TomlTable {
   Eigen::VectorXd vector(std::string_view key) const;
   /// A number, or an array of numbers.
   Eigen::VectorXd numbers(std::string_view key) const;
+  /// An array of strings.
+  std::vector<std::string> strings(std::string_view key) const;
   /// An array of rows; square and symmetric up to rounding, returned exactly symmetric.
   Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
 
@@ -63,6 +65,8 @@ class TomlTable {
 
   /// Throws "file:line:column: path.key `message`", at the key's value (at the table if absent).
   [[noreturn]] void fail(std::string_view key, const std::string& message) const;
+  /// The same at entry `i`, from 0, of the array: "path.key[i + 1]`message`".
+  [[noreturn]] void fail(std::string_view key, std::size_t i, const std::string& message) const;
   /// Throws "file:line:column: `message`", at the table.
   [[noreturn]] void fail_here(const std::string& message) const;
   /// The key's dotted path.

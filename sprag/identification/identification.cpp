@@ -258,6 +258,8 @@ void Identifier::describe(const Attempt& best, const Stretches& stretches,
     result.unknowns.push_back(std::move(fitted));
   }
   put_start(best, result);
+  result.likelihood = solution;
+  result.measured = stretches;
   Eigen::VectorXd values = solution.values;
   for (Eigen::Index k = 0; k < unknowns; ++k) {
     values[k] = result.unknowns[static_cast<std::size_t>(k)].value;

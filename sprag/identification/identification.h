@@ -80,6 +80,8 @@ struct Identification {
   double start_t = 0.0;
   std::vector<std::size_t> spurious;  ///< numbers of events
   std::vector<MissingImpact> missing;
+  Likelihood likelihood;  ///< the solution: path and covariance; its stretches are `measured`
+  Stretches measured;
   /// Values, of all unknowns, of other minima that fit as well.
   std::vector<Eigen::VectorXd> others;
 

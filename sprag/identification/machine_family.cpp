@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 
 #include "sprag/mechanics/linear_algebra.h"
 
@@ -20,18 +21,20 @@ bool is_diagonal(const Eigen::MatrixXd& A) {
   return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
 }
 
-Eigen::VectorXcd steady_response(const Machine& machine, double Omega, const Eigen::VectorXcd& F) {
+void set_steady_response(const Eigen::VectorXcd& F, double scale, Eigen::Index group,
+                         Machine& machine) {
+  const double Omega = machine.frequencies[group];
   const Complex i_Omega(0.0, Omega);
   if (machine.modal) {
-    Eigen::VectorXcd y(F.size());
     for (Eigen::Index k = 0; k < F.size(); ++k) {
-      y[k] = F[k] / (machine.K(k, 0) - Omega * Omega + i_Omega * machine.C(k, 0));
+      machine.response(k, group) =
+          F[k] * scale / (machine.K(k, 0) - Omega * Omega + i_Omega * machine.C(k, 0));
     }
-    return y;
+    return;
   }
   Eigen::MatrixXcd Z = machine.K.cast<Complex>() + i_Omega * machine.C.cast<Complex>();
   Z.diagonal().array() -= Omega * Omega;
-  return Z.partialPivLu().solve(F);
+  machine.response.col(group) = Z.partialPivLu().solve(F * scale);
 }
 
 }  // namespace
@@ -62,7 +65,7 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     W_.col(i) = V_.transpose() * model.contacts[static_cast<std::size_t>(i)].w;
   }
   const auto G = static_cast<Eigen::Index>(groups_.size());
-  forces_.setZero(f, G);
+  forces_.assign(groups_.size(), Eigen::VectorXcd::Zero(f));
   motions_.setZero(m, G);
   for (Eigen::Index g = 0; g < G; ++g) {
     const HarmonicGroup& group = groups_[static_cast<std::size_t>(g)];
@@ -71,7 +74,8 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     };
     for (const int j : group.forces) {
       const Force& force = model.forces[static_cast<std::size_t>(j)];
-      forces_.col(g) += relative(force.harmonic) * (V_.transpose() * force.direction);
+      forces_[static_cast<std::size_t>(g)] +=
+          relative(force.harmonic) * (V_.transpose() * force.direction);
     }
     for (const int i : group.contacts) {
       motions_(i, g) = relative(model.contacts[static_cast<std::size_t>(i)].motion);
@@ -149,59 +153,88 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
 
 Machine MachineFamily::at(const Eigen::VectorXd& values) const {
   Machine machine;
+  machine.W = W_;
+  machine.jump = W_;
+  machine.frequencies.resize(static_cast<Eigen::Index>(groups_.size()));
+  machine.response.resize(n(), machine.groups());
+  machine.gap_response.resize(contacts(), machine.groups());
+  machine.constant_forces = constant_forces_;
+  machine.positions.setConstant(contacts(), std::numeric_limits<double>::quiet_NaN());
+  at(values, machine);
+  return machine;
+}
+
+void MachineFamily::set_position(int contact, double position, Machine& machine) const {
+  if (machine.positions[contact] == position) return;
+  machine.positions[contact] = position;
+  const auto i = static_cast<std::size_t>(contact);
+  const Eigen::VectorXd& w = scene_.model.contacts[i].w;
+  auto column = machine.W.col(contact);
+  double side = 0.0;
+  for (Eigen::Index k = 0; k < n(); ++k) {
+    const int mode = static_cast<int>(k) + 1;
+    side += w[k] * mode_shape(mode, scene_.positions[i] / scene_.beam->length);
+    // A beam's V is diagonal.
+    column[k] = V_(k, k) * mode_shape(mode, position / scene_.beam->length);
+  }
+  if (side < 0.0) column = -column;
+}
+
+void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   set_flow(values, machine);
   const Model& model = scene_.model;
-  Eigen::VectorXd restitution(contacts());
-  for (int i = 0; i < contacts(); ++i) {
-    restitution[i] = model.contacts[static_cast<std::size_t>(i)].restitution;
-  }
-  machine.W = W_;
-  machine.frequencies.resize(static_cast<Eigen::Index>(groups_.size()));
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     machine.frequencies[static_cast<Eigen::Index>(g)] = groups_[g].frequency;
   }
+  double common = std::numeric_limits<double>::quiet_NaN();  // restitution of all contacts
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
     const double value = values[static_cast<Eigen::Index>(k)];
-    if (unknown.kind == Kind::restitution) {
-      if (unknown.index < 0) {
-        restitution.setConstant(value);
-      } else {
-        restitution[unknown.index] = value;
-      }
+    if (unknown.kind == Kind::restitution && unknown.index < 0) {
+      common = value;
     } else if (unknown.kind == Kind::position) {
-      const auto i = static_cast<std::size_t>(unknown.index);
-      machine.W.col(unknown.index) =
-          V_.transpose() *
-          moved_direction(*scene_.beam, model.contacts[i].w, scene_.positions[i], value);
+      set_position(unknown.index, value, machine);
     } else if (unknown.kind == Kind::frequency) {
       machine.frequencies[unknown.index] = value;
     }
   }
-  machine.jump = machine.W;
   for (int i = 0; i < contacts(); ++i) {
-    machine.jump.col(i) *= (1.0 + restitution[i]) / machine.W.col(i).squaredNorm();
+    double restitution =
+        std::isnan(common) ? model.contacts[static_cast<std::size_t>(i)].restitution : common;
+    for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+      if (unknowns_[k].kind == Kind::restitution && unknowns_[k].index == i) {
+        restitution = values[static_cast<Eigen::Index>(k)];
+      }
+    }
+    machine.jump.col(i) = machine.W.col(i) * ((1.0 + restitution) / machine.W.col(i).squaredNorm());
   }
-  machine.response.resize(n(), machine.groups());
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const double Omega = machine.frequencies[g];
-    const double ratio = Omega / groups_[static_cast<std::size_t>(g)].frequency;
+    const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
     // The acceleration of a beam's frame grows with the frequency, its amplitude does not.
-    machine.response.col(g) =
-        steady_response(machine, Omega, forces_.col(g) * (scene_.beam ? ratio * ratio : 1.0));
+    set_steady_response(forces_[static_cast<std::size_t>(g)], scene_.beam ? ratio * ratio : 1.0, g,
+                        machine);
+    for (Eigen::Index i = 0; i < contacts(); ++i) {
+      machine.gap_response(i, g) = motions_(i, g);
+      for (Eigen::Index k = 0; k < n(); ++k) {
+        machine.gap_response(i, g) += machine.W(k, i) * machine.response(k, g);
+      }
+    }
   }
-  machine.gap_response = machine.W.transpose() * machine.response + motions_;
-  machine.constant_forces = constant_forces_;
-  return machine;
 }
 
 Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
+  Eigen::VectorXd of_values(2 * static_cast<Eigen::Index>(groups_.size()) +
+                            constant_forces_.cols() + contacts());
+  inputs(values, of_values);
+  return of_values;
+}
+
+void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const {
   const auto G = static_cast<Eigen::Index>(groups_.size());
-  Eigen::VectorXd amplitude(G), phase(G);
-  Eigen::VectorXd inputs(2 * G + constant_forces_.cols() + contacts());
+  // First amplitude and phase of each group.
   for (Eigen::Index g = 0; g < G; ++g) {
-    amplitude[g] = groups_[static_cast<std::size_t>(g)].amplitude;
-    phase[g] = groups_[static_cast<std::size_t>(g)].phase;
+    inputs[2 * g] = groups_[static_cast<std::size_t>(g)].amplitude;
+    inputs[2 * g + 1] = groups_[static_cast<std::size_t>(g)].phase;
   }
   inputs.segment(2 * G, constant_forces_.cols()).setOnes();
   for (int i = 0; i < contacts(); ++i) {
@@ -210,18 +243,18 @@ Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
     const double value = values[static_cast<Eigen::Index>(k)];
-    if (unknown.kind == Kind::amplitude) amplitude[unknown.index] = value;
-    if (unknown.kind == Kind::phase) phase[unknown.index] = value;
+    if (unknown.kind == Kind::amplitude) inputs[2 * unknown.index] = value;
+    if (unknown.kind == Kind::phase) inputs[2 * unknown.index + 1] = value;
     if (unknown.kind == Kind::constant) {
       inputs[constant_input(unknown.index)] = value / unknown.nominal;
     }
     if (unknown.kind == Kind::clearance) inputs[clearance_input(unknown.index)] = value;
   }
   for (Eigen::Index g = 0; g < G; ++g) {
-    inputs[2 * g] = amplitude[g] * std::cos(phase[g]);
-    inputs[2 * g + 1] = amplitude[g] * std::sin(phase[g]);
+    const double amplitude = inputs[2 * g], phase = inputs[2 * g + 1];
+    inputs[2 * g] = amplitude * std::cos(phase);
+    inputs[2 * g + 1] = amplitude * std::sin(phase);
   }
-  return inputs;
 }
 
 Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::size_t k) const {

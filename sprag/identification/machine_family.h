@@ -27,6 +27,7 @@ struct Machine {
   Eigen::MatrixXcd response;        ///< n x G: the steady y of a harmonic 1 e^(i Omega t)
   Eigen::MatrixXcd gap_response;    ///< m x G: what it and the support's motion make of the gaps
   Eigen::MatrixXd constant_forces;  ///< n x J
+  Eigen::VectorXd positions;        ///< x_c by contact, where it is sought; else not a number
 
   Eigen::Index n() const { return W.rows(); }
   Eigen::Index groups() const { return frequencies.size(); }
@@ -47,6 +48,12 @@ class MachineFamily {
   /// The values are those of all unknowns, those of the inputs included, in their order.
   Machine at(const Eigen::VectorXd& values) const;
   Eigen::VectorXd inputs(const Eigen::VectorXd& values) const;
+  /// The same in place of another one, or of other inputs, of this family; without allocating where
+  /// that one is modal.
+  void at(const Eigen::VectorXd& values, Machine& machine) const;
+  void inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const;
+  /// Whether all of them are modal.
+  bool modal() const { return modal_; }
   /// d inputs / d value of the unknown number k, which is a linear one.
   Eigen::VectorXd inputs_rate(const Eigen::VectorXd& values, std::size_t k) const;
 
@@ -67,6 +74,7 @@ class MachineFamily {
 
  private:
   void set_flow(const Eigen::VectorXd& values, Machine& machine) const;
+  void set_position(int contact, double position, Machine& machine) const;
 
   Scene scene_;
   std::vector<Unknown> unknowns_;
@@ -74,9 +82,10 @@ class MachineFamily {
   std::vector<int> constants_;  // forces with a constant
   Eigen::MatrixXd V_, V_inverse_;
   bool modal_ = false;
-  Eigen::MatrixXd C_, K_, W_;          // of the scene as it is, in y
-  Eigen::MatrixXcd forces_, motions_;  // of the groups, n x G and m x G, at amplitude 1
-  Eigen::MatrixXd constant_forces_;    // n x J
+  Eigen::MatrixXd C_, K_, W_;             // of the scene as it is, in y
+  std::vector<Eigen::VectorXcd> forces_;  // of each group at amplitude 1, n entries
+  Eigen::MatrixXcd motions_;              // and the supports', m x G
+  Eigen::MatrixXd constant_forces_;       // n x J
 };
 
 }  // namespace sprag

@@ -189,6 +189,35 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   return unknowns;
 }
 
+bool carries_scale(const Unknown& unknown) {
+  return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
+         (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
+}
+
+std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
+  const std::vector<Unknown> all = unknowns_of(scene);
+  const bool one = all.front().key == "impact.restitution";
+  const auto is_known = [&](const std::string& key) {
+    return std::find(known.begin(), known.end(), key) != known.end();
+  };
+  bool held = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
+    return is_known(unknown.key) && carries_scale(unknown);
+  });
+  for (const Kind kind : {Kind::amplitude, Kind::constant}) {
+    for (const Unknown& unknown : all) {
+      if (held || unknown.kind != kind) continue;
+      known.push_back(unknown.key);
+      held = true;
+    }
+  }
+  std::vector<Unknown> unknowns;
+  for (const Unknown& unknown : all) {
+    const bool own_restitution = unknown.kind == Kind::restitution && unknown.index >= 0;
+    if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
+  }
+  return unknowns;
+}
+
 namespace {
 
 // "system.K.1.2": which entry, if it is one.

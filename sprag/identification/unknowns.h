@@ -56,6 +56,14 @@ struct Unknown {
 /// All that the scene's machine has, without single entries of C and K.
 std::vector<Unknown> unknowns_of(const Scene& scene);
 
+/// Whether it says how large the motion is; events tell no more than ratios to it.
+bool carries_scale(const Unknown& unknown);
+
+/// All that the events of the scene's machine tell: one restitution where all contacts have the
+/// same, nothing of `known`, and one amplitude, or else a constant force, that holds the scale,
+/// unless one of `known` does.
+std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known = {});
+
 /// The one of this key, entries included. Throws std::invalid_argument, with the nearest key there
 /// is.
 Unknown unknown_of(const Scene& scene, std::string_view key);

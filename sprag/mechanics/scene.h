@@ -12,6 +12,17 @@
 
 namespace sprag {
 
+/// What of a machine may be wrong, for who looks for it (identification/unknowns.h).
+struct Adaptation {
+  std::vector<std::string> free;  ///< keys of parameters; empty: all that events tell
+  /// How far each may be off, as a share: one for all, or one each of `free`.
+  Eigen::VectorXd within = Eigen::VectorXd::Constant(1, 0.2);
+  /// Standard deviation of its random walk after a unit of time, as a share; likewise.
+  Eigen::VectorXd walk = Eigen::VectorXd::Zero(1);
+
+  bool walks() const { return (walk.array() > 0.0).any(); }
+};
+
 struct Scene {
   std::string name;
   Model model;
@@ -23,6 +34,7 @@ struct Scene {
                                      ///< and K are not diagonal, by mode; empty: not given
   double drift = 0.0;                ///< energy by which the model departs, per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
+  Adaptation adaptation;
   bool release_penetration = false;  ///< master.penetration = "release"
 };
 

@@ -11,14 +11,18 @@ namespace {
 class LiveAndOfflineTest : public EndToEnd {
  protected:
   /// Runs the three programs to `duration`; files live.csv, events.csv, sync.csv, run.lcmlog.
+  /// The observer may be told another scene than the master's.
   void run_live(const std::string& scene_file, const std::string& duration, const std::string& tick,
-                const Arguments& of_observer, const Arguments& of_master = {}) {
+                const Arguments& of_observer, const Arguments& of_master = {},
+                const std::string& told = {}) {
     const Arguments common{scene_file, "--duration", duration};
+    const Arguments to_observer{told.empty() ? scene_file : told, "--duration", duration};
     Process& logger = start_listening(
         "sync_logger",
         common + Arguments{"--csv", file("sync.csv"), "--record", file("run.lcmlog")});
     Process& observer = start_listening(
-        "observer", common + Arguments{"--tick", tick, "--states", file("live.csv")} + of_observer);
+        "observer",
+        to_observer + Arguments{"--tick", tick, "--states", file("live.csv")} + of_observer);
     Process& master = start_master(
         common + Arguments{"--tick", tick, "--speed", "20", "--events", file("events.csv")} +
         of_master);
@@ -29,14 +33,16 @@ class LiveAndOfflineTest : public EndToEnd {
     EXPECT_EQ(end_of(logger).code, 0);
   }
 
-  void expect_settled_ticks_as_in_replays(const std::string& name, const Arguments& how) {
-    run_live(scene(name), "40", "0.015625", how);
+  void expect_settled_ticks_as_in_replays(const std::string& name, const Arguments& how,
+                                          const std::string& told = {}) {
+    run_live(scene(name), "40", "0.015625", how, {}, told);
+    const std::string replayed = told.empty() ? scene(name) : told;
     const std::string live = text("live.csv");
     EXPECT_EQ(read_states_file(file("live.csv")).size(), 2561U);
     const Arguments more = Arguments{"--tick", "0.015625", "--duration", "40"} + how;
-    EXPECT_TRUE(live == read_text(replay(scene(name), file("events.csv"), more)))
+    EXPECT_TRUE(live == read_text(replay(replayed, file("events.csv"), more)))
         << "live differs from the replay of the events";
-    EXPECT_TRUE(live == read_text(replay(scene(name), file("run.lcmlog"), more)))
+    EXPECT_TRUE(live == read_text(replay(replayed, file("run.lcmlog"), more)))
         << "live differs from the replay of the recording";
   }
 };
@@ -96,6 +102,37 @@ TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBi
             "k,t,q1,q2,q3,u1,u2,u3,B,sigma_q1,sigma_q2,sigma_q3,sigma_u1,sigma_u2,sigma_u3,"
             "sigma_g1,closing_t,closing_contact,replica_gap,filter_gap,sigma_filter_gap,"
             "from_filter,inconsistencies");
+}
+
+// The result of an identification counts from the same tick on, however long it takes.
+TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitForBit) {
+  std::string wrong = read_text(scene("paper_beam"));
+  for (const auto& [is, told] :
+       std::map<std::string, std::string>{{"damping = 0.17", "damping = 0.18"},
+                                          {"restitution = 0.7", "restitution = 0.65"},
+                                          {"bending_stiffness = 1.0", "bending_stiffness = 1.1"}}) {
+    ASSERT_NE(wrong.find(is), std::string::npos);
+    wrong.replace(wrong.find(is), is.size(), told);
+  }
+  write_text(file("wrong.toml"), wrong);
+  expect_settled_ticks_as_in_replays("paper_beam",
+                                     {"--estimator", "adaptive", "--report", file("report.json")},
+                                     file("wrong.toml"));
+  const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
+  EXPECT_NE(header.find(",accepted,impact.restitution,sigma_impact.restitution,beam.damping,"),
+            std::string::npos);
+  const nlohmann::json report = json("report.json");
+  const nlohmann::json& adaptation = report.at("adaptation");
+  EXPECT_EQ(adaptation.at("accepted").size(), 1U);
+  EXPECT_NEAR(adaptation.at("parameters").at("impact.restitution").at("value").get<double>(), 0.7,
+              1e-9);
+  // Where the parameters are right, so is the state.
+  simulate(scene("paper_beam"), "40", "0.015625");
+  EXPECT_EQ(run("sync_logger", {scene("paper_beam"), "--truth", file("truth.csv"), "--estimate",
+                                file("live.csv"), "--csv", file("offline.csv")})
+                .code,
+            0);
+  EXPECT_LT(read_sync(file("offline.csv")).back().v, 1e-20);
 }
 
 TEST_F(LiveAndOfflineTest, SettledTicksOfBothEqualTheReplayBitForBitThroughChatter) {

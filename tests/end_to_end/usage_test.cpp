@@ -63,7 +63,7 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("observer", {beam_, "--stepper", "euler"},
                  "--stepper: euler; choose exact or moreau\n");
   expect_refused("observer", {beam_, "--estimator", "kalman"},
-                 "--estimator: kalman; choose replica, timing or both\n");
+                 "--estimator: kalman; choose replica, timing, both or adaptive\n");
   for (const char* estimator : {"timing", "both"}) {
     expect_refused("observer", {beam_, "--stepper", "moreau", "--estimator", estimator},
                    "--stepper moreau: a timing filter needs the exact one");

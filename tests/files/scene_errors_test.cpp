@@ -141,6 +141,37 @@ TEST(SceneErrors, WrongTypesNameBoth) {
   EXPECT_EQ(error_of("name = 3"), "x.toml:1:8: name is an integer; must be a string");
 }
 
+TEST(SceneErrors, WhatIsFreeIsAParameterOfTheScene) {
+  const auto with = [](const std::string& table) {
+    return error_of(std::string(beam_text) + "\n[adapt]\n" + table);
+  };
+  EXPECT_NE(with("free = [\"beam.damping\", \"beam.dampin\"]")
+                .find("adapt.free[2]: beam.dampin is no parameter of this scene; did you mean "
+                      "beam.damping?"),
+            std::string::npos)
+      << with("free = [\"beam.damping\", \"beam.dampin\"]");
+  for (const auto& [given, error] :
+       {std::pair("free = []", "adapt.free is empty; must name one parameter at least"),
+        std::pair("free = [1]", "adapt.free[1] is an integer; must be a string"),
+        std::pair("free = \"all\"", "adapt.free is a string; must be an array of strings"),
+        std::pair("free = [\"beam.damping\", \"beam.damping\"]",
+                  "adapt.free[2] is beam.damping again; must be another one"),
+        std::pair("within = 0.0", "adapt.within has 0; must be in (0, 10]"),
+        std::pair("within = 11.0", "adapt.within has 11; must be in (0, 10]"),
+        std::pair("walk = -1e-3", "adapt.walk has -0.001; must be >= 0"),
+        std::pair("walk = [1e-3, 1e-3]", "adapt.walk has 2 numbers; must be one or 1"),
+        std::pair("wlak = 1.0", "unknown key adapt.wlak; did you mean walk?")}) {
+    EXPECT_NE(with(given).find(error), std::string::npos) << with(given);
+  }
+  const Scene scene = parse_scene(std::string(beam_text) +
+                                      "\n[adapt]\nfree = [\"beam.damping\", "
+                                      "\"impact.restitution\"]\nwithin = 0.3\nwalk = [0.0, 1e-3]",
+                                  "x.toml");
+  EXPECT_EQ(scene.adaptation.free.size(), 2U);
+  EXPECT_EQ(scene.adaptation.within, Eigen::Vector2d(0.3, 0.3));
+  EXPECT_EQ(scene.adaptation.walk, Eigen::Vector2d(0.0, 1e-3));
+}
+
 TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
   const std::string events = "[events]\njitter = -1e-3\n";
   EXPECT_EQ(error_of(events + std::string(beam_text)),

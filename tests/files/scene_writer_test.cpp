@@ -61,6 +61,9 @@ Bits bits_of(const Scene& scene) {
   add(bits, scene.uncertainty);
   add(bits, scene.drift);
   add(bits, scene.jitter);
+  add(bits, scene.adaptation.within);
+  add(bits, scene.adaptation.walk);
+  bits.push_back(scene.adaptation.free.size());
   return bits;
 }
 
@@ -102,6 +105,10 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
     scene.drift = random.log_uniform(1e-300, 1e300);
     scene.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
     scene.release_penetration = random.chance(0.5);
+    if (random.chance(0.5)) scene.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
+    const auto free = std::max<Eigen::Index>(1, std::ssize(scene.adaptation.free));
+    scene.adaptation.within = random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
+    scene.adaptation.walk = random.vector(free).cwiseAbs();
     if (random.chance(0.5)) {
       scene.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
                           Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);

@@ -10,8 +10,6 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
-
 std::vector<std::string> words(const std::string& text) {
   std::vector<std::string> words;
   std::size_t at = 0;
@@ -29,11 +27,6 @@ Unknown named(const Scene& scene, const std::string& key) {
   } catch (const std::invalid_argument& error) {
     throw UsageError(error.what());
   }
-}
-
-bool carries_scale(const Unknown& unknown) {
-  return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
-         (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
 }
 
 void set_within(const Scene& scene, const std::string& text, std::vector<Unknown>& unknowns) {
@@ -55,8 +48,7 @@ void set_within(const Scene& scene, const std::string& text, std::vector<Unknown
 }  // namespace
 
 std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options) {
-  const std::vector<Unknown> all = unknowns_of(scene);
-  std::vector<std::string> known = words(options.known);
+  const std::vector<std::string> known = words(options.known);
   for (const std::string& key : known) named(scene, key);
   const auto is_known = [&](const std::string& key) {
     return std::find(known.begin(), known.end(), key) != known.end();
@@ -71,23 +63,7 @@ std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options) {
       }
     }
   } else {
-    const bool one = all.front().key == "impact.restitution";
-    // What holds the scale: what --known says, else the first amplitude, else a constant force.
-    const bool scale_known = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
-      return is_known(unknown.key) && carries_scale(unknown);
-    });
-    bool held = scale_known;
-    for (const Kind kind : {Kind::amplitude, Kind::constant}) {
-      for (const Unknown& unknown : all) {
-        if (held || unknown.kind != kind) continue;
-        known.push_back(unknown.key);
-        held = true;
-      }
-    }
-    for (const Unknown& unknown : all) {
-      const bool own_restitution = unknown.kind == Kind::restitution && unknown.index >= 0;
-      if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
-    }
+    unknowns = all_but_the_scale(scene, known);
   }
   // One --within for all, then those of single names.
   std::string for_all, for_names;

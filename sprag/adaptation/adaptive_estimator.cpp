@@ -1,0 +1,377 @@
+#include "sprag/adaptation/adaptive_estimator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/mechanics/instant.h"
+
+namespace sprag {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kept = 1024, kept_bytes = 64 << 20, fewest_kept = 64;
+// A window that does not fit grows up to here, then it moves on.
+constexpr std::int64_t longest_window = 160;
+
+// As SupervisedFilter's.
+constexpr double largest_square = 45.0;
+constexpr double largest_mean = 4.0;
+constexpr double window_of_mean = 16.0;
+constexpr double far_inside = 0.05;
+constexpr std::int64_t trial_events = 8;
+
+// Impacts that are nearer to each other are not told apart.
+constexpr double close_in_sigmas = 10.0;
+
+bool is_single(std::span<const ContactEvent> of_one, ContactSet before) {
+  return of_one.size() == 1 && before == 0 && of_one.front().kind == ContactEventKind::pulse;
+}
+
+std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
+  auto keys = std::make_shared<std::vector<std::string>>();
+  for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
+  return keys;
+}
+
+EstimatorKind base_of(EstimatorKind kind) {
+  return kind == EstimatorKind::adaptive ? EstimatorKind::replica : kind;
+}
+
+}  // namespace
+
+static_assert(Estimator<AdaptiveEstimator>);
+
+AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknowns)
+    : family(scene, std::move(unknowns)),
+      filter(require_modal(family)),
+      keys(keys_of(family.unknowns())) {
+  const Eigen::Index n = family.n();
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  to_y = family.V().transpose() * scene.model.M;
+  V = family.V();
+  start.setZero(2 * n, 2 * n);
+  start.topLeftCorner(n, n) = to_y * uncertainty.q;
+  start.bottomRightCorner(n, n) = to_y * uncertainty.u;
+  next = filter.no_belief();
+  const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
+  beliefs.resize(std::clamp(kept_bytes / bytes, fewest_kept, kept), Belief{-1, next});
+  heard.resize(static_cast<std::size_t>(most_events));
+  q.setZero(n);
+  u.setZero(n);
+  x.setZero(2 * n);
+  of_x.setZero(2 * n, next.S.cols());
+  of_gaps.setZero(family.contacts(), next.S.cols());
+  row.setZero(next.S.cols());
+}
+
+const MachineFamily& AdaptiveEstimator::Joint::require_modal(const MachineFamily& family) {
+  if (!family.modal()) {
+    throw ModelError(
+        "adaptive estimation needs damping that does not couple the modes, and no single entries "
+        "of K or C among what is free");
+  }
+  if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
+  return family;
+}
+
+AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
+                                     StepperKind stepper)
+    : base_(scene, h, base_of(kind), stepper) {
+  if (kind == EstimatorKind::adaptive) {
+    joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene));
+  }
+}
+
+// As many impacts as the search's first grid takes, and some to judge it by.
+std::int64_t AdaptiveEstimator::first_size() const {
+  const auto n = static_cast<std::int64_t>(joint_->family.n());
+  const auto unknowns = static_cast<std::int64_t>(joint_->family.unknowns().size());
+  return std::max(6 * n + 6, 2 * n + unknowns + 8);
+}
+
+void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                              AdaptiveState& state) {
+  base_.start(start, k, chi, state.base);
+  AnyEstimator::State base = std::move(state.base);
+  state = {};
+  state.base = std::move(base);
+  state.tick = k;
+  state.chi = chi;
+  state.closed = chi;
+  state.begins = tick_instant(k, h()).hi;
+  if (joint_) state.size = first_size();
+}
+
+void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
+  if (joint_ && state.wanted && has_result(state)) take_result(state);
+  const ContactSet before = state.chi;
+  base_.tick(events, state.base);
+  state.tick = state.base.tick;
+  state.chi = state.base.chi;
+  if (joint_) hear(events, before, state);
+}
+
+void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveState& state) {
+  const ContactSet before = state.chi;
+  base_.apply(events, state.base);
+  state.chi = state.base.chi;
+  if (joint_) hear(events, before, state);
+}
+
+// What has happened up to the present tick.
+void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
+                             AdaptiveState& state) {
+  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+    const bool single = is_single(of_one, chi);
+    for (const ContactEvent& event : of_one) {
+      const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
+      heard(state.events) = {event, chi, before};
+      ++state.events;
+      chi = after(chi, event);
+    }
+    if (!state.adapted || state.lost) return;
+    if (single) {
+      take(of_one.front(), state);
+    } else {
+      lose(state);
+    }
+  });
+  if (state.events - state.window > most_events) begin_window(state.events - most_events, state);
+  watch(state);
+  if (state.adapted && state.lost && state.chi == 0) restart_filter(state);
+  if (!state.adapted && state.events - state.window >= state.size) state.wanted = true;
+}
+
+void AdaptiveEstimator::lose(AdaptiveState& state) {
+  state.lost = true;
+  state.trusted = false;
+  state.fitting = 0;
+  state.mean_square = 1.0;
+}
+
+// An impact, in free flight.
+void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
+  const Belief& present = belief(state.beliefs);
+  JointBelief& next = joint_->next;
+  if (present.number == state.beliefs) next = present.of;
+  if (present.number != state.beliefs || event.t - next.t < close_in_sigmas * next.sigma) {
+    lose(state);
+    return;
+  }
+  const bool taken = joint_->filter.take(event.contact, event.t, next);
+  state.mean_square += (next.square - state.mean_square) / window_of_mean;
+  if (!taken || !(next.square < largest_square) || !(state.mean_square < largest_mean)) {
+    const Suspicion suspicion = next.innovation.gap > far_inside * next.length
+                                    ? Suspicion::spurious_event
+                                    : Suspicion::model;
+    fail({event.t, event.contact, suspicion, next.square}, state);
+    return;
+  }
+  add_belief(next, state);
+  ++state.fitting;
+  if (state.fitting >= trial()) state.trusted = true;
+}
+
+// Events that determine the state, and a few more.
+std::int64_t AdaptiveEstimator::trial() const {
+  return 2 * static_cast<std::int64_t>(joint_->family.n()) + trial_events;
+}
+
+void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
+  const bool believed = state.trusted;
+  ++state.inconsistencies;
+  state.last = inconsistency;
+  lose(state);
+  if (believed) {
+    // If the parameters are to blame, it is from here on.
+    begin_window(std::max<std::int64_t>(state.events - 1, 0), state);
+  } else {
+    state.adapted = false;
+    state.accepted = -1.0;
+  }
+}
+
+void AdaptiveEstimator::begin_window(std::int64_t event, AdaptiveState& state) const {
+  state.window = event;
+  state.size = first_size();
+  if (event >= state.events) return;
+  state.begins = heard(event).before;
+  state.closed = heard(event).chi_before;
+}
+
+// An event has not come that had to.
+void AdaptiveEstimator::watch(AdaptiveState& state) {
+  if (!state.trusted) return;
+  const Belief& present = belief(state.beliefs);
+  if (present.number != state.beliefs) {
+    lose(state);
+    return;
+  }
+  const double t = tick_instant(state.tick, h()).hi;
+  joint_->filter.at(t, present.of);
+  for (int i = 0; i < joint_->family.contacts(); ++i) {
+    const double gap = joint_->filter.gap(i);
+    if (!(gap >= -far_inside * present.of.length)) {
+      fail({t, i, Suspicion::missing_event, 0.0}, state);
+      return;
+    }
+  }
+}
+
+void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
+  const Belief& present = belief(state.beliefs);
+  Joint& joint = *joint_;
+  if (present.number != state.beliefs) {
+    state.adapted = false;
+    return;
+  }
+  base_.output(state.base, joint.q, joint.u);
+  joint.x.head(joint.q.size()).noalias() = joint.to_y.lazyProduct(joint.q);
+  joint.x.tail(joint.u.size()).noalias() = joint.to_y.lazyProduct(joint.u);
+  joint.next = present.of;
+  joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.start, joint.next);
+  add_belief(joint.next, state);
+  state.lost = false;
+}
+
+void AdaptiveEstimator::add_belief(const JointBelief& of, AdaptiveState& state) {
+  ++state.beliefs;
+  Belief& next = belief(state.beliefs);
+  next.of = of;
+  next.number = state.beliefs;
+}
+
+bool AdaptiveEstimator::waits(const AdaptiveState& state) const {
+  return joint_ && state.wanted && !has_result(state);
+}
+
+bool AdaptiveEstimator::has_result(const AdaptiveState& state) const {
+  if (result_ == nullptr) return false;
+  const AdaptationTask& task = result_->task;
+  if (task.number != state.events || task.closed != state.closed || task.begins != state.begins ||
+      static_cast<std::int64_t>(task.events.size()) != state.events - state.window) {
+    return false;
+  }
+  for (std::size_t i = 0; i < task.events.size(); ++i) {
+    if (!(heard(state.window + static_cast<std::int64_t>(i)).event == task.events[i])) return false;
+  }
+  return true;
+}
+
+void AdaptiveEstimator::wanted(const AdaptiveState& state, AdaptationTask& task) const {
+  task.number = state.events;
+  task.begins = state.begins;
+  task.closed = state.closed;
+  task.events.clear();
+  for (std::int64_t i = state.window; i < state.events; ++i) task.events.push_back(heard(i).event);
+}
+
+void AdaptiveEstimator::take_result(AdaptiveState& state) {
+  state.wanted = false;
+  ++state.identifications;
+  const std::int64_t first = first_size();
+  if (!result_->accepted) {
+    state.size += state.size / 2;
+    if (state.size > longest_window) {
+      begin_window(state.events - 2 * first, state);
+      state.size = 3 * first;
+    }
+    return;
+  }
+  lose(state);
+  add_belief(result_->belief, state);
+  state.adapted = true;
+  state.accepted = tick_instant(state.tick, h()).hi;
+  if (!result_->state_is_known || state.chi != 0) return;
+  state.lost = false;
+  state.trusted = true;
+  state.fitting = trial();
+}
+
+void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+                               Eigen::Ref<Eigen::VectorXd> u) {
+  if (!joint_ || !state.trusted) {
+    base_.output(state.base, q, u);
+    return;
+  }
+  const Eigen::Index n = joint_->family.n();
+  const Eigen::VectorXd& x =
+      joint_->filter.at(tick_instant(state.tick, h()).hi, belief(state.beliefs).of);
+  q.noalias() = joint_->V.lazyProduct(x.head(n));
+  u.noalias() = joint_->V.lazyProduct(x.tail(n));
+}
+
+Confidence AdaptiveEstimator::no_confidence() const {
+  Confidence confidence = base_.no_confidence();
+  if (!joint_) return confidence;
+  confidence.has_filter = true;
+  confidence.sigma_q.setConstant(joint_->family.n(), infinity);
+  confidence.sigma_u = confidence.sigma_q;
+  confidence.sigma_g.setConstant(joint_->family.contacts(), infinity);
+  confidence.parameters.keys = joint_->keys;
+  confidence.parameters.values = joint_->family.nominal();
+  confidence.parameters.sigmas.setConstant(confidence.parameters.values.size(), infinity);
+  return confidence;
+}
+
+void AdaptiveEstimator::note(const AdaptiveState& state, Confidence& confidence) const {
+  base_.note(state.base, confidence);
+  if (!joint_) return;
+  const Belief& present = belief(state.beliefs);
+  confidence.from_filter = state.trusted;
+  confidence.filter = {};
+  if (state.adapted && !state.lost && present.number == state.beliefs) {
+    confidence.filter = present.of.innovation;
+  }
+  confidence.inconsistencies = state.inconsistencies;
+  confidence.last = state.last;
+  confidence.parameters.accepted = state.accepted;
+  confidence.parameters.identifications = state.identifications;
+  confidence.parameters.known = state.adapted ? present.of.t : -1.0;
+}
+
+void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
+                                   Confidence& confidence) {
+  base_.confidence(state.base, initial, confidence);
+  note(state, confidence);
+  if (!joint_) return;
+  Joint& joint = *joint_;
+  const Eigen::Index n = joint.family.n();
+  const double t = tick_instant(state.tick, h()).hi;
+  const JointBelief& present = belief(state.beliefs).of;
+  if (state.trusted) {
+    joint.filter.deviations(t, present, joint.of_x, joint.of_gaps);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      joint.row.noalias() = joint.V.row(i).lazyProduct(joint.of_x.topRows(n));
+      confidence.sigma_q[i] = joint.row.norm();
+      joint.row.noalias() = joint.V.row(i).lazyProduct(joint.of_x.bottomRows(n));
+      confidence.sigma_u[i] = joint.row.norm();
+    }
+    for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
+      confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
+    }
+  } else {
+    confidence.sigma_q.setConstant(infinity);
+    confidence.sigma_u.setConstant(infinity);
+    confidence.sigma_g.setConstant(infinity);
+  }
+  ParameterEstimates& parameters = confidence.parameters;
+  const std::vector<Unknown>& unknowns = joint.family.unknowns();
+  for (Eigen::Index k = 0; k < parameters.values.size(); ++k) {
+    const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
+    if (!state.adapted) {
+      parameters.values[k] = unknown.nominal;
+      parameters.sigmas[k] = infinity;
+      continue;
+    }
+    parameters.values[k] = unknown.value(present.z[2 * n + k]);
+    const double walked = square(joint.filter.walk()[k]) * std::max(t - present.t, 0.0);
+    const double variance = present.S.row(2 * n + k).squaredNorm() + walked;
+    parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
+  }
+}
+
+}  // namespace sprag

@@ -1,0 +1,150 @@
+// An estimator whose model may be wrong: what scene.adaptation says of the machine is found from
+// the events while it runs.
+//
+// From the start on the estimate is the replica's. Once enough events are there an identification
+// is wanted (wanted(), task.h); where its result is accepted, a joint filter of state and
+// parameters goes on from it (joint_filter.h), and the estimate is the filter's. Its innovations
+// are watched as SupervisedFilter's are. Where one does not fit, the estimate is the replica's
+// again, and the filter's state starts anew from there with the parameters that it has; they are
+// believed after as many events as determine the state and a few more. Where events do not fit
+// before that, the parameters are wrong, and are identified anew from the events since.
+//
+// A filter that flies knows nothing of contacts that stay closed or of several that are hit at
+// once: there too the estimate is the replica's and the filter's state starts anew when all
+// contacts are open.
+//
+// When results count. An identification is wanted in the state of a tick, and of the events up to
+// it; its result counts from the next tick on. So who hands out settled ticks must not take the
+// next one before put() was called; who runs ahead goes on without. What is settled then depends on
+// the events alone.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "sprag/adaptation/joint_filter.h"
+#include "sprag/adaptation/task.h"
+#include "sprag/estimation/estimators.h"
+
+namespace sprag {
+
+/// Everything that changes; copies do not allocate.
+struct AdaptiveState {
+  std::int64_t tick = 0;
+  ContactSet chi = 0;
+  AnyEstimator::State base;
+
+  // Identification.
+  std::int64_t events = 0;  ///< since the start
+  std::int64_t window = 0;  ///< the first of them that is not known to be of another machine
+  double begins = 0.0;      ///< when all events are known since: of that window [s]
+  ContactSet closed = 0;    ///< there
+  std::int64_t size = 0;    ///< of the window when the next identification is wanted
+  bool wanted = false;      ///< one is, of all events up to this tick
+  std::int64_t identifications = 0;  ///< whose results counted
+
+  // The joint filter.
+  std::int64_t beliefs = 0;  ///< so many so far; that of the state is the last one
+  bool adapted = false;      ///< the filter's parameters are believed
+  bool lost = false;         ///< its state is not
+  bool trusted = false;      ///< the estimate is the filter's
+  std::int64_t fitting = 0;  ///< events in a row that fitted, since it was lost
+  double mean_square = 1.0;  ///< of its innovations, over about the last 16
+  double accepted = -1.0;    ///< [s]
+  std::int64_t inconsistencies = 0;
+  Inconsistency last;
+};
+
+class AdaptiveEstimator {
+ public:
+  using State = AdaptiveState;
+
+  /// As AnyEstimator's; adaptive where `kind` says so. Throws ModelError, also where the scene's
+  /// damping couples the modes: there is no joint filter for that; and std::invalid_argument for a
+  /// key in scene.adaptation that is none.
+  AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
+                    StepperKind stepper = StepperKind::exact);
+
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, AdaptiveState& state);
+  void tick(std::span<const ContactEvent> events, AdaptiveState& state);
+  void apply(std::span<const ContactEvent> events, AdaptiveState& state);
+  void output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+              Eigen::Ref<Eigen::VectorXd> u);
+  Confidence no_confidence() const;
+  void note(const AdaptiveState& state, Confidence& confidence) const;
+  void confidence(const AdaptiveState& state, double initial, Confidence& confidence);
+  double h() const { return base_.h(); }
+
+  /// Whether the next tick of this state waits for a result that has not been put.
+  bool waits(const AdaptiveState& state) const;
+  /// What it waits for. `task` keeps its room, so that no call allocates that has some of
+  /// most_events.
+  void wanted(const AdaptiveState& state, AdaptationTask& task) const;
+  /// From now on ticks behind a state that wants it take it; it must stay as it is until another
+  /// one is put. Does not allocate.
+  void put(const AdaptationResult& result) { result_ = &result; }
+  /// What results are made with; null where this is not adaptive.
+  const MachineFamily* family() const { return joint_ ? &joint_->family : nullptr; }
+
+  /// In a task.
+  static constexpr std::int64_t most_events = 1024;
+
+  Flows* flows() { return base_.flows(); }
+  const char* flow_path() { return base_.flow_path(); }
+
+ private:
+  struct Belief {
+    std::int64_t number = -1;  // another one than a state's: it is gone
+    JointBelief of;
+  };
+  struct Heard {
+    ContactEvent event{};
+    ContactSet chi_before = 0;
+    double before = 0.0;  // when the event before it was
+  };
+  struct Joint {
+    Joint(const Scene& scene, std::vector<Unknown> unknowns);
+    static const MachineFamily& require_modal(const MachineFamily& family);
+
+    MachineFamily family;
+    JointFilter filter;
+    std::shared_ptr<const std::vector<std::string>> keys;
+    Eigen::MatrixXd to_y, V;      // y of q, q of y
+    Eigen::MatrixXd start;        // deviations of a start, 2n x 2n
+    std::vector<Belief> beliefs;  // ring, by number
+    std::vector<Heard> heard;     // ring, by number of event
+    // Scratch.
+    JointBelief next;
+    Eigen::VectorXd q, u, x;
+    JointBelief::Rows of_x, of_gaps;
+    Eigen::RowVectorXd row;
+  };
+
+  Belief& belief(std::int64_t number) const {
+    return joint_->beliefs[static_cast<std::size_t>(number) % joint_->beliefs.size()];
+  }
+  Heard& heard(std::int64_t event) const {
+    return joint_->heard[static_cast<std::size_t>(event) % joint_->heard.size()];
+  }
+  std::int64_t first_size() const;
+  std::int64_t trial() const;
+  bool has_result(const AdaptiveState& state) const;
+  void take_result(AdaptiveState& state);
+  void hear(std::span<const ContactEvent> events, ContactSet chi, AdaptiveState& state);
+  void take(const ContactEvent& event, AdaptiveState& state);
+  static void lose(AdaptiveState& state);
+  void fail(const Inconsistency& inconsistency, AdaptiveState& state);
+  void begin_window(std::int64_t event, AdaptiveState& state) const;
+  void watch(AdaptiveState& state);
+  void restart_filter(AdaptiveState& state);
+  void add_belief(const JointBelief& of, AdaptiveState& state);
+
+  AnyEstimator base_;
+  std::unique_ptr<Joint> joint_;
+  const AdaptationResult* result_ = nullptr;
+};
+
+}  // namespace sprag

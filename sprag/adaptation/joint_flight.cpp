@@ -1,0 +1,234 @@
+#include "sprag/adaptation/joint_flight.h"
+
+#include <cmath>
+#include <complex>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+using Complex = std::complex<double>;
+
+// Small enough for digits that no walk of c asks for, large enough for those of the difference.
+constexpr double difference_of_c = 4e-6;
+
+bool changes_flow(const Unknown& unknown) {
+  return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
+}
+
+// What tau, which may be negative, makes of y'' + c y' + k y = 1.
+OscillatorStep step_of(double c, double k, double tau) {
+  if (tau >= 0.0) return oscillator_step(0.5 * c, k, tau);
+  const OscillatorStep on = oscillator_step(0.5 * c, k, -tau);
+  const double growth = std::exp(-c * tau);
+  OscillatorStep back{{growth * on.vv, -growth * on.zv, -growth * on.vz, growth * on.zz}, 0.0};
+  back.z_alpha = -(back.zz * on.z_alpha + back.zv * on.zv);
+  return back;
+}
+
+}  // namespace
+
+JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
+  const Eigen::VectorXd nominal = family.nominal();
+  variants_.resize(1 + 2 * static_cast<std::size_t>(unknowns()));
+  for (Variant& variant : variants_) {
+    variant.machine = family.at(nominal);
+    variant.inputs = family.inputs(nominal);
+    variant.x.setZero(2 * n());
+    variant.harmonics.resize(static_cast<std::size_t>(variant.machine.groups()));
+  }
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    const bool own = changes_flow(family.unknowns()[k]);
+    variants_[1 + 2 * k].own_flow = variants_[2 + 2 * k].own_flow = own;
+  }
+  c_.setConstant(unknowns(), std::numeric_limits<double>::quiet_NaN());
+  values_ = nominal;
+  steps_.resize(static_cast<std::size_t>(n()));
+  own_steps_ = steps_;
+  x_.setZero(2 * n());
+  by_time_.setZero(2 * n());
+  by_c_.setZero(2 * n(), unknowns());
+}
+
+void JointFlight::set(const Eigen::VectorXd& values, Variant& variant) const {
+  family_->at(values, variant.machine);
+  family_->inputs(values, variant.inputs);
+}
+
+void JointFlight::set(const Eigen::Ref<const Eigen::VectorXd>& c, bool derivatives) {
+  if (c_ == c && (derivatives_ || !derivatives)) return;  // what is there is enough
+  derivatives_ = derivatives;
+  c_ = c;
+  const std::vector<Unknown>& all = family_->unknowns();
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    values_[k] = all[static_cast<std::size_t>(k)].value(c[k]);
+  }
+  set(values_, centre());
+  for (Eigen::Index k = 0; derivatives && k < unknowns(); ++k) {
+    const Unknown& unknown = all[static_cast<std::size_t>(k)];
+    const double value = values_[k];
+    for (int side = 0; side < 2; ++side) {
+      Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];
+      // Where the contacts are costs most, and few unknowns change it.
+      variant.machine.W = centre().machine.W;
+      variant.machine.positions = centre().machine.positions;
+      values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
+      set(values_, variant);
+    }
+    values_[k] = value;
+  }
+}
+
+void JointFlight::find_steps(const Variant& variant, double tau,
+                             std::vector<OscillatorStep>& steps) const {
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    steps[static_cast<std::size_t>(i)] =
+        step_of(variant.machine.C(i, 0), variant.machine.K(i, 0), tau);
+  }
+}
+
+// The steady response to the harmonics, at the instant that they are at.
+void JointFlight::add_steady(double sign, Variant& variant) const {
+  const Machine& machine = variant.machine;
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = sign * Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      const Complex steady = machine.response(i, g) * z;
+      variant.x[i] += steady.real();
+      variant.x[n() + i] -= machine.frequencies[g] * steady.imag();
+    }
+  }
+}
+
+void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau,
+                      Variant& variant) {
+  const Machine& machine = variant.machine;
+  const auto turn = [&](double to) {
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      variant.harmonics[static_cast<std::size_t>(g)] = std::polar(1.0, machine.frequencies[g] * to);
+    }
+  };
+  variant.x = x;
+  turn(t);
+  add_steady(-1.0, variant);
+  if (variant.own_flow) find_steps(variant, tau, own_steps_);
+  const std::vector<OscillatorStep>& steps = variant.own_flow ? own_steps_ : steps_;
+  const Eigen::Index constants = 2 * machine.groups();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& step = steps[static_cast<std::size_t>(i)];
+    double force = 0.0;
+    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+    }
+    step.apply(force, variant.x[i], variant.x[n() + i]);
+  }
+  turn(t + tau);
+  add_steady(1.0, variant);
+}
+
+void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau) {
+  end_ = t + tau;
+  find_steps(centre(), tau, steps_);
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
+  difference();
+}
+
+void JointFlight::difference() {
+  x_ = centre().x;
+  for (Eigen::Index k = 0; derivatives_ && k < unknowns(); ++k) {
+    const auto j = static_cast<std::size_t>(1 + 2 * k);
+    by_c_.col(k) = (variants_[j].x - variants_[j + 1].x) / (2.0 * difference_of_c);
+  }
+}
+
+void JointFlight::carry(Eigen::Ref<Eigen::VectorXd> dx) const {
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    steps_[static_cast<std::size_t>(i)].apply(0.0, dx[i], dx[n() + i]);
+  }
+}
+
+// Steady response and motion of the support are one: what is left of x is the free part.
+JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  Gap gap;
+  const Eigen::Index constants = 2 * machine.groups();
+  gap.g = variant.inputs[constants + machine.constant_forces.cols() + contact];
+  gap.terms = std::abs(gap.g);
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    const double Omega = machine.frequencies[g];
+    const Complex steady = machine.gap_response(contact, g) * z;
+    gap.g += steady.real();
+    // The angle Omega t has as many roundings as it is large.
+    gap.terms += std::abs(steady) * std::abs(Omega * end_);
+    gap.velocity -= Omega * steady.imag();
+    gap.acceleration -= Omega * Omega * steady.real();
+  }
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    double y = variant.x[i], u = variant.x[n() + i];
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      const Complex steady = machine.response(i, g) *
+                             Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                             variant.harmonics[static_cast<std::size_t>(g)];
+      y -= steady.real();
+      u += machine.frequencies[g] * steady.imag();
+    }
+    double force = 0.0;
+    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+    }
+    const double w = machine.W(i, contact);
+    gap.g += w * y;
+    gap.terms += std::abs(w * variant.x[i]);
+    gap.velocity += w * u;
+    gap.acceleration += w * (force - machine.C(i, 0) * u - machine.K(i, 0) * y);
+  }
+  return gap;
+}
+
+JointFlight::Gap JointFlight::gap(int contact) const { return gap(contact, centre()); }
+
+void JointFlight::gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z) const {
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& step = steps_[static_cast<std::size_t>(i)];
+    const double w = centre().machine.W(i, contact);
+    by_z[i] = w * step.zz;
+    by_z[n() + i] = w * step.zv;
+  }
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    const auto j = static_cast<std::size_t>(1 + 2 * k);
+    by_z[2 * n() + k] =
+        (gap(contact, variants_[j]).g - gap(contact, variants_[j + 1]).g) / (2.0 * difference_of_c);
+  }
+}
+
+void JointFlight::strike(int contact, Variant& variant) {
+  const double gamma = gap(contact, variant).velocity;
+  variant.x.tail(n()) -= gamma * variant.machine.jump.col(contact);
+}
+
+void JointFlight::strike(int contact) {
+  struck_ = contact;
+  const Gap before = gap(contact);
+  const Machine& machine = centre().machine;
+  const auto jump = machine.jump.col(contact);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    by_time_[i] = jump[i] * before.velocity;
+    by_time_[n() + i] = -jump[i] * before.acceleration - machine.C(i, 0) * by_time_[i];
+  }
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) strike(contact, variants_[j]);
+  difference();
+}
+
+void JointFlight::carry_through(Eigen::Ref<Eigen::VectorXd> dx) const {
+  const Machine& machine = centre().machine;
+  const double gamma = machine.W.col(struck_).dot(dx.tail(n()));
+  dx.tail(n()) -= gamma * machine.jump.col(struck_);
+}
+
+}  // namespace sprag

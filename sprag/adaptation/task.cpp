@@ -1,0 +1,65 @@
+#include "sprag/adaptation/task.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/identification/identification.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+// Times are told apart by no less than this share of the usual time between impacts.
+constexpr double resolved = 1e-10;
+
+}  // namespace
+
+std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
+  std::vector<Unknown> unknowns;
+  if (!scene.adaptation.free.empty()) {
+    for (const std::string& key : scene.adaptation.free) {
+      unknowns.push_back(unknown_of(scene, key));
+    }
+  } else {
+    unknowns = all_but_the_scale(scene);
+  }
+  const Eigen::VectorXd& within = scene.adaptation.within;
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
+    unknowns[k].within = within[within.size() > 1 ? static_cast<Eigen::Index>(k) : 0];
+  }
+  return unknowns;
+}
+
+AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
+  AdaptationResult result;
+  result.task = task;
+  const Scene& scene = family.scene();
+  IdentificationSettings settings;
+  settings.unknowns = family.unknowns();
+  settings.begins = task.begins;
+  settings.closed = task.closed;
+  // Parameters that walk scatter the events more than their jitter does.
+  if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
+  Identification found;
+  try {
+    found = identify(scene, task.events, settings);
+  } catch (const TooFewImpacts&) {
+    return result;
+  }
+  result.accepted = found.fits() && !found.ambiguous();
+  if (!result.accepted) return result;
+  const double sigma = scene.jitter > 0.0 ? scene.jitter
+                       : scene.adaptation.walks()
+                           ? resolved * found.interval
+                           : std::max(found.jitter, resolved * found.interval);
+  JointFilter filter(family);
+  filter.follow(found.likelihood, found.measured, sigma, result.belief);
+  result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
+  const Impact& last = found.measured.back().impacts.back();
+  result.state_is_known = last.timed && last.event + 1 == task.events.size() &&
+                          task.events.back().kind == ContactEventKind::pulse;
+  return result;
+}
+
+}  // namespace sprag

@@ -1,0 +1,79 @@
+#include "studies/adaptation/table.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+#include <vector>
+
+#include "sprag/files/scene_file.h"
+#include "studies/adaptation/trial.h"
+
+namespace sprag::adaptation_study {
+namespace {
+
+struct Row {
+  const char* name;
+  const char* scene;
+  Trial trial;
+};
+
+std::vector<Row> rows() {
+  const std::vector<Move> moves{{"impact.restitution", -0.1}, {"beam.bending_stiffness", 0.02}};
+  return {
+      {"exact times", "paper_beam.toml", {}},
+      {"jitter 1e-4", "paper_beam.toml", {.jitter = 1e-4}},
+      {"jitter 1e-3", "paper_beam.toml", {.jitter = 1e-3}},
+      {"jitter 1e-4, they move",
+       "paper_beam.toml",
+       {.jitter = 1e-4, .walk = 1e-3, .moves = moves, .duration = 100.0}},
+      {"two_stops_beam, exact times", "two_stops_beam.toml", {}},
+  };
+}
+
+double middle(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0.0 : values[values.size() / 2];
+}
+
+}  // namespace
+
+void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs) {
+  for (Row row : rows()) {
+    const Scene scene = read_scene(scenes / row.scene);
+    std::vector<double> floors, of_replica, worse, accepted, seconds;
+    std::int64_t inconsistencies = 0;
+    for (int i = 0; i < runs; ++i) {
+      const Outcome outcome = run(scene, row.trial, first_seed + static_cast<std::uint64_t>(i));
+      const double half = 0.5 * row.trial.duration;
+      floors.push_back(outcome.floor(half));
+      of_replica.push_back(outcome.floor_of_replica(half));
+      worse.push_back(outcome.worse_than_replica(10.0));
+      seconds.push_back(outcome.longest_identification);
+      if (!outcome.accepted.empty()) accepted.push_back(outcome.accepted.front());
+      inconsistencies += outcome.inconsistencies;
+    }
+    std::printf("| %s | %zu/%d, %.1f | %.1e, %.1e | %.1e | %.2f %% | %.1f | %.2f |\n", row.name,
+                accepted.size(), runs, middle(accepted), middle(floors),
+                *std::max_element(floors.begin(), floors.end()), middle(of_replica),
+                100.0 * *std::max_element(worse.begin(), worse.end()),
+                static_cast<double>(inconsistencies) / runs,
+                *std::max_element(seconds.begin(), seconds.end()));
+    std::fflush(stdout);
+  }
+}
+
+void print_chart(const std::filesystem::path& scenes, std::uint64_t seed) {
+  std::printf("trial,t,adaptive,replica,both\n");
+  for (const Row& row : rows()) {
+    if (std::string_view(row.scene) != rows().front().scene) continue;
+    const Outcome outcome = run(read_scene(scenes / row.scene), row.trial, seed);
+    // Every tenth of a unit is enough for a chart.
+    for (std::size_t k = 9; k < outcome.ticks.size(); k += 10) {
+      const Tick& tick = outcome.ticks[k];
+      std::printf("\"%s\",%.9g,%.4e,%.4e,%.4e\n", row.name, tick.t, tick.V, tick.V_replica,
+                  tick.V_both);
+    }
+  }
+}
+
+}  // namespace sprag::adaptation_study

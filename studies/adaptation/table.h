@@ -1,0 +1,16 @@
+// The trials of docs/identification.md of adaptive observers: a row each.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+namespace sprag::adaptation_study {
+
+/// Runs every trial with `runs` seeds from the first on and prints a row of a table: the medians
+/// and the worst of the runs.
+void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs);
+
+/// V over time of three trials with one seed, as CSV on stdout: trial,t,adaptive,replica,both.
+void print_chart(const std::filesystem::path& scenes, std::uint64_t seed);
+
+}  // namespace sprag::adaptation_study

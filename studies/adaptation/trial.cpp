@@ -1,0 +1,232 @@
+#include "studies/adaptation/trial.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <optional>
+
+#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
+#include "studies/tolerance/random.h"
+
+namespace sprag::adaptation_study {
+namespace {
+
+using Kind = Unknown::Kind;
+using tolerance::Random;
+
+double share(Random& draw) { return (draw.uniform() < 0.5 ? -1.0 : 1.0) * draw.uniform(0.5, 1.0); }
+
+// The scene as it is told: wrong in all that is free.
+Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
+  const MachineFamily family(machine, unknowns_to_adapt(machine));
+  Eigen::VectorXd values = family.nominal();
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    const Unknown& unknown = family.unknowns()[k];
+    double& value = values[static_cast<Eigen::Index>(k)];
+    const double off = trial.off * share(draw);
+    if (unknown.kind == Kind::phase) {
+      value += off;
+    } else if (unknown.kind == Kind::clearance) {
+      value += off * (family.groups().empty() ? unknown.unit_step : family.groups()[0].amplitude);
+    } else {
+      value *= 1.0 + off;
+      if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
+    }
+  }
+  Scene scene = family.with(values);
+  scene.jitter = trial.jitter;
+  scene.adaptation.walk.setZero(static_cast<Eigen::Index>(family.unknowns().size()));
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    for (const Move& move : trial.moves) {
+      if (move.key == family.unknowns()[k].key) {
+        scene.adaptation.walk[static_cast<Eigen::Index>(k)] = trial.walk;
+      }
+    }
+  }
+  return scene;
+}
+
+// A machine whose parameters move, in small steps.
+class MovingMaster {
+ public:
+  MovingMaster(const Scene& scene, const Trial& trial)
+      : family_(scene, unknowns(scene, trial)), trial_(trial), state_(scene.master) {
+    next();
+  }
+
+  void advance(Instant t, std::vector<ContactEvent>& events) {
+    while (piece_ + 1 < pieces() && end(piece_) < t.hi) {
+      advance_piece(at(end(piece_)), events);
+      state(at(end(piece_)), state_.q, state_.u);
+      ++piece_;
+      next();
+    }
+    advance_piece(t, events);
+  }
+
+  void state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u) {
+    master_->state(at(t - at(begin_)), q, u);
+  }
+
+ private:
+  static std::vector<Unknown> unknowns(const Scene& scene, const Trial& trial) {
+    std::vector<Unknown> all;
+    for (const Move& move : trial.moves) all.push_back(unknown_of(scene, move.key));
+    return all;
+  }
+  int pieces() const { return trial_.moves.empty() ? 1 : 400; }
+  double end(int piece) const { return trial_.duration * (piece + 1) / pieces(); }
+
+  void next() {
+    Eigen::VectorXd values = family_.nominal();
+    for (std::size_t k = 0; k < trial_.moves.size(); ++k) {
+      values[static_cast<Eigen::Index>(k)] *=
+          1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
+    }
+    begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
+    // A master's own time begins at 0.
+    Model model = family_.with(values).model;
+    const auto shift = [&](Harmonic& harmonic) { harmonic.phase += harmonic.frequency * begin_; };
+    for (Force& force : model.forces) shift(force.harmonic);
+    for (Contact& contact : model.contacts) shift(contact.motion);
+    master_.emplace(model, state_);
+  }
+
+  void advance_piece(Instant t, std::vector<ContactEvent>& events) {
+    const std::size_t first = events.size();
+    master_->advance(at(t - at(begin_)), events);
+    for (std::size_t i = first; i < events.size(); ++i) events[i].t += begin_;
+  }
+
+  MachineFamily family_;
+  const Trial& trial_;
+  State state_;
+  int piece_ = 0;
+  double begin_ = 0.0;
+  std::optional<Master> master_;
+};
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+double Outcome::floor(double from) const {
+  std::vector<double> errors;
+  for (const Tick& tick : ticks) {
+    if (tick.t >= from) errors.push_back(tick.V);
+  }
+  return median(errors);
+}
+
+double Outcome::floor_of_replica(double from) const {
+  std::vector<double> errors;
+  for (const Tick& tick : ticks) {
+    if (tick.t >= from) errors.push_back(tick.V_replica);
+  }
+  return median(errors);
+}
+
+double Outcome::worse_than_replica(double factor) const {
+  const auto worse = std::count_if(ticks.begin(), ticks.end(), [&](const Tick& tick) {
+    return tick.V > factor * tick.V_replica;
+  });
+  return static_cast<double>(worse) / static_cast<double>(ticks.size());
+}
+
+Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
+  Random draw(seed);
+  const Scene scene = wrong_scene(machine, trial, draw);
+  MovingMaster master(machine, trial);
+  const ErrorEnergy energy(machine.model);
+  AdaptiveEstimator adaptive(scene, trial.tick, EstimatorKind::adaptive);
+  Replica replica(scene, trial.tick);
+  SupervisedFilter both(scene, trial.tick);
+  SupervisedState of_both;
+  both.start(scene.replica, 0, 0, of_both);
+  AdaptiveEstimator::State state;
+  ReplicaState of_replica;
+  adaptive.start(scene.replica, 0, 0, state);
+  replica.start(scene.replica, 0, 0, of_replica);
+  const Eigen::Index f = machine.model.coordinates();
+  Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
+  Confidence confidence = adaptive.no_confidence();
+  AdaptationTask task;
+  AdaptationResult result;
+  std::vector<ContactEvent> passed, ahead;  // events, with the times that are reported
+  Outcome outcome;
+  // Times jitter across ticks: the machine runs ahead by as much.
+  const double lead = 6.0 * trial.jitter + trial.tick;
+  MovingMaster heard(machine, trial);
+  const auto ticks = last_tick(trial.duration, trial.tick);
+  std::vector<ContactEvent> drawn;
+  double last = 0.0;
+  for (std::int64_t k = 1; k <= ticks; ++k) {
+    const Instant t = tick_instant(k, trial.tick);
+    drawn.clear();
+    heard.advance(at(t.hi + lead), drawn);
+    for (ContactEvent event : drawn) {
+      // They keep their order.
+      event.t = last = std::max(event.t + trial.jitter * draw.normal(), last);
+      ahead.push_back(event);
+    }
+    passed.clear();
+    while (!ahead.empty() && ahead.front().t <= t.hi) {
+      passed.push_back(ahead.front());
+      outcome.events.push_back(ahead.front().t);
+      ahead.erase(ahead.begin());
+    }
+    if (adaptive.waits(state)) {
+      const std::clock_t begin = std::clock();
+      adaptive.wanted(state, task);
+      result = sprag::run(task, *adaptive.family());
+      adaptive.put(result);
+      outcome.longest_identification =
+          std::max(outcome.longest_identification,
+                   static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+    }
+    adaptive.tick(passed, state);
+    replica.tick(passed, of_replica);
+    both.tick(passed, of_both);
+    drawn.clear();
+    master.advance(t, drawn);
+    master.state(t, q_m, u_m);
+    adaptive.output(state, q, u);
+    adaptive.confidence(state, std::numeric_limits<double>::infinity(), confidence);
+    Tick tick{.t = t.hi, .V = energy(q_m, u_m, q, u)[0]};
+    tick.of_filter = confidence.from_filter;
+    tick.energy = 0.5 * (machine.model.M.diagonal().dot(confidence.sigma_u.cwiseAbs2()) +
+                         machine.model.K.diagonal().dot(confidence.sigma_q.cwiseAbs2()));
+    replica.output(of_replica, q, u);
+    tick.V_replica = energy(q_m, u_m, q, u)[0];
+    both.output(of_both, q, u);
+    tick.V_both = energy(q_m, u_m, q, u)[0];
+    outcome.ticks.push_back(tick);
+    const double accepted = confidence.parameters.accepted;
+    if (accepted >= 0.0 && (outcome.accepted.empty() || outcome.accepted.back() != accepted)) {
+      outcome.accepted.push_back(accepted);
+    }
+  }
+  outcome.identifications = confidence.parameters.identifications;
+  outcome.inconsistencies = confidence.inconsistencies;
+  outcome.values = confidence.parameters.values;
+  outcome.sigmas = confidence.parameters.sigmas;
+  const MachineFamily of_machine(machine, unknowns_to_adapt(machine));
+  outcome.truth = of_machine.nominal();
+  for (std::size_t k = 0; k < of_machine.unknowns().size(); ++k) {
+    for (const Move& move : trial.moves) {
+      if (move.key == of_machine.unknowns()[k].key) {
+        outcome.truth[static_cast<Eigen::Index>(k)] *= 1.0 + move.share;
+      }
+    }
+  }
+  return outcome;
+}
+
+}  // namespace sprag::adaptation_study

@@ -1,0 +1,180 @@
+#include "sprag/adaptation/adaptive_estimator.h"
+
+#include <gtest/gtest.h>
+
+#include <iostream>
+
+#include "sprag/estimation/observer.h"
+#include "sprag/estimation/time_line.h"
+#include "studies/adaptation/trial.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using adaptation_study::Outcome;
+using adaptation_study::run;
+using adaptation_study::Trial;
+using test::events_of;
+using test::shipped_scene;
+
+Scene wrong_beam() {
+  Scene scene = shipped_scene("paper_beam");
+  const MachineFamily family(scene, unknowns_to_adapt(scene));
+  Eigen::VectorXd values = family.nominal();
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    values[static_cast<Eigen::Index>(k)] +=
+        0.05 * family.unknowns()[k].slope(family.unknowns()[k].nominal);
+  }
+  values[4] = 0.001;  // the clearance
+  values[6] = 0.05;   // the phase
+  return family.with(values);
+}
+
+TEST(AdaptiveEstimator, SevenWrongParametersAndExactTimes) {
+  const Trial trial{.duration = 60.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
+  ASSERT_EQ(outcome.accepted.size(), 1U);
+  ASSERT_GE(outcome.events.size(), 24U);
+  EXPECT_LT(outcome.accepted.front(), outcome.events[23] + 2.0 * trial.tick);
+  for (const auto& tick : outcome.ticks) {
+    if (tick.t > outcome.accepted.front()) {
+      ASSERT_LT(tick.V, 1e-20) << tick.t;
+      ASSERT_TRUE(tick.of_filter);
+    }
+  }
+  EXPECT_GT(outcome.floor_of_replica(30.0), 1e-3);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+TEST(AdaptiveEstimator, SevenWrongParametersAndTimesThatJitter) {
+  const Trial trial{.jitter = 1e-4, .duration = 90.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 2);
+  std::cout << "floor " << outcome.floor(60.0) << ", replica " << outcome.floor_of_replica(60.0)
+            << '\n';
+  ASSERT_EQ(outcome.accepted.size(), 1U);
+  EXPECT_LT(outcome.floor(60.0), 5e-8);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+  // What it says of its error holds.
+  double ratio = 0.0;
+  int count = 0;
+  for (const auto& tick : outcome.ticks) {
+    if (!tick.of_filter) continue;
+    ratio += tick.V / tick.energy;
+    ++count;
+  }
+  EXPECT_GT(ratio / count, 0.05);
+  EXPECT_LT(ratio / count, 5.0);
+  for (Eigen::Index k = 0; k < outcome.truth.size(); ++k) {
+    EXPECT_LT(std::abs(outcome.values[k] - outcome.truth[k]), 5.0 * outcome.sigmas[k]) << k;
+  }
+}
+
+// Ticks are the same whether results are there at once, or late and the time line has to go back.
+TEST(AdaptiveEstimator, ResultsThatComeLateChangeNothing) {
+  const Scene scene = wrong_beam();
+  const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 30.0);
+  constexpr double h = 0.02;
+  using Row = std::vector<double>;
+  const auto rows_of = [&](std::int64_t delay, std::int64_t history) {
+    AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
+    TimeLine<AdaptiveEstimator> line(estimator, 1, scene.replica, history);
+    line.restart(0, 0, 0, no_horizon);
+    AdaptationTask task;
+    AdaptationResult result;
+    std::vector<Row> rows;
+    std::int64_t due = -1;
+    std::size_t next = 0;
+    Eigen::VectorXd q(3), u(3);
+    Confidence confidence = estimator.no_confidence();
+    for (std::int64_t k = 0; k <= 1500 + delay; ++k) {
+      const double t = std::min(tick_instant(k, h).hi, 30.0);
+      while (next < events.size() && events[next].t <= t) line.receive(events[next++]);
+      line.set_horizon(t);
+      if (due >= 0 && k >= due) {
+        result = run(task, *estimator.family());
+        estimator.put(result);
+        line.release();
+        due = -1;
+      }
+      // The next ticks are looked at ahead.
+      line.run(
+          k + 5, [](const auto&) {},
+          [&](const AdaptiveState& state) {
+            estimator.output(state, q, u);
+            estimator.confidence(state, 1.0, confidence);
+            Row& row = rows.emplace_back(q.begin(), q.end());
+            row.insert(row.end(), u.begin(), u.end());
+            const auto& parameters = confidence.parameters;
+            row.insert(row.end(), parameters.values.begin(), parameters.values.end());
+            row.insert(row.end(), parameters.sigmas.begin(), parameters.sigmas.end());
+            row.push_back(confidence.from_filter ? 1.0 : 0.0);
+            if (estimator.waits(state)) {
+              estimator.wanted(state, task);
+              line.hold(state.tick);
+              due = k + delay;
+            }
+            return true;
+          });
+    }
+    return rows;
+  };
+  const std::vector<Row> at_once = rows_of(0, 1);
+  ASSERT_EQ(at_once.size(), 1501U);
+  EXPECT_EQ(at_once.back().back(), 1.0);
+  EXPECT_EQ(rows_of(40, 100), at_once);
+  EXPECT_EQ(rows_of(300, 16), at_once);  // longer than the history
+}
+
+// A machine that becomes another one is not explained by walks: it is identified anew.
+TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
+  const Scene scene = wrong_beam();
+  std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
+  Scene other = shipped_scene("paper_beam");
+  other.model.contacts[0].restitution = 0.55;
+  for (ContactEvent event : events_of(other, 60.0)) {
+    event.t += 40.0;
+    events.push_back(event);
+  }
+  constexpr double h = 0.02;
+  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
+  AdaptiveState state;
+  estimator.start(scene.replica, 0, 0, state);
+  AdaptationTask task;
+  AdaptationResult result;
+  std::size_t next = 0;
+  double before = 0.0;
+  Confidence confidence = estimator.no_confidence();
+  for (std::int64_t k = 1; k <= 5000; ++k) {
+    const std::size_t first = next;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    if (estimator.waits(state)) {
+      estimator.wanted(state, task);
+      result = run(task, *estimator.family());
+      estimator.put(result);
+    }
+    estimator.tick(std::span(events).subspan(first, next - first), state);
+    if (k == 1999) {
+      estimator.confidence(state, 1.0, confidence);
+      before = confidence.parameters.values[0];
+    }
+  }
+  estimator.confidence(state, 1.0, confidence);
+  EXPECT_NEAR(before, 0.7, 1e-9);
+  EXPECT_TRUE(confidence.from_filter);
+  EXPECT_NEAR(confidence.parameters.values[0], 0.55, 1e-9);
+  EXPECT_GE(confidence.inconsistencies, 1);
+  EXPECT_GT(confidence.parameters.accepted, 40.0);
+}
+
+TEST(AdaptiveEstimator, WhatItCannotDoIsRefused) {
+  const Scene coupled = shipped_scene("non_proportional");
+  EXPECT_THROW(AdaptiveEstimator(coupled, 1e-2, EstimatorKind::adaptive), ModelError);
+  Scene scene = shipped_scene("paper_beam");
+  EXPECT_THROW(Observer(scene, {.estimator = EstimatorKind::adaptive}), std::invalid_argument);
+  scene.adaptation.free = {"beam.dampin"};
+  EXPECT_THROW(AdaptiveEstimator(scene, 1e-2, EstimatorKind::adaptive), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace sprag

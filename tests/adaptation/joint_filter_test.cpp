@@ -1,0 +1,132 @@
+#include "sprag/adaptation/joint_filter.h"
+
+#include <gtest/gtest.h>
+
+#include "sprag/adaptation/task.h"
+#include "sprag/mechanics/master.h"
+#include "tests/support/random.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using test::shipped_scene;
+
+class JointFlightOfScenes : public testing::TestWithParam<const char*> {};
+
+// The machine's own path, with all that drives it, and back again.
+TEST_P(JointFlightOfScenes, FliesAsTheMachineDoes) {
+  const Scene scene = shipped_scene(GetParam());
+  const MachineFamily family(scene, unknowns_to_adapt(scene));
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  master.advance(at(100.0), events, 1);
+  ASSERT_FALSE(events.empty());
+  JointFlight flight(family);
+  Eigen::VectorXd c(flight.unknowns());
+  for (Eigen::Index k = 0; k < c.size(); ++k) {
+    const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
+    c[k] = unknown.coordinate(unknown.nominal);
+  }
+  flight.set(c, true);
+  Eigen::VectorXd start(2 * family.n());
+  start << family.to_modes(scene.master.q), family.to_modes(scene.master.u);
+  const double tau = events.front().t;
+  flight.fly(start, 0.0, tau);
+  const double length = flight.gap(events.front().contact).terms;
+  EXPECT_NEAR(flight.gap(events.front().contact).g, 0.0, 1e-11 * length);
+  EXPECT_LT(flight.gap(events.front().contact).velocity, 0.0);
+  const Eigen::VectorXd there = flight.x();
+  flight.fly(there, tau, -tau);
+  EXPECT_LT((flight.x() - start).cwiseAbs().maxCoeff(), 1e-9 * there.cwiseAbs().maxCoeff());
+}
+
+// Through an impact, against differences of whole flights.
+TEST_P(JointFlightOfScenes, DerivativesAreThoseOfTheFlight) {
+  constexpr std::uint64_t seed = 20261123;
+  SCOPED_TRACE(seed);
+  Random random(seed);
+  const Scene scene = shipped_scene(GetParam());
+  const MachineFamily family(scene, unknowns_to_adapt(scene));
+  JointFlight flight(family), other(family);
+  const Eigen::Index n = family.n(), P = flight.unknowns();
+  Eigen::VectorXd x(2 * n), c(P);
+  x << family.to_modes(scene.replica.q), family.to_modes(scene.replica.u);
+  x += 0.1 * x.cwiseAbs().maxCoeff() * random.vector(2 * n);
+  c = 0.01 * random.vector(P);
+  const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
+  // To an impact, and the same instant behind it for all.
+  const auto behind = [&](JointFlight& of, const Eigen::VectorXd& from, const Eigen::VectorXd& with,
+                          double delay) {
+    of.set(with, true);
+    of.fly(from, t, tau + delay);
+    of.strike(0);
+    const Eigen::VectorXd struck = of.x();
+    of.fly(struck, t + tau + delay, later - delay);
+    return Eigen::VectorXd(of.x());
+  };
+  const auto difference = [&](const Eigen::VectorXd& dx, const Eigen::VectorXd& dc, double dt) {
+    return Eigen::VectorXd((behind(other, x + step * dx, c + step * dc, step * dt) -
+                            behind(other, x - step * dx, c - step * dc, -step * dt)) /
+                           (2.0 * step));
+  };
+  const auto expect_same = [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    EXPECT_LT((a - b).norm(), 1e-5 * b.norm() + 1e-9) << a.transpose() << "\n" << b.transpose();
+  };
+  const Eigen::VectorXd no_x = Eigen::VectorXd::Zero(2 * n), no_c = Eigen::VectorXd::Zero(P);
+  flight.set(c, true);
+  flight.fly(x, t, tau);
+  flight.strike(0);
+  const Eigen::VectorXd struck = flight.x(), by_time = flight.by_time();
+  const Eigen::MatrixXd by_c = flight.by_unknowns();
+  Eigen::VectorXd dx = random.vector(2 * n);
+  const Eigen::VectorXd of_x = difference(dx, no_c, 0.0);
+  flight.carry(dx);
+  flight.carry_through(dx);
+  // On from behind the impact.
+  flight.fly(struck, t + tau, later);
+  const Eigen::MatrixXd by_c_later = flight.by_unknowns();
+  flight.carry(dx);
+  expect_same(dx, of_x);
+  Eigen::VectorXd of_time = by_time;
+  flight.carry(of_time);
+  expect_same(of_time, difference(no_x, no_c, 1.0));
+  for (Eigen::Index k = 0; k < P; ++k) {
+    Eigen::VectorXd of_c = by_c.col(k);
+    flight.carry(of_c);
+    of_c += by_c_later.col(k);
+    SCOPED_TRACE(family.unknowns()[static_cast<std::size_t>(k)].key);
+    expect_same(of_c, difference(no_x, Eigen::VectorXd::Unit(P, k), 0.0));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, JointFlightOfScenes,
+                         testing::Values("paper_beam", "two_stops_beam", "lab_rig"));
+
+TEST(JointFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
+  constexpr std::uint64_t seed = 7;
+  Random random(seed);
+  Scene scene = shipped_scene("paper_beam");
+  scene.adaptation.walk[0] = 0.3;
+  const MachineFamily family(scene, unknowns_to_adapt(scene));
+  JointFilter filter(family);
+  JointBelief belief = filter.no_belief();
+  const Eigen::Index n2 = 2 * filter.n(), P = filter.unknowns();
+  for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {
+    belief.S.row(i) = random.vector(belief.S.cols()).transpose();
+  }
+  const Eigen::MatrixXd before = belief.S * belief.S.transpose();
+  const Eigen::MatrixXd wide = 3.0 * Eigen::MatrixXd::Identity(n2, n2);
+  filter.restart(4.0, Eigen::VectorXd::Ones(n2), wide, belief);
+  const Eigen::MatrixXd after = belief.S * belief.S.transpose();
+  EXPECT_TRUE(after.topLeftCorner(n2, n2).isApprox(9.0 * Eigen::MatrixXd::Identity(n2, n2)));
+  EXPECT_TRUE(after.topRightCorner(n2, P).isZero(1e-12));
+  // What they have walked in four units is added.
+  const Eigen::MatrixXd walked = 0.36 * Eigen::MatrixXd::Identity(P, P);
+  EXPECT_TRUE(after.bottomRightCorner(P, P).isApprox(before.bottomRightCorner(P, P) + walked));
+  EXPECT_EQ(belief.z.head(n2), Eigen::VectorXd::Ones(n2));
+  EXPECT_EQ(belief.t, 4.0);
+}
+
+}  // namespace
+}  // namespace sprag
