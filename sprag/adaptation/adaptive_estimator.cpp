@@ -21,13 +21,23 @@ constexpr double largest_square = 45.0;
 constexpr double largest_mean = 4.0;
 constexpr double window_of_mean = 16.0;
 constexpr double far_inside = 0.05;
+// Of the machine's own.
+constexpr double most_energy = 0.25;
 constexpr std::int64_t trial_events = 8;
 
 // Impacts that are nearer to each other are not told apart.
 constexpr double close_in_sigmas = 10.0;
+// A chatter of which only the beginning is told apart is over after so many.
+constexpr double burst_in_sigmas = 300.0;
+// Steps of a flight with a contact closed, which a tick has time for.
+constexpr double longest_holding = 200.0;
 
-bool is_single(std::span<const ContactEvent> of_one, ContactSet before) {
-  return of_one.size() == 1 && before == 0 && of_one.front().kind == ContactEventKind::pulse;
+// What a filter follows that knows one contact at a time. Times that jitter may fall together.
+bool is_of_one_contact(std::span<const ContactEvent> of_one, ContactSet before) {
+  const int contact = of_one.front().contact;
+  return (before & ~bit(contact)) == 0 &&
+         std::all_of(of_one.begin(), of_one.end(),
+                     [&](const ContactEvent& event) { return event.contact == contact; });
 }
 
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
@@ -52,6 +62,7 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   const Uncertainty uncertainty = uncertainty_of(scene);
   to_y = family.V().transpose() * scene.model.M;
   V = family.V();
+  stiffness = family.at(family.nominal()).K;
   start.setZero(2 * n, 2 * n);
   start.topLeftCorner(n, n) = to_y * uncertainty.q;
   start.bottomRightCorner(n, n) = to_y * uncertainty.u;
@@ -125,7 +136,7 @@ void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveStat
 void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
                              AdaptiveState& state) {
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    const bool single = is_single(of_one, chi);
+    const bool single = is_of_one_contact(of_one, chi);
     for (const ContactEvent& event : of_one) {
       const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
       heard(state.events) = {event, chi, before};
@@ -133,16 +144,37 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
       chi = after(chi, event);
     }
     if (!state.adapted || state.lost) return;
-    if (single) {
-      take(of_one.front(), state);
-    } else {
-      lose(state);
+    if (!single) lose(state);
+    for (const ContactEvent& event : of_one) {
+      if (!state.lost) take(event, state);
     }
   });
   if (state.events - state.window > most_events) begin_window(state.events - most_events, state);
   watch(state);
   if (state.adapted && state.lost && state.chi == 0) restart_filter(state);
   if (!state.adapted && state.events - state.window >= state.size) state.wanted = true;
+}
+
+// Against the energy of the replica, which is about the machine's.
+bool AdaptiveEstimator::is_sure(const JointBelief& belief, const AdaptiveState& state) {
+  Joint& joint = *joint_;
+  find_replica(state);
+  const Eigen::Index n = joint.family.n();
+  double expected = 0.0, own = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    expected +=
+        belief.S.row(n + i).squaredNorm() + joint.stiffness[i] * belief.S.row(i).squaredNorm();
+    own += square(joint.x[n + i]) + joint.stiffness[i] * square(joint.x[i]);
+  }
+  return expected < most_energy * own;
+}
+
+// (y, y') of the replica at the present tick.
+void AdaptiveEstimator::find_replica(const AdaptiveState& state) {
+  Joint& joint = *joint_;
+  base_.output(state.base, joint.q, joint.u);
+  joint.x.head(joint.q.size()).noalias() = joint.to_y.lazyProduct(joint.q);
+  joint.x.tail(joint.u.size()).noalias() = joint.to_y.lazyProduct(joint.u);
 }
 
 void AdaptiveEstimator::lose(AdaptiveState& state) {
@@ -152,27 +184,42 @@ void AdaptiveEstimator::lose(AdaptiveState& state) {
   state.mean_square = 1.0;
 }
 
-// An impact, in free flight.
+// An event of one contact, with no other closed.
 void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
   const Belief& present = belief(state.beliefs);
+  if (present.number != state.beliefs) return lose(state);
   JointBelief& next = joint_->next;
-  if (present.number == state.beliefs) next = present.of;
-  if (present.number != state.beliefs || event.t - next.t < close_in_sigmas * next.sigma) {
-    lose(state);
-    return;
+  next = present.of;
+  JointFilter& filter = joint_->filter;
+  if (event.kind == ContactEventKind::opens) {
+    if (next.held != event.contact) return lose(state);
+    filter.release(event.t, next);
+    return add_belief(next, state);
   }
-  const bool taken = joint_->filter.take(event.contact, event.t, next);
+  const bool stays = event.kind == ContactEventKind::closes;
+  if (next.burst && next.held == event.contact) {
+    next.burst = !stays;
+    return add_belief(next, state);
+  }
+  if (next.held >= 0) return lose(state);
+  if (event.t - next.t < close_in_sigmas * next.sigma) {
+    if (!filter.take_burst(event.contact, event.t, burst_in_sigmas * next.sigma, next)) {
+      return lose(state);
+    }
+    next.burst = !stays;
+    return add_belief(next, state);
+  }
+  const bool taken = filter.take(event.contact, event.t, stays, next);
   state.mean_square += (next.square - state.mean_square) / window_of_mean;
   if (!taken || !(next.square < largest_square) || !(state.mean_square < largest_mean)) {
     const Suspicion suspicion = next.innovation.gap > far_inside * next.length
                                     ? Suspicion::spurious_event
                                     : Suspicion::model;
-    fail({event.t, event.contact, suspicion, next.square}, state);
-    return;
+    return fail({event.t, event.contact, suspicion, next.square}, state);
   }
   add_belief(next, state);
   ++state.fitting;
-  if (state.fitting >= trial()) state.trusted = true;
+  if (state.fitting >= trial() && is_sure(next, state)) state.trusted = true;
 }
 
 // Events that determine the state, and a few more.
@@ -204,16 +251,24 @@ void AdaptiveEstimator::begin_window(std::int64_t event, AdaptiveState& state) c
 
 // An event has not come that had to.
 void AdaptiveEstimator::watch(AdaptiveState& state) {
-  if (!state.trusted) return;
+  if (!state.adapted || state.lost) return;
   const Belief& present = belief(state.beliefs);
   if (present.number != state.beliefs) {
     lose(state);
     return;
   }
   const double t = tick_instant(state.tick, h()).hi;
+  // What is followed for long costs too much, and a burst that has led to nothing was none.
+  if (joint_->filter.cost(t, present.of) > longest_holding ||
+      (present.of.burst && t - present.of.t > burst_in_sigmas * present.of.sigma)) {
+    lose(state);
+    return;
+  }
+  if (!state.trusted) return;
   joint_->filter.at(t, present.of);
   for (int i = 0; i < joint_->family.contacts(); ++i) {
     const double gap = joint_->filter.gap(i);
+    if (i == present.of.held) continue;
     if (!(gap >= -far_inside * present.of.length)) {
       fail({t, i, Suspicion::missing_event, 0.0}, state);
       return;
@@ -228,9 +283,7 @@ void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
     state.adapted = false;
     return;
   }
-  base_.output(state.base, joint.q, joint.u);
-  joint.x.head(joint.q.size()).noalias() = joint.to_y.lazyProduct(joint.q);
-  joint.x.tail(joint.u.size()).noalias() = joint.to_y.lazyProduct(joint.u);
+  find_replica(state);
   joint.next = present.of;
   joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.start, joint.next);
   add_belief(joint.next, state);
@@ -273,7 +326,7 @@ void AdaptiveEstimator::take_result(AdaptiveState& state) {
   state.wanted = false;
   ++state.identifications;
   const std::int64_t first = first_size();
-  if (!result_->accepted) {
+  if (!result_->accepted || !is_sure(result_->belief, state)) {
     state.size += state.size / 2;
     if (state.size > longest_window) {
       begin_window(state.events - 2 * first, state);

@@ -9,9 +9,12 @@
 // believed after as many events as determine the state and a few more. Where events do not fit
 // before that, the parameters are wrong, and are identified anew from the events since.
 //
-// A filter that flies knows nothing of contacts that stay closed or of several that are hit at
-// once: there too the estimate is the replica's and the filter's state starts anew when all
-// contacts are open.
+// A result, or a filter that has started anew, is only believed where the energy of the error that
+// it expects is a small share of the machine's own.
+//
+// The filter follows one contact at a time: impacts, chatter, closed for a while. Of several
+// contacts that are closed or hit at once it knows nothing: there too the estimate is the
+// replica's, and the filter's state starts anew when all contacts are open.
 //
 // When results count. An identification is wanted in the state of a tick, and of the events up to
 // it; its result counts from the next tick on. So who hands out settled ticks must not take the
@@ -113,6 +116,7 @@ class AdaptiveEstimator {
     JointFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
     Eigen::MatrixXd to_y, V;      // y of q, q of y
+    Eigen::VectorXd stiffness;    // of the modes, as the scene has it
     Eigen::MatrixXd start;        // deviations of a start, 2n x 2n
     std::vector<Belief> beliefs;  // ring, by number
     std::vector<Heard> heard;     // ring, by number of event
@@ -138,6 +142,8 @@ class AdaptiveEstimator {
   static void lose(AdaptiveState& state);
   void fail(const Inconsistency& inconsistency, AdaptiveState& state);
   void begin_window(std::int64_t event, AdaptiveState& state) const;
+  void find_replica(const AdaptiveState& state);
+  bool is_sure(const JointBelief& belief, const AdaptiveState& state);
   void watch(AdaptiveState& state);
   void restart_filter(AdaptiveState& state);
   void add_belief(const JointBelief& of, AdaptiveState& state);

@@ -82,13 +82,13 @@ void JointFilter::condition(const Residual& residual) {
 }
 
 // Behind the impact.
-void JointFilter::carry_columns() {
+void JointFilter::carry_columns(bool struck) {
   for (Eigen::Index j = 0; j < A_.cols(); ++j) {
     dx_ = A_.col(j).head(2 * n());
     flight_.carry(dx_);
-    flight_.carry_through(dx_);
+    if (struck) flight_.carry_through(dx_);
     dx_.noalias() += flight_.by_unknowns().lazyProduct(A_.col(j).tail(unknowns()));
-    dx_ -= tau_row_[j] * flight_.by_time();
+    if (struck) dx_ -= tau_row_[j] * flight_.by_time();
     A_.col(j).head(2 * n()) = dx_;
   }
 }
@@ -118,7 +118,7 @@ void JointFilter::triangularize(Eigen::Index rows, Eigen::Index columns) {
 
 void JointFilter::keep(JointBelief& belief) const { belief.S = A_.leftCols(size()); }
 
-bool JointFilter::take(int contact, double t, JointBelief& belief) {
+bool JointFilter::take(int contact, double t, bool stays, JointBelief& belief) {
   const double t0 = belief.t;
   spread(belief, t - t0, belief.sigma);
   point_.z = belief.z;
@@ -144,16 +144,59 @@ bool JointFilter::take(int contact, double t, JointBelief& belief) {
   condition(residual);
   if (!(t - point_.tau > t0)) return false;
   linearize(contact, t0, t);
-  flight_.strike(contact);
-  carry_columns();
+  flight_.strike(contact, stays);
+  carry_columns(true);
   triangularize(size(), A_.cols());
   belief.t = t - point_.tau;
+  belief.held = stays ? contact : -1;
   belief.z.head(2 * n()) = flight_.x();
   belief.z.tail(unknowns()) = point_.z.tail(unknowns());
   belief.square = residual.square();
   belief.length = std::max(belief.length, gap_.terms);
   keep(belief);
   return belief.z.allFinite() && belief.S.allFinite();
+}
+
+bool JointFilter::take_burst(int contact, double t, double longest, JointBelief& belief) {
+  if (!(t >= belief.t)) return false;
+  spread(belief, t - belief.t, belief.sigma);
+  flight_.set(belief.z.tail(unknowns()), true);
+  flight_.fly(belief.z.head(2 * n()), belief.t, t - belief.t);
+  gap_ = flight_.gap(contact);
+  // How long and how far a machine bounces that leaves with this speed.
+  const double speed = std::abs(gap_.velocity);
+  const double duration = 2.0 * speed / (std::abs(gap_.acceleration) * flight_.lost_share(contact));
+  if (!(duration < longest)) return false;
+  flight_.strike(contact, true);
+  tau_row_.setZero();
+  carry_columns(true);
+  // In place of tau: what it does on the way is not followed.
+  flight_.along(contact, dx_.head(n()));
+  A_.col(A_.cols() - 1).head(n()) = (speed * duration) * dx_.head(n());
+  triangularize(size(), A_.cols());
+  belief.t = t;
+  belief.held = contact;
+  belief.burst = true;
+  belief.z.head(2 * n()) = flight_.x();
+  keep(belief);
+  return belief.z.allFinite() && belief.S.allFinite();
+}
+
+void JointFilter::release(double t, JointBelief& belief) {
+  spread(belief, t - belief.t, 0.0);
+  flight_.set(belief.z.tail(unknowns()), true);
+  flight_.fly(belief.z.head(2 * n()), belief.t, t - belief.t, belief.held);
+  carry_columns(false);
+  triangularize(size(), A_.cols());
+  belief.t = t;
+  belief.held = -1;
+  belief.burst = false;
+  belief.z.head(2 * n()) = flight_.x();
+  keep(belief);
+}
+
+double JointFilter::cost(double t, const JointBelief& belief) const {
+  return belief.held < 0 ? 1.0 : present_.cost_of_holding(t - belief.t);
 }
 
 void JointFilter::restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
@@ -169,6 +212,8 @@ void JointFilter::restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
   A_.topRows(2 * n()).setZero();
   A_.topLeftCorner(2 * n(), 2 * n()) = S_x;
   belief.t = t;
+  belief.held = -1;
+  belief.burst = false;
   belief.z.head(2 * n()) = x;
   keep(belief);
 }
@@ -249,7 +294,7 @@ void JointFilter::follow(const Likelihood& path, const Stretches& measured, doub
       const Eigen::VectorXd off = belief.z + factor * gain_ - on.z;
       const double off_tau = factor * gain_of_tau_ - on.tau;
       flight_.strike(impact.contact);
-      carry_columns();
+      carry_columns(true);
       triangularize(size(), A_.cols());
       dx_ = off.head(2 * n());
       flight_.carry(dx_);
@@ -267,14 +312,14 @@ void JointFilter::follow(const Likelihood& path, const Stretches& measured, doub
 
 const Eigen::VectorXd& JointFilter::at(double t, const JointBelief& belief) {
   present_.set(belief.z.tail(unknowns()), false);
-  present_.fly(belief.z.head(2 * n()), belief.t, t - belief.t);
+  present_.fly(belief.z.head(2 * n()), belief.t, t - belief.t, belief.held);
   return present_.x();
 }
 
 void JointFilter::deviations(double t, const JointBelief& belief, JointBelief::Rows& of_x,
                              JointBelief::Rows& of_gaps) {
   present_.set(belief.z.tail(unknowns()), true);
-  present_.fly(belief.z.head(2 * n()), belief.t, t - belief.t);
+  present_.fly(belief.z.head(2 * n()), belief.t, t - belief.t, belief.held);
   for (Eigen::Index j = 0; j < size(); ++j) {
     dx_ = belief.S.col(j).head(2 * n());
     present_.carry(dx_);

@@ -27,6 +27,8 @@ struct JointBelief {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   double t = 0.0;
+  int held = -1;       ///< the contact that is closed since, -1: none
+  bool burst = false;  ///< its impacts follow each other too fast to be told apart
   Eigen::VectorXd z;   ///< 2n + P entries
   Rows S;              ///< square
   double sigma = 0.0;  ///< of event times [s]
@@ -48,8 +50,20 @@ class JointFilter {
   JointBelief no_belief() const;
 
   /// Takes an impact: belief.square and belief.innovation say how it fits. False, and the belief of
-  /// no use, where none follows from it. Does not allocate.
-  bool take(int contact, double t, JointBelief& belief);
+  /// no use, where none follows from it. `stays`: the contact is closed from then on. Does not
+  /// allocate.
+  bool take(int contact, double t, bool stays, JointBelief& belief);
+
+  /// Takes impacts that follow each other too fast to be told apart, this one and those to come,
+  /// for a chatter that has come to its end: belief.burst. False where it would take longer than
+  /// `longest`. Does not allocate.
+  bool take_burst(int contact, double t, double longest, JointBelief& belief);
+
+  /// The contact that is closed opens.
+  void release(double t, JointBelief& belief);
+
+  /// Steps that at() takes for this t: many where a contact has been closed for long.
+  double cost(double t, const JointBelief& belief) const;
 
   /// Along a path of given true times from where its stretches start, linearized about that path.
   /// `belief` is what is known behind the last impact then. Allocates.
@@ -85,7 +99,7 @@ class JointFilter {
   void linearize(int contact, double t0, double t);
   Residual expect(const JointBelief& belief);
   void condition(const Residual& residual);
-  void carry_columns();
+  void carry_columns(bool struck);
   void triangularize(Eigen::Index rows, Eigen::Index columns);
   void keep(JointBelief& belief) const;
   std::vector<double> largest(const Likelihood& path, const Eigen::VectorXd& c);

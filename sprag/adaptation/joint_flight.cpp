@@ -12,6 +12,8 @@ using Complex = std::complex<double>;
 
 // Small enough for digits that no walk of c asks for, large enough for those of the difference.
 constexpr double difference_of_c = 4e-6;
+// Of angles up to 1: what is left out is a rounding.
+constexpr int terms_of_series = 20;
 
 bool changes_flow(const Unknown& unknown) {
   return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
@@ -37,6 +39,7 @@ JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
     variant.inputs = family.inputs(nominal);
     variant.x.setZero(2 * n());
     variant.harmonics.resize(static_cast<std::size_t>(variant.machine.groups()));
+    variant.derivatives = variant.harmonics;
   }
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const bool own = changes_flow(family.unknowns()[k]);
@@ -49,6 +52,9 @@ JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
   x_.setZero(2 * n());
   by_time_.setZero(2 * n());
   by_c_.setZero(2 * n(), unknowns());
+  held_step_.setZero(2 * n(), 2 * n());
+  term_.setZero(2 * n());
+  next_.setZero(2 * n());
 }
 
 void JointFlight::set(const Eigen::VectorXd& values, Variant& variant) const {
@@ -102,6 +108,90 @@ void JointFlight::add_steady(double sign, Variant& variant) const {
   }
 }
 
+double JointFlight::cost_of_holding(double tau) const {
+  const Machine& machine = centre().machine;
+  double rate = machine.C.maxCoeff() + std::sqrt(machine.K.maxCoeff());
+  if (machine.groups() > 0) rate = std::max(rate, machine.frequencies.maxCoeff());
+  return std::ceil(rate * std::abs(tau));
+}
+
+// term_ <- A term_ share, where x' = A x without what drives it: the force of the contact keeps its
+// gap from accelerating.
+void JointFlight::add_held_terms(const Machine& machine, int contact, double share) {
+  const auto w = machine.W.col(contact);
+  next_.head(n()) = term_.tail(n());
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    next_[n() + i] = -machine.C(i, 0) * term_[n() + i] - machine.K(i, 0) * term_[i];
+  }
+  const double force = w.dot(next_.tail(n())) / w.squaredNorm();
+  next_.tail(n()) -= force * w;
+  term_ = share * next_;
+}
+
+// The free part of x, by Taylor series in steps in which no angle turns by more than 1.
+void JointFlight::hold(int contact, double tau, Variant& variant) {
+  const Machine& machine = variant.machine;
+  const auto w = machine.W.col(contact);
+  const Eigen::Index constants = 2 * machine.groups();
+  const double steps = std::max(1.0, cost_of_holding(tau));
+  const double step = tau / steps;
+  for (int i = 0; i < static_cast<int>(steps); ++i) {
+    term_ = variant.x;
+    for (int k = 0; k < terms_of_series; ++k) {
+      const double share = step / (k + 1);
+      add_held_terms(machine, contact, share);
+      // The support's motion and the steady response, whose k-th derivatives drive this term.
+      double drive = 0.0;
+      for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+        const Complex i_Omega(0.0, machine.frequencies[g]);
+        Complex& derivative = variant.derivatives[static_cast<std::size_t>(g)];
+        if (k == 0) {
+          derivative = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                       machine.gap_response(contact, g) *
+                       variant.harmonics[static_cast<std::size_t>(g)];
+        }
+        drive += square(machine.frequencies[g]) * derivative.real();
+        derivative *= i_Omega * share;
+      }
+      drive *= share / w.squaredNorm();
+      term_.tail(n()) += drive * w;
+      if (k == 0) {
+        double along = 0.0;
+        for (Eigen::Index m = 0; m < n(); ++m) {
+          for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+            const double force = machine.constant_forces(m, j) * variant.inputs[constants + j];
+            term_[n() + m] += share * force;
+            along += w[m] * force;
+          }
+        }
+        term_.tail(n()) -= (share * along / w.squaredNorm()) * w;
+      }
+      variant.x += term_;
+    }
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      variant.harmonics[static_cast<std::size_t>(g)] *=
+          std::polar(1.0, machine.frequencies[g] * step);
+    }
+  }
+}
+
+// What becomes of deviations.
+void JointFlight::hold_homogeneous(int contact, double tau) {
+  const double steps = std::max(1.0, cost_of_holding(tau));
+  for (Eigen::Index j = 0; j < 2 * n(); ++j) {
+    auto column = held_step_.col(j);
+    column.setZero();
+    column[j] = 1.0;
+    for (int i = 0; i < static_cast<int>(steps); ++i) {
+      term_ = column;
+      for (int k = 0; k < terms_of_series; ++k) {
+        add_held_terms(centre().machine, contact, tau / steps / (k + 1));
+        column += term_;
+      }
+    }
+  }
+}
+
 void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau,
                       Variant& variant) {
   const Machine& machine = variant.machine;
@@ -113,6 +203,12 @@ void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, doub
   variant.x = x;
   turn(t);
   add_steady(-1.0, variant);
+  if (held_ >= 0) {
+    hold(held_, tau, variant);
+    turn(t + tau);
+    add_steady(1.0, variant);
+    return;
+  }
   if (variant.own_flow) find_steps(variant, tau, own_steps_);
   const std::vector<OscillatorStep>& steps = variant.own_flow ? own_steps_ : steps_;
   const Eigen::Index constants = 2 * machine.groups();
@@ -128,9 +224,14 @@ void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, doub
   add_steady(1.0, variant);
 }
 
-void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau) {
+void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau, int held) {
   end_ = t + tau;
-  find_steps(centre(), tau, steps_);
+  held_ = held;
+  if (held < 0) {
+    find_steps(centre(), tau, steps_);
+  } else if (derivatives_) {
+    hold_homogeneous(held, tau);
+  }
   const std::size_t count = derivatives_ ? variants_.size() : 1;
   for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
   difference();
@@ -144,7 +245,12 @@ void JointFlight::difference() {
   }
 }
 
-void JointFlight::carry(Eigen::Ref<Eigen::VectorXd> dx) const {
+void JointFlight::carry(Eigen::Ref<Eigen::VectorXd> dx) {
+  if (held_ >= 0) {
+    term_ = dx;
+    dx.noalias() = held_step_.lazyProduct(term_);
+    return;
+  }
   for (Eigen::Index i = 0; i < n(); ++i) {
     steps_[static_cast<std::size_t>(i)].apply(0.0, dx[i], dx[n() + i]);
   }
@@ -199,6 +305,10 @@ void JointFlight::gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z)
     by_z[i] = w * step.zz;
     by_z[n() + i] = w * step.zv;
   }
+  if (held_ >= 0) {
+    const auto w = centre().machine.W.col(contact);
+    for (Eigen::Index j = 0; j < 2 * n(); ++j) by_z[j] = w.dot(held_step_.col(j).head(n()));
+  }
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     const auto j = static_cast<std::size_t>(1 + 2 * k);
     by_z[2 * n() + k] =
@@ -206,29 +316,61 @@ void JointFlight::gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z)
   }
 }
 
-void JointFlight::strike(int contact, Variant& variant) {
+// Where the contact stays closed its restitution is 0.
+void JointFlight::strike(int contact, bool stays, Variant& variant) {
   const double gamma = gap(contact, variant).velocity;
-  variant.x.tail(n()) -= gamma * variant.machine.jump.col(contact);
+  const auto w = variant.machine.W.col(contact);
+  if (stays) {
+    variant.x.tail(n()) -= (gamma / w.squaredNorm()) * w;
+  } else {
+    variant.x.tail(n()) -= gamma * variant.machine.jump.col(contact);
+  }
 }
 
-void JointFlight::strike(int contact) {
+void JointFlight::strike(int contact, bool stays) {
   struck_ = contact;
+  stays_ = stays;
   const Gap before = gap(contact);
   const Machine& machine = centre().machine;
+  const auto w = machine.W.col(contact);
   const auto jump = machine.jump.col(contact);
+  // Velocities turn with the flow that they are on: behind the impact it damps what is left, and
+  // holds the contact where that stays closed.
+  double along = 0.0;
   for (Eigen::Index i = 0; i < n(); ++i) {
-    by_time_[i] = jump[i] * before.velocity;
-    by_time_[n() + i] = -jump[i] * before.acceleration - machine.C(i, 0) * by_time_[i];
+    by_time_[i] = (stays ? w[i] / w.squaredNorm() : jump[i]) * before.velocity;
+    by_time_[n() + i] = -machine.C(i, 0) * by_time_[i];
+    along += w[i] * by_time_[n() + i];
+  }
+  if (stays) {
+    by_time_.tail(n()) -= (along / w.squaredNorm()) * w;
+  } else {
+    by_time_.tail(n()) -= before.acceleration * jump;
   }
   const std::size_t count = derivatives_ ? variants_.size() : 1;
-  for (std::size_t j = 0; j < count; ++j) strike(contact, variants_[j]);
+  for (std::size_t j = 0; j < count; ++j) strike(contact, stays, variants_[j]);
   difference();
+}
+
+double JointFlight::lost_share(int contact) const {
+  const Machine& machine = centre().machine;
+  return 2.0 - machine.W.col(contact).dot(machine.jump.col(contact));
+}
+
+void JointFlight::along(int contact, Eigen::Ref<Eigen::VectorXd> y) const {
+  const auto w = centre().machine.W.col(contact);
+  y = w / w.squaredNorm();
 }
 
 void JointFlight::carry_through(Eigen::Ref<Eigen::VectorXd> dx) const {
   const Machine& machine = centre().machine;
   const double gamma = machine.W.col(struck_).dot(dx.tail(n()));
-  dx.tail(n()) -= gamma * machine.jump.col(struck_);
+  const auto w = machine.W.col(struck_);
+  if (stays_) {
+    dx.tail(n()) -= (gamma / w.squaredNorm()) * w;
+  } else {
+    dx.tail(n()) -= gamma * machine.jump.col(struck_);
+  }
 }
 
 }  // namespace sprag

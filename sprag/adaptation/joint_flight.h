@@ -1,7 +1,11 @@
-// Free flight and impact of the machines that the unknowns of a scene span (machine_family.h), with
-// derivatives by the state and by the unknowns' coordinates c: those by the state in closed form,
-// those by c by central differences, each between two machines of the family. In modal coordinates
-// y of q = V y. Does not allocate once it is made.
+// Flight and impact of the machines that the unknowns of a scene span (machine_family.h), free or
+// with one contact that stays closed,
+//
+//   y'' + C y' + K y = F(t) + w lambda,   w^T y'' + s'' = 0 where it is closed,
+//
+// with derivatives by the state and by the unknowns' coordinates c: those by the state in closed
+// form, those by c by central differences, each between two machines of the family. In modal
+// coordinates y of q = V y. Does not allocate once it is made.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,14 +28,17 @@ class JointFlight {
   /// The machine of these coordinates from now on; `derivatives`: those by c are wanted as well.
   void set(const Eigen::Ref<const Eigen::VectorXd>& c, bool derivatives);
 
-  /// From (y, y') = x, 2n entries, at t to t + tau; tau may be negative.
-  void fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau);
+  /// From (y, y') = x, 2n entries, at t to t + tau; tau may be negative. `held`: the contact that
+  /// is closed, -1 for none. Its flight costs in proportion to tau: cost_of_holding().
+  void fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau, int held = -1);
+  /// Steps that a flight of tau takes with a contact closed.
+  double cost_of_holding(double tau) const;
 
   /// After fly(): (y, y') there, and d(y, y') / dc, 2n x P, where derivatives are wanted.
   const Eigen::VectorXd& x() const { return x_; }
   const Eigen::MatrixXd& by_unknowns() const { return by_c_; }
   /// d(y, y') / dx applied to a deviation of x, in place.
-  void carry(Eigen::Ref<Eigen::VectorXd> dx) const;
+  void carry(Eigen::Ref<Eigen::VectorXd> dx);
 
   /// After fly(): gap of a contact there, its velocity and acceleration.
   struct Gap {
@@ -42,8 +49,12 @@ class JointFlight {
   /// Its derivatives by the x that fly() began with and by c, (2n + P) entries.
   void gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z) const;
 
-  /// After fly(): the impact of a contact. x() and by_unknowns() are those behind it from then on.
-  void strike(int contact);
+  /// After a free fly(): the impact of a contact, which stays closed then or not. x() and
+  /// by_unknowns() are those behind it from then on.
+  void strike(int contact, bool stays = false);
+  /// 1 - epsilon of a contact, and what a velocity of its gap of 1 is in y', n entries.
+  double lost_share(int contact) const;
+  void along(int contact, Eigen::Ref<Eigen::VectorXd> y) const;
   /// An impact that comes later by dt leaves x() at the same instant off by this times dt.
   const Eigen::VectorXd& by_time() const { return by_time_; }
   /// What strike() makes of a deviation of x before it.
@@ -55,7 +66,8 @@ class JointFlight {
     Eigen::VectorXd inputs;
     bool own_flow = false;  // C or K is not the centre's
     Eigen::VectorXd x;
-    std::vector<std::complex<double>> harmonics;  // of each group, at the end of the flight
+    std::vector<std::complex<double>> harmonics;    // of each group, at the end of the flight
+    std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
   };
 
   Variant& centre() { return variants_.front(); }
@@ -64,7 +76,10 @@ class JointFlight {
   void find_steps(const Variant& variant, double tau, std::vector<OscillatorStep>& steps) const;
   void fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau, Variant& variant);
   void add_steady(double sign, Variant& variant) const;
-  void strike(int contact, Variant& variant);
+  void strike(int contact, bool stays, Variant& variant);
+  void hold(int contact, double tau, Variant& variant);
+  void hold_homogeneous(int contact, double tau);
+  void add_held_terms(const Machine& machine, int contact, double share);
   Gap gap(int contact, const Variant& variant) const;
   void difference();
 
@@ -76,7 +91,11 @@ class JointFlight {
   Eigen::VectorXd x_, by_time_;
   Eigen::MatrixXd by_c_;
   double end_ = 0.0;  // of the flight [s]
+  int held_ = -1;     // in that flight
   int struck_ = 0;
+  bool stays_ = false;
+  Eigen::MatrixXd held_step_;    // 2n x 2n
+  Eigen::VectorXd term_, next_;  // of a Taylor series
 };
 
 }  // namespace sprag

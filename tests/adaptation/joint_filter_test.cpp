@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "sprag/adaptation/task.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
@@ -97,6 +99,49 @@ TEST_P(JointFlightOfScenes, DerivativesAreThoseOfTheFlight) {
     of_c += by_c_later.col(k);
     SCOPED_TRACE(family.unknowns()[static_cast<std::size_t>(k)].key);
     expect_same(of_c, difference(no_x, Eigen::VectorXd::Unit(P, k), 0.0));
+  }
+}
+
+// Closed for a while, between the end of a chatter and the next opening.
+TEST(JointFlight, HoldsAContactAsTheMachineDoes) {
+  for (const char* name : {"paper_beam_chatter", "two_stops_beam", "steel_ruler"}) {
+    SCOPED_TRACE(name);
+    const Scene scene = shipped_scene(name);
+    const MachineFamily family(scene, unknowns_to_adapt(scene));
+    JointFlight flight(family), moved(family);
+    Eigen::VectorXd c(flight.unknowns());
+    for (Eigen::Index k = 0; k < c.size(); ++k) {
+      const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
+      c[k] = unknown.coordinate(unknown.nominal);
+    }
+    const std::vector<ContactEvent> events = test::events_of(scene, 20.0);
+    const auto closing = std::find_if(events.begin(), events.end(), [](const ContactEvent& event) {
+      return event.kind == ContactEventKind::closes;
+    });
+    ASSERT_NE(closing, events.end());
+    const double opens = std::next(closing) == events.end() ? 20.0 : std::next(closing)->t;
+    Master master(scene.model, scene.master);
+    std::vector<ContactEvent> passed;
+    const auto state_at = [&](double t) {
+      master.advance(at(t), passed);
+      Eigen::VectorXd q(family.n()), u(family.n()), x(2 * family.n());
+      master.state(at(t), q, u);
+      x << family.to_modes(q), family.to_modes(u);
+      return x;
+    };
+    const double from = closing->t + 0.1 * (opens - closing->t);
+    const double to = closing->t + 0.9 * (opens - closing->t);
+    const Eigen::VectorXd start = state_at(from), end = state_at(to);
+    flight.set(c, true);
+    flight.fly(start, from, to - from, closing->contact);
+    EXPECT_LT((flight.x() - end).norm(), 1e-10 * end.norm()) << flight.x().transpose();
+    // Deviations.
+    Eigen::VectorXd dx = Eigen::VectorXd::LinSpaced(start.size(), 0.5, 1.0) * start.norm();
+    moved.set(c, false);
+    moved.fly(start + 1e-3 * dx, from, to - from, closing->contact);
+    const Eigen::VectorXd difference = (moved.x() - flight.x()) / 1e-3;
+    flight.carry(dx);
+    EXPECT_LT((dx - difference).norm(), 1e-8 * difference.norm());
   }
 }
 
