@@ -19,16 +19,6 @@ namespace {
 constexpr int wanted_receive_buffer = 4'000'000;
 constexpr int largest_batch = 1000;
 
-struct Subscription {
-  std::string channel;
-  bool is_prefix;
-  Bus::Handler handler;
-
-  bool wants(std::string_view name) const {
-    return is_prefix ? name.starts_with(channel) : name == channel;
-  }
-};
-
 void probe(const LcmUrl& url) {
   if (!url.multicast) return;
   const std::string failure = probe_multicast(*url.multicast);
@@ -42,6 +32,16 @@ void probe(const LcmUrl& url) {
 }  // namespace
 
 struct Bus::Impl {
+  struct Subscription {
+    std::string channel;
+    bool is_prefix;
+    Bus::Handler handler;
+
+    bool wants(std::string_view name) const {
+      return is_prefix ? name.starts_with(channel) : name == channel;
+    }
+  };
+
   Impl(const std::string& address, std::optional<Key> secret)
       : url(parse_url(address)), key(secret), lcm(nullptr, lcm_destroy) {
     probe(url);

@@ -13,7 +13,7 @@ namespace sprag {
 namespace {
 
 constexpr std::int64_t most_ticks = 50000;
-constexpr double ticks_per_period = 8.0;
+constexpr double samples_per_period = 8.0;
 constexpr std::size_t most_events_of_fit = 2000;
 constexpr int most_corrected = 30;
 constexpr int all_tried = 8;
@@ -124,7 +124,7 @@ Accuracy find_accuracy(const Scene& scene, double tolerance, double duration,
   const std::vector<Eigen::Index> order = by_frequency(machine);
   const double fastest = std::sqrt(machine.model.K(order.back(), order.back()) /
                                    machine.model.M(order.back(), order.back()));
-  const double wanted = result.duration * fastest * ticks_per_period / (2.0 * std::numbers::pi);
+  const double wanted = result.duration * fastest * samples_per_period / (2.0 * std::numbers::pi);
   const auto ticks =
       static_cast<std::int64_t>(std::clamp(wanted, 1000.0, static_cast<double>(most_ticks)));
   const double tick = result.duration / static_cast<double>(ticks);

@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
-constexpr double ticks_per_period = 20.0;
+constexpr double moreau_ticks_per_period = 20.0;
 constexpr double periods = 50.0;
 constexpr double time_constants = 3.0;
 // A trial where nothing vibrates, in the scene's unit of time.
@@ -327,7 +327,7 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   a.monotonicity = monotonicity(dynamics);
   a.modes = modes(dynamics);
   for (const Mode& mode : a.modes) a.omega_max = std::max(a.omega_max, mode.omega);
-  a.moreau_tick = two_pi / (ticks_per_period * a.omega_max);
+  a.moreau_tick = two_pi / (moreau_ticks_per_period * a.omega_max);
   a.trial = run_trial(scene, trial_duration(scene, dynamics, a), limits);
 
   findings.push_back(directions_finding(a.W, contacts));

@@ -21,7 +21,8 @@ void append_wrapped(std::string_view words, std::size_t used, std::string& text)
     const std::string_view word = words.substr(0, words.find(' '));
     words.remove_prefix(std::min(word.size() + 1, words.size()));
     if (!fresh && used + 1 + word.size() > columns) {
-      text += '\n' + std::string(margin, ' ');
+      text += '\n';
+      text.append(margin, ' ');
       used = margin;
       fresh = true;
     }

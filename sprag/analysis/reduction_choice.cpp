@@ -4,18 +4,17 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <stdexcept>
 
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
 using Eigen::Index;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr int least_closings = 8;
 constexpr double strongly_damped = 0.05;
 constexpr std::size_t most_modes_of_fit = 10;

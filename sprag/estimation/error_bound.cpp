@@ -8,11 +8,11 @@
 
 #include "sprag/mechanics/impact_law.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double epsilon_machine = std::numeric_limits<double>::epsilon();
 
 // Roundings of a state from one event to the next, in ulps: generous.

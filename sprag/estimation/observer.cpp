@@ -9,11 +9,10 @@
 
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // What is settled is never gone back behind.
 constexpr std::int64_t history = 1;

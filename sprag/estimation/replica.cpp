@@ -5,13 +5,13 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
 // Clutch switchings within one interval before the rest of it is taken as it is.
 constexpr int max_switchings = 1000;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 

@@ -1,8 +1,9 @@
 #include "sprag/estimation/supervised_filter.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
+
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
@@ -154,7 +155,6 @@ void SupervisedFilter::confidence(const SupervisedState& state, double initial,
     filter_.confidence(state.filter, initial, confidence);
   } else {
     // The replica's own error is not estimated.
-    constexpr double infinity = std::numeric_limits<double>::infinity();
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
+#include "sprag/mechanics/scalars.h"
 #include "sprag/mechanics/wide_product.h"
 
 namespace sprag {
@@ -16,7 +16,6 @@ constexpr std::size_t kept_bytes = 64 << 20;
 // A restart takes this multiple of the squares by which two estimates differ, and not nothing.
 constexpr double reserve = 4.0;
 constexpr double least_share = 1e-12;
-constexpr double infinity = std::numeric_limits<double>::infinity();
 // An event may be on its way where the gap, or the force, is less than so many of its deviations.
 constexpr double deviations_to_expect = 4.0;
 // Silence that is less likely than a deviation of seven sigma is no silence.

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "sprag/estimation/timing_filter.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
@@ -21,7 +22,6 @@ constexpr double insignificant = 1e-10;
 constexpr double remainder_tells = 100.0;
 // The master's: gaps that are less than this share of their terms are closed.
 constexpr double touching = 1e-12;
-constexpr double infinity = std::numeric_limits<double>::infinity();
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
 

@@ -8,11 +8,11 @@
 #include <span>
 
 #include "sprag/mechanics/impact_law.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double half_log_two_pi = 0.91893853320467274178;
 
 // A first look at tau, over +- so many sigma.

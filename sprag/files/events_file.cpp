@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 
 namespace {
@@ -121,7 +123,6 @@ EventsFile read_events(InputFile file, int contacts) {
     result.missing_from = std::min(result.missing_from, from);
     result.missing_to = std::max(result.missing_to, to);
   };
-  constexpr double infinity = std::numeric_limits<double>::infinity();
   while ((got = reader.next(line)) == LineReader::Result::line) {
     if (line.empty()) continue;
     const auto row = parse_row(line, fields);

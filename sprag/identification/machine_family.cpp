@@ -14,7 +14,7 @@ namespace {
 using Kind = Unknown::Kind;
 using Complex = std::complex<double>;
 
-bool is_diagonal(const Eigen::MatrixXd& A) {
+bool nearly_diagonal(const Eigen::MatrixXd& A) {
   const double largest = A.cwiseAbs().maxCoeff();
   Eigen::MatrixXd rest = A;
   rest.diagonal().setZero();
@@ -54,7 +54,7 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
   const bool entries = std::any_of(unknowns_.begin(), unknowns_.end(), [](const Unknown& unknown) {
     return unknown.kind == Kind::damping_entry || unknown.kind == Kind::stiffness_entry;
   });
-  modal_ = !entries && is_diagonal(C_) && is_diagonal(K_);
+  modal_ = !entries && nearly_diagonal(C_) && nearly_diagonal(K_);
   if (modal_) {
     C_ = C_.diagonal().eval();
     K_ = K_.diagonal().cwiseMax(0.0).eval();

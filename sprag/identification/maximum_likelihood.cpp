@@ -17,7 +17,7 @@ constexpr double untimed_weight = 1e-3;  // square root of 1e-6
 constexpr double undetermined_below = 1e-8;
 // An unknown of whose effect the starts take up all but this share is scaled by the effect itself,
 // so that one of which they take up all but rounding is found to be undetermined.
-constexpr double least_share = 1e-4;
+constexpr double least_effect_share = 1e-4;
 
 // The constraints of one stretch, solved for what is its own: x0 and tau.
 struct Block {
@@ -182,7 +182,7 @@ void Maximization::linearize() {
   M_scale_ = M_.colwise()
                  .norm()
                  .transpose()
-                 .cwiseMax(least_share * effects.cwiseSqrt())
+                 .cwiseMax(least_effect_share * effects.cwiseSqrt())
                  .cwiseMax(std::numeric_limits<double>::min());
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     if (M_.col(k).norm() < undetermined_below * M_scale_[k]) M_.col(k).setZero();

@@ -15,7 +15,7 @@ using Kind = Unknown::Kind;
 
 constexpr double rank_threshold = 1e-13;
 // An input of whose effect the start takes up all but this is not told: rounding is below it.
-constexpr double least_share = 1e-4, least_of_inputs = 1e-8;
+constexpr double least_input_share = 1e-4, least_of_inputs = 1e-8;
 // Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
 
@@ -193,7 +193,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     const Eigen::VectorXd scale = stacked.leftCols(zetas)
                                       .colwise()
                                       .norm()
-                                      .cwiseMax(least_share * input_squares.cwiseSqrt())
+                                      .cwiseMax(least_input_share * input_squares.cwiseSqrt())
                                       .transpose()
                                       .cwiseMax(std::numeric_limits<double>::min());
     Eigen::MatrixXd scaled = stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal();

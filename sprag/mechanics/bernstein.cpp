@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <limits>
+
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag::bernstein {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 constexpr std::size_t index(int i) { return static_cast<std::size_t>(i); }
 constexpr std::size_t top = index(degree);

@@ -14,15 +14,6 @@ namespace {
 
 using std::complex;
 
-bool is_diagonal(const Eigen::MatrixXd& A) {
-  for (Eigen::Index j = 0; j < A.cols(); ++j) {
-    for (Eigen::Index i = 0; i < A.rows(); ++i) {
-      if (i != j && A(i, j) != 0.0) return false;
-    }
-  }
-  return true;
-}
-
 complex<double> amplitude(const Harmonic& harmonic) {
   return std::polar(1.0, harmonic.phase) * harmonic.amplitude;
 }
@@ -72,7 +63,7 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
   check_sizes(model_);
   const Eigen::Index f = coordinates();
   const Eigen::Index m = contacts();
-  diagonal_ = is_diagonal(model_.M) && is_diagonal(model_.C) && is_diagonal(model_.K);
+  diagonal_ = model_.M.isDiagonal(0.0) && model_.C.isDiagonal(0.0) && model_.K.isDiagonal(0.0);
   frequencies_ = distinct_frequencies(model_);
   const Eigen::Index nf = frequencies_.size();
   const auto index_of = [this](double frequency) {

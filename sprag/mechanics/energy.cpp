@@ -10,10 +10,6 @@ namespace sprag {
 
 namespace {
 
-bool is_diagonal(const Eigen::MatrixXd& matrix) {
-  return matrix == Eigen::MatrixXd(matrix.diagonal().asDiagonal());
-}
-
 Eigen::VectorXd difference(const Eigen::Ref<const Eigen::VectorXd>& master,
                            const Eigen::Ref<const Eigen::VectorXd>& replica) {
   Eigen::VectorXd result = master;
@@ -24,7 +20,7 @@ Eigen::VectorXd difference(const Eigen::Ref<const Eigen::VectorXd>& master,
 }  // namespace
 
 NaturalModes natural_modes(const Model& model) {
-  if (is_diagonal(model.M) && is_diagonal(model.K)) {
+  if (model.M.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
     if ((model.M.diagonal().array() <= 0.0).any()) {
       throw ModelError("M is not positive definite");
     }

@@ -10,6 +10,7 @@
 
 #include "sprag/mechanics/bernstein.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
@@ -19,7 +20,6 @@ constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i)
 // Lower bounds have one term more, the remainder.
 constexpr int degree = bernstein::degree - 1;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
-constexpr double infinity = std::numeric_limits<double>::infinity();
 // Below this a motion has died out; its roundings are no longer relative.
 constexpr double nothing = 1e-290;
 

@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 // So many events that are no further apart than a few roundings of t are a standstill of time.
 constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;

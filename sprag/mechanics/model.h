@@ -12,11 +12,9 @@
 
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/error.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
-
-/// Not std::pow, which without optimization is not that product, and not the same in other units.
-constexpr double square(double x) { return x * x; }
 
 /// amplitude cos(frequency t + phase); frequency in rad per unit of time, >= 0.
 struct Harmonic {

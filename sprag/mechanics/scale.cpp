@@ -3,12 +3,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double largest_row_sum(const Eigen::MatrixXd& A) { return A.cwiseAbs().rowwise().sum().maxCoeff(); }
 

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
+#include "sprag/mechanics/scalars.h"
 #include "studies/calibration/machines.h"
 #include "studies/tolerance/in_parallel.h"
 #include "studies/tolerance/random.h"
@@ -16,7 +16,6 @@
 namespace sprag::calibration {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double usual_ticks = 20000.0;
 constexpr std::size_t enough_events = 2500;
 constexpr Eigen::Index large = 40;  // coordinates

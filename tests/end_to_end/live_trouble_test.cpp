@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "lcmtypes/state_codec.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/end_to_end/played_master.h"
 
@@ -222,7 +223,6 @@ INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, 1e6)
 
 // What comes after an odd message is heard as if it had not been.
 TEST_F(LiveTroubleTest, OddMessagesDoNotTakeTheObserverWithThem) {
-  const double infinity = std::numeric_limits<double>::infinity();
   const std::string events = simulate(scene("paper_beam"), "8", "0.1");
   const std::vector<ContactEvent> of_beam = read_events(events, 1).events;
   Process& observer =

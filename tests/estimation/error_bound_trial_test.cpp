@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <map>
 #include <optional>
 
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random_model.h"
@@ -20,7 +20,6 @@
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t seed = 1301;
 constexpr int machines = 100;
 constexpr double end = 5.0;

@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-constexpr double h = 0.02;
+constexpr double tick_length = 0.02;
 constexpr double duration = 20.0;
 
 /// A run tick by tick with the same events in both; the state is copied away and back on its way.
@@ -19,8 +19,8 @@ void expect_same(EstimatorKind kind, StepperKind stepper) {
   const Eigen::Index f = scene.model.coordinates();
   const std::vector<ContactEvent> events = master_events(scene, duration);
   ASSERT_GT(events.size(), 20U);
-  E typed(scene, h);
-  AnyEstimator any(scene, h, kind, stepper);
+  E typed(scene, tick_length);
+  AnyEstimator any(scene, tick_length, kind, stepper);
   EXPECT_EQ(any.h(), typed.h());
   typename E::State typed_state;
   AnyEstimator::State state, other;
@@ -31,9 +31,9 @@ void expect_same(EstimatorKind kind, StepperKind stepper) {
   EXPECT_EQ(actual.has_replica, expected.has_replica);
   EXPECT_EQ(actual.has_filter, expected.has_filter);
   std::size_t next = 0;
-  for (std::int64_t k = 1; k <= last_tick(duration, h); ++k) {
+  for (std::int64_t k = 1; k <= last_tick(duration, tick_length); ++k) {
     const std::size_t first = next;
-    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
+    while (next < events.size() && first_tick_after(events[next].t, tick_length) <= k) ++next;
     const auto of_tick = std::span(events).subspan(first, next - first);
     typed.tick(of_tick, typed_state);
     other = state;
@@ -64,10 +64,10 @@ TEST(AnyEstimator, HasTheBitsOfTheOneThatItIs) {
 
 TEST(AnyEstimator, SaysHowItMoves) {
   const Scene& scene = shipped_scene("paper_beam.toml");
-  AnyEstimator exact(scene, h);
+  AnyEstimator exact(scene, tick_length);
   ASSERT_NE(exact.flows(), nullptr);
   EXPECT_STREQ(exact.flow_path(), "diagonal");
-  AnyEstimator moreau(scene, h, EstimatorKind::replica, StepperKind::moreau);
+  AnyEstimator moreau(scene, tick_length, EstimatorKind::replica, StepperKind::moreau);
   EXPECT_EQ(moreau.flows(), nullptr);
   EXPECT_STREQ(moreau.flow_path(), "moreau");
 }
@@ -75,8 +75,8 @@ TEST(AnyEstimator, SaysHowItMoves) {
 // A state of one estimator is no use to another, and start() makes it one.
 TEST(AnyEstimator, TakesAnyStateAtItsStart) {
   const Scene& scene = shipped_scene("paper_beam.toml");
-  AnyEstimator both(scene, h);
-  AnyEstimator replica(scene, h, EstimatorKind::replica);
+  AnyEstimator both(scene, tick_length);
+  AnyEstimator replica(scene, tick_length, EstimatorKind::replica);
   AnyEstimator::State state;
   both.start(scene.replica, 0, 0, state);
   both.tick({}, state);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sprag/mechanics/scalars.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
 
@@ -246,7 +247,6 @@ TEST(EventHistory, ARestartForgetsEventsAndKeepsCounts) {
 }
 
 TEST(EventHistory, WhatWasSkippedIsAGap) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
   const auto complete_to = [](double horizon, const Events& events) {
     EventHistory history = started();
     EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());

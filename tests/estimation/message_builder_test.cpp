@@ -4,17 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "sprag/estimation/event_history.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/estimation/random_events.h"
 
 namespace sprag {
 namespace {
 
 using enum ContactEventKind;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Reports of a master that looks at its clock now and then, `burst` events at a time on average.
 std::vector<ContactMessage> send(const std::vector<ContactEvent>& events, int contacts, int burst,

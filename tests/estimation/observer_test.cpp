@@ -16,7 +16,7 @@
 namespace sprag {
 namespace {
 
-constexpr double h = 0.01;
+constexpr double tick_length = 0.01;
 constexpr double duration = 20.0;
 
 const char* const scenes[] = {"paper_beam", "paper_beam_chatter", "two_stops_beam", "lab_rig"};
@@ -52,14 +52,14 @@ class ObserverTest
     : public testing::TestWithParam<std::tuple<const char*, EstimatorKind, StepperKind>> {
  protected:
   Scene scene_ = scene_of(std::get<0>(GetParam()));
-  ObserverSettings settings_{h, std::get<1>(GetParam()), std::get<2>(GetParam())};
+  ObserverSettings settings_{tick_length, std::get<1>(GetParam()), std::get<2>(GetParam())};
   std::vector<ContactEvent> events_ = events_of(scene_);
 };
 
 TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
   std::vector<Estimate> expected;
   {
-    AnyEstimator estimator(scene_, h, settings_.estimator, settings_.stepper);
+    AnyEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
     TimeLine<AnyEstimator> line(estimator, contacts, scene_.replica, 1);
     line.restart(0, 0, 0, no_horizon);
@@ -71,7 +71,7 @@ TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
         [&](const AnyEstimator::State& state) {
           Estimate estimate;
           estimate.tick = state.tick;
-          estimate.t = tick_instant(state.tick, h).hi;
+          estimate.t = tick_instant(state.tick, tick_length).hi;
           estimate.q.resize(scene_.model.coordinates());
           estimate.u.resize(scene_.model.coordinates());
           estimator.output(state, estimate.q, estimate.u);
@@ -158,7 +158,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
   const Scene scene = scene_of("paper_beam");
   const std::vector<ContactEvent> events = events_of(scene);
-  Observer observer(scene, {.tick = h});
+  Observer observer(scene, {.tick = tick_length});
   observer.set_horizon(5.0);
   EXPECT_FALSE(observer.take(events.front()));
   EXPECT_FALSE(observer.take({6.0, 1, ContactEventKind::pulse})) << "there is one contact";
@@ -176,7 +176,7 @@ TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
 
 TEST(Observer, HasABoundWhereTheEventsAreComplete) {
   const Scene scene = scene_of("paper_beam");
-  const Estimates all = observe(scene, events_of(scene), duration, {.tick = h});
+  const Estimates all = observe(scene, events_of(scene), duration, {.tick = tick_length});
   EXPECT_NEAR(all.bound[0], scene.uncertainty.sum(), 1e-12);
   EXPECT_LT(all.bound[all.bound.size() - 1], 0.2 * all.bound[0]);
 }
@@ -184,8 +184,8 @@ TEST(Observer, HasABoundWhereTheEventsAreComplete) {
 TEST(Observer, CanBeMoved) {
   const Scene scene = scene_of("lab_rig");
   std::vector<Observer> observers;
-  observers.emplace_back(scene, ObserverSettings{.tick = h});
-  observers.emplace_back(scene, ObserverSettings{.tick = h});
+  observers.emplace_back(scene, ObserverSettings{.tick = tick_length});
+  observers.emplace_back(scene, ObserverSettings{.tick = tick_length});
   Observer moved = std::move(observers.front());
   for (const ContactEvent& event : events_of(scene)) moved.take(event);
   moved.set_horizon(1.0);
@@ -195,7 +195,8 @@ TEST(Observer, CanBeMoved) {
 TEST(Observer, RefusesSettingsThatMakeNoSense) {
   const Scene scene = scene_of("lab_rig");
   EXPECT_THROW(Observer(scene, {.tick = 0.0}), std::invalid_argument);
-  EXPECT_THROW(Observer(scene, {.tick = h, .stepper = StepperKind::moreau}), std::invalid_argument);
+  EXPECT_THROW(Observer(scene, {.tick = tick_length, .stepper = StepperKind::moreau}),
+               std::invalid_argument);
   EXPECT_THROW(observe(scene, {}, -1.0), std::invalid_argument);
 }
 
@@ -207,8 +208,8 @@ TEST(BeamInCode, IsThatOfTheSceneFile) {
   Model model = beam_model(beam, shake);
   model.contacts = {beam_contact(beam, 0.868, Side::below, 0.0, 0.7, shake)};
   model.chatter_time = scene.model.chatter_time;
-  const Simulation a = simulate(model, scene.master, duration, h);
-  const Simulation b = simulate(scene.model, scene.master, duration, h);
+  const Simulation a = simulate(model, scene.master, duration, tick_length);
+  const Simulation b = simulate(scene.model, scene.master, duration, tick_length);
   EXPECT_EQ(a.events, b.events);
   EXPECT_EQ(a.q, b.q);
   EXPECT_EQ(a.u, b.u);

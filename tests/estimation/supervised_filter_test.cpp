@@ -20,7 +20,7 @@
 namespace sprag {
 namespace {
 
-constexpr double h = 1e-2;
+constexpr double tick_of_both = 1e-2;
 constexpr double length = 100.0;
 
 /// Events as a sensor reports them: edges of one contact stay in order.
@@ -45,8 +45,8 @@ struct Outcome {
 
 Outcome outcome(const Scene& machine, const Scene& told, std::span<const ContactEvent> events) {
   const Eigen::Index f = machine.model.coordinates();
-  SupervisedFilter both(told.model, h, uncertainty_of(told));
-  TimingFilter filter(told.model, h, uncertainty_of(told));
+  SupervisedFilter both(told.model, tick_of_both, uncertainty_of(told));
+  TimingFilter filter(told.model, tick_of_both, uncertainty_of(told));
   SupervisedFilter::State state;
   TimingFilter::State alone;
   both.start(told.replica, 0, 0, state);
@@ -56,11 +56,11 @@ Outcome outcome(const Scene& machine, const Scene& told, std::span<const Contact
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   std::vector<ContactEvent> ignored;
   Outcome result;
-  const auto ticks = static_cast<int>(std::lround(length / h));
+  const auto ticks = static_cast<int>(std::lround(length / tick_of_both));
   const int from = ticks / 10;
   for (int k = 1; k <= ticks; ++k) {
     const auto later = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
-      return event.t > tick_instant(k, h).hi;
+      return event.t > tick_instant(k, tick_of_both).hi;
     });
     const auto due = events.first(static_cast<std::size_t>(later - events.begin()));
     events = events.subspan(due.size());
@@ -72,8 +72,8 @@ Outcome outcome(const Scene& machine, const Scene& told, std::span<const Contact
     }
     if (state.trusted) result.trusted += 1.0 / ticks;
     if (k <= from) continue;
-    master.advance(tick_instant(k, h), ignored);
-    master.state(tick_instant(k, h), q_m, u_m);
+    master.advance(tick_instant(k, tick_of_both), ignored);
+    master.state(tick_instant(k, tick_of_both), q_m, u_m);
     const auto V = [&] { return energy(q_m, u_m, q, u)[0] + 1e-40; };
     both.replica().output(state, q, u);
     const double of_replica = V();
@@ -242,14 +242,14 @@ TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
     contact.motion.amplitude = 0.0;
   }
   const auto last_confidence = [](const Scene& of) {
-    SupervisedFilter both(of.model, h, uncertainty_of(of));
+    SupervisedFilter both(of.model, tick_of_both, uncertainty_of(of));
     SupervisedFilter::State state;
     both.start(of.replica, 0, 0, state);
     Master master(of.model, of.master);
     std::vector<ContactEvent> events;
     for (int k = 1; k <= 1000; ++k) {
       events.clear();
-      master.advance(tick_instant(k, h), events);
+      master.advance(tick_instant(k, tick_of_both), events);
       both.tick(events, state);
     }
     Confidence confidence = both.no_confidence();
@@ -283,7 +283,7 @@ TEST(SupervisedFilter, BearsAnyEvents) {
     scene.jitter = random.chance(0.5) ? 1e-3 : 0.0;
     std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
     for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
-    SupervisedFilter filter(scene.model, h, uncertainty_of(scene));
+    SupervisedFilter filter(scene.model, tick_of_both, uncertainty_of(scene));
     Confidence confidence = filter.no_confidence();
     bool finite = true;
     run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
@@ -306,7 +306,7 @@ TEST(SupervisedFilter, RollbacksDoNotShow) {
   Scene told = scene;
   told.jitter = 1e-3;
   const auto run = [&](bool late) {
-    SupervisedFilter filter(told.model, h, uncertainty_of(told));
+    SupervisedFilter filter(told.model, tick_of_both, uncertainty_of(told));
     std::pair<Recording, std::vector<Confidence>> settled;
     Confidence confidence = filter.no_confidence();
     run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {

@@ -14,7 +14,7 @@
 namespace sprag {
 namespace {
 
-constexpr double h = 1e-3;
+constexpr double tick_length = 1e-3;
 
 Scene paper_beam() { return read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml"); }
 
@@ -25,7 +25,7 @@ bool has_no_time(const Motion& motion) {
 // A time left behind would be read without notice.
 TEST(TickedFlight, LeavesNoTimeBehind) {
   const Flows flows(paper_beam().model);
-  const TickedFlight flight(flows[0], h);
+  const TickedFlight flight(flows[0], tick_length);
   Motion motion;
   const State start = paper_beam().replica;
   flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), motion);
@@ -37,7 +37,7 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
   }
   Motion exact;
   flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), exact);
-  flows[0].propagate(exact, tick_instant(200, h), exact);
+  flows[0].propagate(exact, tick_instant(200, tick_length), exact);
   EXPECT_LE((motion.x.z - exact.x.z).abs().maxCoeff(), 1e-12 * exact.x.z.abs().maxCoeff());
   EXPECT_LE((motion.x.v - exact.x.v).abs().maxCoeff(), 1e-12 * exact.x.v.abs().maxCoeff());
 }
@@ -51,25 +51,26 @@ void has_its_time_again(Stepper& stepper) {
     stepper.start(paper_beam().replica, 0, 0, state);
     for (std::int64_t k = 0; k < ticks; ++k) stepper.tick({}, state);
     ASSERT_TRUE(has_no_time(state.motion));
-    const ContactEvent event{(static_cast<double>(ticks) + 0.5) * h, 0, ContactEventKind::pulse};
+    const ContactEvent event{(static_cast<double>(ticks) + 0.5) * tick_length, 0,
+                             ContactEventKind::pulse};
     stepper.open_tick(state);
-    EXPECT_EQ(state.motion.t - tick_instant(ticks, h), 0.0);
+    EXPECT_EQ(state.motion.t - tick_instant(ticks, tick_length), 0.0);
     stepper.take({&event, 1}, state);
     EXPECT_EQ(state.motion.t - at(event.t), 0.0);
     stepper.close_tick(state);
-    EXPECT_EQ(state.motion.t - tick_instant(ticks + 1, h), 0.0);
+    EXPECT_EQ(state.motion.t - tick_instant(ticks + 1, tick_length), 0.0);
     EXPECT_TRUE(state.motion.x.z.isFinite().all() && state.motion.x.v.isFinite().all());
   }
 }
 
 TEST(TickedFlight, AReplicasEventFindsTheTimeOfItsTick) {
-  Replica replica(paper_beam().model, h);
+  Replica replica(paper_beam().model, tick_length);
   has_its_time_again(replica);
 }
 
 TEST(TickedFlight, AFiltersEventFindsTheTimeOfItsTick) {
   const Scene beam = paper_beam();
-  TimingFilter filter(beam.model, h, uncertainty_of(beam));
+  TimingFilter filter(beam.model, tick_length, uncertainty_of(beam));
   has_its_time_again(filter);
 }
 

@@ -9,13 +9,13 @@
 #include <sprag/contacts_t.hpp>
 
 #include "lcmtypes/bus.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
 using enum ContactEventKind;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 // LCM's header, the channel's name with its end, the message.

@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto pulse = ContactEventKind::pulse;
+using enum ContactEventKind;
 
 /// Hears what is published.
 class Ear {

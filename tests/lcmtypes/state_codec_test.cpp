@@ -7,6 +7,8 @@
 #include <sprag/estimate_t.hpp>
 #include <sprag/state_t.hpp>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
@@ -247,7 +249,6 @@ TEST(StateCodecTest, ImpossibleValuesAreRefusedWithTheirCause) {
   };
   // Where nothing is known.
   EXPECT_EQ(spoilt([](Confidence& c) {
-              const double infinity = std::numeric_limits<double>::infinity();
               for (auto* sigma : {&c.sigma_q, &c.sigma_u, &c.sigma_g}) sigma->setConstant(infinity);
               c.filter.deviation = infinity;
             }),

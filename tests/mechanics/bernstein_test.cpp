@@ -8,9 +8,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <iostream>
-#include <limits>
 #include <numbers>
 
+#include "sprag/mechanics/scalars.h"
+#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -21,8 +22,6 @@ using bernstein::Coefficients;
 using bernstein::degree;
 using bernstein::Piece;
 
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t top = degree;
 
 // In extended precision: what the polynomial is, next to what doubles make of it.
@@ -135,7 +134,7 @@ TEST_F(Bernstein, FormIsThePolynomialAndEnclosesIt) {
   for (int i = 0; i < repetitions(2000); ++i) {
     const Coefficients a = random_coefficients(random_);
     const Coefficients b = bernstein::from_power(a);
-    const double rounding = 16.0 * epsilon * largest(a);
+    const double rounding = 16.0 * machine_epsilon * largest(a);
     const auto [low, high] = std::minmax_element(b.begin(), b.end());
     for (int k = 0; k <= 20; ++k) {
       const double s = k / 20.0;
@@ -172,7 +171,7 @@ TEST_F(Bernstein, SplitPartsAreTheSamePolynomialAndMeet) {
     ASSERT_EQ(left.low, whole.low);
     ASSERT_DOUBLE_EQ(left.low + left.length, right.low);
     ASSERT_DOUBLE_EQ(right.low + right.length, whole.low + whole.length);
-    const double rounding = 16.0 * epsilon * largest(whole.b);
+    const double rounding = 16.0 * machine_epsilon * largest(whole.b);
     for (int k = 0; k <= 10; ++k) {
       const long double x = k / 10.0L;
       ASSERT_NEAR(static_cast<double>(de_casteljau(left.b, x)),
@@ -202,7 +201,7 @@ TEST_F(Bernstein, CutLeavesTheRightPart) {
 TEST_F(Bernstein, SubdivisionConvergesWithTheSquareOfTheLength) {
   for (int i = 0; i < repetitions(2000); ++i) {
     Piece left{random_coefficients(random_), 0.0, 1.0};
-    const double rounding = 32.0 * epsilon * largest(left.b);
+    const double rounding = 32.0 * machine_epsilon * largest(left.b);
     const double whole = largest_second_difference(left.b);
     const double s = random_.uniform(0.01, 0.99);
     Piece right{};
@@ -247,9 +246,9 @@ TEST_F(Bernstein, HullCrossesZeroWhereTheFirstSegmentDoes) {
       continue;
     }
     ++crossings;
-    ASSERT_NEAR(crossing, first, 8.0 * epsilon) << i;
+    ASSERT_NEAR(crossing, first, 8.0 * machine_epsilon) << i;
     for (int k = 0; k < 50; ++k) {
-      ASSERT_GE(de_casteljau(b, crossing * k / 50.0), -16.0 * epsilon * largest(b)) << i;
+      ASSERT_GE(de_casteljau(b, crossing * k / 50.0), -16.0 * machine_epsilon * largest(b)) << i;
     }
   }
   EXPECT_GT(crossings, repetitions(20000) / 4);
@@ -260,7 +259,7 @@ TEST_F(Bernstein, AStraightLineCrossesZeroWhereItsHullDoes) {
   for (int i = 0; i < repetitions(2000); ++i) {
     const double root = random_.log_uniform(1e-6, 1.0);
     const Coefficients b = bernstein::from_power({root, -1.0});
-    ASSERT_NEAR(bernstein::hull_crossing(b), root, 8.0 * epsilon);
+    ASSERT_NEAR(bernstein::hull_crossing(b), root, 8.0 * machine_epsilon);
   }
 }
 
@@ -271,7 +270,7 @@ TEST_F(Bernstein, FirstRootBoundsTheFirstRootOfAnyCoefficients) {
   for (int i = 0; i < repetitions(20000); ++i) {
     const Coefficients b = random_falling(random_);
     const double root = bernstein::first_root(b);
-    const double rounding = 64.0 * epsilon * largest(b);
+    const double rounding = 64.0 * machine_epsilon * largest(b);
     const double end = std::min(root, 1.0);
     for (int k = 0; k < 200; ++k) ASSERT_GE(de_casteljau(b, end * k / 200.0), -rounding) << i;
     ++(root == infinity ? none : some);
@@ -291,7 +290,7 @@ TEST_F(Bernstein, FirstRootIsBeforeTheFirstRootOfAProduct) {
   for (int i = 0; i < repetitions(20000); ++i) {
     const Product product = random_product(random_);
     const double root = bernstein::first_root(product.b);
-    const double rounding = 64.0 * epsilon * largest(product.b);
+    const double rounding = 64.0 * machine_epsilon * largest(product.b);
     ++(product.first == infinity ? none : some);
     if (root > product.first) {
       // By no more than rounded coefficients move it.
@@ -356,7 +355,7 @@ TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
   EXPECT_EQ(bernstein::first_root({1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1e-17}), 1.0);
   for (const double start : {1e-3, 1e-9, 1e-15, 1e-100, 1e-300}) {
     const double root = bernstein::first_root(bernstein::from_power({start, -1.0}));
-    EXPECT_LE(root, start * (1.0 + 8.0 * epsilon)) << start;
+    EXPECT_LE(root, start * (1.0 + 8.0 * machine_epsilon)) << start;
     EXPECT_GE(root, 0.98 * start) << start;
   }
 }

@@ -6,20 +6,18 @@
 #include <cmath>
 #include <fstream>
 #include <iostream>
-#include <limits>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/master.h"
+#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 
 namespace sprag {
 namespace {
-
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 std::vector<std::vector<double>> rows(const std::string& name) {
   std::ifstream file(SPRAG_SOURCE_DIR "/tests/reference/" + name + ".csv");
@@ -97,7 +95,7 @@ const State pushed_off{Eigen::VectorXd::Constant(1, 0.3), Eigen::VectorXd::Const
 // What the largest response until t bears: roundings, and that of the phase.
 double resonant_rounding(double damping, double t) {
   const double largest = 0.5 + 0.05 * std::min(t, damping > 0.0 ? 2.0 / damping : t);
-  return epsilon * largest * (8.0 + t);
+  return machine_epsilon * largest * (8.0 + t);
 }
 
 TEST(NearResonance, TheFlowIsThatOf50Digits) {

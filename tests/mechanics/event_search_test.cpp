@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <iostream>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -276,14 +275,14 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
     const long double root = std::sqrt(static_cast<long double>(v) * v + 2.0L * g * height);
     const long double expected = v > 0 ? (v + root) / g : 2.0L * height / (root - v);
     ASSERT_NEAR(static_cast<double>(*found.tau / expected), 1.0,
-                4 * epsilon * static_cast<double>(1 + 1e-3L / expected))
+                4 * machine_epsilon * static_cast<double>(1 + 1e-3L / expected))
         << "g " << g << " height " << height << " v " << v;
     // From the ground: order 1.
     problem.enter({Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, std::abs(v))}, 0.0);
     const Found flight = search(problem, 1e9, 1);
     ASSERT_TRUE(flight.tau);
     const double full = 2.0 * std::abs(v) / g;
-    ASSERT_NEAR(*flight.tau / full, 1.0, 4 * epsilon * (1 + 1e-3 / full))
+    ASSERT_NEAR(*flight.tau / full, 1.0, 4 * machine_epsilon * (1 + 1e-3 / full))
         << "g " << g << " v " << v;
   }
 }

@@ -9,6 +9,7 @@
 #include <limits>
 #include <string>
 
+#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -17,8 +18,6 @@ namespace {
 
 using Real = long double;
 
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
-
 struct Point {
   Real z, v;
 };
@@ -26,16 +25,16 @@ struct Point {
 // exp(A tau) (z, v, alpha) by scaling, Taylor and squaring: no case distinction, so that it is
 // right in the neighbourhood of critical damping as well.
 Point by_matrix_exponential(Real delta, Real kappa, Real tau, Point x, Real alpha) {
-  using Matrix = Eigen::Matrix<Real, 3, 3>;
+  using Matrix3 = Eigen::Matrix<Real, 3, 3>;
   const Real w = std::max({std::sqrt(kappa), delta, std::numeric_limits<Real>::min()});
-  Matrix A;  // of (w z, v, alpha / w)
+  Matrix3 A;  // of (w z, v, alpha / w)
   A << 0, w, 0, -kappa / w, -2 * delta, w, 0, 0, 0;
   A *= tau;
   int halvings = 0;
   for (Real norm = A.lpNorm<Eigen::Infinity>(); norm > 0.125L; norm /= 2) ++halvings;
   A /= std::ldexp(Real(1), halvings);
-  Matrix term = Matrix::Identity();
-  Matrix sum = Matrix::Identity();
+  Matrix3 term = Matrix3::Identity();
+  Matrix3 sum = Matrix3::Identity();
   for (int j = 1; j <= 16; ++j) {
     term = term * A / static_cast<Real>(j);
     sum += term;
@@ -84,7 +83,7 @@ double error_in_roundings(double delta, double kappa, double tau, Point start, P
   const double z_scale = (z0 + v0 * reach) * (1 + w * tau);
   const double v_scale = (v0 + w * z0) * (1 + w * tau);
   const auto roundings = [](Real difference, double scale) {
-    return scale > 0 ? static_cast<double>(std::abs(difference)) / (epsilon * scale)
+    return scale > 0 ? static_cast<double>(std::abs(difference)) / (machine_epsilon * scale)
                      : (difference == 0 ? 0.0 : 1e300);
   };
   return std::max(roundings(computed.z - truth.z, z_scale),
@@ -228,7 +227,7 @@ TEST(Oscillators, UndampedEnergyStays) {
   for (const double tau : {0.01, 1.0, 100.0, 1e4}) {
     const Point x = propagate(0.0, kappa, 0.0, tau, {0.3, -0.4});
     const double energy = static_cast<double>(x.v * x.v + kappa * x.z * x.z);
-    EXPECT_NEAR(energy, 0.16 + kappa * 0.09, 4 * epsilon) << "tau " << tau;
+    EXPECT_NEAR(energy, 0.16 + kappa * 0.09, 4 * machine_epsilon) << "tau " << tau;
   }
 }
 
@@ -239,9 +238,9 @@ TEST(Oscillators, FreeFallIsAParabola) {
     const Real z = 0.9 + 0.5L * t + 0.5L * Real(-9.81) * t * t;
     const Real v = 0.5L + Real(-9.81) * t;
     EXPECT_NEAR(static_cast<double>(x.z - z), 0.0,
-                2 * epsilon * static_cast<double>(1 + std::abs(z)));
+                2 * machine_epsilon * static_cast<double>(1 + std::abs(z)));
     EXPECT_NEAR(static_cast<double>(x.v - v), 0.0,
-                2 * epsilon * static_cast<double>(1 + std::abs(v)));
+                2 * machine_epsilon * static_cast<double>(1 + std::abs(v)));
   }
 }
 
@@ -277,16 +276,16 @@ TEST(Oscillators, DampedDriftAgreesWithItsSeries) {
     const double z_scale = std::abs(z0) + std::abs(v0) * static_cast<double>(t * phi_1) +
                            std::abs(alpha) * static_cast<double>(t * t * phi_2);
     const double v_scale = std::abs(v0) + std::abs(alpha) * static_cast<double>(t * phi_1);
-    ASSERT_LT(static_cast<double>(std::abs(moved.z - z)), 16 * epsilon * z_scale)
+    ASSERT_LT(static_cast<double>(std::abs(moved.z - z)), 16 * machine_epsilon * z_scale)
         << "delta " << delta << ", tau " << tau;
-    ASSERT_LT(static_cast<double>(std::abs(moved.v - v)), 4 * epsilon * v_scale)
+    ASSERT_LT(static_cast<double>(std::abs(moved.v - v)), 4 * machine_epsilon * v_scale)
         << "delta " << delta << ", tau " << tau;
 
     const TickTable table(Oscillators(one(delta), one(0.0)), tau);
     OscillatorState state{one(z0), one(v0)};
     table.apply(state, one(alpha), true);
-    EXPECT_NEAR(state.z[0], static_cast<double>(moved.z), 16 * epsilon * z_scale);
-    EXPECT_NEAR(state.v[0], static_cast<double>(moved.v), 8 * epsilon * v_scale);
+    EXPECT_NEAR(state.z[0], static_cast<double>(moved.z), 16 * machine_epsilon * z_scale);
+    EXPECT_NEAR(state.v[0], static_cast<double>(moved.v), 8 * machine_epsilon * v_scale);
     OscillatorState copied{one(0.0), one(0.0)};
     table.apply({one(z0), one(v0)}, one(alpha), true, copied);
     EXPECT_EQ(copied.z[0], state.z[0]);
@@ -307,10 +306,11 @@ TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
     const Point pieces =
         propagate(delta, 0.0, alpha, b, propagate(delta, 0.0, alpha, a, {0.2, 0.3}));
     const double scale = 1 + (a + b) + (a + b) * (a + b);
-    ASSERT_NEAR(static_cast<double>(whole.z), static_cast<double>(pieces.z), 16 * epsilon * scale)
+    ASSERT_NEAR(static_cast<double>(whole.z), static_cast<double>(pieces.z),
+                16 * machine_epsilon * scale)
         << "delta " << delta << ", tau " << a << " + " << b;
     ASSERT_NEAR(static_cast<double>(whole.v), static_cast<double>(pieces.v),
-                16 * epsilon * (1 + a + b))
+                16 * machine_epsilon * (1 + a + b))
         << "delta " << delta << ", tau " << a << " + " << b;
   }
 }

@@ -5,16 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <vector>
 
 #include "sprag/estimation/replica.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 // Of V / V(0): the bar alone needs 1e-13 of it, for a hundred modes of up to 1e6 rad/s.
 constexpr double rounding = 1e-12;
 
@@ -24,23 +23,23 @@ long count(const std::vector<ContactEvent>& events, int contact, ContactEventKin
   });
 }
 
-struct Case {
+struct SceneRun {
   const char* scene;
   double T, h;
   double fall;  ///< V(T) / V(0) is at most this
 };
-void PrintTo(const Case& c, std::ostream* out) { *out << c.scene; }
+void PrintTo(const SceneRun& c, std::ostream* out) { *out << c.scene; }
 
-class SceneRuns : public testing::TestWithParam<Case> {};
+class SceneRuns : public testing::TestWithParam<SceneRun> {};
 INSTANTIATE_TEST_SUITE_P(All, SceneRuns,
-                         testing::Values(Case{"two_stops_beam", 100.0, 1e-3, 1e-6},
-                                         Case{"two_supports_beam", 100.0, 1e-3, 1e-6},
-                                         Case{"three_ball_chain", 2.0, 1e-3, 1.0},
-                                         Case{"lab_rig", 20.0, 1e-3, 1e-6},
-                                         Case{"impact_oscillator", 20.0, 1e-3, 1e-6},
-                                         Case{"elastic_bar", 2e-3, 1e-6, 1.0},
-                                         Case{"steel_ruler", 20.0, 1e-4, 1e-6},
-                                         Case{"non_proportional", 100.0, 1e-3, 1e-6}),
+                         testing::Values(SceneRun{"two_stops_beam", 100.0, 1e-3, 1e-6},
+                                         SceneRun{"two_supports_beam", 100.0, 1e-3, 1e-6},
+                                         SceneRun{"three_ball_chain", 2.0, 1e-3, 1.0},
+                                         SceneRun{"lab_rig", 20.0, 1e-3, 1e-6},
+                                         SceneRun{"impact_oscillator", 20.0, 1e-3, 1e-6},
+                                         SceneRun{"elastic_bar", 2e-3, 1e-6, 1.0},
+                                         SceneRun{"steel_ruler", 20.0, 1e-4, 1e-6},
+                                         SceneRun{"non_proportional", 100.0, 1e-3, 1e-6}),
                          [](const auto& parameter) { return std::string(parameter.param.scene); });
 
 TEST_P(SceneRuns, ErrorEnergyFallsAndNeverGrows) {

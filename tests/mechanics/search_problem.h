@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -14,12 +13,11 @@
 #include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
+#include "sprag/mechanics/scalars.h"
+#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 
 namespace sprag {
-
-inline constexpr double epsilon = std::numeric_limits<double>::epsilon();
-inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // A machine in free flight and one signal of it.
 struct Problem {
@@ -60,7 +58,8 @@ struct Problem {
                          (phase * (signal.p * start->x.z).abs()).sum() +
                          (phase * (signal.r * start->x.v).abs()).sum();
     const double t = std::max(std::abs(start->t.hi) + tau, 1e-3);
-    return 8.0 * epsilon * terms + 2.0 * epsilon * t * std::abs(rate(signal, motion));
+    return 8.0 * machine_epsilon * terms +
+           2.0 * machine_epsilon * t * std::abs(rate(signal, motion));
   }
 };
 
@@ -119,7 +118,7 @@ inline Scan scan(const Problem& problem, double T, double h, double margin, bool
 inline double bisect(const Problem& problem, const Scan& scan) {
   double low = scan.before;
   double high = scan.first;
-  for (int i = 0; i < 200 && high - low > epsilon * high; ++i) {
+  for (int i = 0; i < 200 && high - low > machine_epsilon * high; ++i) {
     const double middle = 0.5 * (low + high);
     (problem.phi(middle) > 0.0 ? low : high) = middle;
   }
@@ -254,7 +253,7 @@ inline void check_first_root(const Problem& problem, const Found& found, double 
   if (seen.first < infinity) {
     const double root = bisect(problem, seen);
     EXPECT_LE(tau, root + 2.0 * margin / std::max(std::abs(problem.slope(root)), 1e-6) +
-                       4.0 * epsilon * (1.0 + root))
+                       4.0 * machine_epsilon * (1.0 + root))
         << "missed one at " << root;
   }
   // A fall: what comes next is below zero, but for a touch within rounding.

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <functional>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
 using Verdict = Continuity::Verdict;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// A master with a heartbeat of 10 ms.
 class ContinuityTest : public ::testing::Test {

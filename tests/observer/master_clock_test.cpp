@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "sprag/mechanics/scalars.h"
 #include "tests/support/random.h"
 
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::int64_t millisecond = 1'000'000;
 constexpr std::int64_t second = 1000 * millisecond;
 constexpr std::int64_t boot = 987'654'321 * second / 1000;  // local times do not start at zero

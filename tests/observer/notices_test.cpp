@@ -10,7 +10,7 @@
 namespace sprag {
 namespace {
 
-constexpr std::int64_t second = 1'000'000'000;
+constexpr std::int64_t one_second = 1'000'000'000;
 
 std::int64_t lines(const std::string& text) { return std::ranges::count(text, '\n'); }
 
@@ -22,13 +22,13 @@ TEST(Notices, ACauseIsToldAtOnceThenOnceASecondWithItsFirstCase) {
   EXPECT_EQ(lines(out.str()), 1);
   EXPECT_NE(out.str().find("contact 2 at t = 4.5 "), std::string::npos) << out.str();
   for (int i = 0; i < 10; ++i) notices.raise(Notice::backwards, 1, 5.0 + i, 0);
-  notices.tell(second - 1, out);
+  notices.tell(one_second - 1, out);
   EXPECT_EQ(lines(out.str()), 1);
-  notices.tell(second, out);
+  notices.tell(one_second, out);
   EXPECT_EQ(lines(out.str()), 2);
   EXPECT_NE(out.str().find("contact 1 at t = 5 "), std::string::npos) << out.str();
   EXPECT_NE(out.str().find("(and 9 more)"), std::string::npos) << out.str();
-  notices.tell(10 * second, out);
+  notices.tell(10 * one_second, out);
   EXPECT_EQ(lines(out.str()), 2);
 }
 
@@ -70,7 +70,7 @@ TEST(Notices, OneThreadRaisesAnotherTells) {
     done = true;
   });
   std::int64_t now = 0;
-  while (!done) notices.tell(now += second, out);
+  while (!done) notices.tell(now += one_second, out);
   raising.join();
   notices.tell_rest(out);
   std::istringstream read(out.str());

@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 
+#include "sprag/mechanics/scalars.h"
 #include "tests/support/random.h"
 
 namespace sprag {
@@ -182,7 +183,6 @@ TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeart
 }
 
 TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
-  const double infinity = std::numeric_limits<double>::infinity();
   SessionTracker tracker;
   ContactMessage report = message(7, 0);
   report.speed = infinity;

@@ -10,6 +10,7 @@
 
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
+#include "sprag/mechanics/scalars.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"
@@ -23,7 +24,6 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 // Errors that are what they are said to be: a mean square of 1, and erfc(3 / sqrt 2) beyond 3.

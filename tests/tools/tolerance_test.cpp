@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <iostream>
-#include <limits>
 
+#include "sprag/mechanics/scalars.h"
 #include "studies/tolerance/machines.h"
 #include "studies/tolerance/studies.h"
 #include "tests/support/random.h"
@@ -98,7 +98,6 @@ TEST(Tolerance, QuantilesAreLinearBetweenTheValues) {
   EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 0.5), 2.5);
   EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 0.0), 1.0);
   EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 1.0), 4.0);
-  const double infinity = std::numeric_limits<double>::infinity();
   EXPECT_EQ(quantile({infinity, 1.0, 2.0}, 0.5), 2.0);
   EXPECT_EQ(quantile({infinity, infinity, 2.0}, 0.75), infinity);
 }

@@ -11,15 +11,13 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-std::vector<double> numbers_of(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }
-
 class Text {
  public:
   Text(std::string_view text, const std::string& file) : text_(text), file_(file) {}
 
   void set(const std::string& path, double value) { values_.push_back({path, {value}}); }
   void set(const std::string& path, const Eigen::VectorXd& value) {
-    values_.push_back({path, numbers_of(value), true});
+    values_.push_back({path, {value.data(), value.data() + value.size()}, true});
   }
   bool has(const std::string& path) const { return has_key(text_, path, file_); }
   double number(const std::string& path, double fallback) const {

@@ -119,7 +119,7 @@ Velocity velocity(const Excitation& excitation, const Eigen::ArrayXd& m,
   return result;
 }
 
-void step_through(const Task& task, double h, Outcome& outcome) {
+void step_by_bilbao(const Task& task, double h, Outcome& outcome) {
   const Machine machine(task.model);
   if (!machine.diagonal()) {
     outcome.failure = "modal flow only";
@@ -195,7 +195,7 @@ void step_through(const Task& task, double h, Outcome& outcome) {
 
 void run_bilbao(const Task& task, double h, Outcome& outcome) {
   try {
-    step_through(task, h, outcome);
+    step_by_bilbao(task, h, outcome);
   } catch (const std::exception& error) {
     outcome.failure = error.what();
   }

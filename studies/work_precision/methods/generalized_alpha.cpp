@@ -46,7 +46,7 @@ struct Response {
 // Symmetric but for what M, C and K lack in common modes, of higher order in h.
 Eigen::MatrixXd symmetric(const Eigen::MatrixXd& A) { return 0.5 * (A + A.transpose()); }
 
-void step_through(const Task& task, double h, Outcome& outcome) {
+void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
   if (starts_inside(task)) {
     outcome.failure = "starts inside a contact";
     return;
@@ -143,7 +143,7 @@ void step_through(const Task& task, double h, Outcome& outcome) {
 
 void run_generalized_alpha(const Task& task, double h, Outcome& outcome) {
   try {
-    step_through(task, h, outcome);
+    step_by_generalized_alpha(task, h, outcome);
   } catch (const std::exception& error) {
     outcome.failure = error.what();
   }

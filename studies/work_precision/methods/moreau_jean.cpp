@@ -19,7 +19,7 @@
 namespace sprag::work_precision {
 namespace {
 
-void step_through(const Task& task, double theta, double h, Outcome& outcome) {
+void step_by_moreau_jean(const Task& task, double theta, double h, Outcome& outcome) {
   const Machine machine(task.model);
   const Model& model = machine.model();
   const Eigen::Index f = machine.f();
@@ -94,7 +94,7 @@ void step_through(const Task& task, double theta, double h, Outcome& outcome) {
 
 void run(const Task& task, double theta, double h, Outcome& outcome) {
   try {
-    step_through(task, theta, h, outcome);
+    step_by_moreau_jean(task, theta, h, outcome);
   } catch (const std::exception& error) {
     outcome.failure = error.what();
   }

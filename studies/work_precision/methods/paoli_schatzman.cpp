@@ -19,7 +19,7 @@
 namespace sprag::work_precision {
 namespace {
 
-void step_through(const Task& task, double h, Outcome& outcome) {
+void step_by_paoli_schatzman(const Task& task, double h, Outcome& outcome) {
   if (starts_inside(task)) {
     outcome.failure = "starts inside a contact";
     return;
@@ -99,7 +99,7 @@ void step_through(const Task& task, double h, Outcome& outcome) {
 
 void run_paoli_schatzman(const Task& task, double h, Outcome& outcome) {
   try {
-    step_through(task, h, outcome);
+    step_by_paoli_schatzman(task, h, outcome);
   } catch (const std::exception& error) {
     outcome.failure = error.what();
   }
