@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr int last_sample_repeats = 5;
-constexpr std::int64_t longest_wait = 100'000'000;       // ns
+constexpr std::int64_t longest_idle = 100'000'000;       // ns
 constexpr std::int64_t progress_period = 1'000'000'000;  // ns
 
 }  // namespace
@@ -31,7 +31,7 @@ Publication::Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& 
 void Publication::run(const std::function<bool()>& over) {
   std::int64_t next_progress = monotonic_now() + progress_period;
   while (!over()) {
-    outbox_.ready.wait_until(monotonic_now() + longest_wait);
+    outbox_.ready.wait_until(monotonic_now() + longest_idle);
     empty_outbox();
     notices_.tell(monotonic_now(), std::cerr);
     if (monotonic_now() < next_progress) continue;

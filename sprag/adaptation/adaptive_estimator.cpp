@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "sprag/estimation/uncertainty.h"
@@ -11,7 +10,6 @@
 namespace sprag {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kept = 1024, kept_bytes = 64 << 20, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;

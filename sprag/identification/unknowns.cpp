@@ -16,7 +16,7 @@ using Kind = Unknown::Kind;
 
 constexpr double beyond = 0.05;  // the box ends a little outside what is asked for
 
-Unknown positive(Kind kind, int index, std::string key, std::string unit, double nominal) {
+Unknown positive_unknown(Kind kind, int index, std::string key, std::string unit, double nominal) {
   Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
   unknown.nominal = nominal;
   unknown.logarithmic = nominal > 0.0;
@@ -33,7 +33,7 @@ void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
     return contact.restitution == contacts.front().restitution;
   });
   const auto restitution = [](int index, std::string key, double nominal) {
-    Unknown unknown = positive(Kind::restitution, index, std::move(key), "", nominal);
+    Unknown unknown = positive_unknown(Kind::restitution, index, std::move(key), "", nominal);
     unknown.upper_limit = 1.0;
     return unknown;
   };
@@ -48,20 +48,20 @@ void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
 
 void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
   if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-    Unknown d = positive(Kind::damping, -1, "beam.damping", "N s/m^2", scene.beam->damping);
+    Unknown d = positive_unknown(Kind::damping, -1, "beam.damping", "N s/m^2", scene.beam->damping);
     // Of an undamped beam: 2 % of critical damping of its first mode.
     d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
                   scene.beam->mass_per_length;
     unknowns.push_back(d);
   } else if (!scene.model.C.isZero(0.0)) {
-    unknowns.push_back(
-        positive(Kind::damping, -1, scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
+    unknowns.push_back(positive_unknown(Kind::damping, -1,
+                                        scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
   }
   if (scene.beam) {
-    unknowns.push_back(positive(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
-                                scene.beam->bending_stiffness));
+    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
+                                        scene.beam->bending_stiffness));
   } else if (!scene.model.K.isZero(0.0)) {
-    unknowns.push_back(positive(Kind::stiffness, -1, "system.K", "", 1.0));
+    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "system.K", "", 1.0));
   }
 }
 
@@ -95,8 +95,8 @@ double Unknown::value(double of_coordinate) const {
 double Unknown::lowest() const {
   const double share = -(std::log1p(2.0 * within) + beyond);
   if (logarithmic) return share;
-  const bool not_negative = kind == Kind::restitution || kind == Kind::damping;
-  return not_negative ? coordinate(0.0) : share;
+  const bool may_be_zero = kind == Kind::restitution || kind == Kind::damping;
+  return may_be_zero ? coordinate(0.0) : share;
 }
 
 double Unknown::highest() const {
@@ -155,8 +155,8 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     const int contact = static_cast<int>(i);
     if (scene.beam) {
-      unknowns.push_back(
-          positive(Kind::position, contact, of("contact", i, "position"), "m", scene.positions[i]));
+      unknowns.push_back(positive_unknown(Kind::position, contact, of("contact", i, "position"),
+                                          "m", scene.positions[i]));
       unknowns.back().upper_limit = scene.beam->length;
     }
     Unknown clearance{
@@ -170,20 +170,20 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   for (std::size_t g = 0; g < groups.size(); ++g) {
     const HarmonicGroup& group = groups[g];
     const int index = static_cast<int>(g);
-    unknowns.push_back(
-        positive(Kind::frequency, index, group.key + ".frequency", "rad/s", group.frequency));
+    unknowns.push_back(positive_unknown(Kind::frequency, index, group.key + ".frequency", "rad/s",
+                                        group.frequency));
     Unknown phase{.kind = Kind::phase, .index = index, .key = group.key + ".phase", .unit = "rad"};
     phase.nominal = group.phase;
     unknowns.push_back(phase);
-    unknowns.push_back(positive(Kind::amplitude, index, group.key + ".amplitude",
-                                unit_of_amplitude(scene, group), group.amplitude));
+    unknowns.push_back(positive_unknown(Kind::amplitude, index, group.key + ".amplitude",
+                                        unit_of_amplitude(scene, group), group.amplitude));
     unknowns.back().unit_step = std::abs(group.amplitude);
   }
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
     const double constant = model.forces[j].constant;
     if (constant == 0.0) continue;
-    unknowns.push_back(
-        positive(Kind::constant, static_cast<int>(j), of("force", j, "constant"), "N", constant));
+    unknowns.push_back(positive_unknown(Kind::constant, static_cast<int>(j),
+                                        of("force", j, "constant"), "N", constant));
     unknowns.back().unit_step = std::abs(constant);
   }
   return unknowns;
@@ -237,9 +237,9 @@ bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
   const auto f = static_cast<int>(scene.model.coordinates());
   if (row < 1 || column < 1 || row > f || column > f) return false;
   const Eigen::MatrixXd& of_scene = matrix == 'K' ? scene.model.K : scene.model.C;
-  unknown =
-      positive(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1, std::string(key),
-               matrix == 'K' ? "N/m" : "N s/m", of_scene(row - 1, column - 1));
+  unknown = positive_unknown(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1,
+                             std::string(key), matrix == 'K' ? "N/m" : "N s/m",
+                             of_scene(row - 1, column - 1));
   unknown.row = row - 1;
   unknown.column = column - 1;
   unknown.unit_step =

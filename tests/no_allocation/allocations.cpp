@@ -7,10 +7,10 @@ namespace {
 
 // Without constructors: malloc is called before any of them.
 constinit thread_local bool counting = false;
-constinit thread_local long count = 0;
+constinit thread_local long allocated = 0;
 
 void note() {
-  if (counting) ++count;
+  if (counting) ++allocated;
 }
 
 }  // namespace
@@ -65,13 +65,13 @@ int posix_memalign(void** memory, std::size_t alignment, std::size_t size) noexc
 namespace sprag::test {
 
 CountAllocations::CountAllocations() {
-  count = 0;
+  allocated = 0;
   counting = true;
 }
 
 long CountAllocations::stop() {
   counting = false;
-  return count;
+  return allocated;
 }
 
 }  // namespace sprag::test
