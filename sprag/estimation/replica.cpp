@@ -52,12 +52,7 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
-void Replica::tick(std::span<const ContactEvent> events, ReplicaState& state) {
-  if (events.empty() && state.chi == 0) {
-    ++state.tick;
-    flight_.step(state.tick, state.motion, state.anchor);
-    return;
-  }
+void Replica::tick_through(std::span<const ContactEvent> events, ReplicaState& state) {
   open_tick(state);
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) { take(of_one, state); });
   close_tick(state);
