@@ -178,6 +178,7 @@ void AdaptiveEstimator::find_replica(const AdaptiveState& state) {
 void AdaptiveEstimator::lose(AdaptiveState& state) {
   state.lost = true;
   state.trusted = false;
+  state.doubts = false;
   state.fitting = 0;
   state.mean_square = 1.0;
 }
@@ -208,13 +209,19 @@ void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
     return add_belief(next, state);
   }
   const bool taken = filter.take(event.contact, event.t, stays, next);
-  state.mean_square += (next.square - state.mean_square) / window_of_mean;
-  if (!taken || !(next.square < largest_square) || !(state.mean_square < largest_mean)) {
+  const double mean = state.mean_square + (next.square - state.mean_square) / window_of_mean;
+  if (!taken || !(next.square < largest_square) || !(mean < largest_mean)) {
     const Suspicion suspicion = next.innovation.gap > far_inside * next.length
                                     ? Suspicion::spurious_event
                                     : Suspicion::model;
-    return fail({event.t, event.contact, suspicion, next.square}, state);
+    const Inconsistency inconsistency{event.t, event.contact, suspicion, next.square};
+    if (suspicion == Suspicion::spurious_event && !stays && may_doubt(state)) {
+      return doubt(inconsistency, state);
+    }
+    return fail(inconsistency, state);
   }
+  state.mean_square = mean;
+  state.doubts = false;
   add_belief(next, state);
   ++state.fitting;
   if (state.fitting >= trial() && is_sure(next, state)) state.trusted = true;
@@ -223,6 +230,50 @@ void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
 // Events that determine the state, and a few more.
 std::int64_t AdaptiveEstimator::trial() const {
   return 2 * static_cast<std::int64_t>(joint_->family.n()) + trial_events;
+}
+
+// One event that was none, or one that was lost, is no reason to give up what is known; the next
+// one must fit.
+bool AdaptiveEstimator::may_doubt(const AdaptiveState& state) {
+  return state.trusted && !state.doubts;
+}
+
+void AdaptiveEstimator::doubt(const Inconsistency& inconsistency, AdaptiveState& state) {
+  state.doubts = true;
+  ++state.inconsistencies;
+  state.last = inconsistency;
+}
+
+// An impact of which nothing was heard, where the gap fell through zero.
+bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
+  Joint& joint = *joint_;
+  const JointBelief& present = belief(state.beliefs).of;
+  const auto gap_at = [&](double when) {
+    joint.filter.at(when, present);
+    return joint.filter.gap(contact);
+  };
+  constexpr int looks = 64, halvings = 40;
+  const double step = (t - present.t) / looks;
+  double inside = t, outside = t;
+  for (int i = 1; i < looks && outside == t; ++i) {
+    if (gap_at(t - i * step) < 0.0) {
+      inside = t - i * step;
+    } else {
+      outside = t - i * step;
+    }
+  }
+  if (outside == t) return false;
+  for (int i = 0; i < halvings; ++i) {
+    const double middle = 0.5 * (outside + inside);
+    (gap_at(middle) < 0.0 ? inside : outside) = middle;
+  }
+  joint.next = present;
+  // Its time is as uncertain as the flight makes it.
+  joint.next.sigma = t - present.t;
+  if (!joint.filter.take(contact, inside, false, joint.next)) return false;
+  joint.next.sigma = present.sigma;
+  add_belief(joint.next, state);
+  return true;
 }
 
 void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
@@ -268,7 +319,12 @@ void AdaptiveEstimator::watch(AdaptiveState& state) {
     const double gap = joint_->filter.gap(i);
     if (i == present.of.held) continue;
     if (!(gap >= -far_inside * present.of.length)) {
-      fail({t, i, Suspicion::missing_event, 0.0}, state);
+      const Inconsistency inconsistency{t, i, Suspicion::missing_event, 0.0};
+      if (may_doubt(state) && present.of.held < 0 && take_lost(i, t, state)) {
+        doubt(inconsistency, state);
+      } else {
+        fail(inconsistency, state);
+      }
       return;
     }
   }

@@ -4,10 +4,12 @@
 // From the start on the estimate is the replica's. Once enough events are there an identification
 // is wanted (wanted(), task.h); where its result is accepted, a joint filter of state and
 // parameters goes on from it (joint_filter.h), and the estimate is the filter's. Its innovations
-// are watched as SupervisedFilter's are. Where one does not fit, the estimate is the replica's
-// again, and the filter's state starts anew from there with the parameters that it has; they are
-// believed after as many events as determine the state and a few more. Where events do not fit
-// before that, the parameters are wrong, and are identified anew from the events since.
+// are watched as SupervisedFilter's are. One event where no contact was near is left out, and one
+// that did not come where it had to is taken as lost. Where the next one does not fit, or another,
+// the estimate is the replica's again, and the filter's state starts anew from there with the
+// parameters that it has; they are believed after as many events as determine the state and a few
+// more. Where events do not fit before that, the parameters are wrong, and are identified anew from
+// the events since.
 //
 // A result, or a filter that has started anew, is only believed where the energy of the error that
 // it expects is a small share of the machine's own.
@@ -54,6 +56,7 @@ struct AdaptiveState {
   bool adapted = false;      ///< the filter's parameters are believed
   bool lost = false;         ///< its state is not
   bool trusted = false;      ///< the estimate is the filter's
+  bool doubts = false;       ///< the last event was spurious, or one was lost
   std::int64_t fitting = 0;  ///< events in a row that fitted, since it was lost
   double mean_square = 1.0;  ///< of its innovations, over about the last 16
   double accepted = -1.0;    ///< [s]
@@ -140,6 +143,9 @@ class AdaptiveEstimator {
   void hear(std::span<const ContactEvent> events, ContactSet chi, AdaptiveState& state);
   void take(const ContactEvent& event, AdaptiveState& state);
   static void lose(AdaptiveState& state);
+  static bool may_doubt(const AdaptiveState& state);
+  static void doubt(const Inconsistency& inconsistency, AdaptiveState& state);
+  bool take_lost(int contact, double t, AdaptiveState& state);
   void fail(const Inconsistency& inconsistency, AdaptiveState& state);
   void begin_window(std::int64_t event, AdaptiveState& state) const;
   void find_replica(const AdaptiveState& state);

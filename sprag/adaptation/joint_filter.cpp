@@ -63,7 +63,7 @@ JointFilter::Residual JointFilter::expect(const JointBelief& belief) {
   phi_.noalias() = A_.transpose().lazyProduct(h_);
   phi_ += by_tau * tau_row_;
   Residual residual;
-  residual.noise = square(measurement_rounding * gap_.terms);
+  residual.noise = square(measurement_rounding * gap_.rounding);
   residual.variance = phi_.squaredNorm() + residual.noise;
   residual.value = by_tau * point_.tau - gap_.g;
   for (Eigen::Index i = 0; i < size(); ++i) {
@@ -152,7 +152,7 @@ bool JointFilter::take(int contact, double t, bool stays, JointBelief& belief) {
   belief.z.head(2 * n()) = flight_.x();
   belief.z.tail(unknowns()) = point_.z.tail(unknowns());
   belief.square = residual.square();
-  belief.length = std::max(belief.length, gap_.terms);
+  belief.length = std::max(belief.length, gap_.length);
   keep(belief);
   return belief.z.allFinite() && belief.S.allFinite();
 }
@@ -302,7 +302,7 @@ void JointFilter::follow(const Likelihood& path, const Stretches& measured, doub
       dx_ += flight_.by_unknowns() * off.tail(unknowns()) - off_tau * flight_.by_time();
       belief.z << flight_.x() + dx_, c + off.tail(unknowns());
       belief.t = t0 = impact.t;
-      belief.length = std::max(belief.length, gap_.terms);
+      belief.length = std::max(belief.length, gap_.length);
       belief.square = residual.square();
       keep(belief);
       on.z.head(2 * n()) = flight_.x();

@@ -262,7 +262,7 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
   Gap gap;
   const Eigen::Index constants = 2 * machine.groups();
   gap.g = variant.inputs[constants + machine.constant_forces.cols() + contact];
-  gap.terms = std::abs(gap.g);
+  gap.length = std::abs(gap.g);
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const Complex z = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
                       variant.harmonics[static_cast<std::size_t>(g)];
@@ -270,7 +270,7 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
     const Complex steady = machine.gap_response(contact, g) * z;
     gap.g += steady.real();
     // The angle Omega t has as many roundings as it is large.
-    gap.terms += std::abs(steady) * std::abs(Omega * end_);
+    gap.rounding += std::abs(steady) * std::abs(Omega * end_);
     gap.velocity -= Omega * steady.imag();
     gap.acceleration -= Omega * Omega * steady.real();
   }
@@ -289,10 +289,11 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
     }
     const double w = machine.W(i, contact);
     gap.g += w * y;
-    gap.terms += std::abs(w * variant.x[i]);
+    gap.length += std::abs(w * variant.x[i]);
     gap.velocity += w * u;
     gap.acceleration += w * (force - machine.C(i, 0) * u - machine.K(i, 0) * y);
   }
+  gap.rounding += gap.length;
   return gap;
 }
 

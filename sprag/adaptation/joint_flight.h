@@ -43,7 +43,8 @@ class JointFlight {
   /// After fly(): gap of a contact there, its velocity and acceleration.
   struct Gap {
     double g = 0.0, velocity = 0.0, acceleration = 0.0;
-    double terms = 0.0;  ///< sum of the absolute terms of g, those of the angle included
+    double length = 0.0;    ///< sum of the absolute terms of g, as y has them
+    double rounding = 0.0;  ///< in units of a rounding of 1
   };
   Gap gap(int contact) const;
   /// Its derivatives by the x that fly() began with and by c, (2n + P) entries.

@@ -7,14 +7,18 @@
 #include "studies/adaptation/table.h"
 
 int main(int argc, char** argv) {
-  if (argc != 4) {
-    std::fprintf(stderr, "usage: adaptation SCENES FIRST_SEED RUNS|chart\n");
+  if (argc != 4 && argc != 5) {
+    std::fprintf(stderr, "usage: adaptation SCENES FIRST_SEED table|single|chart [RUNS]\n");
     return 2;
   }
   const auto seed = std::strtoull(argv[2], nullptr, 10);
-  if (std::string_view(argv[3]) == "chart") {
+  const int runs = argc == 5 ? std::max(1, std::atoi(argv[4])) : 10;
+  const std::string_view what = argv[3];
+  if (what == "chart") {
     sprag::adaptation_study::print_chart(argv[1], seed);
+  } else if (what == "single") {
+    sprag::adaptation_study::print_single(argv[1], seed, runs);
   } else {
-    sprag::adaptation_study::print_table(argv[1], seed, std::max(1, std::atoi(argv[3])));
+    sprag::adaptation_study::print_table(argv[1], seed, runs);
   }
 }

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "sprag/files/scene_file.h"
+#include "sprag/identification/unknowns.h"
 #include "studies/adaptation/trial.h"
 
 namespace sprag::adaptation_study {
@@ -26,6 +28,8 @@ std::vector<Row> rows() {
       {"jitter 1e-4, they move",
        "paper_beam.toml",
        {.jitter = 1e-4, .walk = 1e-3, .moves = moves, .duration = 100.0}},
+      {"jitter 1e-4, 2 % lost", "paper_beam.toml", {.lost = 0.02, .jitter = 1e-4}},
+      {"jitter 1e-4, 2 % spurious", "paper_beam.toml", {.spurious = 0.02, .jitter = 1e-4}},
       {"two_stops_beam, exact times", "two_stops_beam.toml", {}},
   };
 }
@@ -46,7 +50,7 @@ void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, 
       const Outcome outcome = run(scene, row.trial, first_seed + static_cast<std::uint64_t>(i));
       const double half = 0.5 * row.trial.duration;
       floors.push_back(outcome.floor(half));
-      of_replica.push_back(outcome.floor_of_replica(half));
+      of_replica.push_back(outcome.floor(half, &Tick::V_replica));
       worse.push_back(outcome.worse_than_replica(10.0));
       seconds.push_back(outcome.longest_identification);
       if (!outcome.accepted.empty()) accepted.push_back(outcome.accepted.front());
@@ -62,10 +66,37 @@ void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, 
   }
 }
 
+void print_single(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs) {
+  const Scene scene = read_scene(scenes / "paper_beam.toml");
+  std::vector<std::string> keys;
+  for (const Unknown& unknown : unknowns_of(scene)) keys.push_back(unknown.key);
+  keys.emplace_back();
+  for (const std::string& key : keys) {
+    for (const double off : {0.1, 0.2}) {
+      const Trial trial{.off = off, .only = key, .jitter = 1e-4};
+      std::vector<double> replica, both, adaptive;
+      for (int i = 0; i < runs; ++i) {
+        const Outcome outcome = run(scene, trial, first_seed + static_cast<std::uint64_t>(i));
+        const double half = 0.5 * trial.duration;
+        replica.push_back(outcome.floor(half, &Tick::V_replica));
+        both.push_back(outcome.floor(half, &Tick::V_both));
+        adaptive.push_back(outcome.floor(half));
+      }
+      std::printf("| %s | %g | %.1e | %.1e | %.1e |\n",
+                  key.empty() ? "all but the amplitude" : key.c_str(), off, middle(replica),
+                  middle(both), middle(adaptive));
+      std::fflush(stdout);
+    }
+  }
+}
+
 void print_chart(const std::filesystem::path& scenes, std::uint64_t seed) {
   std::printf("trial,t,adaptive,replica,both\n");
   for (const Row& row : rows()) {
-    if (std::string_view(row.scene) != rows().front().scene) continue;
+    if (row.trial.lost + row.trial.spurious > 0.0 ||
+        row.scene != std::string_view("paper_beam.toml")) {
+      continue;
+    }
     const Outcome outcome = run(read_scene(scenes / row.scene), row.trial, seed);
     // Every tenth of a unit is enough for a chart.
     for (std::size_t k = 9; k < outcome.ticks.size(); k += 10) {

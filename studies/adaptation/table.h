@@ -10,6 +10,10 @@ namespace sprag::adaptation_study {
 /// and the worst of the runs.
 void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs);
 
+/// One parameter wrong at a time, by 10 % and 20 %, and all: the medians of the floors of replica,
+/// both and adaptive.
+void print_single(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs);
+
 /// V over time of three trials with one seed, as CSV on stdout: trial,t,adaptive,replica,both.
 void print_chart(const std::filesystem::path& scenes, std::uint64_t seed);
 

@@ -16,16 +16,20 @@ namespace {
 using Kind = Unknown::Kind;
 using tolerance::Random;
 
-double share(Random& draw) { return (draw.uniform() < 0.5 ? -1.0 : 1.0) * draw.uniform(0.5, 1.0); }
+double share(Random& draw, double least) {
+  return (draw.uniform() < 0.5 ? -1.0 : 1.0) * draw.uniform(least, 1.0);
+}
 
-// The scene as it is told: wrong in all that is free.
+// The scene as it is told.
 Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
-  const MachineFamily family(machine, unknowns_to_adapt(machine));
+  const MachineFamily family(machine, trial.only.empty()
+                                          ? unknowns_to_adapt(machine)
+                                          : std::vector{unknown_of(machine, trial.only)});
   Eigen::VectorXd values = family.nominal();
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const Unknown& unknown = family.unknowns()[k];
     double& value = values[static_cast<Eigen::Index>(k)];
-    const double off = trial.off * share(draw);
+    const double off = trial.off * share(draw, trial.only.empty() ? 0.5 : 1.0);
     if (unknown.kind == Kind::phase) {
       value += off;
     } else if (unknown.kind == Kind::clearance) {
@@ -37,10 +41,12 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
   }
   Scene scene = family.with(values);
   scene.jitter = trial.jitter;
-  scene.adaptation.walk.setZero(static_cast<Eigen::Index>(family.unknowns().size()));
-  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+  const std::vector<Unknown> free = unknowns_to_adapt(scene);
+  scene.adaptation.within[0] = std::max(scene.adaptation.within[0], trial.off);
+  scene.adaptation.walk.setZero(static_cast<Eigen::Index>(free.size()));
+  for (std::size_t k = 0; k < free.size(); ++k) {
     for (const Move& move : trial.moves) {
-      if (move.key == family.unknowns()[k].key) {
+      if (move.key == free[k].key) {
         scene.adaptation.walk[static_cast<Eigen::Index>(k)] = trial.walk;
       }
     }
@@ -117,20 +123,12 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-double Outcome::floor(double from) const {
-  std::vector<double> errors;
+double Outcome::floor(double from, double Tick::*of) const {
+  std::vector<double> of_ticks;
   for (const Tick& tick : ticks) {
-    if (tick.t >= from) errors.push_back(tick.V);
+    if (tick.t >= from) of_ticks.push_back(tick.*of);
   }
-  return median(errors);
-}
-
-double Outcome::floor_of_replica(double from) const {
-  std::vector<double> errors;
-  for (const Tick& tick : ticks) {
-    if (tick.t >= from) errors.push_back(tick.V_replica);
-  }
-  return median(errors);
+  return median(std::move(of_ticks));
 }
 
 double Outcome::worse_than_replica(double factor) const {
@@ -167,13 +165,23 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   const auto ticks = last_tick(trial.duration, trial.tick);
   std::vector<ContactEvent> drawn;
   double last = 0.0;
+  ContactSet chi = 0;
   for (std::int64_t k = 1; k <= ticks; ++k) {
     const Instant t = tick_instant(k, trial.tick);
     drawn.clear();
     heard.advance(at(t.hi + lead), drawn);
     for (ContactEvent event : drawn) {
+      if (draw.uniform() < trial.spurious) {
+        const double before = last + draw.uniform() * std::max(event.t - last, 0.0);
+        last = std::max(last, before);
+        if (chi == 0) ahead.push_back({last, event.contact, ContactEventKind::pulse});
+      }
       // They keep their order.
       event.t = last = std::max(event.t + trial.jitter * draw.normal(), last);
+      const bool contradicts =
+          contains(chi, event.contact) != (event.kind == ContactEventKind::opens);
+      if (contradicts || draw.uniform() < trial.lost) continue;
+      chi = after(chi, event);
       ahead.push_back(event);
     }
     passed.clear();

@@ -19,11 +19,13 @@ struct Move {
 struct Trial {
   double off = 0.1;  ///< each parameter of the scene is wrong by (0.5 ... 1) of it, signs random;
                      ///< phases by as many radians, clearances by as much of the amplitude
-  double jitter = 0.0;           ///< [s], told
-  double walk = 0.0;             ///< told
-  std::vector<Move> moves = {};  ///< of the machine
-  double duration = 120.0;       ///< [s]
-  double tick = 0.01;            ///< [s]
+  std::string only = {};  ///< the key of the only one that is, by all of `off`; empty: all are
+  double lost = 0.0, spurious = 0.0;  ///< shares of the events
+  double jitter = 0.0;                ///< [s], told
+  double walk = 0.0;                  ///< told
+  std::vector<Move> moves = {};       ///< of the machine
+  double duration = 120.0;            ///< [s]
+  double tick = 0.01;                 ///< [s]
 };
 
 struct Tick {
@@ -44,9 +46,8 @@ struct Outcome {
   Eigen::VectorXd truth;                ///< of the parameters at the end
   Eigen::VectorXd values, sigmas;       ///< at the end
 
-  /// Median of V over ticks from t on.
-  double floor(double from) const;
-  double floor_of_replica(double from) const;
+  /// Median over ticks from t on of V, or of another's.
+  double floor(double from, double Tick::*of = &Tick::V) const;
   /// Share of the ticks where V is more than `factor` times the replica's.
   double worse_than_replica(double factor) const;
 };

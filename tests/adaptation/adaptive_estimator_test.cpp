@@ -15,6 +15,7 @@ namespace {
 
 using adaptation_study::Outcome;
 using adaptation_study::run;
+using adaptation_study::Tick;
 using adaptation_study::Trial;
 using test::events_of;
 using test::shipped_scene;
@@ -45,15 +46,15 @@ TEST(AdaptiveEstimator, SevenWrongParametersAndExactTimes) {
       ASSERT_TRUE(tick.of_filter);
     }
   }
-  EXPECT_GT(outcome.floor_of_replica(30.0), 1e-3);
+  EXPECT_GT(outcome.floor(30.0, &Tick::V_replica), 1e-3);
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
 TEST(AdaptiveEstimator, SevenWrongParametersAndTimesThatJitter) {
   const Trial trial{.jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 2);
-  std::cout << "floor " << outcome.floor(60.0) << ", replica " << outcome.floor_of_replica(60.0)
-            << '\n';
+  std::cout << "floor " << outcome.floor(60.0) << ", replica "
+            << outcome.floor(60.0, &Tick::V_replica) << '\n';
   ASSERT_EQ(outcome.accepted.size(), 1U);
   EXPECT_LT(outcome.floor(60.0), 2e-8);
   EXPECT_LT(outcome.floor(100.0), 1e-7);  // behind the chatter
@@ -82,10 +83,10 @@ TEST(AdaptiveEstimator, ParametersThatMoveAreFollowed) {
   Trial trial{.jitter = 1e-4, .walk = 1e-3, .duration = 100.0};
   trial.moves = {{"impact.restitution", -0.1}, {"beam.bending_stiffness", 0.02}};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
-  std::cout << "floor " << outcome.floor(50.0) << ", replica " << outcome.floor_of_replica(50.0)
-            << '\n';
+  std::cout << "floor " << outcome.floor(50.0) << ", replica "
+            << outcome.floor(50.0, &Tick::V_replica) << '\n';
   EXPECT_LT(outcome.floor(50.0), 1e-6);
-  EXPECT_GT(outcome.floor_of_replica(50.0), 1e-3);
+  EXPECT_GT(outcome.floor(50.0, &Tick::V_replica), 1e-3);
   for (Eigen::Index k = 0; k < outcome.truth.size(); ++k) {
     EXPECT_LT(std::abs(outcome.values[k] - outcome.truth[k]), 5.0 * outcome.sigmas[k]) << k;
   }
@@ -99,6 +100,50 @@ TEST(AdaptiveEstimator, WhatIsNotSureIsNotBelieved) {
   EXPECT_GT(outcome.identifications, 1);
   EXPECT_GT(outcome.accepted.front(), outcome.events[30]);
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+// They are noticed one at a time, and cost next to nothing.
+TEST(AdaptiveEstimator, LostEventsAreNoReasonToGiveUp) {
+  const Trial trial{.lost = 0.02, .jitter = 1e-4, .duration = 110.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1001);
+  std::cout << "floor " << outcome.floor(60.0) << '\n';
+  EXPECT_GE(outcome.inconsistencies, 2);
+  EXPECT_LT(outcome.floor(60.0), 1e-6);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+TEST(AdaptiveEstimator, ASpuriousEventIsLeftOut) {
+  const Scene scene = wrong_beam();
+  std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
+  // In the middle of a flight.
+  const double t = 0.5 * (events[39].t + events[40].t);
+  events.insert(events.begin() + 40, ContactEvent{t, 0, ContactEventKind::pulse});
+  constexpr double h = 0.02;
+  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
+  AdaptiveState state;
+  estimator.start(scene.replica, 0, 0, state);
+  AdaptationTask task;
+  AdaptationResult result;
+  std::size_t next = 0;
+  Confidence confidence = estimator.no_confidence();
+  for (std::int64_t k = 1; k <= 2000; ++k) {
+    const std::size_t first = next;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    if (estimator.waits(state)) {
+      estimator.wanted(state, task);
+      result = run(task, *estimator.family());
+      estimator.put(result);
+    }
+    estimator.tick(std::span(events).subspan(first, next - first), state);
+    estimator.note(state, confidence);
+    if (confidence.parameters.accepted >= 0.0) {
+      ASSERT_TRUE(confidence.from_filter) << k;
+    }
+  }
+  EXPECT_EQ(confidence.inconsistencies, 1);
+  EXPECT_EQ(confidence.last.suspicion, Suspicion::spurious_event);
+  EXPECT_EQ(confidence.last.t, t);
+  EXPECT_GE(confidence.parameters.accepted, 0.0);
 }
 
 // Ticks are the same whether results are there at once, or late and the time line has to go back.
@@ -148,6 +193,7 @@ TEST(AdaptiveEstimator, ResultsThatComeLateChangeNothing) {
             return true;
           });
     }
+    EXPECT_GT(line.rollbacks().rollbacks, 10);  // late events as well
     return rows;
   };
   const std::vector<Row> at_once = rows_of(0, 1);

@@ -35,7 +35,7 @@ TEST_P(JointFlightOfScenes, FliesAsTheMachineDoes) {
   start << family.to_modes(scene.master.q), family.to_modes(scene.master.u);
   const double tau = events.front().t;
   flight.fly(start, 0.0, tau);
-  const double length = flight.gap(events.front().contact).terms;
+  const double length = flight.gap(events.front().contact).length;
   EXPECT_NEAR(flight.gap(events.front().contact).g, 0.0, 1e-11 * length);
   EXPECT_LT(flight.gap(events.front().contact).velocity, 0.0);
   const Eigen::VectorXd there = flight.x();
