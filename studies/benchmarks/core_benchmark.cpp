@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
-#include "sprag/estimation/replica_sweep.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
@@ -29,17 +26,9 @@ Scene scene_of(const char* name) {
   return read_scene(std::string(SPRAG_SOURCE_DIR "/scenes/") + name + ".toml");
 }
 
-// The paper's beam with n modes, in free flight: without its contact, so that the flow of a
-// thousand locked modes need not be built.
-Scene free_beam(int n) {
-  Scene scene = studies::paper_beam(n);
-  scene.model.contacts.clear();
-  return scene;
-}
-
 template <Estimator E>
 void free_tick(benchmark::State& run) {
-  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  const Scene scene = studies::free_beam(static_cast<int>(run.range(0)));
   E estimator(scene, tick);
   typename E::State state;
   estimator.start(scene.master, 0, 0, state);
@@ -51,71 +40,9 @@ void free_tick(benchmark::State& run) {
 BENCHMARK(free_tick<Replica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 BENCHMARK(free_tick<MoreauReplica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 
-// Eight replicas with parameters and starts of their own: in a sweep, and one after the other, in
-// turns. Per tick and replica; with the events of their masters, or in free flight.
-void sweep(benchmark::State& run) {
-  const auto n = static_cast<int>(run.range(0));
-  const bool impacts = run.range(1) != 0;
-  constexpr double T = 20.0;
-  constexpr std::int64_t ticks = 20000;
-  std::vector<std::vector<ContactEvent>> events(ReplicaSweep::lanes);
-  std::vector<ReplicaSweep::Run> runs;
-  for (std::size_t l = 0; l < ReplicaSweep::lanes; ++l) {
-    Scene scene = impacts ? studies::paper_beam(n) : free_beam(n);
-    scene.model.K *= 1.0 + 1e-3 * static_cast<double>(l);
-    scene.master.q *= 1.0 + 1e-2 * static_cast<double>(l);
-    if (impacts) Master(scene.model, scene.master).advance(at(T), events[l]);
-    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[l]});
-  }
-  // Of the processor: whoever else runs takes a slice from one of the two.
-  const auto seconds = [](std::clock_t begin) {
-    return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-  };
-  std::vector<std::unique_ptr<Replica>> replicas;
-  for (const ReplicaSweep::Run& one : runs) {
-    replicas.push_back(std::make_unique<Replica>(one.flows, tick));
-  }
-  Replica::State state;
-  std::vector<double> of_sweep, of_singles, ratio;
-  for ([[maybe_unused]] auto _ : run) {
-    ReplicaSweep together(runs, tick);
-    std::clock_t begin = std::clock();
-    together.run(ticks);
-    of_sweep.push_back(seconds(begin));
-    begin = std::clock();
-    for (std::size_t l = 0; l < runs.size(); ++l) {
-      std::span<const ContactEvent> left = runs[l].events;
-      replicas[l]->start(runs[l].start, 0, 0, state);
-      for (std::int64_t k = 1; k <= ticks; ++k) {
-        std::size_t due = 0;
-        while (due < left.size() && left[due].t <= tick_instant(k, tick).hi) ++due;
-        replicas[l]->tick(left.first(due), state);
-        left = left.subspan(due);
-        benchmark::ClobberMemory();
-      }
-    }
-    of_singles.push_back(seconds(begin));
-    ratio.push_back(of_singles.back() / of_sweep.back());
-    run.SetIterationTime(of_sweep.back());
-  }
-  const auto median = [](std::vector<double>& values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
-  };
-  const double each = 1e9 / static_cast<double>(ticks * static_cast<std::int64_t>(runs.size()));
-  run.counters["ns_sweep"] = each * median(of_sweep);
-  run.counters["ns_single"] = each * median(of_singles);
-  run.counters["ratio"] = median(ratio);
-}
-BENCHMARK(sweep)
-    ->ArgsProduct({{3, 10}, {0, 1}})
-    ->ArgNames({"n", "impacts"})
-    ->UseManualTime()
-    ->Iterations(9);
-
 // The same with q and u written out at every tick, as the observer publishes them.
 void free_tick_with_output(benchmark::State& run) {
-  const Scene scene = free_beam(static_cast<int>(run.range(0)));
+  const Scene scene = studies::free_beam(static_cast<int>(run.range(0)));
   Replica replica(scene.model, tick);
   Replica::State state;
   replica.start(scene.master, 0, 0, state);

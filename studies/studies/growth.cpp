@@ -10,12 +10,6 @@ namespace {
 
 constexpr double h = 1e-3;
 
-Model free_beam(int n) {
-  Model model = paper_beam(n).model;
-  model.contacts.clear();
-  return model;
-}
-
 // Supports under the beam at m places. Without loss at impacts nothing comes to rest on them: the
 // figures are those of impacts alone.
 void add_supports(int n, int m, Model& model) {
@@ -55,7 +49,7 @@ double us_per_impact(const Model& model) {
 
 // One exact rotation a mode, the gap, its sign: nothing else.
 double ns_per_least_tick(int n) {
-  const Replica replica(free_beam(n), h);
+  const Replica replica(free_beam(n).model, h);
   const TickTable table(replica.flows()[0].oscillators(), h);
   const Eigen::VectorXd w = mode_shapes({n, 1.0, 1.0, 1.0, 0.17}, 0.868);
   const auto size = static_cast<std::size_t>(n);
@@ -90,16 +84,16 @@ double ns_per_least_tick(int n) {
 
 void growth(Table& table) {
   for (const int n : {3, 10, 30, 100, 300, 1000, 3000}) {
-    table.add({"ns per tick", "modes", double(n), ns_per_tick(free_beam(n))});
+    table.add({"ns per tick", "modes", double(n), ns_per_tick(free_beam(n).model)});
   }
   for (const int n : {3, 10, 30, 100, 300, 1000}) {
-    Model model = free_beam(n);
+    Model model = free_beam(n).model;
     add_supports(n, 1, model);
     table.add({"us per impact", "modes", double(n), us_per_impact(model)});
   }
   for (const int m : {1, 2, 4, 8, 16}) {
     constexpr int n = 20;
-    Model model = free_beam(n);
+    Model model = free_beam(n).model;
     add_supports(n, m, model);
     table.add({"ns per tick", "contacts", double(m), ns_per_tick(model)});
     table.add({"us per impact", "contacts", double(m), us_per_impact(model)});
@@ -107,21 +101,17 @@ void growth(Table& table) {
 }
 
 // By turns, so that a slow minute of a shared machine does not fall on one of the two alone; and
-// medians over other places in memory, on which small loops depend (loads and stores that are 4096
+// in other places of memory, on which small loops depend (loads and stores that are 4096
 // bytes apart wait for each other).
 void limit(Table& table) {
   constexpr std::size_t turns = 9;
   for (const int n : {3, 10, 100, 1000}) {
-    std::vector<double> ours, least;
     std::vector<std::vector<char>> fillers;
     for (std::size_t i = 0; i < turns; ++i) {
       fillers.emplace_back(16 * (1 + 37 * i));
-      ours.push_back(ns_per_tick(free_beam(n)));
-      least.push_back(ns_per_least_tick(n));
+      const double ours = ns_per_tick(free_beam(n).model);
+      table.add({double(n), double(i + 1), ours, ns_per_least_tick(n)});
     }
-    std::sort(ours.begin(), ours.end());
-    std::sort(least.begin(), least.end());
-    table.add({double(n), ours[turns / 2], least[turns / 2]});
   }
 }
 

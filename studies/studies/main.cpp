@@ -21,6 +21,7 @@ constexpr Study all[] = {{"observer", observer_columns, observer},
                          {"modes", modes_columns, modes},
                          {"growth", growth_columns, growth},
                          {"limit", limit_columns, limit},
+                         {"sweep", sweep_columns, sweep},
                          {"stability", stability_columns, stability}};
 
 }  // namespace

@@ -48,4 +48,10 @@ Scene paper_beam(int modes) {
   return scene;
 }
 
+Scene free_beam(int modes) {
+  Scene scene = paper_beam(modes);
+  scene.model.contacts.clear();
+  return scene;
+}
+
 }  // namespace sprag::studies

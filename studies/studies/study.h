@@ -53,9 +53,13 @@ inline constexpr const char* modes_columns =
 void growth(Table& table);
 inline constexpr const char* growth_columns = "what,against,count,value";
 
-/// ns per tick beside a hand-written minimal loop.
+/// ns per tick beside a hand-written minimal loop, by turns.
 void limit(Table& table);
-inline constexpr const char* limit_columns = "modes,ours_ns,limit_ns";
+inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
+
+/// ns per tick and replica: eight in a sweep, and one after the other, by turns.
+void sweep(Table& table);
+inline constexpr const char* sweep_columns = "modes,impacts,turn,sweep_ns,single_ns";
 
 /// Which method finds what on the paper's beam with more and more modes.
 void stability(Table& table);
@@ -63,6 +67,9 @@ inline constexpr const char* stability_columns = "method,modes,step,result,found
 
 /// The paper's beam with other than three modes.
 Scene paper_beam(int modes);
+/// The same in free flight: without its contact, so that the flow of a thousand locked modes need
+/// not be built.
+Scene free_beam(int modes);
 
 /// Shortest CPU time [s] of run(), repeated for about `seconds`.
 template <typename Run>

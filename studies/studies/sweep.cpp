@@ -1,0 +1,66 @@
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sprag/estimation/replica_sweep.h"
+#include "sprag/mechanics/master.h"
+#include "studies/studies/study.h"
+
+namespace sprag::studies {
+namespace {
+
+constexpr double h = 1e-3;
+constexpr double T = 20.0;
+constexpr std::int64_t ticks = 20000;
+constexpr int turns = 9;
+
+// Every tick as another program would do it, with the events that fall into it.
+void run_alone(const ReplicaSweep::Run& run, Replica& replica, Replica::State& state) {
+  std::span<const ContactEvent> left = run.events;
+  replica.start(run.start, 0, 0, state);
+  for (std::int64_t k = 1; k <= ticks; ++k) {
+    std::size_t due = 0;
+    while (due < left.size() && left[due].t <= tick_instant(k, h).hi) ++due;
+    replica.tick(left.first(due), state);
+    left = left.subspan(due);
+  }
+}
+
+// Eight replicas with parameters and starts of their own, with the events of their masters or in
+// free flight.
+void measure(int modes, bool impacts, Table& table) {
+  std::vector<std::vector<ContactEvent>> events(ReplicaSweep::lanes);
+  std::vector<ReplicaSweep::Run> runs;
+  std::vector<std::unique_ptr<Replica>> replicas;
+  for (std::size_t l = 0; l < ReplicaSweep::lanes; ++l) {
+    Scene scene = impacts ? paper_beam(modes) : free_beam(modes);
+    scene.model.K *= 1.0 + 1e-3 * static_cast<double>(l);
+    scene.master.q *= 1.0 + 1e-2 * static_cast<double>(l);
+    if (impacts) Master(scene.model, scene.master).advance(at(T), events[l]);
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[l]});
+    replicas.push_back(std::make_unique<Replica>(runs[l].flows, h));
+  }
+  Replica::State state;
+  const double each = 1e9 / static_cast<double>(ticks * static_cast<std::int64_t>(runs.size()));
+  for (int turn = 1; turn <= turns; ++turn) {
+    ReplicaSweep together(runs, h);
+    double begin = work_precision::cpu_seconds();
+    together.run(ticks);
+    const double of_sweep = work_precision::cpu_seconds() - begin;
+    begin = work_precision::cpu_seconds();
+    for (std::size_t l = 0; l < runs.size(); ++l) run_alone(runs[l], *replicas[l], state);
+    const double of_singles = work_precision::cpu_seconds() - begin;
+    table.add({double(modes), double(impacts), double(turn), each * of_sweep, each * of_singles});
+  }
+}
+
+}  // namespace
+
+void sweep(Table& table) {
+  for (const int modes : {3, 10}) {
+    for (const bool impacts : {false, true}) measure(modes, impacts, table);
+  }
+}
+
+}  // namespace sprag::studies
