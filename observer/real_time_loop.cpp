@@ -237,7 +237,7 @@ void RealTimeLoop::on_tick(const State& state) {
 
 bool RealTimeLoop::on_settled(const State& state) {
   if (state.tick <= last_ && !send(true, state)) return false;
-  if (estimation_.estimator.waits(state)) {
+  if (state.tick < last_ && estimation_.estimator.waits(state)) {
     estimation_.estimator.wanted(state, wanted_);
     asked_ = false;
     time_line_.hold(state.tick);

@@ -171,7 +171,7 @@ class Replay {
   // Before the next tick: it depends on the result.
   void identify(const Estimation::State& state) {
     AdaptiveEstimator& estimator = estimation_.estimator;
-    if (!estimator.waits(state)) return;
+    if (state.tick >= last_ || !estimator.waits(state)) return;
     AdaptationTask task;
     estimator.wanted(state, task);
     identified_ = run(task, *estimator.family());

@@ -135,6 +135,8 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
                              AdaptiveState& state) {
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
     const bool single = is_of_one_contact(of_one, chi);
+    // A start may be a little behind the first event that it knows.
+    if (state.events == 0) state.begins = std::min(state.begins, of_one.front().t);
     for (const ContactEvent& event : of_one) {
       const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
       heard(state.events) = {event, chi, before};

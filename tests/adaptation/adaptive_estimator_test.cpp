@@ -7,6 +7,8 @@
 
 #include "sprag/estimation/observer.h"
 #include "sprag/estimation/time_line.h"
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/master.h"
 #include "studies/adaptation/trial.h"
 #include "tests/support/run.h"
 
@@ -242,6 +244,47 @@ TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
   EXPECT_NEAR(confidence.parameters.values[0], 0.55, 1e-9);
   EXPECT_GE(confidence.inconsistencies, 1);
   EXPECT_GT(confidence.parameters.accepted, 40.0);
+}
+
+// An observer that is started while the machine runs: the first event it knows lies before its
+// tick.
+TEST(AdaptiveEstimator, MayJoinLate) {
+  const Scene scene = wrong_beam(), machine = shipped_scene("paper_beam");
+  const std::vector<ContactEvent> events = events_of(machine, 60.0);
+  constexpr double h = 0.25;
+  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
+  AdaptiveState state;
+  std::size_t next = 30;
+  std::int64_t k = first_tick_after(events[next].t, h);
+  ASSERT_LT(events[next].t, tick_instant(k, h).hi);
+  estimator.start(scene.replica, k, 0, state);
+  AdaptationTask task;
+  AdaptationResult result;
+  for (bool first = true; k < 240; first = false) {
+    const std::size_t from = next;
+    if (!first) ++k;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    const auto of_tick = std::span(events).subspan(from, next - from);
+    if (first) {
+      for_each_instant(of_tick, [&](const auto& of_one) { estimator.apply(of_one, state); });
+      continue;
+    }
+    if (estimator.waits(state)) {
+      estimator.wanted(state, task);
+      EXPECT_LE(task.begins, task.events.front().t);
+      result = run(task, *estimator.family());
+      estimator.put(result);
+    }
+    estimator.tick(of_tick, state);
+  }
+  ASSERT_TRUE(state.trusted);
+  Master master(machine.model, machine.master);
+  std::vector<ContactEvent> passed;
+  master.advance(at(60.0), passed);
+  Eigen::VectorXd q_m(3), u_m(3), q(3), u(3);
+  master.state(at(60.0), q_m, u_m);
+  estimator.output(state, q, u);
+  EXPECT_LT(ErrorEnergy(machine.model)(q_m, u_m, q, u)[0], 1e-20);
 }
 
 TEST(AdaptiveEstimator, WhatItCannotDoIsRefused) {

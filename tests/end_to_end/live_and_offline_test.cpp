@@ -118,6 +118,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitFor
   expect_settled_ticks_as_in_replays("paper_beam",
                                      {"--estimator", "adaptive", "--report", file("report.json")},
                                      file("wrong.toml"));
+  EXPECT_NE(text("run.lcmlog").find("SPRAG_PARAMETERS"), std::string::npos);
   const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
   EXPECT_NE(header.find(",accepted,impact.restitution,sigma_impact.restitution,beam.damping,"),
             std::string::npos);
