@@ -120,6 +120,7 @@ void BeliefColumns::see(const Flow& flow, const Signal& signal, const Belief& be
 }
 
 void BeliefColumns::merge(Belief& belief) {
+  constexpr double least_norm = 1e-140;  // its square is a number
   const Eigen::Index f = belief.q.size();
   const Eigen::Index c = belief.columns;
   const Eigen::Index n = 2 * f;
@@ -130,7 +131,7 @@ void BeliefColumns::merge(Belief& belief) {
   for (Eigen::Index k = 0; k < n; ++k) {
     auto x = R.col(k).tail(c - k);
     const double norm = x.norm();
-    if (norm == 0.0) continue;
+    if (!(norm > least_norm)) continue;
     const double head = x[0] > 0.0 ? -norm : norm;
     x[0] -= head;  // the reflection's vector, in place
     const double factor = 2.0 / x.squaredNorm();

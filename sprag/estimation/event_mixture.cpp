@@ -14,6 +14,9 @@ constexpr double half_log_two_pi = 0.91893853320467274178;
 // A pivot below this share of its diagonal entry is rounding.
 constexpr double least_pivot = 1e-15;
 
+// A hypothesis of less weight is none: roots of such weights would square to nothing.
+constexpr double least_weight = 1e-60;
+
 bool jumps(const EventMixture::Hypothesis& of) {
   return of.alpha != 0.0 || of.beta != 0.0 || of.slope != 0.0;
 }
@@ -72,7 +75,8 @@ EventMixture::EventMixture(Eigen::Index columns, Eigen::Index coordinates) {
   reflection_.setZero(columns);
   xi_.setZero(columns);
   delta_.setZero(columns);
-  row_.setZero(all);
+  off_q_.setZero(coordinates);
+  off_u_.setZero(coordinates);
   joint_.setZero(all, all);
   basis_q_.setZero(coordinates, all);
   basis_u_.setZero(coordinates, all);
@@ -137,76 +141,94 @@ Eigen::Index EventMixture::collapse(Eigen::VectorXd& q, Eigen::VectorXd& u, Eige
   for (int j = 0; j < size_; ++j) {
     const Hypothesis& of = hypotheses_[j];
     const double weight = std::exp(of.log_weight - total);
-    w_[j] = weight > 0.0 ? weight : 0.0;
+    w_[j] = weight > least_weight ? weight : 0.0;
     if (w_[j] > 0.0 && jumps(of) && (centre < 0 || w_[j] > w_[centre])) centre = j;
   }
   reflect(S_q, S_u);
 
+  // Means: of xi; of y, which moves the state by y b, over that of the likeliest hypothesis; and of
+  // what the others' y b are off by their b. Nothing but differences is to be left of the variance.
+  const double usual = centre >= 0 ? hypotheses_[centre].alpha : 0.0;
+  const auto differs = [&](int j) { return j != centre && jumps(hypotheses_[j]); };
   auto xi = xi_.head(c);
   xi.setZero();
-  double alpha = 0.0;
+  double further = 0.0;
+  off_q_.setZero();
+  off_u_.setZero();
+  Eigen::Index n = centre >= 0 ? c + 1 : c;
   for (int j = 0; j < size_; ++j) {
     const Hypothesis& of = hypotheses_[j];
-    if (w_[j] == 0.0) continue;
-    xi += w_[j] * (of.shift_phi * phi_.col(j).head(c) + of.shift_psi * psi_.col(j).head(c));
-    alpha += w_[j] * of.alpha;
+    const double w = w_[j];
+    if (w == 0.0) continue;
+    xi += w * (of.shift_phi * phi_.col(j).head(c) + of.shift_psi * psi_.col(j).head(c));
+    further += w * (of.alpha - usual);
+    if (!differs(j)) continue;
+    basis_q_.col(n) = b_q_.col(j) - b_q_.col(centre);
+    basis_u_.col(n) = b_u_.col(j) - b_u_.col(centre);
+    off_q_ += w * of.alpha * basis_q_.col(n);
+    off_u_ += w * of.alpha * basis_u_.col(n++);
   }
 
-  // Covariance of xi; of y, which moves the state by b of the likeliest hypothesis; and of the
-  // parts of y that belong to one hypothesis each, which move it by what its b differs.
-  Eigen::Index n = c;
+  // Between the hypotheses: a column each. Within them: the covariance of xi; of y, which moves the
+  // state by b of the likeliest; and of each other's y, which moves it by what its b differs.
+  const Eigen::Index within = n;
+  Eigen::Index columns = within;
   if (centre >= 0) {
-    basis_q_.col(n) = b_q_.col(centre);
-    basis_u_.col(n++) = b_u_.col(centre);
+    basis_q_.col(c) = b_q_.col(centre);
+    basis_u_.col(c) = b_u_.col(centre);
   }
   auto T = joint_.topLeftCorner(c, c);
   T.setIdentity();
   T(0, 0) = 0.0;
-  joint_.block(c, 0, joint_.rows() - c, joint_.cols()).setZero();
+  joint_.block(c, 0, n - c, n).setZero();
+  n = c + 1;
   for (int j = 0; j < size_; ++j) {
     const Hypothesis& of = hypotheses_[j];
     const double w = w_[j];
     if (w == 0.0) continue;
     const auto phi = phi_.col(j).head(c);
     const auto psi = psi_.col(j).head(c);
-    auto delta = delta_.head(c);
-    delta = of.shift_phi * phi + of.shift_psi * psi - xi;
     for (Eigen::Index k = 0; k < c; ++k) {
       const double by_phi = w * of.taken_along_phi * phi[k];
       const double by_psi = w * of.taken_along_psi * psi[k];
-      const double by_delta = w * delta[k];
       for (Eigen::Index i = std::max<Eigen::Index>(k, 1); i < c; ++i) {
-        T(i, k) += by_delta * delta[i] - by_phi * phi[i] - by_psi * psi[i];
+        T(i, k) -= by_phi * phi[i] + by_psi * psi[i];
       }
     }
     const double rest = phi.tail(c - 1).squaredNorm();
     T(0, 0) += w * (1.0 - of.taken_along_phi + of.taken_along_phi * (of.rest_phi + rest) -
-                    of.taken_along_psi * psi[0] * psi[0] + delta[0] * delta[0]);
-    if (centre < 0) continue;
-    const double off = of.alpha - alpha;
-    joint_.row(c).head(c) += w * (of.slope * psi + off * delta).transpose();
-    joint_(c, c) += w * (of.beta + off * off);
-    if (j == centre || !jumps(of)) continue;
-    joint_.row(n).head(c) = w * (of.slope * psi + of.alpha * delta).transpose();
-    joint_(n, c) = w * (of.beta + of.alpha * off);
-    for (Eigen::Index k = c + 1; k < n; ++k) joint_(n, k) = -row_[k] * w * of.alpha;
-    row_[n] = w * of.alpha;
-    joint_(n, n) = w * (of.beta + of.alpha * of.alpha) - row_[n] * row_[n];
-    basis_q_.col(n) = b_q_.col(j) - b_q_.col(centre);
-    basis_u_.col(n) = b_u_.col(j) - b_u_.col(centre);
-    ++n;
-  }
+                    of.taken_along_psi * psi[0] * psi[0]);
 
-  // Mean.
+    auto delta = delta_.head(c);
+    delta = of.shift_phi * phi + of.shift_psi * psi - xi;
+    auto mean_q = S_q.col(columns);
+    auto mean_u = S_u.col(columns++);
+    mean_q.noalias() = S_q.leftCols(c).lazyProduct(delta);
+    mean_u.noalias() = S_u.leftCols(c).lazyProduct(delta);
+    if (centre >= 0) {
+      const double off = of.alpha - usual - further;
+      mean_q += off * basis_q_.col(c) - off_q_;
+      mean_u += off * basis_u_.col(c) - off_u_;
+      joint_.row(c).head(c) += w * of.slope * psi.transpose();
+      joint_(c, c) += w * of.beta;
+    }
+    if (differs(j)) {
+      mean_q += of.alpha * basis_q_.col(n);
+      mean_u += of.alpha * basis_u_.col(n);
+      joint_.row(n).head(c) = w * of.slope * psi.transpose();
+      joint_(n, c) = joint_(n, n) = w * of.beta;
+      ++n;
+    }
+    mean_q *= std::sqrt(w);
+    mean_u *= std::sqrt(w);
+  }
+  n = within;
+
   q.noalias() += S_q.leftCols(c).lazyProduct(xi);
   u.noalias() += S_u.leftCols(c).lazyProduct(xi);
   if (centre >= 0) {
-    q += alpha * basis_q_.col(c);
-    u += alpha * basis_u_.col(c);
-    for (Eigen::Index k = c + 1; k < n; ++k) {
-      q += row_[k] * basis_q_.col(k);
-      u += row_[k] * basis_u_.col(k);
-    }
+    q += (usual + further) * basis_q_.col(c) + off_q_;
+    u += (usual + further) * basis_u_.col(c) + off_u_;
   }
 
   // Cholesky, in place; what is not positive but by rounding is nothing.
@@ -234,7 +256,7 @@ Eigen::Index EventMixture::collapse(Eigen::VectorXd& q, Eigen::VectorXd& u, Eige
     S_q.col(k).noalias() = basis_q_.middleCols(k, n - k).lazyProduct(column);
     S_u.col(k).noalias() = basis_u_.middleCols(k, n - k).lazyProduct(column);
   }
-  return n;
+  return columns;
 }
 
 }  // namespace sprag

@@ -74,7 +74,7 @@ class EventMixture {
   /// number of columns, or 0, with everything as it was, where no hypothesis has a finite weight.
   Eigen::Index collapse(Eigen::VectorXd& q, Eigen::VectorXd& u, Eigen::MatrixXd& S_q,
                         Eigen::MatrixXd& S_u);
-  static constexpr Eigen::Index added_columns() { return capacity; }
+  static constexpr Eigen::Index added_columns() { return 2 * capacity; }
 
  private:
   void reflect(Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);
@@ -86,8 +86,9 @@ class EventMixture {
   Eigen::MatrixXd b_q_, b_u_;  // coordinates x hypotheses
 
   // Scratch of a collapse.
-  Eigen::VectorXd w_, mean_phi_, reflection_, xi_, delta_, row_;
-  Eigen::MatrixXd joint_;              // covariance of xi, y and the parts of y, then its root
+  Eigen::VectorXd w_, mean_phi_, reflection_, xi_, delta_;
+  Eigen::VectorXd off_q_, off_u_;
+  Eigen::MatrixXd joint_;  // within hypotheses, of xi, y and each one's y; then its root
   Eigen::MatrixXd basis_q_, basis_u_;  // what these are coordinates of
 };
 

@@ -41,8 +41,8 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   const int m = flows_->dynamics().contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
-  // Twice what an instant can add: an event of unknown time, and that none has come since.
-  const Eigen::Index added = std::max<Eigen::Index>(2 * EventMixture::added_columns(), 3L * m);
+  // What is added before columns are merged: by an event of unknown time, or by exact ones.
+  const Eigen::Index added = std::max<Eigen::Index>(EventMixture::added_columns(), 3L * m);
   const Eigen::Index columns = 4 * f() + of_drift + added;
   now_.q.setZero(f());
   now_.u.setZero(f());

@@ -197,6 +197,44 @@ TEST(EventMixture, KeepsTheDigitsOfAnExactMeasurement) {
   EXPECT_NEAR(S_u.row(0).head(columns).norm(), 1.0, 1e-12);
 }
 
+// The time is known to 1e-8 of the machine's, and q does not depend on it: what a hypothesis says
+// of xi is what its jump takes back. Of squares of the jumps themselves no digit of that is left.
+TEST(EventMixture, KnowsWhatItsHypothesesAgreeIn) {
+  constexpr double near = 1e-8;
+  for (const double spread : {0.0, 5.0 * near}) {
+    EventMixture mixture(2, 1);
+    mixture.begin(2);
+    double total = 0.0, variance = 0.0;
+    for (int j = 0; j < 10; ++j) {
+      const double x = 1.11 * (j - 4.5);
+      EventMixture::Hypothesis of;
+      of.log_weight = -0.5 * x * x;
+      of.rest_phi = 1e-18;
+      of.taken_along_phi = 1.0;
+      of.alpha = 0.28 + spread * x;
+      of.shift_phi = -of.alpha * x;
+      of.slope = spread > 0.0 ? -0.4 * near : 0.0;
+      of.beta = of.slope * of.slope;
+      mixture.add(of);
+      mixture.phi() = Eigen::Vector2d::UnitX();
+      mixture.psi() = Eigen::Vector2d::UnitY();
+      mixture.b_q()[0] = near * x;
+      mixture.b_u()[0] = 1.0;
+      const double w = std::exp(of.log_weight);
+      total += w;
+      variance += w * ((spread * x) * (spread * x) + (near + of.slope) * (near + of.slope));
+    }
+    Eigen::VectorXd q = Eigen::VectorXd::Zero(1), u = q;
+    Eigen::MatrixXd S_q = Eigen::MatrixXd::Zero(1, 2 + EventMixture::added_columns());
+    Eigen::MatrixXd S_u = S_q;
+    S_q(0, 0) = near;
+    S_u(0, 1) = near;
+    const Eigen::Index columns = mixture.collapse(q, u, S_q, S_u);
+    EXPECT_LT(S_q.row(0).head(columns).norm(), 1e-15) << spread;
+    EXPECT_NEAR(S_u.row(0).head(columns).norm() / std::sqrt(variance / total), 1.0, 1e-6) << spread;
+  }
+}
+
 TEST(EventMixture, LeavesEverythingAsItIsWhereNothingIsPossible) {
   EventMixture mixture(2, 1);
   mixture.begin(2);
