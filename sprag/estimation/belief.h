@@ -100,6 +100,7 @@ struct UncertainEvent {
   Kind kind = Kind::none;
   int contact = 0;
   ContactSet held = 0;  ///< closed before and after
+  int in_row = 0;       ///< of a burst: how many since a pulse that was none, counting it
   /// Of a release: how long the contact had been closed, by the reports [s].
   double held_for = std::numeric_limits<double>::infinity();
 };

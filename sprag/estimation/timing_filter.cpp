@@ -130,6 +130,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.consistency = {};
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
+  state.bursts.setZero(flows_->dynamics().contacts());
   event_ = {};
   last_published_ = {};
   start_ = start;

@@ -158,8 +158,11 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                          ? UncertainEvent::Kind::burst
                          : UncertainEvent::Kind::pulse;
     state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
+  } else {
+    uncertain.held_for = event.t - state.last_report[i];
   }
-  if (!closes) uncertain.held_for = event.t - state.last_report[i];
+  uncertain.in_row = uncertain.kind == UncertainEvent::Kind::burst ? state.bursts[i] + 1 : 0;
+  state.bursts[i] = uncertain.in_row;
   state.last_report[i] = event.t;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
                            state.motion);

@@ -36,9 +36,6 @@ constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
 // A mode that has decayed by exp(12) since is not there any more, and is not made to grow back.
 constexpr double most_growth = 12.0;
-// Of a burst, whose pulses are not told apart: share of the energy that restitution takes which it
-// may still have.
-constexpr double burst_energy = 0.49;
 
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
@@ -423,7 +420,9 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
 }
 
 // A pulse too close to the one before: it turns the gap velocity round wherever it goes, and says
-// nothing else.
+// nothing else. What comes back so soon has left with epsilon times the gap velocity before, so
+// that the n-th of a row takes (1 - epsilon^2) epsilon^2n of the energy; were each to take its full
+// share, at a time of its own, the modes would lose what no chatter takes.
 void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_happened) {
   go_back(age);
   const double mu = rate(*signal_, then_);
@@ -434,6 +433,7 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
   if (has_happened) {
     const double restitution =
         flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
+    const double kept = 1.0 - std::pow(restitution, 2 * event.in_row);
     const double a = mu / d;
     const double p = std::erf(a / std::numbers::sqrt2);
     const double all = square(mu) + square(d);
@@ -441,7 +441,7 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
         restitution * (2.0 * d * std::exp(-0.5 * a * a - half_log_two_pi) + mu * p);
     const double slope = restitution * p - 1.0;
     const double further = square(restitution) * all - square(after) - square(restitution * p * d) +
-                           burst_energy * (1.0 - square(restitution)) * all;
+                           kept * (1.0 - square(restitution)) * all;
     of.alpha = after - mu;
     of.slope = slope * d;
     of.beta = square(slope * d) + std::max(further, 0.0);

@@ -312,6 +312,27 @@ TEST(TimingFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   EXPECT_LT(largest, 0.2 * at_start);
 }
 
+// Pulses that come within two sigma of the one before, and what ends a row of them.
+TEST(TimingFilter, CountsBurstsInARow) {
+  Scene scene = shipped_scene("paper_beam_chatter.toml");
+  scene.jitter = 1e-3;
+  TimingFilter filter(scene, 0.1);
+  TimingFilter::State state;
+  filter.start(scene.replica, 0, 0, state);
+  const auto after = [&](double t, ContactEventKind kind) {
+    const ContactEvent event{t, 0, kind};
+    filter.follow({&event, 1}, state);
+    return state.bursts[0];
+  };
+  EXPECT_EQ(after(0.4, ContactEventKind::pulse), 0);
+  EXPECT_EQ(after(0.4015, ContactEventKind::pulse), 1);
+  EXPECT_EQ(after(0.4015, ContactEventKind::pulse), 2);
+  EXPECT_EQ(after(0.45, ContactEventKind::pulse), 0);
+  EXPECT_EQ(after(0.451, ContactEventKind::pulse), 1);
+  EXPECT_EQ(after(0.452, ContactEventKind::closes), 0);
+  EXPECT_EQ(after(0.5, ContactEventKind::opens), 0);
+}
+
 // What the model lacks is known to the filter: its covariance does not close.
 TEST(TimingFilter, DriftKeepsTheCovarianceOpen) {
   Scene scene = shipped_scene("paper_beam.toml");

@@ -199,5 +199,32 @@ TEST(UnknownTime, SilenceIsAsLikelyAsTheGapIsOpen) {
   EXPECT_LT(log_probability(-2e-2), -24.5);
 }
 
+// The n-th of a row takes what is left for it to take, not the share of restitution once more.
+TEST(UnknownTime, BurstsTakeTheEnergyOfAChatter) {
+  const Machine machine{Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Constant(1, 0.01), 0.5};
+  const Flows flows(machine.model());
+  UnknownTime unknown(flows, 1e-3, 2 + EventMixture::added_columns());
+  for (const int n : {1, 2, 30}) {
+    for (const double gamma : {0.0, -0.7, 2.0}) {
+      Belief belief{Eigen::VectorXd::Constant(1, -0.1), Eigen::VectorXd::Constant(1, gamma),
+                    Eigen::MatrixXd::Zero(1, 2 + EventMixture::added_columns()),
+                    Eigen::MatrixXd::Zero(1, 2 + EventMixture::added_columns()), 2};
+      belief.S_u(0, 1) = 1.0;
+      Motion motion;
+      flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
+      UncertainEvent burst;
+      burst.kind = UncertainEvent::Kind::burst;
+      burst.in_row = n;
+      UnknownTime::Innovation innovation;
+      ASSERT_TRUE(unknown.take(burst, motion, {1.0, 1.0}, 0.0, false, belief, innovation));
+      EXPECT_FALSE(innovation.measured);
+      const double energy =
+          belief.u.squaredNorm() + belief.S_u.leftCols(belief.columns).squaredNorm();
+      const double taken = 0.75 * std::pow(0.25, n);
+      EXPECT_NEAR(energy / (gamma * gamma + 1.0), 1.0 - taken, 0.01) << n << ' ' << gamma;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sprag
