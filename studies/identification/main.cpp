@@ -1,14 +1,25 @@
-// identification: repeats the trials of docs/identification.md.
+// identification: repeats the trials of docs/identification.md, or makes what its charts show.
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 
+#include "studies/identification/charts.h"
 #include "studies/identification/table.h"
 
 int main(int argc, char** argv) {
-  if (argc < 2) {
-    std::fprintf(stderr, "usage: identification SCENES [FIRST_SEED [ROW]]\n");
+  const std::string what = argc > 1 ? argv[1] : "";
+  const auto seed = [&](int at) {
+    return argc > at ? std::strtoull(argv[at], nullptr, 10) : 1001ULL;
+  };
+  if (what == "charts" && argc > 3) {
+    sprag::identification_study::write_chart_data(argv[2], argv[3], seed(4));
+    return 0;
+  }
+  if (what.empty() || what == "charts") {
+    std::fprintf(stderr,
+                 "usage: identification SCENES [FIRST_SEED [ROW]]\n"
+                 "       identification charts SCENES DIR [FIRST_SEED]\n");
     return 2;
   }
-  sprag::identification_study::print_table(
-      argv[1], argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1, argc > 3 ? argv[3] : "");
+  sprag::identification_study::print_table(what, seed(2), argc > 3 ? argv[3] : "");
 }

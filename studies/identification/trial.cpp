@@ -79,21 +79,23 @@ bool Outcome::right(const Trial& trial) const {
   return trial.jitter > 0.0 ? worst_sigmas < 6.0 : worst < 1e-9;
 }
 
-Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
+double error_of(const Unknown& unknown, double value, double truth) {
+  const double error = unknown.coordinate(value) - unknown.coordinate(truth);
+  return unknown.kind == Kind::phase ? std::remainder(error, 2.0 * std::numbers::pi) : error;
+}
+
+std::optional<Question> question(const Scene& scene, const Trial& trial, std::uint64_t seed) {
   Random draw(seed);
-  Outcome outcome;
   auto drawn = other_machine(scene, trial, draw);
   for (int again = 0; !drawn && again < 1000; ++again) drawn = other_machine(scene, trial, draw);
-  if (!drawn) {
-    outcome.too_few = true;
-    return outcome;
-  }
+  if (!drawn) return std::nullopt;
+  Question asked;
   const Scene& machine = drawn->first;
-  std::vector<ContactEvent> events;
+  std::vector<ContactEvent>& events = asked.events;
   const double end = drawn->second.back().t;
   for (ContactEvent event : drawn->second) {
     if (draw.uniform() < trial.lost) {
-      ++outcome.events_lost;
+      ++asked.events_lost;
       continue;
     }
     event.t += trial.jitter * draw.normal();
@@ -101,7 +103,7 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
   }
   for (int i = 0; i < trial.impacts; ++i) {
     if (!(draw.uniform() < trial.spurious)) continue;
-    ++outcome.events_spurious;
+    ++asked.events_spurious;
     events.push_back({draw.uniform(0.0, end), 0, ContactEventKind::pulse});
   }
   std::sort(events.begin(), events.end(),
@@ -109,8 +111,8 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
 
   const std::vector<std::string> keys = trial.keys.empty() ? usual_keys(machine) : trial.keys;
   const MachineFamily of_machine(machine, unknowns(machine, keys));
-  outcome.truth = of_machine.nominal();
-  Eigen::VectorXd wrong = outcome.truth;
+  asked.truth = of_machine.nominal();
+  Eigen::VectorXd wrong = asked.truth;
   for (std::size_t k = 0; k < keys.size(); ++k) {
     double& value = wrong[static_cast<Eigen::Index>(k)];
     if (of_machine.unknowns()[k].linear()) {
@@ -124,8 +126,9 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
     value *= 1.0 + sign * draw.uniform(0.5, 1.0) * off;
     limit(of_machine.unknowns()[k], value);
   }
-  Scene nominal = of_machine.with(wrong);
-  IdentificationSettings settings;
+  asked.nominal = of_machine.with(wrong);
+  const Scene& nominal = asked.nominal;
+  IdentificationSettings& settings = asked.settings;
   settings.unknowns = unknowns(nominal, keys);
   for (std::size_t k = 0; k < keys.size(); ++k) {
     settings.unknowns[k].within = trial.within.value_or(trial.off);
@@ -135,14 +138,27 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
     // A factor on the scene's own matrix: what makes the scene the machine.
     const auto i = static_cast<Eigen::Index>(k);
     const bool factor = keys[k] == "system.K" || keys[k] == "system.C";
-    if (factor) outcome.truth[i] /= wrong[i];
+    if (factor) asked.truth[i] /= wrong[i];
     // A shift of all phases of a general system.
-    if (!nominal.beam && keys[k] == "excitation.phase") outcome.truth[i] -= wrong[i];
+    if (!nominal.beam && keys[k] == "excitation.phase") asked.truth[i] -= wrong[i];
   }
   if (trial.jitter_told) settings.jitter = trial.jitter;
+  return asked;
+}
+
+Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
+  Outcome outcome;
+  const std::optional<Question> asked = question(scene, trial, seed);
+  if (!asked) {
+    outcome.too_few = true;
+    return outcome;
+  }
+  outcome.truth = asked->truth;
+  outcome.events_lost = asked->events_lost;
+  outcome.events_spurious = asked->events_spurious;
   const std::clock_t begin = std::clock();
   try {
-    outcome.found = identify(nominal, events, settings);
+    outcome.found = identify(asked->nominal, asked->events, asked->settings);
   } catch (const TooFewImpacts&) {
     outcome.too_few = true;
     return outcome;
@@ -150,11 +166,8 @@ Outcome run(const Scene& scene, const Trial& trial, std::uint64_t seed) {
   outcome.seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   for (std::size_t k = 0; k < outcome.found.unknowns.size(); ++k) {
     const FittedUnknown& fitted = outcome.found.unknowns[k];
-    const double truth = outcome.truth[static_cast<Eigen::Index>(k)];
-    double error = fitted.unknown.coordinate(fitted.value) - fitted.unknown.coordinate(truth);
-    if (fitted.unknown.kind == Kind::phase) {
-      error = std::remainder(error, 2.0 * std::numbers::pi);
-    }
+    const double error =
+        error_of(fitted.unknown, fitted.value, outcome.truth[static_cast<Eigen::Index>(k)]);
     const double sigma = fitted.sigma / std::abs(fitted.unknown.slope(fitted.value));
     outcome.worst = std::max(outcome.worst, std::abs(error));
     outcome.worst_sigmas = std::max(outcome.worst_sigmas, std::abs(error) / sigma);

@@ -41,6 +41,21 @@ struct Outcome {
 /// What is sought where a trial does not say: all but the scale, and one restitution for all.
 std::vector<std::string> usual_keys(const Scene& scene);
 
+/// What a trial asks: the events of a machine and a scene that is wrong about it.
+struct Question {
+  Scene nominal;
+  std::vector<ContactEvent> events;
+  IdentificationSettings settings;
+  Eigen::VectorXd truth;  ///< of the unknowns, in their order
+  int events_lost = 0, events_spurious = 0;
+};
+
+/// None where no machine of the kind is hit often enough.
+std::optional<Question> question(const Scene& machine, const Trial& trial, std::uint64_t seed);
+
+/// In coordinates of the unknown, a phase within half a turn.
+double error_of(const Unknown& unknown, double value, double truth);
+
 /// A trial with the machine of this scene and this seed.
 Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed);
 
