@@ -8,8 +8,8 @@
 namespace sprag::identification_study {
 
 /// Runs the trials whose names contain `only` on the scenes in `scenes`, with seeds from
-/// `first_seed` on. The table goes to stdout, the runs that failed to stderr. Throws SceneError
-/// where a scene cannot be read.
+/// `first_seed` on, and a table of drifts if that is empty or "drift". The tables go to stdout, the
+/// runs that failed to stderr. Throws SceneError where a scene cannot be read.
 void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed,
                  const std::string& only);
 

@@ -7,6 +7,7 @@
 #include "command_line/program.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/scene_file.h"
+#include "studies/identification/drifting.h"
 #include "tests/support/program_test.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
@@ -139,6 +140,30 @@ TEST_F(IdentifyProgramTest, ALogAndAJitter) {
                                "--within", "0.1", "--free", "impact.restitution"});
   EXPECT_EQ(told.code, 3) << told.out;
   EXPECT_NE(told.out.find("do not fit"), std::string::npos) << told.out;
+}
+
+TEST_F(IdentifyProgramTest, ADriftIsToldAndWritten) {
+  const Scene beam = shipped_scene("paper_beam");
+  EventsWriter writer(path("events.csv"));
+  for (const ContactEvent& event :
+       identification_study::drifting_events(beam, 1e-8, 1e-4, 60.0, 0.05, 1)) {
+    writer.write(event);
+  }
+  ASSERT_TRUE(writer.close());
+  const Arguments arguments{path("events.csv"), scene_file("paper_beam"), "--within", "0.05",
+                            "--output",         path("fitted.toml")};
+  const Ended found = identify(arguments);
+  ASSERT_EQ(found.code, 0) << found.out << found.err;
+  EXPECT_NE(found.out.find("The machine drifts from its model: drift "), std::string::npos)
+      << found.out;
+  const Scene fitted = read_scene(path("fitted.toml"));
+  EXPECT_GT(fitted.drift, 3e-9);
+  EXPECT_LT(fitted.drift, 3e-8);
+  EXPECT_NEAR(fitted.jitter, 1e-4, 4e-5);
+  const Ended again = identify({path("events.csv"), scene_file("paper_beam"), "--within", "0.05",
+                                "--duration", "30", "--json"});
+  const auto json = nlohmann::json::parse(again.out);
+  EXPECT_EQ(json["drift"]["found"], true) << again.out;
 }
 
 TEST_F(IdentifyProgramTest, WhatDoesNotFitIsRefusedOrTaken) {

@@ -179,6 +179,7 @@ std::string fitted_text(std::string_view text, const Scene& scene, const Identif
       out.set("master.u", fit.start.u);
     }
   }
+  if (fit.fitted.drift != scene.drift) out.set("replica.drift", fit.fitted.drift);
   // Times that are exact to within what can be told have no jitter.
   const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
   if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);

@@ -126,6 +126,18 @@ void append_causes(const IdentifyResult& result, std::string& text) {
   }
 }
 
+void append_drift(const IdentifyResult& result, std::string& text) {
+  if (!result.drift) return;
+  const DriftEstimate& drift = *result.drift;
+  if (drifts(result)) {
+    text += "The machine drifts from its model: drift " + number(drift.drift, 2) + " (" +
+            number(drift.low, 2) + " to " + number(drift.high, 2) + "), the jitter then " +
+            number(drift.jitter, 3) + " s.\n";
+  } else if (drift.high > 0.0) {
+    text += "No drift from the model is seen; it is below " + number(drift.high, 2) + ".\n";
+  }
+}
+
 void append_events(const IdentifyResult& result, std::string& text) {
   for (const std::size_t i : result.fit.spurious) {
     const ContactEvent& event = result.events[i];
@@ -182,7 +194,10 @@ std::string verdict(const IdentifyResult& result) {
     std::string text = fit.problem == FitProblem::not_found
                            ? std::string("the events fit no such machine")
                            : "the events do not fit: " + number(fit.scatter, 3) + " s are left";
-    if (result.accepted) text += "; taken as the jitter of an effective model";
+    if (result.accepted) {
+      text += drifts(result) ? "; taken as the drift of an effective model"
+                             : "; taken as the jitter of an effective model";
+    }
     return text;
   }
   std::string text =
@@ -222,6 +237,7 @@ std::string to_text(const IdentifyResult& result) {
     text += "Fitted to the first four fifths, it expects the impacts of the last within " +
             number(fit.predicted, 2) + " s (before: " + number(fit.predicted_before, 2) + " s).\n";
   }
+  append_drift(result, text);
   append_events(result, text);
   text += '\n';
   append_table(result, text);
@@ -265,6 +281,12 @@ void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["largest_chi2"] = fit.largest_chi2;
   object["predicted"] = fit.predicted;
   object["predicted_before"] = fit.predicted_before;
+  object["drift"] = nullptr;
+  if (result.drift) {
+    const DriftEstimate& drift = *result.drift;
+    object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
+                       {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
+  }
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;
   object["parameters"] = Json::array();

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "sprag/identification/drift.h"
 #include "sprag/identification/identification.h"
 
 namespace sprag {
@@ -15,9 +17,13 @@ struct IdentifyResult {
   bool accepted = false;          ///< although it does not fit, since the user says so
   bool asked_for_causes = false;  ///< whether `causes` were looked for
   Explanations causes;
-  std::string held;  ///< what is held for its scale; empty: nothing
+  std::optional<DriftEstimate> drift;  ///< none: the fit does not tell
+  std::string held;                    ///< what is held for its scale; empty: nothing
   std::vector<ContactEvent> events;
 };
+
+/// Whether the machine departs from its model.
+inline bool drifts(const IdentifyResult& result) { return result.drift && result.drift->found(); }
 
 /// What follows from it, in words.
 std::string verdict(const IdentifyResult& result);

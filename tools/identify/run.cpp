@@ -21,7 +21,11 @@ std::string text_of(const std::filesystem::path& file) {
 }
 
 void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
-                 const Identification& fit, double begins) {
+                 Identification fit, const DriftEstimate* drift, double begins) {
+  if (drift != nullptr) {
+    fit.fitted.drift = drift->drift;
+    fit.jitter = drift->jitter;
+  }
   OutputFile out(run.output);
   out.write(fitted_text(text, scene, fit, begins, run.output.string()));
   if (!out.close()) throw std::runtime_error(out.error());
@@ -63,7 +67,10 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
     result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter);
     result.asked_for_causes = true;
   }
-  const bool effective = run.accept && result.fit.problem == FitProblem::misfit;
+  result.drift = estimate_drift(scene, result.fit);
+  const bool effective =
+      run.accept && (result.fit.problem == FitProblem::misfit ||
+                     (result.fit.problem == FitProblem::unpredictable && drifts(result)));
   if (effective) {
     result.accepted = true;
     result.fit.jitter = result.fit.scatter;
@@ -74,7 +81,8 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
   if (good && !run.output.empty()) {
-    write_scene(run, text, scene, result.fit, recorded.begins);
+    write_scene(run, text, scene, result.fit, drifts(result) ? &*result.drift : nullptr,
+                recorded.begins);
   }
   if (!recorded.whole) return exit_failed;
   return good ? exit_done : exit_not_identified;

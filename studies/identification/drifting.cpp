@@ -1,0 +1,51 @@
+#include "studies/identification/drifting.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/estimation/uncertainty.h"
+#include "sprag/mechanics/master.h"
+#include "studies/tolerance/random.h"
+
+namespace sprag::identification_study {
+
+std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, double jitter,
+                                          double end, double push, std::uint64_t seed) {
+  tolerance::Random draw(seed);
+  Scene drifting = scene;
+  drifting.drift = 1.0;
+  // Half of the energy would be in positions: all of it in velocities is the same a little later.
+  const Eigen::MatrixXd kick = std::sqrt(2.0) * uncertainty_of(drifting).drift_u;
+  std::vector<ContactEvent> events;
+  State state = scene.master;
+  double begin = 0.0;
+  while (begin < end) {
+    Model model = scene.model;
+    const auto shift = [&](Harmonic& harmonic) { harmonic.phase += harmonic.frequency * begin; };
+    for (Force& force : model.forces) shift(force.harmonic);
+    for (Contact& contact : model.contacts) shift(contact.motion);
+    Master master(std::move(model), state);
+    std::vector<ContactEvent> of_part;
+    double t = drift > 0.0 ? push : end;
+    master.advance(at(t), of_part);
+    while (master.closed() != 0 && begin + t < end) {
+      t += push;
+      master.advance(at(t), of_part);
+    }
+    master.state(at(t), state.q, state.u);
+    for (ContactEvent event : of_part) {
+      event.t += begin;
+      events.push_back(event);
+    }
+    Eigen::VectorXd normal(kick.cols());
+    for (double& entry : normal) entry = draw.normal();
+    state.u += std::sqrt(drift * t) * (kick * normal);
+    begin += t;
+  }
+  for (ContactEvent& event : events) event.t += jitter * draw.normal();
+  std::sort(events.begin(), events.end(),
+            [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  return events;
+}
+
+}  // namespace sprag::identification_study
