@@ -1,264 +1,10 @@
 #include "sprag/identification/drift.h"
 
-#include <Eigen/QR>
-#include <algorithm>
 #include <cmath>
-#include <vector>
 
-#include "sprag/estimation/belief.h"
-#include "sprag/estimation/uncertainty.h"
-#include "sprag/identification/linear_path.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/identification/linearized_filter.h"
 
 namespace sprag {
-namespace {
-
-class DriftLikelihood {
- public:
-  DriftLikelihood(const Scene& scene, const Identification& fit);
-
-  struct Value {
-    double log = 0.0;
-    double jitter = 0.0;
-  };
-  /// For a drift in units of unit().
-  Value at(double ratio) const;
-  bool told() const { return told_; }
-  /// How far from the measured times the path along them usually meets supports [s].
-  double off_the_path() const;
-  /// The drift that moves gaps in a usual flight as far as this jitter does.
-  double unit(double jitter) const { return unit_ * jitter * jitter; }
-
- private:
-  void set_parameter_columns(const Identification& fit, const Eigen::VectorXd& values);
-  void set_drift(const Scene& fitted);
-
-  MachineFamily family_;
-  const Stretches& stretches_;
-  const std::vector<Eigen::VectorXd>& speeds_;  // gamma- of the fit
-  Machine machine_;
-  Flights flights_;
-  std::vector<Path> paths_;
-  std::vector<Eigen::MatrixXd> J_;     // a stretch: its impacts x P
-  Eigen::MatrixXd drift_y_, drift_u_;  // of drift 1
-  double base_ = 0.0;                  // jitter that it is computed for [s]
-  bool told_ = false;
-  double unit_ = 0.0;
-  double speed_ = 0.0, interval_ = 0.0;  // usual ones
-  int taken_up_ = 0;                     // innovations that determine the unknowns
-};
-
-DriftLikelihood::DriftLikelihood(const Scene& scene, const Identification& fit)
-    : family_(scene,
-              [&] {
-                std::vector<Unknown> unknowns;
-                for (const FittedUnknown& fitted : fit.unknowns) unknowns.push_back(fitted.unknown);
-                return unknowns;
-              }()),
-      stretches_(fit.measured),
-      speeds_(fit.likelihood.gamma),
-      interval_(fit.interval) {
-  constexpr double resolved = 1e-10;  // of the usual interval
-  told_ = fit.jitter_told && fit.jitter > resolved * interval_;
-  base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
-  taken_up_ = fit.likelihood.timed - fit.freedom;
-  const Eigen::VectorXd& values = fit.likelihood.values;
-  machine_ = family_.at(values);
-  Harmonics harmonics;
-  flights_.set(machine_, stretches_);
-  harmonics.set(machine_.frequencies, stretches_);
-  paths_.resize(stretches_.size());
-  std::vector<double> speeds;
-  for (std::size_t s = 0; s < stretches_.size(); ++s) {
-    follow(machine_, flights_, harmonics, stretches_[s], s, fit.likelihood.x0[s],
-           family_.inputs(values), paths_[s]);
-    for (const double gamma : speeds_[s]) speeds.push_back(std::abs(gamma));
-  }
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::nth_element(speeds.begin(), middle, speeds.end());
-  speed_ = *middle;
-  set_parameter_columns(fit, values);
-  set_drift(fit.fitted);
-}
-
-void DriftLikelihood::set_parameter_columns(const Identification& fit,
-                                            const Eigen::VectorXd& values) {
-  constexpr double difference = 4e-6;
-  const auto P = static_cast<Eigen::Index>(family_.unknowns().size());
-  for (const Stretch& stretch : stretches_) {
-    J_.emplace_back(static_cast<Eigen::Index>(stretch.size()), P);
-  }
-  Flights flights;
-  Harmonics harmonics;
-  Path path;
-  for (Eigen::Index k = 0; k < P; ++k) {
-    const Unknown& unknown = family_.unknowns()[static_cast<std::size_t>(k)];
-    for (const double side : {1.0, -1.0}) {
-      Eigen::VectorXd moved = values;
-      moved[k] = unknown.value(unknown.coordinate(values[k]) + side * difference);
-      const Machine machine = family_.at(moved);
-      flights.set(machine, stretches_);
-      harmonics.set(machine.frequencies, stretches_);
-      for (std::size_t s = 0; s < stretches_.size(); ++s) {
-        follow(machine, flights, harmonics, stretches_[s], s, fit.likelihood.x0[s],
-               family_.inputs(moved), path);
-        if (side > 0.0) {
-          J_[s].col(k) = path.g / (2.0 * difference);
-        } else {
-          J_[s].col(k) -= path.g / (2.0 * difference);
-        }
-      }
-    }
-  }
-}
-
-void DriftLikelihood::set_drift(const Scene& fitted) {
-  Scene scene = fitted;
-  scene.drift = 1.0;
-  const Uncertainty uncertainty = uncertainty_of(scene);
-  const Eigen::Index n = family_.n();
-  drift_y_.resize(n, uncertainty.drift_q.cols());
-  drift_u_.resize(n, uncertainty.drift_u.cols());
-  for (Eigen::Index j = 0; j < drift_y_.cols(); ++j) {
-    drift_y_.col(j) = family_.to_modes(uncertainty.drift_q.col(j));
-    drift_u_.col(j) = family_.to_modes(uncertainty.drift_u.col(j));
-  }
-  const double moves = (machine_.W.transpose() * drift_y_).squaredNorm() * interval_ +
-                       (machine_.W.transpose() * drift_u_).squaredNorm() * std::pow(interval_, 3);
-  unit_ = speed_ * speed_ / moves;
-}
-
-double DriftLikelihood::off_the_path() const {
-  double squares = 0.0;
-  for (const Path& path : paths_) squares += path.g.squaredNorm();
-  return std::sqrt(squares / static_cast<double>(count(stretches_))) / speed_;
-}
-
-DriftLikelihood::Value DriftLikelihood::at(double ratio) const {
-  constexpr double rounding = 1e-13;   // of gaps, in usual flights
-  constexpr double least_speed = 0.1;  // of the usual one
-  constexpr double unknown = 3.0;      // a start, in usual motions, and a parameter
-  check_interrupt();
-  const Eigen::Index n = family_.n(), m = machine_.W.cols();
-  const auto P = static_cast<Eigen::Index>(family_.unknowns().size());
-  const Eigen::Index D = drift_y_.cols(), states = 2 * n + P;
-  const double per_root = std::sqrt(ratio * unit(base_));
-  const double noise = std::pow(rounding * speed_ * interval_, 2);
-  const double of_u = unknown * speed_ * static_cast<double>(m) / machine_.W.norm();
-  // Rows: y, u, parameters.
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(states);
-  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(states, states + 2 * D + 1);
-  S.block(2 * n, 0, P, P).diagonal().setConstant(unknown);
-  Eigen::Index columns = P;
-  const Eigen::VectorXd no_constants = Eigen::VectorXd::Zero(machine_.constant_forces.cols());
-  double logs = 0.0, squares = 0.0;
-  int innovations = 0;
-  const auto merge = [&] {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(S.leftCols(columns).transpose());
-    const Eigen::Index kept = std::min(columns, states);
-    const Eigen::MatrixXd R = qr.matrixQR().topRows(kept).triangularView<Eigen::Upper>();
-    S.setZero();
-    S.leftCols(kept) = R.transpose();
-    columns = kept;
-  };
-  RowMatrix Y, U;
-  for (std::size_t s = 0; s < stretches_.size(); ++s) {
-    const Stretch& stretch = stretches_[s];
-    const Path& path = paths_[s];
-    // Nothing is known of where a stretch begins.
-    x.head(2 * n).setZero();
-    if (P > 0) {
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(
-          S.block(2 * n, 0, P, std::max(columns, P)).transpose());
-      const Eigen::MatrixXd R = qr.matrixQR().topRows(P).triangularView<Eigen::Upper>();
-      S.setZero();
-      S.block(2 * n, 0, P, P) = R.transpose();
-    } else {
-      S.setZero();
-    }
-    columns = P + 2 * n;
-    S.block(0, P, n, n).diagonal().setConstant(of_u * interval_);
-    S.block(n, P + n, n, n).diagonal().setConstant(of_u);
-    double t = stretch.start;
-    for (std::size_t k = 0; k < stretch.size(); ++k) {
-      const Impact& impact = stretch.impacts[k];
-      const auto i = static_cast<Eigen::Index>(k);
-      Eigen::VectorXd y = x.head(n), u = x.segment(n, n);
-      flights_.move(s, k, y, u, no_constants);
-      x.head(n) = y;
-      x.segment(n, n) = u;
-      // Beyond the last column no constant force is taken.
-      Y = S.topLeftCorner(n, columns);
-      U = S.block(n, 0, n, columns);
-      flights_.move(s, k, Y, U, columns, columns);
-      S.topLeftCorner(n, columns) = Y;
-      S.block(n, 0, n, columns) = U;
-      if (ratio > 0.0) {
-        const double root = per_root * std::sqrt(impact.t - t);
-        S.block(0, columns, n, D) = root * drift_y_;
-        S.block(n, columns + D, n, D) = root * drift_u_;
-        columns += 2 * D;
-      }
-      t = impact.t;
-      const auto w = machine_.W.col(impact.contact);
-      const Eigen::VectorXd jump = machine_.jump.col(impact.contact);
-      const double gamma = path.gamma[i];
-      // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of
-      // them.
-      const bool measured = impact.timed && std::abs(speeds_[s][i]) > least_speed * speed_;
-      // What an error of this time does, besides what it does to the gap.
-      const double sigma = impact.timed ? base_ : interval_;
-      Eigen::VectorXd after = Eigen::VectorXd::Zero(states);
-      after.head(n) = jump * gamma;
-      if (machine_.modal) {
-        after.segment(n, n) =
-            -jump * path.gamma_rate[i] - machine_.C.col(0).cwiseProduct(after.head(n));
-      } else {
-        after.segment(n, n) = -jump * path.gamma_rate[i] - machine_.C * after.head(n);
-      }
-      // Last comes the column of e, and as a row of its own e itself.
-      Eigen::VectorXd estimate(states + 1);
-      estimate << x, 0.0;
-      Eigen::MatrixXd root = Eigen::MatrixXd::Zero(states + 1, columns + 1);
-      root.topLeftCorner(states, columns) = S.leftCols(columns);
-      root(states, columns) = sigma;
-      if (measured || !impact.timed) {
-        Eigen::VectorXd phi(columns + 1);
-        phi.head(columns) = S.topLeftCorner(n, columns).transpose() * w +
-                            S.block(2 * n, 0, P, columns).transpose() * J_[s].row(i).transpose();
-        phi[columns] = gamma * sigma;
-        const double expected = path.g[i] + w.dot(x.head(n)) + J_[s].row(i).dot(x.tail(P));
-        const double variance = phi.squaredNorm() + noise;
-        PotterUpdate(phi, -expected, noise).apply(estimate, root);
-        if (measured) {
-          logs += std::log(variance);
-          squares += expected * expected / variance;
-          ++innovations;
-        }
-      }
-      x = estimate.head(states);
-      ++columns;
-      S.leftCols(columns) = root.topRows(states);
-      const double gamma_of_x = w.dot(x.segment(n, n));
-      const Eigen::RowVectorXd gamma_of_S = w.transpose() * S.block(n, 0, n, columns);
-      x.segment(n, n) -= jump * gamma_of_x;
-      S.block(n, 0, n, columns) -= jump * gamma_of_S;
-      x += after * estimate[states];
-      S.leftCols(columns) += after * root.row(states);
-      merge();
-    }
-  }
-  Value value{-0.5 * (logs + squares), base_};
-  if (told_) return value;
-  // All but the start is in proportion to the jitter.
-  const double freedom = std::max(1, innovations - taken_up_);
-  const double factor = squares / freedom;
-  value.jitter = base_ * std::sqrt(factor);
-  value.log = -0.5 * (logs + freedom * (std::log(factor) + 1.0));
-  return value;
-}
-
-}  // namespace
 
 std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identification& fit) {
   // A fit that leaves more may be to other values than the machine's.
@@ -273,17 +19,17 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
   if (fit.scatter < exact * fit.interval) return DriftEstimate{};
   constexpr double lowest = -6.0, highest = 5.0, step = 0.5;  // log10 of ratios
   constexpr double less = 1.92;
-  const DriftLikelihood likelihood(scene, fit);
+  const LinearizedFilter likelihood(scene, fit);
   if (!std::isfinite(likelihood.unit(1.0)) ||
       !(likelihood.off_the_path() < parted * fit.interval)) {
     return std::nullopt;
   }
   const auto at = [&](double decade) { return likelihood.at(std::pow(10.0, decade)); };
-  const DriftLikelihood::Value none = likelihood.at(0.0);
+  const LinearizedFilter::Value none = likelihood.at(0.0);
   double best = lowest;
-  DriftLikelihood::Value value = at(best);
+  LinearizedFilter::Value value = at(best);
   for (double decade = lowest + step; decade <= highest; decade += step) {
-    const DriftLikelihood::Value next = at(decade);
+    const LinearizedFilter::Value next = at(decade);
     if (next.log > value.log) {
       value = next;
       best = decade;
@@ -291,7 +37,7 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
   }
   for (double shorter = 0.5 * step; shorter > 0.01; shorter *= 0.5) {
     for (const double decade : {best - shorter, best + shorter}) {
-      const DriftLikelihood::Value next = at(decade);
+      const LinearizedFilter::Value next = at(decade);
       if (next.log <= value.log) continue;
       value = next;
       best = decade;
@@ -299,7 +45,7 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
     }
   }
   DriftEstimate estimate;
-  const auto drift = [&](double decade, const DriftLikelihood::Value& of) {
+  const auto drift = [&](double decade, const LinearizedFilter::Value& of) {
     return std::pow(10.0, decade) * likelihood.unit(of.jitter);
   };
   const bool any = value.log > none.log;

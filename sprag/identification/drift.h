@@ -1,18 +1,7 @@
 // How far a machine departs from its model: the `drift` that the timing filter should be told
-// (uncertainty.h), from the times of impacts. Along the measured times the machine's path is, to
-// first order, linear in the unknowns, in the error e_k of each time and in what the model lacks
-// between impacts,
-//
-//   0 = g_k + h_k xi_k + J_k dtheta + gamma_k- e_k,   e_k ~ N(0, sigma^2),
-//   xi_k+1 = Phi_k xi_k + (what e_k does) + w_k,      cov w_k = drift times the flight,
-//
-// so that a Kalman filter of (xi, dtheta), which starts from no knowledge of either, has
-// independent innovations nu_k of variances s_k. Drift, and sigma where it is not told, maximize
-//
-//   ln L = -1/2 sum (ln s_k + nu_k^2 / s_k),
-//
-// the restricted likelihood (Patterson & Thompson 1971): what the fit of the unknowns takes up of a
-// drift does not count as none.
+// (uncertainty.h), from the times of impacts. Drift, and the jitter where it is not told, maximize
+// the restricted likelihood (Patterson & Thompson 1971) of linearized_filter.h: what the fit of the
+// unknowns takes up of a drift does not count as none.
 #pragma once
 
 #include <optional>

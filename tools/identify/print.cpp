@@ -138,6 +138,17 @@ void append_drift(const IdentifyResult& result, std::string& text) {
   }
 }
 
+// Unless a drift explains more of what is left.
+void append_trend(const IdentifyResult& result, std::string& text) {
+  if (!result.trend || !result.trend->found()) return;
+  const RestitutionTrend& trend = *result.trend;
+  if (drifts(result) && result.drift->gain > trend.gain) return;
+  text += std::string("Restitution ") + (trend.trend < 0.0 ? "falls" : "rises") + " by " +
+          rounded(std::abs(trend.trend), trend.sigma) + " +- " + number(trend.sigma, 2) +
+          " per unit of the impact's speed: chi^2 falls from " + number(trend.chi2_without, 4) +
+          " to " + number(trend.chi2_with, 4) + ".\n";
+}
+
 void append_events(const IdentifyResult& result, std::string& text) {
   for (const std::size_t i : result.fit.spurious) {
     const ContactEvent& event = result.events[i];
@@ -238,6 +249,7 @@ std::string to_text(const IdentifyResult& result) {
             number(fit.predicted, 2) + " s (before: " + number(fit.predicted_before, 2) + " s).\n";
   }
   append_drift(result, text);
+  append_trend(result, text);
   append_events(result, text);
   text += '\n';
   append_table(result, text);
@@ -286,6 +298,15 @@ void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
     const DriftEstimate& drift = *result.drift;
     object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
                        {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
+  }
+  object["restitution_trend"] = nullptr;
+  if (result.trend) {
+    object["restitution_trend"] = {{"found", result.trend->found()},
+                                   {"value", result.trend->trend},
+                                   {"sigma", result.trend->sigma},
+                                   {"gain", result.trend->gain},
+                                   {"chi2_without", result.trend->chi2_without},
+                                   {"chi2_with", result.trend->chi2_with}};
   }
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;

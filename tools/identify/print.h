@@ -8,6 +8,7 @@
 
 #include "sprag/identification/drift.h"
 #include "sprag/identification/identification.h"
+#include "sprag/identification/restitution_trend.h"
 
 namespace sprag {
 
@@ -17,8 +18,9 @@ struct IdentifyResult {
   bool accepted = false;          ///< although it does not fit, since the user says so
   bool asked_for_causes = false;  ///< whether `causes` were looked for
   Explanations causes;
-  std::optional<DriftEstimate> drift;  ///< none: the fit does not tell
-  std::string held;                    ///< what is held for its scale; empty: nothing
+  std::optional<DriftEstimate> drift;     ///< none: the fit does not tell
+  std::optional<RestitutionTrend> trend;  ///< likewise
+  std::string held;                       ///< what is held for its scale; empty: nothing
   std::vector<ContactEvent> events;
 };
 

@@ -68,6 +68,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
     result.asked_for_causes = true;
   }
   result.drift = estimate_drift(scene, result.fit);
+  result.trend = estimate_restitution_trend(scene, result.fit);
   const bool effective =
       run.accept && (result.fit.problem == FitProblem::misfit ||
                      (result.fit.problem == FitProblem::unpredictable && drifts(result)));

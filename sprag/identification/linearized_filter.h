@@ -1,0 +1,64 @@
+// A Kalman filter of what a machine is off from a fit to its impacts, and from its model: along the
+// measured times the path is, to first order, linear in the start, in the parameters, in the error
+// e_k of each time and in what the model lacks between impacts,
+//
+//   0 = g_k + w^T xi_k + J_k dtheta + gamma_k- e_k,   e_k ~ N(0, sigma^2),
+//   xi_k+1 = Phi_k xi_k + (what e_k does) + w_k,      cov w_k = drift times the flight.
+//
+// It begins without knowledge of xi and dtheta, so that its innovations nu_k, of variances s_k,
+// give the restricted likelihood ln L = -1/2 sum (ln s_k + nu_k^2 / s_k).
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "sprag/identification/identification.h"
+#include "sprag/identification/linear_path.h"
+
+namespace sprag {
+
+class LinearizedFilter {
+ public:
+  LinearizedFilter(const Scene& scene, const Identification& fit);
+
+  /// One more parameter: d epsilon / d |gamma-| of all contacts, 0 at the usual speed.
+  void add_restitution_trend();
+
+  struct Value {
+    double log = 0.0;     ///< ln L
+    double chi2 = 0.0;    ///< sum of nu_k^2 / s_k for base()
+    double jitter = 0.0;  ///< as told, or the most likely [s]
+    /// Parameters, in coordinates from the fit's, and their standard deviations for that jitter.
+    Eigen::VectorXd parameters, sigmas;
+  };
+  /// For a drift in units of unit().
+  Value at(double ratio) const;
+  /// Jitter that sigmas and ln L are computed with first: as told, or the fit's scatter [s].
+  double base() const { return base_; }
+  bool told() const { return told_; }
+  /// How far from the measured times the path along them usually meets supports [s].
+  double off_the_path() const;
+  /// The drift that moves gaps in a usual flight as far as this jitter does.
+  double unit(double jitter) const { return unit_ * jitter * jitter; }
+
+ private:
+  Eigen::Index parameters() const { return J_.empty() ? 0 : J_.front().cols(); }
+  void set_parameter_columns(const Identification& fit, const Eigen::VectorXd& values);
+  void set_drift(const Scene& fitted);
+
+  MachineFamily family_;
+  const Stretches& stretches_;
+  const std::vector<Eigen::VectorXd>& speeds_;  // gamma- of the fit
+  Machine machine_;
+  Flights flights_;
+  std::vector<Path> paths_;
+  std::vector<Eigen::MatrixXd> J_;     // a stretch: its impacts x P
+  Eigen::MatrixXd drift_y_, drift_u_;  // of drift 1
+  double base_ = 0.0;                  // jitter that it is computed for [s]
+  bool told_ = false;
+  double unit_ = 0.0;
+  double speed_ = 0.0, interval_ = 0.0;  // usual ones
+  int taken_up_ = 0;                     // innovations that determine the unknowns
+};
+
+}  // namespace sprag

@@ -1,0 +1,34 @@
+#include "sprag/identification/restitution_trend.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/identification/linearized_filter.h"
+
+namespace sprag {
+
+std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
+                                                           const Identification& fit) {
+  constexpr double near = 0.01, exact = 1e-10, parted = 0.1;  // of the usual interval
+  const bool sought = std::any_of(fit.unknowns.begin(), fit.unknowns.end(), [](const auto& of) {
+    return of.unknown.kind == Unknown::Kind::restitution;
+  });
+  if (!sought || fit.problem == FitProblem::not_found || fit.freedom <= 1 ||
+      !(fit.scatter < near * fit.interval) || fit.scatter < exact * fit.interval) {
+    return std::nullopt;
+  }
+  LinearizedFilter filter(scene, fit);
+  if (!(filter.off_the_path() < parted * fit.interval)) return std::nullopt;
+  RestitutionTrend trend;
+  trend.chi2_without = filter.at(0.0).chi2;
+  filter.add_restitution_trend();
+  const LinearizedFilter::Value value = filter.at(0.0);
+  trend.chi2_with = value.chi2;
+  trend.gain = filter.told() ? trend.chi2_without - trend.chi2_with
+                             : fit.freedom * std::log(trend.chi2_without / trend.chi2_with);
+  trend.trend = value.parameters[value.parameters.size() - 1];
+  trend.sigma = value.sigmas[value.sigmas.size() - 1];
+  return trend;
+}
+
+}  // namespace sprag
