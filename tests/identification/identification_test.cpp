@@ -5,6 +5,8 @@
 #include <fstream>
 #include <iostream>
 
+#include "sprag/identification/drift.h"
+#include "sprag/identification/restitution_trend.h"
 #include "studies/identification/trial.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
@@ -213,6 +215,21 @@ u = [0.9]
   EXPECT_FALSE(found.unknowns[2].determined);
   EXPECT_GT(std::abs(found.unknowns[0].correlation), 0.98);
   EXPECT_NEAR(found.jitter, 6e-4, 1e-4);
+  // Beside a drag a restitution that depends on the speed cannot be told; a drift can.
+  const auto beside_drag = estimate_restitution_trend(scene, found);
+  ASSERT_TRUE(beside_drag);
+  EXPECT_FALSE(beside_drag->found());
+  EXPECT_GT(beside_drag->sigma, 0.01);
+  const auto drift = estimate_drift(scene, found);
+  ASSERT_TRUE(drift);
+  EXPECT_TRUE(drift->found());
+  EXPECT_NEAR(drift->drift, 3e-5, 1e-5);
+  settings.unknowns.resize(1);
+  const auto alone = estimate_restitution_trend(scene, identify(scene, events, settings));
+  ASSERT_TRUE(alone);
+  EXPECT_FALSE(alone->found());
+  EXPECT_NEAR(alone->trend, -9e-4, 1e-4);
+  EXPECT_NEAR(alone->sigma, 5e-4, 1e-4);
   settings.jitter = 3e-4;
   EXPECT_FALSE(identify(scene, events, settings).fits());
 }
