@@ -116,128 +116,148 @@ double LinearizedFilter::off_the_path() const {
   return std::sqrt(squares / static_cast<double>(count(stretches_))) / speed_;
 }
 
-LinearizedFilter::Value LinearizedFilter::at(double ratio) const {
-  constexpr double rounding = 1e-13;   // of gaps, in usual flights
-  constexpr double least_speed = 0.1;  // of the usual one
-  constexpr double unknown = 3.0;      // a start, in usual motions, and a parameter
-  check_interrupt();
-  const Eigen::Index n = family_.n(), m = machine_.W.cols();
-  const Eigen::Index P = parameters();
-  const Eigen::Index D = drift_y_.cols(), states = 2 * n + P;
-  const double per_root = std::sqrt(ratio * unit(base_));
-  const double noise = std::pow(rounding * speed_ * interval_, 2);
-  const double of_u = unknown * speed_ * static_cast<double>(m) / machine_.W.norm();
-  // Rows: y, u, parameters.
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(states);
-  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(states, states + 2 * D + 1);
-  S.block(2 * n, 0, P, P).diagonal().setConstant(unknown);
-  Eigen::Index columns = P;
-  const Eigen::VectorXd no_constants = Eigen::VectorXd::Zero(machine_.constant_forces.cols());
+// Mean and square root of the covariance of y, u and the parameters, and what was heard so far.
+struct LinearizedFilter::Estimate {
+  Eigen::Index n = 0, P = 0, columns = 0;
+  Eigen::VectorXd x;
+  Eigen::MatrixXd S;  // the first `columns` columns
   double logs = 0.0, squares = 0.0;
   int innovations = 0;
-  const auto merge = [&] {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(S.leftCols(columns).transpose());
-    const Eigen::Index kept = std::min(columns, states);
-    const Eigen::MatrixXd R = qr.matrixQR().topRows(kept).triangularView<Eigen::Upper>();
-    S.setZero();
-    S.leftCols(kept) = R.transpose();
-    columns = kept;
-  };
-  RowMatrix Y, U;
-  for (std::size_t s = 0; s < stretches_.size(); ++s) {
-    const Stretch& stretch = stretches_[s];
-    const Path& path = paths_[s];
-    // Nothing is known of where a stretch begins.
-    x.head(2 * n).setZero();
-    if (P > 0) {
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(
-          S.block(2 * n, 0, P, std::max(columns, P)).transpose());
-      const Eigen::MatrixXd R = qr.matrixQR().topRows(P).triangularView<Eigen::Upper>();
-      S.setZero();
-      S.block(2 * n, 0, P, P) = R.transpose();
-    } else {
-      S.setZero();
-    }
-    columns = P + 2 * n;
-    S.block(0, P, n, n).diagonal().setConstant(of_u * interval_);
-    S.block(n, P + n, n, n).diagonal().setConstant(of_u);
-    double t = stretch.start;
-    for (std::size_t k = 0; k < stretch.size(); ++k) {
-      const Impact& impact = stretch.impacts[k];
-      const auto i = static_cast<Eigen::Index>(k);
-      Eigen::VectorXd y = x.head(n), u = x.segment(n, n);
-      flights_.move(s, k, y, u, no_constants);
-      x.head(n) = y;
-      x.segment(n, n) = u;
-      // Beyond the last column no constant force is taken.
-      Y = S.topLeftCorner(n, columns);
-      U = S.block(n, 0, n, columns);
-      flights_.move(s, k, Y, U, columns, columns);
-      S.topLeftCorner(n, columns) = Y;
-      S.block(n, 0, n, columns) = U;
-      if (ratio > 0.0) {
-        const double root = per_root * std::sqrt(impact.t - t);
-        S.block(0, columns, n, D) = root * drift_y_;
-        S.block(n, columns + D, n, D) = root * drift_u_;
-        columns += 2 * D;
-      }
-      t = impact.t;
-      const auto w = machine_.W.col(impact.contact);
-      const Eigen::VectorXd jump = machine_.jump.col(impact.contact);
-      const double gamma = path.gamma[i];
-      // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of
-      // them.
-      const bool measured = impact.timed && std::abs(speeds_[s][i]) > least_speed * speed_;
-      // What an error of this time does, besides what it does to the gap.
-      const double sigma = impact.timed ? base_ : interval_;
-      Eigen::VectorXd after = Eigen::VectorXd::Zero(states);
-      after.head(n) = jump * gamma;
-      if (machine_.modal) {
-        after.segment(n, n) =
-            -jump * path.gamma_rate[i] - machine_.C.col(0).cwiseProduct(after.head(n));
-      } else {
-        after.segment(n, n) = -jump * path.gamma_rate[i] - machine_.C * after.head(n);
-      }
-      // Last comes the column of e, and as a row of its own e itself.
-      Eigen::VectorXd estimate(states + 1);
-      estimate << x, 0.0;
-      Eigen::MatrixXd root = Eigen::MatrixXd::Zero(states + 1, columns + 1);
-      root.topLeftCorner(states, columns) = S.leftCols(columns);
-      root(states, columns) = sigma;
-      if (measured || !impact.timed) {
-        Eigen::VectorXd phi(columns + 1);
-        phi.head(columns) = S.topLeftCorner(n, columns).transpose() * w +
-                            S.block(2 * n, 0, P, columns).transpose() * J_[s].row(i).transpose();
-        phi[columns] = gamma * sigma;
-        const double expected = path.g[i] + w.dot(x.head(n)) + J_[s].row(i).dot(x.tail(P));
-        const double variance = phi.squaredNorm() + noise;
-        PotterUpdate(phi, -expected, noise).apply(estimate, root);
-        if (measured) {
-          logs += std::log(variance);
-          squares += expected * expected / variance;
-          ++innovations;
-        }
-      }
-      x = estimate.head(states);
-      ++columns;
-      S.leftCols(columns) = root.topRows(states);
-      const double gamma_of_x = w.dot(x.segment(n, n));
-      const Eigen::RowVectorXd gamma_of_S = w.transpose() * S.block(n, 0, n, columns);
-      x.segment(n, n) -= jump * gamma_of_x;
-      S.block(n, 0, n, columns) -= jump * gamma_of_S;
-      x += after * estimate[states];
-      S.leftCols(columns) += after * root.row(states);
-      merge();
+
+  Eigen::Index states() const { return 2 * n + P; }
+  void merge();
+  void begin_stretch(double of_y, double of_u);
+};
+
+void LinearizedFilter::Estimate::merge() {
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(S.leftCols(columns).transpose());
+  const Eigen::Index kept = std::min(columns, states());
+  const Eigen::MatrixXd R = qr.matrixQR().topRows(kept).triangularView<Eigen::Upper>();
+  S.setZero();
+  S.leftCols(kept) = R.transpose();
+  columns = kept;
+}
+
+// The parameters stay as they are known, the path is any.
+void LinearizedFilter::Estimate::begin_stretch(double of_y, double of_u) {
+  x.head(2 * n).setZero();
+  Eigen::MatrixXd of_parameters(P, P);
+  if (P > 0) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(
+        S.block(2 * n, 0, P, std::max(columns, P)).transpose());
+    const Eigen::MatrixXd R = qr.matrixQR().topRows(P).triangularView<Eigen::Upper>();
+    of_parameters = R.transpose();
+  }
+  S.setZero();
+  S.block(2 * n, 0, P, P) = of_parameters;
+  S.block(0, P, n, n).diagonal().setConstant(of_y);
+  S.block(n, P + n, n, n).diagonal().setConstant(of_u);
+  columns = states();
+}
+
+// To impact k of stretch s, with a drift that makes this of a unit of time.
+void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estimate& of) const {
+  const Eigen::Index n = of.n, D = drift_y_.cols();
+  const Stretch& stretch = stretches_[s];
+  Eigen::VectorXd y = of.x.head(n), u = of.x.segment(n, n);
+  flights_.move(s, k, y, u, Eigen::VectorXd::Zero(machine_.constant_forces.cols()));
+  of.x.head(n) = y;
+  of.x.segment(n, n) = u;
+  // Beyond the last column no constant force is taken.
+  RowMatrix Y = of.S.topLeftCorner(n, of.columns), U = of.S.block(n, 0, n, of.columns);
+  flights_.move(s, k, Y, U, of.columns, of.columns);
+  of.S.topLeftCorner(n, of.columns) = Y;
+  of.S.block(n, 0, n, of.columns) = U;
+  if (!(per_root > 0.0)) return;
+  const double from = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
+  const double root = per_root * std::sqrt(stretch.impacts[k].t - from);
+  of.S.block(0, of.columns, n, D) = root * drift_y_;
+  of.S.block(n, of.columns + D, n, D) = root * drift_u_;
+  of.columns += 2 * D;
+}
+
+// Impact k of stretch s: what its time says, and what the impact does.
+void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
+  constexpr double rounding = 1e-13;   // of gaps, in usual flights
+  constexpr double least_speed = 0.1;  // of the usual one
+  const Impact& impact = stretches_[s].impacts[k];
+  const Path& path = paths_[s];
+  const auto i = static_cast<Eigen::Index>(k);
+  const Eigen::Index n = of.n, P = of.P, states = of.states(), columns = of.columns;
+  const auto w = machine_.W.col(impact.contact);
+  const Eigen::VectorXd jump = machine_.jump.col(impact.contact);
+  const double gamma = path.gamma[i];
+  // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of them.
+  const bool measured = impact.timed && std::abs(speeds_[s][i]) > least_speed * speed_;
+  const double sigma = impact.timed ? base_ : interval_;
+  // Last comes the column of e, and as a row of its own e itself.
+  Eigen::VectorXd x(states + 1);
+  x << of.x, 0.0;
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(states + 1, columns + 1);
+  S.topLeftCorner(states, columns) = of.S.leftCols(columns);
+  S(states, columns) = sigma;
+  if (measured || !impact.timed) {
+    const double noise = std::pow(rounding * speed_ * interval_, 2);
+    Eigen::VectorXd phi(columns + 1);
+    phi.head(columns) = S.topLeftCorner(n, columns).transpose() * w +
+                        S.block(2 * n, 0, P, columns).transpose() * J_[s].row(i).transpose();
+    phi[columns] = gamma * sigma;
+    const double expected = path.g[i] + w.dot(of.x.head(n)) + J_[s].row(i).dot(of.x.tail(P));
+    const double variance = phi.squaredNorm() + noise;
+    PotterUpdate(phi, -expected, noise).apply(x, S);
+    if (measured) {
+      of.logs += std::log(variance);
+      of.squares += expected * expected / variance;
+      ++of.innovations;
     }
   }
-  Value value{-0.5 * (logs + squares), squares, base_, x.tail(P), S.bottomRows(P).rowwise().norm()};
+  // What an error of this time does, besides what it does to the gap.
+  Eigen::VectorXd after = Eigen::VectorXd::Zero(states);
+  after.head(n) = jump * gamma;
+  if (machine_.modal) {
+    after.segment(n, n) =
+        -jump * path.gamma_rate[i] - machine_.C.col(0).cwiseProduct(after.head(n));
+  } else {
+    after.segment(n, n) = -jump * path.gamma_rate[i] - machine_.C * after.head(n);
+  }
+  const double gamma_of_x = w.dot(x.segment(n, n));
+  const Eigen::RowVectorXd gamma_of_S = w.transpose() * S.block(n, 0, n, columns + 1);
+  x.segment(n, n) -= jump * gamma_of_x;
+  S.block(n, 0, n, columns + 1) -= jump * gamma_of_S;
+  of.x = x.head(states) + after * x[states];
+  of.columns = columns + 1;
+  of.S.leftCols(of.columns) = S.topRows(states) + after * S.row(states);
+  of.merge();
+}
+
+LinearizedFilter::Value LinearizedFilter::at(double ratio) const {
+  constexpr double unknown = 3.0;  // a start, in usual motions, and a parameter
+  check_interrupt();
+  Estimate of;
+  of.n = family_.n();
+  of.P = parameters();
+  of.x.setZero(of.states());
+  of.S.setZero(of.states(), of.states() + 2 * drift_y_.cols() + 1);
+  of.S.block(2 * of.n, 0, of.P, of.P).diagonal().setConstant(unknown);
+  of.columns = of.P;
+  const double per_root = std::sqrt(ratio * unit(base_));
+  const double of_u = unknown * speed_ * static_cast<double>(machine_.W.cols()) / machine_.W.norm();
+  for (std::size_t s = 0; s < stretches_.size(); ++s) {
+    of.begin_stretch(of_u * interval_, of_u);
+    for (std::size_t k = 0; k < stretches_[s].size(); ++k) {
+      fly(s, k, per_root, of);
+      hear(s, k, of);
+    }
+  }
+  Value value{-0.5 * (of.logs + of.squares), of.squares, base_, of.x.tail(of.P),
+              of.S.bottomRows(of.P).rowwise().norm()};
   if (told_) return value;
   // All but the start is in proportion to the jitter.
-  const double freedom = std::max(1, innovations - taken_up_);
-  const double factor = squares / freedom;
+  const double freedom = std::max(1, of.innovations - taken_up_);
+  const double factor = of.squares / freedom;
   value.jitter = base_ * std::sqrt(factor);
   value.sigmas *= std::sqrt(factor);
-  value.log = -0.5 * (logs + freedom * (std::log(factor) + 1.0));
+  value.log = -0.5 * (of.logs + freedom * (std::log(factor) + 1.0));
   return value;
 }
 

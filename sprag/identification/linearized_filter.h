@@ -43,6 +43,9 @@ class LinearizedFilter {
 
  private:
   Eigen::Index parameters() const { return J_.empty() ? 0 : J_.front().cols(); }
+  struct Estimate;
+  void fly(std::size_t s, std::size_t k, double per_root, Estimate& of) const;
+  void hear(std::size_t s, std::size_t k, Estimate& of) const;
   void set_parameter_columns(const Identification& fit, const Eigen::VectorXd& values);
   void set_drift(const Scene& fitted);
 
