@@ -71,7 +71,7 @@ TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 
 template <Estimator E>
 void expect_convergence(const char* name, double lost_from, double lost_to) {
-  const Scene& scene = shipped_scene(name);
+  const Scene& scene = cached_scene(name);
   // Moreau's own error is first order in h: its V levels off.
   constexpr bool exact = !std::is_same_v<E, MoreauReplica>;
   const double h = exact ? 1e-2 : 1e-3;

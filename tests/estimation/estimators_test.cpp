@@ -14,7 +14,7 @@ constexpr double duration = 20.0;
 /// A run tick by tick with the same events in both; the state is copied away and back on its way.
 template <Estimator E>
 void expect_same(EstimatorKind kind, StepperKind stepper) {
-  Scene scene = shipped_scene("two_stops_beam.toml");
+  Scene scene = cached_scene("two_stops_beam.toml");
   scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-3);
   const Eigen::Index f = scene.model.coordinates();
   const std::vector<ContactEvent> events = master_events(scene, duration);
@@ -63,7 +63,7 @@ TEST(AnyEstimator, HasTheBitsOfTheOneThatItIs) {
 }
 
 TEST(AnyEstimator, SaysHowItMoves) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   AnyEstimator exact(scene, tick_length);
   ASSERT_NE(exact.flows(), nullptr);
   EXPECT_STREQ(exact.flow_path(), "diagonal");
@@ -74,7 +74,7 @@ TEST(AnyEstimator, SaysHowItMoves) {
 
 // A state of one estimator is no use to another, and start() makes it one.
 TEST(AnyEstimator, TakesAnyStateAtItsStart) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   AnyEstimator both(scene, tick_length);
   AnyEstimator replica(scene, tick_length, EstimatorKind::replica);
   AnyEstimator::State state;

@@ -117,7 +117,8 @@ void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEven
   settle(0);
 }
 
-inline const Scene& shipped_scene(const std::string& name) {
+/// Of a file in scenes/; read once.
+inline const Scene& cached_scene(const std::string& name) {
   static std::map<std::string, Scene> scenes;
   const auto found = scenes.find(name);
   if (found != scenes.end()) return found->second;

@@ -103,7 +103,7 @@ TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
   for (const char* name :
        {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
         "lab_rig", "bouncing_ball", "impact_oscillator", "non_proportional"}) {
-    const Scene& scene = shipped_scene(std::string(name) + ".toml");
+    const Scene& scene = cached_scene(std::string(name) + ".toml");
     const Outcome o = outcome(scene, scene, master_events(scene, length));
     print(name, o);
     EXPECT_EQ(o.inconsistencies, 0) << name;
@@ -111,7 +111,7 @@ TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
   }
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
     std::mt19937_64 engine(11);
-    const Scene& scene = shipped_scene("paper_beam.toml");
+    const Scene& scene = cached_scene("paper_beam.toml");
     Scene told = scene;
     told.jitter = sigma;
     for (int run = 0; run < repetitions(20); ++run) {
@@ -125,7 +125,7 @@ TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
 }
 
 TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   const auto events = master_events(scene, length);
 
   auto spurious = events;
@@ -176,7 +176,7 @@ INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
 // A replica of a wrong model stays on a floor, a filter of a wrong model can be anywhere.
 TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   const Mismatch& mismatch = GetParam();
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   Scene told = scene;
   told.jitter = mismatch.jitter_told;
   told.model.C *= mismatch.damping;
@@ -195,7 +195,7 @@ TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
 }
 
 TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   const auto exact = master_events(scene, length);
   for (const double sigma : {0.0, 1e-3}) {
     Scene told = scene;
@@ -298,7 +298,7 @@ TEST(SupervisedFilter, BearsAnyEvents) {
 
 // In a time line: events that come late, one by one, and rollbacks for no reason.
 TEST(SupervisedFilter, RollbacksDoNotShow) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   std::mt19937_64 engine(3);
   auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
   events.insert(events.begin() + 20,

@@ -39,7 +39,7 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 const Scene& scene_of(const Case& c) {
   static const Scene coupled = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) /
                                           "tests/estimation/coupled_two_contacts.toml");
-  return std::string(c.scene) == "coupled" ? coupled : shipped_scene(c.scene);
+  return std::string(c.scene) == "coupled" ? coupled : cached_scene(c.scene);
 }
 
 /// At every `every`-th tick of h from the first one on.

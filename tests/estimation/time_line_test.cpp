@@ -24,7 +24,7 @@ constexpr auto ignore = [](const auto&) {};
 
 /// The paper's beam with a second contact.
 Model two_contacts() {
-  Model model = shipped_scene("paper_beam.toml").model;
+  Model model = cached_scene("paper_beam.toml").model;
   Contact second;
   second.w = Eigen::Vector3d(1.0, 0.5, -0.3);
   second.restitution = 0.7;
@@ -61,7 +61,7 @@ class TimeLineTest : public ::testing::Test {
     std::vector<std::int64_t> seen;
   };
 
-  static const State& start() { return shipped_scene("paper_beam.toml").replica; }
+  static const State& start() { return cached_scene("paper_beam.toml").replica; }
 
   static Recording reference(double h, std::span<const ContactEvent> events, double end,
                              std::int64_t first = 0, ContactSet chi = 0) {
@@ -92,7 +92,7 @@ TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
-    const Scene& scene = shipped_scene(name);
+    const Scene& scene = cached_scene(name);
     const double end = 10.0;
     const std::vector<ContactEvent> events = master_events(scene, end);
     ASSERT_GT(events.size(), 10U);
@@ -149,7 +149,7 @@ TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
 
 TYPED_TEST(TimeLineTest, GoingBackWithAMastersEventsChangesNothing) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
-    const Scene& scene = shipped_scene(name);
+    const Scene& scene = cached_scene(name);
     const double end = 8.0;
     const double h = 1e-2;
     const auto events = master_events(scene, end);
@@ -240,7 +240,7 @@ TYPED_TEST(TimeLineTest, EventsOfOneInstantAreOneImpactHoweverTheyArrive) {
 }
 
 TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
-  const State& start = shipped_scene("paper_beam.toml").replica;
+  const State& start = cached_scene("paper_beam.toml").replica;
   const std::vector<ContactEvent> once{{0.3, 0, pulse}, {0.3, 1, pulse}};
   const std::vector<ContactEvent> twice{{0.3, 0, pulse}, {std::nextafter(0.3, 1.0), 1, pulse}};
   EXPECT_NE(difference(offline<Replica>(two_contacts(), start, 0.25, once, 1.0),
@@ -283,7 +283,7 @@ TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
 
 // GGPO's SyncTest: what a rollback does must not be seen.
 TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
-  const Scene& scene = shipped_scene("paper_beam_chatter.toml");
+  const Scene& scene = cached_scene("paper_beam_chatter.toml");
   const double h = 1e-2;
   const double end = 12.0;
   const auto events = master_events(scene, end);

@@ -68,7 +68,7 @@ struct Pursuit {
 
 // 2 f unknowns, one equation an impact.
 TEST(TimingFilter, KnowsThePapersBeamAfterSixImpacts) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   Pursuit run(scene, 1e-2, uncertainty_of(scene));
   double before = 0.0;
   for (int k = 0; k < 4000; ++k) {
@@ -88,7 +88,7 @@ TEST(TimingFilter, KnowsThePapersBeamAfterSixImpacts) {
 TEST(TimingFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
   for (const char* name : {"paper_beam_chatter", "paper_beam_frame", "bouncing_ball", "lab_rig",
                            "two_stops_beam", "steel_ruler", "paper_beam_as_printed"}) {
-    const Scene& scene = shipped_scene(std::string(name) + ".toml");
+    const Scene& scene = cached_scene(std::string(name) + ".toml");
     Pursuit run(scene, 1e-3, uncertainty_of(scene));
     const int enough = 3 * 2 * static_cast<int>(scene.model.coordinates());
     double V = 0.0;
@@ -105,7 +105,7 @@ TEST(TimingFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
 // In a time line: events that come late, one by one, and rollbacks for no reason.
 TEST(TimingFilter, RollbacksDoNotShow) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
-    const Scene& scene = shipped_scene(std::string(name) + ".toml");
+    const Scene& scene = cached_scene(std::string(name) + ".toml");
     const double h = 1e-2;
     const double end = 8.0;
     const auto events = master_events(scene, end);
@@ -126,7 +126,7 @@ TEST(TimingFilter, RollbacksDoNotShow) {
 // What is told as deviation is what the error is, with event times that jitter: after a few impacts
 // and after dozens.
 TEST(TimingFilter, IsCalibrated) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   const Eigen::Index f = scene.model.coordinates();
   const int runs = repetitions(1000);
   for (const double sigma : {1e-5, 1e-4}) {
@@ -169,7 +169,7 @@ TEST(TimingFilter, IsCalibrated) {
 // Prior and noise told, it is ahead of the replica at every t: medians of many starts out of the
 // prior, as either may be lucky.
 TEST(TimingFilter, IsAheadOfTheReplicaWithJitter) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   constexpr int runs = 50;
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
     Scene told = scene;
@@ -221,7 +221,7 @@ TEST(TimingFilter, IsAheadOfTheReplicaWithJitter) {
 // Events by the hundred thousand: with exact times, where the covariance is at rounding, and with
 // jitter, where only around an event, when it may have happened or not, much is unknown.
 TEST(TimingFilter, StaysPositiveDefiniteForVeryManyEvents) {
-  Scene scene = shipped_scene("paper_beam.toml");
+  Scene scene = cached_scene("paper_beam.toml");
   for (const double sigma : {0.0, 1e-3}) {
     scene.jitter = sigma;
     Pursuit run(scene, 0.1, uncertainty_of(scene));
@@ -265,7 +265,7 @@ TEST(TimingFilter, BearsAnyOmegaSigma) {
   for (const auto& [name, sigma] :
        {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
         std::pair("two_stops_beam.toml", 2e-2)}) {
-    Scene scene = shipped_scene(name);
+    Scene scene = cached_scene(name);
     scene.jitter = sigma;
     Pursuit run(scene, 0.1, uncertainty_of(scene));
     std::mt19937_64 engine(29);
@@ -288,7 +288,7 @@ TEST(TimingFilter, BearsAnyOmegaSigma) {
 // A contact that is held for less than its reports jitter moves the estimate to the support
 // statically: moved in the metric of M, each would have multiplied the energy in the fastest modes.
 TEST(TimingFilter, ShortHoldsPutNoEnergyIntoFastModes) {
-  Scene scene = shipped_scene("stiff_beam.toml");
+  Scene scene = cached_scene("stiff_beam.toml");
   scene.jitter = 1e-2;  // 38 periods of the fastest mode over 2 pi
   Pursuit run(scene, 0.1, uncertainty_of(scene));
   std::mt19937_64 engine(31);
@@ -314,7 +314,7 @@ TEST(TimingFilter, ShortHoldsPutNoEnergyIntoFastModes) {
 
 // Pulses that come within two sigma of the one before, and what ends a row of them.
 TEST(TimingFilter, CountsBurstsInARow) {
-  Scene scene = shipped_scene("paper_beam_chatter.toml");
+  Scene scene = cached_scene("paper_beam_chatter.toml");
   scene.jitter = 1e-3;
   TimingFilter filter(scene, 0.1);
   TimingFilter::State state;
@@ -335,7 +335,7 @@ TEST(TimingFilter, CountsBurstsInARow) {
 
 // What the model lacks is known to the filter: its covariance does not close.
 TEST(TimingFilter, DriftKeepsTheCovarianceOpen) {
-  Scene scene = shipped_scene("paper_beam.toml");
+  Scene scene = cached_scene("paper_beam.toml");
   const auto trace = [&] {
     Pursuit run(scene, 0.1, uncertainty_of(scene));
     for (int k = 0; k < 3000; ++k) run.tick();

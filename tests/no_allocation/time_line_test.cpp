@@ -41,7 +41,7 @@ std::vector<EncodedContacts> messages_of(std::span<const ContactEvent> events, i
 /// The scene as it ships and, for who can do with it, with events that jitter.
 template <Estimator E>
 std::vector<Scene> scenes(const char* name) {
-  std::vector<Scene> all{shipped_scene(name)};
+  std::vector<Scene> all{cached_scene(name)};
   if (std::is_same_v<E, SupervisedFilter> || std::is_same_v<E, AnyEstimator>) {
     all.push_back(all.front());
     all.back().jitter = 1e-3;
@@ -127,7 +127,7 @@ TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
 // more records than the next ones repeat.
 TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   Random random(401);
-  Scene scene = shipped_scene("paper_beam.toml");
+  Scene scene = cached_scene("paper_beam.toml");
   Contact second;
   second.w = Eigen::Vector3d(1.0, 0.5, -0.3);
   second.restitution = 0.7;
@@ -139,7 +139,7 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
   const std::vector<ContactMessage> reports = reports_at(times, events, 2);
   TypeParam estimator(scene, h);
-  TimeLine<TypeParam> line(estimator, 2, shipped_scene("paper_beam.toml").replica, 100);
+  TimeLine<TypeParam> line(estimator, 2, cached_scene("paper_beam.toml").replica, 100);
   line.restart(reports.front());
 
   std::int64_t settled = 0;

@@ -56,7 +56,7 @@ MissingEvent missing_event(const Scene& scene, double end) {
 
 template <Estimator E>
 void expect_told_when_an_event_does_not_come(const std::string& words) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   const MissingEvent missing = missing_event(scene, 30.0);
   const Said said = said_of<E>(scene, missing.events, 30.0);
   const auto& confidence = said.report["confidence"];
@@ -78,7 +78,7 @@ TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfBoth) {
 }
 
 TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   const Said said = said_of<TimingFilter>(scene, master_events(scene, 30.0), 30.0);
   EXPECT_EQ(said.report["confidence"]["inconsistencies"], 0);
   EXPECT_EQ(said.report["confidence"]["forgotten_covariances"], 0);
@@ -88,7 +88,7 @@ TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
 
 // JSON has no infinity.
 TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   auto events = master_events(scene, 30.0);
   events.resize(30);
   const Said said = said_of<TimingFilter>(scene, events, 30.0);
@@ -101,7 +101,7 @@ TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
 // The filter keeps 1024 instants of a machine of this size. A time line that goes back further
 // settles ticks whose covariances have been written over, and goes on from one of them.
 TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
-  const Scene& scene = shipped_scene("paper_beam.toml");
+  const Scene& scene = cached_scene("paper_beam.toml");
   constexpr double h = 1e-2;
   constexpr std::int64_t instants = 1200;
   std::vector<ContactEvent> events;

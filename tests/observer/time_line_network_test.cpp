@@ -113,7 +113,7 @@ class NetworkTest : public ::testing::Test {
   }
 
   void run(const char* name, double end) {
-    const Scene& scene = shipped_scene(name);
+    const Scene& scene = cached_scene(name);
     const int plans = repetitions(200);
     for (int i = 1; i <= plans && !this->HasFatalFailure(); ++i) {
       expect_equal_to_offline(scene, end, static_cast<std::uint64_t>(i));
