@@ -34,11 +34,6 @@ std::vector<Row> rows() {
   };
 }
 
-double middle(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 0.0 : values[values.size() / 2];
-}
-
 }  // namespace
 
 void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs) {
@@ -57,8 +52,8 @@ void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, 
       inconsistencies += outcome.inconsistencies;
     }
     std::printf("| %s | %zu/%d, %.1f | %.1e, %.1e | %.1e | %.2f %% | %.1f | %.2f |\n", row.name,
-                accepted.size(), runs, middle(accepted), middle(floors),
-                *std::max_element(floors.begin(), floors.end()), middle(of_replica),
+                accepted.size(), runs, median(accepted), median(floors),
+                *std::max_element(floors.begin(), floors.end()), median(of_replica),
                 100.0 * *std::max_element(worse.begin(), worse.end()),
                 static_cast<double>(inconsistencies) / runs,
                 *std::max_element(seconds.begin(), seconds.end()));
@@ -83,8 +78,8 @@ void print_single(const std::filesystem::path& scenes, std::uint64_t first_seed,
         adaptive.push_back(outcome.floor(half));
       }
       std::printf("| %s | %g | %.1e | %.1e | %.1e |\n",
-                  key.empty() ? "all but the amplitude" : key.c_str(), off, middle(replica),
-                  middle(both), middle(adaptive));
+                  key.empty() ? "all but the amplitude" : key.c_str(), off, median(replica),
+                  median(both), median(adaptive));
       std::fflush(stdout);
     }
   }

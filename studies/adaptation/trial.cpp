@@ -8,6 +8,7 @@
 #include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
+#include "studies/tolerance/later.h"
 #include "studies/tolerance/random.h"
 
 namespace sprag::adaptation_study {
@@ -92,12 +93,7 @@ class MovingMaster {
           1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
     }
     begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
-    // A master's own time begins at 0.
-    Model model = family_.with(values).model;
-    const auto shift = [&](Harmonic& harmonic) { harmonic.phase += harmonic.frequency * begin_; };
-    for (Force& force : model.forces) shift(force.harmonic);
-    for (Contact& contact : model.contacts) shift(contact.motion);
-    master_.emplace(model, state_);
+    master_.emplace(tolerance::later(family_.with(values).model, begin_), state_);
   }
 
   void advance_piece(Instant t, std::vector<ContactEvent>& events) {
@@ -114,14 +110,14 @@ class MovingMaster {
   std::optional<Master> master_;
 };
 
+}  // namespace
+
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
-
-}  // namespace
 
 double Outcome::floor(double from, double Tick::*of) const {
   std::vector<double> of_ticks;
@@ -155,7 +151,6 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   const Eigen::Index f = machine.model.coordinates();
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   Confidence confidence = adaptive.no_confidence();
-  AdaptationTask task;
   AdaptationResult result;
   std::vector<ContactEvent> passed, ahead;  // events, with the times that are reported
   Outcome outcome;
@@ -190,11 +185,8 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
       outcome.events.push_back(ahead.front().t);
       ahead.erase(ahead.begin());
     }
-    if (adaptive.waits(state)) {
-      const std::clock_t begin = std::clock();
-      adaptive.wanted(state, task);
-      result = sprag::run(task, *adaptive.family());
-      adaptive.put(result);
+    const std::clock_t begin = std::clock();
+    if (identify_now(adaptive, state, result)) {
       outcome.longest_identification =
           std::max(outcome.longest_identification,
                    static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);

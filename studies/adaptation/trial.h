@@ -36,6 +36,9 @@ struct Tick {
   bool of_filter = false;
 };
 
+/// The upper one of two in the middle; 0 of none.
+double median(std::vector<double> values);
+
 struct Outcome {
   std::vector<Tick> ticks;
   std::vector<double> events;    ///< times that were heard [s]

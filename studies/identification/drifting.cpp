@@ -5,6 +5,7 @@
 
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/master.h"
+#include "studies/tolerance/later.h"
 #include "studies/tolerance/random.h"
 
 namespace sprag::identification_study {
@@ -20,11 +21,7 @@ std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, doub
   State state = scene.master;
   double begin = 0.0;
   while (begin < end) {
-    Model model = scene.model;
-    const auto shift = [&](Harmonic& harmonic) { harmonic.phase += harmonic.frequency * begin; };
-    for (Force& force : model.forces) shift(force.harmonic);
-    for (Contact& contact : model.contacts) shift(contact.motion);
-    Master master(std::move(model), state);
+    Master master(tolerance::later(scene.model, begin), state);
     std::vector<ContactEvent> of_part;
     double t = drift > 0.0 ? push : end;
     master.advance(at(t), of_part);
