@@ -16,14 +16,9 @@ constexpr double resolved = 1e-10;
 }  // namespace
 
 std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
-  std::vector<Unknown> unknowns;
-  if (!scene.adaptation.free.empty()) {
-    for (const std::string& key : scene.adaptation.free) {
-      unknowns.push_back(unknown_of(scene, key));
-    }
-  } else {
-    unknowns = all_but_the_scale(scene);
-  }
+  const std::vector<std::string>& free = scene.adaptation.free;
+  std::vector<Unknown> unknowns =
+      free.empty() ? all_but_the_scale(scene) : unknowns_named(scene, free);
   const Eigen::VectorXd& within = scene.adaptation.within;
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     unknowns[k].within = within[within.size() > 1 ? static_cast<Eigen::Index>(k) : 0];

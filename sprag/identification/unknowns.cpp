@@ -267,4 +267,10 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   throw std::invalid_argument(text);
 }
 
+std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
+  std::vector<Unknown> unknowns;
+  for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
+  return unknowns;
+}
+
 }  // namespace sprag

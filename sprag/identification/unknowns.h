@@ -67,6 +67,8 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
 /// The one of this key, entries included. Throws std::invalid_argument, with the nearest key there
 /// is.
 Unknown unknown_of(const Scene& scene, std::string_view key);
+/// Those of these keys.
+std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys);
 
 /// Harmonics that have one amplitude, frequency and phase in the scene file.
 struct HarmonicGroup {

@@ -141,10 +141,8 @@ void print_drifts(const std::filesystem::path& scenes, std::uint64_t first_seed)
   for (const char* name : {"paper_beam", "non_proportional"}) {
     const Scene scene = read_scene(scenes / (std::string(name) + ".toml"));
     IdentificationSettings settings;
-    for (const std::string& key : usual_keys(scene)) {
-      settings.unknowns.push_back(unknown_of(scene, key));
-      settings.unknowns.back().within = 0.05;
-    }
+    settings.unknowns = unknowns_named(scene, usual_keys(scene));
+    for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
     settings.mend = false;
     for (const double drift : {0.0, 1e-9, 1e-8, 1e-7, 1e-6}) {
       int found = 0, far = 0, covered = 0;

@@ -14,12 +14,6 @@ namespace {
 using Kind = Unknown::Kind;
 using tolerance::Random;
 
-std::vector<Unknown> unknowns(const Scene& scene, const std::vector<std::string>& keys) {
-  std::vector<Unknown> all;
-  for (const std::string& key : keys) all.push_back(unknown_of(scene, key));
-  return all;
-}
-
 void limit(const Unknown& unknown, double& value) {
   if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
 }
@@ -28,7 +22,7 @@ void limit(const Unknown& unknown, double& value) {
 std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const Scene& scene,
                                                                          const Trial& trial,
                                                                          Random& draw) {
-  const std::vector<Unknown> all = unknowns(scene, usual_keys(scene));
+  const std::vector<Unknown> all = unknowns_named(scene, usual_keys(scene));
   const MachineFamily family(scene, all);
   Eigen::VectorXd values = family.nominal();
   for (std::size_t k = 0; trial.machine_off > 0.0 && k < all.size(); ++k) {
@@ -110,7 +104,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
             [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
 
   const std::vector<std::string> keys = trial.keys.empty() ? usual_keys(machine) : trial.keys;
-  const MachineFamily of_machine(machine, unknowns(machine, keys));
+  const MachineFamily of_machine(machine, unknowns_named(machine, keys));
   asked.truth = of_machine.nominal();
   Eigen::VectorXd wrong = asked.truth;
   for (std::size_t k = 0; k < keys.size(); ++k) {
@@ -129,7 +123,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
   asked.nominal = of_machine.with(wrong);
   const Scene& nominal = asked.nominal;
   IdentificationSettings& settings = asked.settings;
-  settings.unknowns = unknowns(nominal, keys);
+  settings.unknowns = unknowns_named(nominal, keys);
   for (std::size_t k = 0; k < keys.size(); ++k) {
     settings.unknowns[k].within = trial.within.value_or(trial.off);
     if (settings.unknowns[k].kind == Kind::damping && trial.damping_off > 0.0) {

@@ -21,12 +21,6 @@ using identification_study::usual_keys;
 using test::events_of;
 using test::shipped_scene;
 
-std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
-  std::vector<Unknown> unknowns;
-  for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
-  return unknowns;
-}
-
 TEST(Identification, SevenParametersFromExactTimes) {
   const Scene scene = shipped_scene("paper_beam");
   const Trial trial{.off = 0.2, .machine_off = 0.2};

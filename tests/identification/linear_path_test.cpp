@@ -32,16 +32,10 @@ TEST(OscillatorStep, IsWhatTheMatrixExponentialIs) {
 
 struct PathOf {
   PathOf(const Scene& scene, const std::vector<std::string>& keys, const Stretches& stretches)
-      : family(scene, unknowns(scene, keys)),
+      : family(scene, unknowns_named(scene, keys)),
         machine(family.at(family.nominal())),
         inputs(family.inputs(family.nominal())) {
     set(stretches);
-  }
-
-  static std::vector<Unknown> unknowns(const Scene& scene, const std::vector<std::string>& keys) {
-    std::vector<Unknown> all;
-    for (const std::string& key : keys) all.push_back(unknown_of(scene, key));
-    return all;
   }
 
   void set(const Stretches& stretches) {
