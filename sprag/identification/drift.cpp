@@ -7,23 +7,12 @@
 namespace sprag {
 
 std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identification& fit) {
-  // A fit that leaves more may be to other values than the machine's.
-  constexpr double near = 0.01;   // of the usual interval
-  constexpr double parted = 0.1;  // likewise: a path that the times no longer lead
-  if (fit.problem == FitProblem::not_found || fit.freedom <= 0 ||
-      !(fit.scatter < near * fit.interval)) {
-    return std::nullopt;
-  }
-  // Exact times: what is left is rounding.
-  constexpr double exact = 1e-10;
-  if (fit.scatter < exact * fit.interval) return DriftEstimate{};
+  if (!is_near(fit) || fit.freedom <= 0) return std::nullopt;
+  if (is_exact(fit)) return DriftEstimate{};
   constexpr double lowest = -6.0, highest = 5.0, step = 0.5;  // log10 of ratios
   constexpr double less = 1.92;
   const LinearizedFilter likelihood(scene, fit);
-  if (!std::isfinite(likelihood.unit(1.0)) ||
-      !(likelihood.off_the_path() < parted * fit.interval)) {
-    return std::nullopt;
-  }
+  if (!std::isfinite(likelihood.unit(1.0)) || !likelihood.follows_the_times()) return std::nullopt;
   const auto at = [&](double decade) { return likelihood.at(std::pow(10.0, decade)); };
   const LinearizedFilter::Value none = likelihood.at(0.0);
   double best = lowest;

@@ -9,6 +9,18 @@
 #include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
+namespace {
+
+constexpr double resolved = 1e-10;  // of the usual interval
+
+}  // namespace
+
+bool is_near(const Identification& fit) {
+  constexpr double near = 0.01;  // of the usual interval
+  return fit.problem != FitProblem::not_found && fit.scatter < near * fit.interval;
+}
+
+bool is_exact(const Identification& fit) { return fit.scatter < resolved * fit.interval; }
 
 LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit)
     : family_(scene,
@@ -20,7 +32,6 @@ LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit
       stretches_(fit.measured),
       speeds_(fit.likelihood.gamma),
       interval_(fit.interval) {
-  constexpr double resolved = 1e-10;  // of the usual interval
   told_ = fit.jitter_told && fit.jitter > resolved * interval_;
   base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
   taken_up_ = fit.likelihood.timed - fit.freedom;
@@ -110,10 +121,12 @@ void LinearizedFilter::set_drift(const Scene& fitted) {
   unit_ = speed_ * speed_ / moves;
 }
 
-double LinearizedFilter::off_the_path() const {
+bool LinearizedFilter::follows_the_times() const {
+  constexpr double parted = 0.1;  // of the usual interval: a path that the times no longer lead
   double squares = 0.0;
   for (const Path& path : paths_) squares += path.g.squaredNorm();
-  return std::sqrt(squares / static_cast<double>(count(stretches_))) / speed_;
+  const double off = std::sqrt(squares / static_cast<double>(count(stretches_))) / speed_;
+  return off < parted * interval_;
 }
 
 // Mean and square root of the covariance of y, u and the parameters, and what was heard so far.

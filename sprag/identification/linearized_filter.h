@@ -17,6 +17,12 @@
 
 namespace sprag {
 
+/// Whether a fit leaves so little that it is to the machine's values, which the filter is
+/// linearized about.
+bool is_near(const Identification& fit);
+/// Whether what it leaves is rounding: the times are exact.
+bool is_exact(const Identification& fit);
+
 class LinearizedFilter {
  public:
   LinearizedFilter(const Scene& scene, const Identification& fit);
@@ -36,8 +42,8 @@ class LinearizedFilter {
   /// Jitter that sigmas and ln L are computed with first: as told, or the fit's scatter [s].
   double base() const { return base_; }
   bool told() const { return told_; }
-  /// How far from the measured times the path along them usually meets supports [s].
-  double off_the_path() const;
+  /// Whether the path along the measured times meets the supports near these times.
+  bool follows_the_times() const;
   /// The drift that moves gaps in a usual flight as far as this jitter does.
   double unit(double jitter) const { return unit_ * jitter * jitter; }
 

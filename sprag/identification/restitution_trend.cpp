@@ -9,16 +9,12 @@ namespace sprag {
 
 std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
                                                            const Identification& fit) {
-  constexpr double near = 0.01, exact = 1e-10, parted = 0.1;  // of the usual interval
   const bool sought = std::any_of(fit.unknowns.begin(), fit.unknowns.end(), [](const auto& of) {
     return of.unknown.kind == Unknown::Kind::restitution;
   });
-  if (!sought || fit.problem == FitProblem::not_found || fit.freedom <= 1 ||
-      !(fit.scatter < near * fit.interval) || fit.scatter < exact * fit.interval) {
-    return std::nullopt;
-  }
+  if (!sought || !is_near(fit) || is_exact(fit) || fit.freedom <= 1) return std::nullopt;
   LinearizedFilter filter(scene, fit);
-  if (!(filter.off_the_path() < parted * fit.interval)) return std::nullopt;
+  if (!filter.follows_the_times()) return std::nullopt;
   RestitutionTrend trend;
   trend.chi2_without = filter.at(0.0).chi2;
   filter.add_restitution_trend();

@@ -20,10 +20,8 @@ std::optional<DriftEstimate> drift_of(const char* name, double drift, double jit
   constexpr double end = 60.0, push = 0.05;
   const Scene scene = shipped_scene(name);
   IdentificationSettings settings;
-  for (const std::string& key : identification_study::usual_keys(scene)) {
-    settings.unknowns.push_back(unknown_of(scene, key));
-    settings.unknowns.back().within = 0.05;
-  }
+  settings.unknowns = unknowns_named(scene, identification_study::usual_keys(scene));
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
   settings.jitter = told;
   settings.mend = false;
   const auto events = drifting_events(scene, drift, jitter, end, push, seed);
