@@ -11,4 +11,11 @@ struct Innovation {
   double deviation = 0.0;  ///< standard deviation of the gap [m], 0: not estimated
 };
 
+/// A filter does not fit where the square of an innovation over its variance is more than the
+/// first, or their mean over about innovation_window more than the second: chi^2 of one degree of
+/// freedom exceeds the first once in 10^11 events, the mean the second once in 10^7.
+inline constexpr double largest_innovation = 45.0;
+inline constexpr double largest_mean_innovation = 4.0;
+inline constexpr double innovation_window = 16.0;
+
 }  // namespace sprag

@@ -3,15 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "sprag/estimation/innovation.h"
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
-
-// Squares of innovations over their variances: chi^2 of one degree of freedom exceeds the first
-// once in 10^11 events, the mean over 16 the second once in 10^7.
-constexpr double largest_square = 45.0;
-constexpr double largest_mean = 4.0;
 
 // Of the start's: a filter that expects more of its error has lost more than it has learnt.
 constexpr double most_energy = 1.2;
@@ -98,7 +94,7 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     filter_.restart(q_, u_, believed, state.filter);
     return;
   }
-  if (consistency.largest <= largest_square && consistency.mean <= largest_mean) {
+  if (consistency.largest <= largest_innovation && consistency.mean <= largest_mean_innovation) {
     if (consistency.count >= 2 * q_.size() + state.trial) {
       state.trusted = !filter_.scale_is_open();
     }

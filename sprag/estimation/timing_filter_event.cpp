@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/estimation/innovation.h"
 #include "sprag/estimation/timing_filter.h"
 #include "sprag/mechanics/scalars.h"
 
@@ -14,7 +15,6 @@ namespace {
 constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 // And impacts happen at doubles.
 constexpr double time_step = std::numeric_limits<double>::epsilon();
-constexpr double consistency_window = 16.0;
 // Roundings of a run are not in the covariance: an innovation below this share of its terms is no
 // sign of anything.
 constexpr double insignificant = 1e-10;
@@ -251,7 +251,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
 
 void TimingFilter::note(double square, Consistency& consistency) const {
   ++consistency.count;
-  consistency.mean += (square - consistency.mean) / consistency_window;
+  consistency.mean += (square - consistency.mean) / innovation_window;
   consistency.largest = std::max(consistency.largest, square);
 }
 
