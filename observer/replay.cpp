@@ -170,12 +170,7 @@ class Replay {
 
   // Before the next tick: it depends on the result.
   void identify(const Estimation::State& state) {
-    AdaptiveEstimator& estimator = estimation_.estimator;
-    if (state.tick >= last_ || !estimator.waits(state)) return;
-    AdaptationTask task;
-    estimator.wanted(state, task);
-    identified_ = run(task, *estimator.family());
-    estimator.put(identified_);
+    if (state.tick < last_) identify_now(estimation_.estimator, state, identified_);
   }
 
   void conclude(const Estimation::State& state) {

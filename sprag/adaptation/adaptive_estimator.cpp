@@ -14,10 +14,6 @@ constexpr std::size_t kept = 1024, kept_bytes = 64 << 20, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;
 
-// As SupervisedFilter's.
-constexpr double largest_square = 45.0;
-constexpr double largest_mean = 4.0;
-constexpr double window_of_mean = 16.0;
 constexpr double far_inside = 0.05;
 // Of the machine's own.
 constexpr double most_energy = 0.25;
@@ -211,8 +207,8 @@ void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
     return add_belief(next, state);
   }
   const bool taken = filter.take(event.contact, event.t, stays, next);
-  const double mean = state.mean_square + (next.square - state.mean_square) / window_of_mean;
-  if (!taken || !(next.square < largest_square) || !(mean < largest_mean)) {
+  const double mean = state.mean_square + (next.square - state.mean_square) / innovation_window;
+  if (!taken || !(next.square < largest_innovation) || !(mean < largest_mean_innovation)) {
     const Suspicion suspicion = next.innovation.gap > far_inside * next.length
                                     ? Suspicion::spurious_event
                                     : Suspicion::model;
@@ -481,6 +477,16 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
     const double variance = present.S.row(2 * n + k).squaredNorm() + walked;
     parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
   }
+}
+
+bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
+                  AdaptationResult& result) {
+  if (!estimator.waits(state)) return false;
+  AdaptationTask task;
+  estimator.wanted(state, task);
+  result = run(task, *estimator.family());
+  estimator.put(result);
+  return true;
 }
 
 }  // namespace sprag

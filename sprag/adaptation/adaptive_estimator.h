@@ -159,4 +159,9 @@ class AdaptiveEstimator {
   const AdaptationResult* result_ = nullptr;
 };
 
+/// For who has the time: what the state waits for, if anything, is identified into `result` and
+/// put. True if so. Allocates. Throws Interrupted (interrupt.h).
+bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
+                  AdaptationResult& result);
+
 }  // namespace sprag

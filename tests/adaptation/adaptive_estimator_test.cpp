@@ -124,18 +124,13 @@ TEST(AdaptiveEstimator, ASpuriousEventIsLeftOut) {
   AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
   AdaptiveState state;
   estimator.start(scene.replica, 0, 0, state);
-  AdaptationTask task;
   AdaptationResult result;
   std::size_t next = 0;
   Confidence confidence = estimator.no_confidence();
   for (std::int64_t k = 1; k <= 2000; ++k) {
     const std::size_t first = next;
     while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    if (estimator.waits(state)) {
-      estimator.wanted(state, task);
-      result = run(task, *estimator.family());
-      estimator.put(result);
-    }
+    identify_now(estimator, state, result);
     estimator.tick(std::span(events).subspan(first, next - first), state);
     estimator.note(state, confidence);
     if (confidence.parameters.accepted >= 0.0) {
@@ -219,7 +214,6 @@ TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
   AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
   AdaptiveState state;
   estimator.start(scene.replica, 0, 0, state);
-  AdaptationTask task;
   AdaptationResult result;
   std::size_t next = 0;
   double before = 0.0;
@@ -227,11 +221,7 @@ TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
   for (std::int64_t k = 1; k <= 5000; ++k) {
     const std::size_t first = next;
     while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    if (estimator.waits(state)) {
-      estimator.wanted(state, task);
-      result = run(task, *estimator.family());
-      estimator.put(result);
-    }
+    identify_now(estimator, state, result);
     estimator.tick(std::span(events).subspan(first, next - first), state);
     if (k == 1999) {
       estimator.confidence(state, 1.0, confidence);
