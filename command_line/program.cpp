@@ -130,6 +130,12 @@ CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::p
   return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)");
 }
 
+Scene load_scene(const std::filesystem::path& file) {
+  Scene scene = read_scene(file);
+  for (const std::string& remark : scene.remarks) std::cerr << remark << '\n';
+  return scene;
+}
+
 CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value,
                       const std::string& help) {
   return app.add_flag(name, value, help);

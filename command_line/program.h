@@ -26,6 +26,8 @@ class Option;
 
 namespace sprag {
 
+struct Scene;
+
 inline constexpr int exit_done = 0;
 inline constexpr int exit_failed = 1;  ///< failed while running
 inline constexpr int exit_usage = 2;   ///< bad usage or input
@@ -61,6 +63,9 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
 
 /// Adds the argument SCENE.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
+
+/// read_scene() of sprag/files/scene_file.h; its remarks go to stderr.
+Scene load_scene(const std::filesystem::path& file);
 
 /// Adds a flag that sets `value`, or clears it if the name begins with '!'.
 CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value, const std::string& help);

@@ -2,7 +2,7 @@
 // main loop is MasterProcess::run() in master_process.cpp.
 #include "command_line/program.h"
 #include "master_sim/master_process.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/scene.h"
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
@@ -26,6 +26,6 @@ int main(int argc, char** argv) {
   sprag::add_flag(*app, "!--no-truth", options.truth, "Do not publish the true state");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    return sprag::run_master(sprag::read_scene(scene), options, common, report);
+    return sprag::run_master(sprag::load_scene(scene), options, common, report);
   });
 }

@@ -5,7 +5,7 @@
 #include "command_line/program.h"
 #include "observer/live.h"
 #include "observer/replay.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/scene.h"
 
 namespace {
 
@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     options.estimator = choose_estimator(estimator, options.stepper);
-    const sprag::Scene parsed = sprag::read_scene(scene);
+    const sprag::Scene parsed = sprag::load_scene(scene);
     return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
                                : sprag::run_replay(parsed, options, replay, common, report);
   });

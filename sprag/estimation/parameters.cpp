@@ -42,11 +42,23 @@ bool is_one_restitution(const Model& model) {
   return same(model.contacts, [](const Contact& contact) { return contact.restitution; });
 }
 
+// Whether nothing moves the machine but its frame.
+bool is_shaken_alone(const Scene& scene, const std::vector<Harmonic>& harmonics) {
+  if (scene.beam) return true;
+  if (!scene.frame) return false;
+  const auto moved = [&](int i) {
+    return scene.model.contacts[static_cast<std::size_t>(i)].motion.amplitude != 0.0;
+  };
+  const auto& ground = scene.frame->on_ground;
+  return std::ssize(harmonics) == 1 + std::count_if(ground.begin(), ground.end(), moved);
+}
+
 // The frame's motion e(t) of a beam shows in its force, -e''(t); other machines have as many
 // amplitudes as harmonics.
 double amplitude_of(const Scene& scene, const std::vector<Harmonic>& harmonics) {
   const Harmonic& first = harmonics.front();
   if (scene.beam) return std::abs(first.amplitude) / (first.frequency * first.frequency);
+  if (is_shaken_alone(scene, harmonics)) return scene.frame->motion.amplitude;
   return harmonics.size() == 1 ? first.amplitude : 1.0;
 }
 
@@ -94,10 +106,11 @@ void add_restitutions(const Model& model, std::vector<Parameter>& parameters) {
 void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   const std::vector<Harmonic> harmonics = harmonics_of(scene.model);
   if (harmonics.empty()) return;
-  const bool one = scene.beam || harmonics.size() == 1;
+  const bool of_frame = is_shaken_alone(scene, harmonics);
+  const bool one = of_frame || harmonics.size() == 1;
   parameters.push_back(around(Quantity::amplitude,
                               one ? "excitation amplitude" : "factor on excitations",
-                              scene.beam ? "m" : "", amplitude_of(scene, harmonics)));
+                              of_frame ? "m" : "", amplitude_of(scene, harmonics)));
   Parameter phase{.quantity = Quantity::phase,
                   .name = one ? "excitation phase" : "phase of all excitations",
                   .unit = "rad"};
@@ -218,9 +231,11 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
     case Quantity::frequency: {
       const double ratio = value / parameter.nominal;
       for_each_harmonic(model, [&](Harmonic& of) { of.frequency *= ratio; });
-      // A beam's frame keeps its amplitude, and its acceleration grows.
-      if (!scene.beam) break;
-      for (Force& force : model.forces) force.harmonic.amplitude *= ratio * ratio;
+      // A frame keeps its amplitude, and its acceleration grows.
+      for (std::size_t j = 0; j < model.forces.size(); ++j) {
+        if (!scene.beam && !(scene.frame && scene.frame->force == j)) continue;
+        model.forces[j].harmonic.amplitude *= ratio * ratio;
+      }
       break;
     }
     case Quantity::position: {

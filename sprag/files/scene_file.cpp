@@ -30,13 +30,11 @@ Harmonic read_harmonic(const TomlTable& table) {
 }
 
 // e(t), the motion of the frame.
-Harmonic read_excitation(const TomlTable& root) {
-  const auto table = root.table("excitation", {"amplitude", "frequency", "phase"});
-  if (!table) return {};
-  const Harmonic excitation = read_harmonic(*table);
+Harmonic read_frame_motion(const TomlTable& table) {
+  const Harmonic excitation = read_harmonic(table);
   if (!std::isfinite(second_derivative(excitation).amplitude)) {
-    table->fail("frequency", "is " + to_text(excitation.frequency) +
-                                 "; must be smaller (amplitude frequency^2 overflows)");
+    table.fail("frequency", "is " + to_text(excitation.frequency) +
+                                "; must be smaller (amplitude frequency^2 overflows)");
   }
   return excitation;
 }
@@ -84,12 +82,16 @@ Eigen::VectorXd one_or_each(const TomlTable& table, const char* key, Eigen::Inde
   return given.size() == n ? given : Eigen::VectorXd::Constant(n, given[0]);
 }
 
-// zeta_i of n modes, given by one number for all or one each, in place of the key `other`.
-Eigen::VectorXd read_damping_ratio(const TomlTable& table, const char* other, Eigen::Index n) {
-  if (table.has(other)) {
-    table.fail("damping_ratio", std::string("and ") + table.path_of(other) +
-                                    " exclude each other; must be one of them");
+// Only one of these keys says the damping.
+void refuse_other(const TomlTable& table, const char* key, TomlKeys others) {
+  for (const std::string_view other : others) {
+    if (!table.has(other)) continue;
+    table.fail(key, "and " + table.path_of(other) + " exclude each other; must be one of them");
   }
+}
+
+// zeta_i of n modes, given by one number for all or one each.
+Eigen::VectorXd read_damping_ratio(const TomlTable& table, Eigen::Index n) {
   Eigen::VectorXd zeta = one_or_each(table, "damping_ratio", n);
   if (!(zeta.minCoeff() >= 0.0)) {
     table.fail("damping_ratio", "has " + to_text(zeta.minCoeff()) + "; must be >= 0");
@@ -103,7 +105,8 @@ Beam read_beam_table(const TomlTable& table) {
             .bending_stiffness = table.number("bending_stiffness", positive),
             .mass_per_length = table.number("mass_per_length", positive)};
   if (table.has("damping_ratio")) {
-    beam.damping_ratio = read_damping_ratio(table, "damping", beam.modes);
+    refuse_other(table, "damping_ratio", {"damping"});
+    beam.damping_ratio = read_damping_ratio(table, beam.modes);
   } else {
     beam.damping = table.number("damping", not_negative);
   }
@@ -132,7 +135,8 @@ Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmon
 std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, Scene& scene) {
   if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
   const Beam beam = read_beam_table(table);
-  const Harmonic excitation = read_excitation(root);
+  const auto frame = root.table("excitation", {"amplitude", "frequency", "phase"});
+  const Harmonic excitation = frame ? read_frame_motion(*frame) : Harmonic{};
   scene.beam = beam;
   scene.model = beam_model(beam, excitation);
   std::vector<TomlTable> contacts =
@@ -196,7 +200,20 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
   return force;
 }
 
-Contact read_system_contact(const TomlTable& table, Eigen::Index f) {
+void read_system_frame(const TomlTable& root, Scene& scene) {
+  const auto table = root.table("excitation", {"influence", "amplitude", "frequency", "phase"});
+  if (!table) return;
+  Model& model = scene.model;
+  ShakenFrame frame{.influence = one_or_each(*table, "influence", model.coordinates()),
+                    .motion = read_frame_motion(*table),
+                    .force = model.forces.size(),
+                    .on_ground = {}};
+  model.forces.push_back(frame_force(model.M, frame));
+  scene.frame = std::move(frame);
+}
+
+Contact read_system_contact(const TomlTable& table, int number, Eigen::Index f,
+                            std::optional<ShakenFrame>& frame) {
   Contact contact{.w = read_direction(table, f),
                   .clearance = table.number_or("clearance", 0.0, any_number),
                   .motion = {}};
@@ -205,13 +222,23 @@ Contact read_system_contact(const TomlTable& table, Eigen::Index f) {
   }
   const auto motion = table.table("motion", {"amplitude", "frequency", "phase"});
   if (motion) contact.motion = read_harmonic(*motion);
+  const bool mounted = table.has("mount");
+  const bool on_ground = table.choice("mount", {"ground", "frame"}) == "ground";
+  if (mounted && motion) {
+    table.fail("mount", "and " + table.path_of("motion") +
+                            " exclude each other; must be one of them (motion is all of s_i(t))");
+  }
+  if (mounted && !frame) {
+    table.fail("mount", "needs a frame that is shaken; must go, or there must be [excitation]");
+  }
+  if (frame && on_ground && !motion) {
+    contact.motion = ground_motion(contact.w, *frame);
+    frame->on_ground.push_back(number);
+  }
   return contact;
 }
 
 std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table, Scene& scene) {
-  if (root.has("excitation")) {
-    root.fail("excitation", "is for a [beam]; a [system] has [[force]] and contact motion");
-  }
   Model& model = scene.model;
   model.M = table.symmetric_matrix("M");
   const Definiteness signs = definiteness(model.M);
@@ -221,16 +248,26 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   }
   const Eigen::Index f = model.M.rows();
   model.K = read_semidefinite(table, "K", f);
-  model.C = table.has("damping_ratio") ? damping_of_ratios(model, read_damping_ratio(table, "C", f))
-                                       : read_semidefinite(table, "C", f);
+  if (table.has("damping_ratio")) {
+    refuse_other(table, "damping_ratio", {"C", "rayleigh"});
+    model.C = damping_of_ratios(model, read_damping_ratio(table, f));
+  } else if (const auto rayleigh = table.table("rayleigh", {"alpha", "beta"})) {
+    refuse_other(table, "rayleigh", {"C"});
+    model.C = rayleigh->number("alpha", not_negative) * model.M +
+              rayleigh->number("beta", not_negative) * model.K;
+  } else {
+    model.C = read_semidefinite(table, "C", f);
+  }
   for (const TomlTable& force :
        root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase"})) {
     model.forces.push_back(read_force(force, f));
   }
+  read_system_frame(root, scene);
   std::vector<TomlTable> contacts =
-      read_contact_tables(root, {"direction", "clearance", "motion", "restitution"});
+      read_contact_tables(root, {"direction", "clearance", "motion", "mount", "restitution"});
   for (const TomlTable& contact : contacts) {
-    model.contacts.push_back(read_system_contact(contact, f));
+    const auto number = static_cast<int>(model.contacts.size());
+    model.contacts.push_back(read_system_contact(contact, number, f, scene.frame));
   }
   return contacts;
 }
@@ -410,15 +447,16 @@ SceneError::SceneError(std::string in_file, const std::string& what_is_wrong)
 SceneError::SceneError(const std::string& what_is_wrong)
     : Error(what_is_wrong), message(what_is_wrong) {}
 
-Scene parse_scene(std::string_view text, const std::string& file) {
-  const TomlDocument document(text, file);
+namespace {
+
+Scene scene_of(TomlDocument& document, const std::string& file) {
   const TomlTable root = document.root({"name", "beam", "excitation", "system", "force", "impact",
                                         "contact", "master", "replica", "events", "adapt"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
                                         "damping", "damping_ratio"});
-  const auto system = root.table("system", {"M", "C", "K", "damping_ratio"});
+  const auto system = root.table("system", {"M", "C", "K", "damping_ratio", "rayleigh"});
   if (beam && system) system->fail_here("system and beam exclude each other; must be one of them");
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
   const std::vector<TomlTable> contacts =
@@ -429,11 +467,22 @@ Scene parse_scene(std::string_view text, const std::string& file) {
   read_replica(root, scene);
   read_events(root, scene);
   read_adaptation(root, scene);
+  scene.remarks = document.remarks();
   return scene;
 }
 
+}  // namespace
+
+Scene parse_scene(std::string_view text, const std::string& file) {
+  TomlDocument document(text, {file, std::filesystem::path(file).parent_path()});
+  return scene_of(document, file);
+}
+
 Scene read_scene(const std::filesystem::path& file) {
-  return parse_scene(contents(file), file.string());
+  const std::string text = contents(file);
+  const bool piped = !std::filesystem::is_regular_file(file);
+  TomlDocument document(text, {file.string(), piped ? "" : file.parent_path()});
+  return scene_of(document, file.string());
 }
 
 }  // namespace sprag

@@ -23,10 +23,12 @@ struct SceneError : Error {
   std::string message;  ///< what() behind the place
 };
 
-/// Reads and checks a scene file. Throws SceneError.
+/// Reads and checks a scene file, and the files of matrices and vectors that it names, relative to
+/// its folder (to the working directory where it is a pipe). Throws SceneError.
 Scene read_scene(const std::filesystem::path& file);
 
-/// The same from text; `file` is the name that errors carry. Throws SceneError.
+/// The same from text; `file` is the name that errors carry, and its folder is that of the files
+/// that are named. Throws SceneError.
 Scene parse_scene(std::string_view text, const std::string& file);
 
 }  // namespace sprag

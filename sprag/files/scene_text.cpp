@@ -64,8 +64,12 @@ std::string written(const SceneValue& value) {
   if (!value.array) return to_text(value.numbers.at(0));
   std::string text = "[";
   for (std::size_t i = 0; i < value.numbers.size(); ++i) {
-    text += (i > 0 ? ", " : "") + to_text(value.numbers[i]);
+    const bool begins = value.columns > 0 && i % value.columns == 0;
+    if (i > 0) text += begins ? "],\n     " : ", ";
+    if (begins) text += "[";
+    text += to_text(value.numbers[i]);
   }
+  if (value.columns > 0) text += "]";
   return text + "]";
 }
 
@@ -87,6 +91,33 @@ Edit added(std::string_view text, const toml::table& table, const std::string& k
   std::size_t line_end = text.find('\n', end);
   if (line_end == std::string_view::npos) line_end = text.size();
   return {line_end, line_end, "\n" + key + " = " + value};
+}
+
+}  // namespace
+
+namespace {
+
+std::string with_edits(std::string_view text, std::vector<Edit> edits) {
+  std::stable_sort(edits.begin(), edits.end(),
+                   [](const Edit& a, const Edit& b) { return a.from < b.from; });
+  std::string edited;
+  std::size_t at = 0;
+  for (const Edit& edit : edits) {
+    edited += text.substr(at, edit.from - at);
+    edited += edit.by;
+    at = edit.to;
+  }
+  edited += text.substr(at);
+  return edited;
+}
+
+std::string in_quotes(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  return quoted + '"';
 }
 
 }  // namespace
@@ -114,18 +145,55 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
     table_at_end = parts.front();
     end += parts.back() + " = " + written(value) + "\n";
   }
-  std::stable_sort(edits.begin(), edits.end(),
-                   [](const Edit& a, const Edit& b) { return a.from < b.from; });
-  std::string edited;
-  std::size_t at = 0;
-  for (const Edit& edit : edits) {
-    edited += text.substr(at, edit.from - at);
-    edited += edit.by;
-    at = edit.to;
-  }
-  edited += text.substr(at);
+  std::string edited = with_edits(text, std::move(edits));
   if (!end.empty() && !edited.empty() && edited.back() != '\n') edited += '\n';
   return edited + end;
+}
+
+std::string with_files_from(std::string_view text, const std::filesystem::path& from,
+                            const std::filesystem::path& to, const std::string& file) {
+  namespace fs = std::filesystem;
+  const toml::table root = parsed(text, file);
+  std::vector<Edit> edits;
+  const auto look_at = [&](const toml::table& table, const std::string& key) {
+    const toml::node* node = table.get(key);
+    if (node == nullptr || !node->is_string()) return;
+    const fs::path named = node->as_string()->get();
+    if (named.is_absolute()) return;
+    const fs::path seen = fs::proximate(fs::absolute(from / named), fs::absolute(to));
+    if (seen == named) return;
+    const toml::source_region& at = node->source();
+    edits.push_back({offset(text, at.begin), offset(text, at.end), in_quotes(seen.string())});
+  };
+  for (const auto& [table, keys] :
+       std::initializer_list<std::pair<const char*, std::vector<std::string>>>{
+           {"beam", {"damping_ratio"}},
+           {"system", {"M", "C", "K", "damping_ratio"}},
+           {"excitation", {"influence"}},
+           {"force", {"direction"}},
+           {"contact", {"direction"}},
+           {"master", {"q", "u"}},
+           {"replica", {"q", "u", "restitution", "uncertainty"}},
+           {"adapt", {"within", "walk"}}}) {
+    const toml::node* node = root.get(table);
+    if (node == nullptr) continue;
+    const auto look_at_all = [&, all = &keys](const toml::table& of) {
+      for (const std::string& key : *all) look_at(of, key);
+    };
+    if (node->is_table()) look_at_all(*node->as_table());
+    if (!node->is_array()) continue;
+    for (const toml::node& of : *node->as_array()) {
+      if (of.is_table()) look_at_all(*of.as_table());
+    }
+  }
+  return with_edits(text, std::move(edits));
+}
+
+bool is_text(std::string_view text, std::string_view path, const std::string& file) {
+  const toml::table root = parsed(text, file);
+  const std::vector<std::string> parts = parts_of(path);
+  const toml::node* node = find(root, parts, parts.size());
+  return node != nullptr && node->is_string();
 }
 
 bool has_key(std::string_view text, std::string_view path, const std::string& file) {

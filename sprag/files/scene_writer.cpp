@@ -76,15 +76,35 @@ void add_force(std::string& text, const Force& force) {
   add(text, "phase", force.harmonic.phase);
 }
 
-void add_contact(std::string& text, const Contact& contact) {
+void add_frame(std::string& text, const ShakenFrame& frame) {
+  text += "\n[excitation]\n";
+  add(text, "influence", frame.influence);
+  add(text, "amplitude", frame.motion.amplitude);
+  add(text, "frequency", frame.motion.frequency);
+  add(text, "phase", frame.motion.phase);
+}
+
+void add_contact(std::string& text, const Contact& contact, const char* mount) {
   text += "\n[[contact]]\n";
   add(text, "direction", contact.w);
   add(text, "clearance", contact.clearance);
-  if (const Harmonic& s = contact.motion; is_given(s)) {
+  if (mount != nullptr) {
+    text += std::string("mount = ") + mount + '\n';
+  } else if (const Harmonic& s = contact.motion; is_given(s)) {
     text += "motion = { amplitude = " + text_of(s.amplitude) +
             ", frequency = " + text_of(s.frequency) + ", phase = " + text_of(s.phase) + " }\n";
   }
   add(text, "restitution", contact.restitution);
+}
+
+// nullptr: the contact says its own motion.
+const char* mount_of(const Scene& scene, std::size_t contact) {
+  if (!scene.frame) return nullptr;
+  const std::vector<int>& ground = scene.frame->on_ground;
+  if (std::find(ground.begin(), ground.end(), static_cast<int>(contact)) != ground.end()) {
+    return "\"ground\"";
+  }
+  return is_given(scene.model.contacts[contact].motion) ? nullptr : "\"frame\"";
 }
 
 void add_replica(std::string& text, const Scene& scene) {
@@ -128,8 +148,13 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add(text, "M", model.M);
   add(text, "C", model.C);
   add(text, "K", model.K);
-  for (const Force& force : model.forces) add_force(text, force);
-  for (const Contact& contact : model.contacts) add_contact(text, contact);
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    if (!scene.frame || scene.frame->force != j) add_force(text, model.forces[j]);
+  }
+  if (scene.frame) add_frame(text, *scene.frame);
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    add_contact(text, model.contacts[i], mount_of(scene, i));
+  }
   text += "\n[impact]\nlaw = ";
   text += model.law == ImpactLaw::newton ? "\"newton\"\n" : "\"poisson\"\n";
   add(text, "chatter_time", model.chatter_time);

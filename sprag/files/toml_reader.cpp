@@ -8,6 +8,8 @@
 #include <string_view>
 #include <utility>
 
+#include "sprag/files/input_file.h"
+#include "sprag/files/matrix_file.h"
 #include "sprag/files/nearest_word.h"
 #include "sprag/files/scene_file.h"
 
@@ -128,18 +130,17 @@ std::string to_text(double value) {
   return {buffer.data(), end};
 }
 
-TomlDocument::TomlDocument(std::string_view text, std::string file) : file_(std::move(file)) {
-  refuse_beyond_ascii(text, file_);
+TomlDocument::TomlDocument(std::string_view text, TomlSource source) : source_(std::move(source)) {
+  refuse_beyond_ascii(text, source_.file);
   try {
     table_ = toml::parse(text);
   } catch (const toml::parse_error& error) {
-    throw error_at(file_, error.source().begin, std::string(error.description()));
+    throw error_at(source_.file, error.source().begin, std::string(error.description()));
   }
 }
 
-TomlTable::TomlTable(const toml::table& table, std::string path, const std::string& file,
-                     TomlKeys keys)
-    : table_(&table), path_(std::move(path)), file_(&file) {
+TomlTable::TomlTable(const toml::table& table, std::string path, TomlSource& source, TomlKeys keys)
+    : table_(&table), path_(std::move(path)), source_(&source) {
   refuse_unknown_keys(keys);
 }
 
@@ -201,7 +202,7 @@ Eigen::VectorXd TomlTable::vector(std::string_view key) const {
 
 Eigen::VectorXd TomlTable::numbers(std::string_view key) const {
   const toml::node& node = required(key);
-  if (node.is_array()) return checked_vector(node, path_of(key));
+  if (node.is_array() || node.is_string()) return checked_vector(node, path_of(key));
   return Eigen::VectorXd::Constant(1, checked_number(node, path_of(key), any_number));
 }
 
@@ -216,32 +217,35 @@ std::vector<std::string> TomlTable::strings(std::string_view key) const {
 }
 
 Eigen::MatrixXd TomlTable::symmetric_matrix(std::string_view key) const {
+  const toml::node& node = required(key);
   const std::string path = path_of(key);
-  const toml::array& rows = checked_array(required(key), path, "an array of rows of numbers");
-  const auto size = static_cast<Eigen::Index>(rows.size());
-  if (size == 0) fail(key, "is empty; must have at least one row");
-  std::vector<Eigen::VectorXd> vectors;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    vectors.push_back(checked_vector(rows[i], entry(path, i)));
-    if (vectors.back().size() != size) {
-      fail_at(rows[i].source().begin, entry(path, i) + " has size " +
-                                          std::to_string(vectors.back().size()) + "; must be " +
-                                          std::to_string(size) + ", the number of rows");
-    }
+  const Eigen::MatrixXd matrix =
+      node.is_string() ? of_file(node, path) : checked_matrix(node, path);
+  const std::string given = node.is_string() ? " (" + node.as_string()->get() + ")" : "";
+  if (matrix.rows() != matrix.cols()) {
+    fail(key, "is " + std::to_string(matrix.rows()) + " x " + std::to_string(matrix.cols()) +
+                  given + "; must be square");
   }
-  Eigen::MatrixXd matrix(size, size);
-  for (Eigen::Index i = 0; i < size; ++i) matrix.row(i) = vectors[static_cast<std::size_t>(i)];
   const double rounding = 1e-12 * matrix.cwiseAbs().maxCoeff();
-  for (Eigen::Index i = 0; i < size; ++i) {
+  double largest = 0.0;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
-      if (std::abs(matrix(i, j) - matrix(j, i)) <= rounding) continue;
+      const double difference = std::abs(matrix(i, j) - matrix(j, i));
+      largest = std::max(largest, difference);
+      if (difference <= rounding) continue;
       const auto [row, column] =
           std::pair(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
-      fail_at((*rows[row].as_array())[column].source().begin,
-              entry(entry(path, row), column) + " is " + to_text(matrix(i, j)) + "; must be " +
-                  to_text(matrix(j, i)) + ", as " + entry(entry(path, column), row) +
-                  " (symmetric)");
+      const toml::node& at =
+          node.is_string() ? node : (*(*node.as_array())[row].as_array())[column];
+      fail_at(at.source().begin, entry(entry(path, row), column) + " is " + to_text(matrix(i, j)) +
+                                     given + "; must be " + to_text(matrix(j, i)) + ", as " +
+                                     entry(entry(path, column), row) + " (symmetric)");
     }
+  }
+  if (largest > 0.0) {
+    const std::string what = path + given + " is symmetric but for rounding (" + to_text(largest) +
+                             "); the mean of it and its transpose is taken";
+    source_->remarks.emplace_back(error_at(source_->file, node.source().begin, what).what());
   }
   return 0.5 * matrix + 0.5 * matrix.transpose();
 }
@@ -250,7 +254,7 @@ std::optional<TomlTable> TomlTable::table(std::string_view key, TomlKeys keys) c
   if (!has(key)) return std::nullopt;
   const toml::node& node = required(key);
   if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
-  return TomlTable(*node.as_table(), path_of(key), *file_, keys);
+  return TomlTable(*node.as_table(), path_of(key), *source_, keys);
 }
 
 std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) const {
@@ -263,7 +267,7 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) co
     if (!array[i].is_table()) {
       fail_at(array[i].source().begin, entry(path, i) + must_be(array[i], "a table"));
     }
-    result.emplace_back(*array[i].as_table(), entry(path, i), *file_, keys);
+    result.emplace_back(*array[i].as_table(), entry(path, i), *source_, keys);
   }
   return result;
 }
@@ -311,6 +315,16 @@ const toml::array& TomlTable::checked_array(const toml::node& node, const std::s
 }
 
 Eigen::VectorXd TomlTable::checked_vector(const toml::node& node, const std::string& path) const {
+  if (node.is_string()) {
+    const Eigen::MatrixXd matrix = of_file(node, path);
+    if (matrix.rows() != 1 && matrix.cols() != 1) {
+      fail_at(node.source().begin, path + " is " + std::to_string(matrix.rows()) + " x " +
+                                       std::to_string(matrix.cols()) + " (" +
+                                       node.as_string()->get() +
+                                       "); must be one row or one column");
+    }
+    return matrix.reshaped();
+  }
   const toml::array& array = checked_array(node, path, "an array of numbers");
   Eigen::VectorXd vector(static_cast<Eigen::Index>(array.size()));
   for (std::size_t i = 0; i < array.size(); ++i) {
@@ -319,8 +333,38 @@ Eigen::VectorXd TomlTable::checked_vector(const toml::node& node, const std::str
   return vector;
 }
 
+Eigen::MatrixXd TomlTable::checked_matrix(const toml::node& node, const std::string& path) const {
+  const toml::array& rows = checked_array(node, path, "an array of rows of numbers");
+  const auto size = static_cast<Eigen::Index>(rows.size());
+  if (size == 0) fail_at(node.source().begin, path + " is empty; must have at least one row");
+  Eigen::MatrixXd matrix(size, size);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Eigen::VectorXd row = checked_vector(rows[i], entry(path, i));
+    if (row.size() != size) {
+      fail_at(rows[i].source().begin, entry(path, i) + " has size " + std::to_string(row.size()) +
+                                          "; must be " + std::to_string(size) +
+                                          ", the number of rows");
+    }
+    matrix.row(static_cast<Eigen::Index>(i)) = row;
+  }
+  return matrix;
+}
+
+Eigen::MatrixXd TomlTable::of_file(const toml::node& node, const std::string& path) const {
+  const std::filesystem::path file = source_->folder / node.as_string()->get();
+  try {
+    return read_matrix_file(file);
+  } catch (const SceneError& error) {
+    const std::string message = error.message + " (" + path + ")";
+    if (error.line == 0) throw SceneError(error.file, message);
+    throw SceneError(error.file, error.line, error.column, message);
+  } catch (const InputError& error) {
+    fail_at(node.source().begin, path + " names a file: " + error.what());
+  }
+}
+
 void TomlTable::fail_at(const toml::source_position& position, const std::string& message) const {
-  throw error_at(*file_, position, message);
+  throw error_at(source_->file, position, message);
 }
 
 }  // namespace sprag

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <filesystem>
 #include <initializer_list>
 #include <limits>
 #include <optional>
@@ -36,11 +37,18 @@ std::string to_text(double value);
 
 using TomlKeys = std::initializer_list<std::string_view>;
 
+/// Where a text comes from, and what is to be said of it.
+struct TomlSource {
+  std::string file;                   ///< the name that errors carry
+  std::filesystem::path folder = {};  ///< names of other files in the text are relative to it
+  std::vector<std::string> remarks = {};
+};
+
 /// One table of a document, which must outlive it. Getters throw SceneError.
 class TomlTable {
  public:
   /// Refuses keys other than `keys`, with the nearest of them as a suggestion.
-  TomlTable(const toml::table& table, std::string path, const std::string& file, TomlKeys keys);
+  TomlTable(const toml::table& table, std::string path, TomlSource& source, TomlKeys keys);
 
   bool has(std::string_view key) const { return table_->contains(key); }
 
@@ -50,13 +58,14 @@ class TomlTable {
   std::string string_or(std::string_view key, const std::string& fallback) const;
   /// One of `options`; the first if the key is absent.
   std::string_view choice(std::string_view key, TomlKeys options) const;
-  /// An array of numbers.
+  /// An array of numbers, or the name of a file that has them in a row or a column.
   Eigen::VectorXd vector(std::string_view key) const;
-  /// A number, or an array of numbers.
+  /// A number, or what vector() takes.
   Eigen::VectorXd numbers(std::string_view key) const;
   /// An array of strings.
   std::vector<std::string> strings(std::string_view key) const;
-  /// An array of rows; square and symmetric up to rounding, returned exactly symmetric.
+  /// An array of rows, or the name of a file that has them (matrix_file.h); square and symmetric up
+  /// to rounding, returned exactly symmetric, with a remark where it was not.
   Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
 
   std::optional<TomlTable> table(std::string_view key, TomlKeys keys) const;
@@ -80,23 +89,26 @@ class TomlTable {
   const toml::array& checked_array(const toml::node& node, const std::string& path,
                                    std::string_view wanted) const;
   Eigen::VectorXd checked_vector(const toml::node& node, const std::string& path) const;
+  Eigen::MatrixXd checked_matrix(const toml::node& node, const std::string& path) const;
+  Eigen::MatrixXd of_file(const toml::node& node, const std::string& path) const;
   void refuse_unknown_keys(TomlKeys keys) const;
   [[noreturn]] void fail_at(const toml::source_position& position,
                             const std::string& message) const;
 
   const toml::table* table_;
   std::string path_;
-  const std::string* file_;
+  TomlSource* source_;
 };
 
-/// A parsed text; `file` is the name that errors carry. Throws SceneError.
+/// A parsed text. Throws SceneError.
 class TomlDocument {
  public:
-  TomlDocument(std::string_view text, std::string file);
-  TomlTable root(TomlKeys keys) const { return {table_, "", file_, keys}; }
+  TomlDocument(std::string_view text, TomlSource source);
+  TomlTable root(TomlKeys keys) { return {table_, "", source_, keys}; }
+  const std::vector<std::string>& remarks() const { return source_.remarks; }
 
  private:
-  std::string file_;
+  TomlSource source_;
   toml::table table_;
 };
 

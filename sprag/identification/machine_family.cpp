@@ -210,8 +210,9 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   }
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
-    // The acceleration of a beam's frame grows with the frequency, its amplitude does not.
-    set_steady_response(forces_[static_cast<std::size_t>(g)], scene_.beam ? ratio * ratio : 1.0, g,
+    // The acceleration of a frame grows with the frequency, its amplitude does not.
+    const bool of_frame = groups_[static_cast<std::size_t>(g)].of_frame;
+    set_steady_response(forces_[static_cast<std::size_t>(g)], of_frame ? ratio * ratio : 1.0, g,
                         machine);
     for (Eigen::Index i = 0; i < contacts(); ++i) {
       machine.gap_response(i, g) = motions_(i, g);
@@ -333,20 +334,23 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
       case Kind::frequency: {
         const double ratio = value / groups_[i].frequency;
         harmonics_of(unknown.index, [&](Harmonic& harmonic) { harmonic.frequency = value; });
-        // The acceleration of a beam's frame grows with the frequency, its amplitude does not.
-        for (Force& force : model.forces) {
-          if (scene.beam) force.harmonic.amplitude *= ratio * ratio;
+        if (!groups_[i].of_frame) break;
+        for (const int j : groups_[i].forces) {
+          model.forces[static_cast<std::size_t>(j)].harmonic.amplitude *= ratio * ratio;
         }
+        if (scene.frame) scene.frame->motion.frequency = value;
         break;
       }
       case Kind::phase:
         harmonics_of(unknown.index,
                      [&](Harmonic& harmonic) { harmonic.phase += value - groups_[i].phase; });
+        if (groups_[i].of_frame && scene.frame) scene.frame->motion.phase = value;
         break;
       case Kind::amplitude:
         harmonics_of(unknown.index, [&](Harmonic& harmonic) {
           harmonic.amplitude *= value / groups_[i].amplitude;
         });
+        if (groups_[i].of_frame && scene.frame) scene.frame->motion.amplitude = value;
         break;
       case Kind::constant:
         model.forces[i].constant = value;

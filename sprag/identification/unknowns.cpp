@@ -76,8 +76,8 @@ double usual_length(const Scene& scene) {
   return length > 0.0 ? length : 1.0;
 }
 
-std::string unit_of_amplitude(const Scene& scene, const HarmonicGroup& group) {
-  if (scene.beam) return "m";
+std::string unit_of_amplitude(const HarmonicGroup& group) {
+  if (group.of_frame) return "m";
   if (group.forces.size() + group.contacts.size() > 1) return "";
   return group.forces.empty() ? "m" : "N";
 }
@@ -105,15 +105,25 @@ double Unknown::highest() const {
   return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
 }
 
+namespace {
+
+bool is_on_ground(const ShakenFrame& frame, int contact) {
+  return std::find(frame.on_ground.begin(), frame.on_ground.end(), contact) !=
+         frame.on_ground.end();
+}
+
+}  // namespace
+
 std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
   const auto moves = [](const Harmonic& harmonic) {
     return harmonic.amplitude != 0.0 && harmonic.frequency > 0.0;
   };
   std::vector<HarmonicGroup> groups;
   const Model& model = scene.model;
+  const bool shaken = scene.frame && moves(scene.frame->motion);
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
     const Harmonic& harmonic = model.forces[j].harmonic;
-    if (!moves(harmonic)) continue;
+    if (!moves(harmonic) || (shaken && scene.frame->force == j)) continue;
     groups.push_back({{static_cast<int>(j)},
                       {},
                       "force." + std::to_string(j + 1),
@@ -123,13 +133,27 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
   }
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     const Harmonic& harmonic = model.contacts[i].motion;
-    if (!moves(harmonic)) continue;
+    if (!moves(harmonic) || (shaken && is_on_ground(*scene.frame, static_cast<int>(i)))) continue;
     groups.push_back({{},
                       {static_cast<int>(i)},
                       of("contact", i, "motion"),
                       harmonic.amplitude,
                       harmonic.frequency,
                       harmonic.phase});
+  }
+  if (shaken) {
+    HarmonicGroup frame{.forces = {static_cast<int>(scene.frame->force)},
+                        .contacts = {},
+                        .key = "excitation",
+                        .amplitude = scene.frame->motion.amplitude,
+                        .frequency = scene.frame->motion.frequency,
+                        .phase = scene.frame->motion.phase,
+                        .of_frame = true};
+    for (const int i : scene.frame->on_ground) {
+      if (moves(model.contacts[static_cast<std::size_t>(i)].motion)) frame.contacts.push_back(i);
+    }
+    groups.insert(groups.begin(), std::move(frame));
+    return groups;
   }
   const double common = only_frequency(model);
   if (groups.empty() || common == 0.0 || (!scene.beam && groups.size() == 1)) return groups;
@@ -142,6 +166,7 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
     // The frame's motion e(t) shows in its force, -e''(t).
     all.amplitude = std::abs(groups.front().amplitude) / square(common);
     all.phase = groups.front().phase;
+    all.of_frame = true;
   }
   return {all};
 }
@@ -176,7 +201,7 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
     phase.nominal = group.phase;
     unknowns.push_back(phase);
     unknowns.push_back(positive_unknown(Kind::amplitude, index, group.key + ".amplitude",
-                                        unit_of_amplitude(scene, group), group.amplitude));
+                                        unit_of_amplitude(group), group.amplitude));
     unknowns.back().unit_step = std::abs(group.amplitude);
   }
   for (std::size_t j = 0; j < model.forces.size(); ++j) {

@@ -76,10 +76,11 @@ struct HarmonicGroup {
   std::vector<int> contacts;  ///< whose supports move with it, from 0
   std::string key;            ///< "excitation", "force.1", "contact.2.motion"
   double amplitude = 1.0, frequency = 0.0, phase = 0.0;
+  bool of_frame = false;  ///< the forces are accelerations, which grow with the frequency
 };
 
-/// Of a beam one; of a general system one of all harmonics where they have one frequency, else one
-/// each.
+/// Of a beam one; of a general system one of its shaken frame and one of each other harmonic, or,
+/// without a frame, one of all where they have one frequency, else one each.
 std::vector<HarmonicGroup> harmonic_groups(const Scene& scene);
 
 }  // namespace sprag

@@ -23,19 +23,43 @@ struct Adaptation {
   bool walks() const { return (walk.array() > 0.0).any(); }
 };
 
+/// The shaken frame of a general system, against which its coordinates are measured: e(t) acts as
+/// the force -M r e''(t), and moves supports on the ground by w_i^T r e(t).
+struct ShakenFrame {
+  Eigen::VectorXd influence;   ///< r, f entries: q = r where the ground moves by 1 and the machine
+                               ///< keeps its shape
+  Harmonic motion;             ///< e(t)
+  std::size_t force = 0;       ///< the number of -M r e''(t) among the model's forces
+  std::vector<int> on_ground;  ///< contacts whose motion is w_i^T r e(t), from 0
+};
+
+/// -M r e''(t).
+inline Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame) {
+  return {-(M * frame.influence), 0.0, second_derivative(frame.motion)};
+}
+
+/// s(t) of a support on the ground, w having f entries.
+inline Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame) {
+  Harmonic motion = frame.motion;
+  motion.amplitude *= w.dot(frame.influence);
+  return motion;
+}
+
 struct Scene {
   std::string name;
   Model model;
-  std::optional<Beam> beam;       ///< set when the scene has a [beam]
-  std::vector<double> positions;  ///< x_c of a beam's contacts [m]; empty where there is no beam
-  State master;                   ///< start of the master, padded with zeros to f entries
-  State replica;                  ///< start of the replica, padded with zeros to f entries
-  Eigen::VectorXd uncertainty;    ///< of the replica's start, energies by coordinate or, where M
-                                  ///< and K are not diagonal, by mode; empty: not given
-  double drift = 0.0;             ///< energy by which the model departs, per unit of time
-  double jitter = 0.0;            ///< standard deviation of event times [s]
+  std::optional<Beam> beam;          ///< set when the scene has a [beam]
+  std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty where there is no beam
+  std::optional<ShakenFrame> frame;  ///< set when a [system] has an [excitation]
+  State master;                      ///< start of the master, padded with zeros to f entries
+  State replica;                     ///< start of the replica, padded with zeros to f entries
+  Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M
+                                     ///< and K are not diagonal, by mode; empty: not given
+  double drift = 0.0;                ///< energy by which the model departs, per unit of time
+  double jitter = 0.0;               ///< standard deviation of event times [s]
   Adaptation adaptation;
   bool release_penetration = false;  ///< master.penetration = "release"
+  std::vector<std::string> remarks;  ///< of its reader, for people: a line each
 };
 
 }  // namespace sprag

@@ -85,8 +85,9 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
        {"constant", "constnat",
         "x.toml:7:1: unknown key force[1].constnat; did you mean constant?"},
        {"phase", "phse", "x.toml:15:47: unknown key contact[1].motion.phse; did you mean phase?"},
-       {"clearance = 0.1", "mount = \"frame\"",
-        "x.toml:14:1: unknown key contact[1].mount; must be one of direction, clearance, motion, "
+       {"clearance = 0.1", "support = \"frame\"",
+        "x.toml:14:1: unknown key contact[1].support; must be one of direction, clearance, motion, "
+        "mount, "
         "restitution"}});
 }
 
@@ -179,7 +180,8 @@ TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
   for (const auto& [given, error] :
        {std::pair("0.0", "replica.uncertainty has 0; must be > 0"),
         std::pair("[1.0, 2.0]", "replica.uncertainty has 2 numbers; must be one energy or 3"),
-        std::pair("\"much\"", "replica.uncertainty is a string; must be a number")}) {
+        std::pair("\"much\"",
+                  "replica.uncertainty names a file: much: No such file or directory")}) {
     const std::string text =
         replaced(beam_text, "u = []", "u = []\nuncertainty = " + std::string(given));
     EXPECT_NE(error_of(text).find(error), std::string::npos) << error_of(text);
@@ -295,7 +297,7 @@ TEST(SceneErrors, BeamAndSystemDoNotMix) {
   EXPECT_EQ(error_of(std::string(beam_text) + "[[force]]\ndirection = [1.0]\n"),
             "x.toml:26:1: force is for a [system]; a [beam] has [excitation]");
   EXPECT_EQ(error_of(std::string(system_text) + "[excitation]\namplitude = 1.0\n"),
-            "x.toml:18:1: excitation is for a [beam]; a [system] has [[force]] and contact motion");
+            "x.toml:18:1: missing key excitation.influence");
 }
 
 TEST(SceneErrors, MatricesMustFitAndBeDefinite) {

@@ -122,6 +122,44 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
   }
 }
 
+// A shaken frame with matrices of files, fitted into another folder.
+TEST_F(IdentifyProgramTest, AShakenFrameAndItsFiles) {
+  write_text(path("M.csv"), "2 0\n0 1\n");
+  write_text(path("K.csv"), "900 -400\n-400 400\n");
+  const auto scene = [&](double factor, double alpha, double beta, double frequency) {
+    const std::string text =
+        "[system]\nM = \"M.csv\"\nK = \"K.csv\"\nrayleigh = { alpha = " + std::to_string(alpha) +
+        ", beta = " + std::to_string(beta) +
+        " }\n[excitation]\ninfluence = 1\namplitude = 0.01\nfrequency = " +
+        std::to_string(frequency) +
+        "\n[impact]\nrestitution = 0.6\n[[contact]]\ndirection = [0.0, 1.0]\nclearance = 0.005\n";
+    write_text(path("scene.toml"), text);
+    Scene read = read_scene(path("scene.toml"));
+    read.model.K *= factor;
+    return read;
+  };
+  Scene real = scene(1.05, 0.3, 0.001, 11.0);
+  real.model.C *= 1.1;
+  EventsWriter writer(path("events.csv"));
+  for (const ContactEvent& event : test::events_of(real, 15.0)) writer.write(event);
+  ASSERT_TRUE(writer.close());
+  scene(1.0, 0.3, 0.001, 11.2);
+  std::filesystem::create_directory(path("out"));
+  const Ended ended =
+      identify({path("events.csv"), path("scene.toml"), "--output", path("out/fitted.toml"),
+                "--free", "system.K,system.C,excitation.frequency,excitation.phase"});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  const Scene fitted = read_scene(path("out/fitted.toml"));
+  EXPECT_EQ(fitted.model.M, real.model.M);
+  EXPECT_LT((fitted.model.K - real.model.K).norm(), 1e-6 * real.model.K.norm());
+  EXPECT_LT((fitted.model.C - real.model.C).norm(), 1e-5 * real.model.C.norm());
+  EXPECT_NEAR(fitted.frame->motion.frequency, 11.0, 1e-6);
+  EXPECT_NEAR(fitted.frame->motion.amplitude, 0.01, 1e-15);
+  const std::string text = read_text(path("out/fitted.toml"));
+  EXPECT_NE(text.find("M = \"../M.csv\""), std::string::npos) << text;
+  EXPECT_EQ(text.find("K.csv"), std::string::npos) << text;
+}
+
 TEST_F(IdentifyProgramTest, ALogAndAJitter) {
   const Scene beam = shipped_scene("paper_beam");
   std::mt19937_64 engine(3);

@@ -4,8 +4,8 @@
 
 #include "command_line/program.h"
 #include "sprag/analysis/assessment.h"
-#include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
+#include "sprag/mechanics/scene.h"
 #include "tools/check_scene/json.h"
 
 namespace {
@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
                accuracy);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Scene scene = sprag::read_scene(file);
+    const sprag::Scene scene = sprag::load_scene(file);
     sprag::TrialLimits limits;
     limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
       return std::chrono::steady_clock::now() - begin > longest_trial;

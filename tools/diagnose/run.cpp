@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "command_line/program.h"
 #include "observer/recorded_events.h"
-#include "sprag/files/scene_file.h"
 #include "tools/diagnose/diagnosis.h"
 #include "tools/diagnose/print.h"
 
@@ -11,7 +11,7 @@ namespace sprag {
 
 int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
-  const Scene scene = read_scene(run.scene);
+  const Scene scene = load_scene(run.scene);
   const RecordedEvents recorded = read_recorded_events(
       run.log, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
   const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),

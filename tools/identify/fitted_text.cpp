@@ -19,6 +19,14 @@ class Text {
   void set(const std::string& path, const Eigen::VectorXd& value) {
     values_.push_back({path, {value.data(), value.data() + value.size()}, true});
   }
+  void set(const std::string& path, const Eigen::MatrixXd& matrix) {
+    SceneValue value{path, {}, true, static_cast<std::size_t>(matrix.cols())};
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+      for (Eigen::Index j = 0; j < matrix.cols(); ++j) value.numbers.push_back(matrix(i, j));
+    }
+    values_.push_back(std::move(value));
+  }
+  bool is_file(const std::string& path) const { return is_text(text_, path, file_); }
   bool has(const std::string& path) const { return has_key(text_, path, file_); }
   double number(const std::string& path, double fallback) const {
     return number_of(text_, path, fallback, file_);
@@ -35,7 +43,12 @@ std::string entry(const char* matrix, Eigen::Index i, Eigen::Index j) {
   return std::string(matrix) + '.' + std::to_string(i + 1) + '.' + std::to_string(j + 1);
 }
 
+// A matrix of a file is written in its place.
 void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
+  if (text.is_file(path)) {
+    text.set(path, matrix);
+    return;
+  }
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     for (Eigen::Index j = 0; j < matrix.cols(); ++j) text.set(entry(path, i, j), matrix(i, j));
   }
@@ -99,7 +112,12 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
       break;
     case Kind::damping_entry:
     case Kind::stiffness_entry: {
-      const char* matrix = unknown.kind == Kind::damping_entry ? "system.C" : "system.K";
+      const bool of_C = unknown.kind == Kind::damping_entry;
+      const char* matrix = of_C ? "system.C" : "system.K";
+      if (text.is_file(matrix)) {
+        set_matrix(matrix, of_C ? fitted.model.C : fitted.model.K, text);
+        return;
+      }
       text.set(entry(matrix, unknown.row, unknown.column), of.value);
       if (unknown.row != unknown.column) {
         text.set(entry(matrix, unknown.column, unknown.row), of.value);
@@ -109,7 +127,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
     case Kind::frequency:
     case Kind::phase:
     case Kind::amplitude:
-      if (!scene.beam) {
+      if (!harmonic_groups(scene)[static_cast<std::size_t>(unknown.index)].of_frame) {
         const char* key = unknown.kind == Kind::frequency ? "frequency"
                           : unknown.kind == Kind::phase   ? "phase"
                                                           : "amplitude";
@@ -124,6 +142,21 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
   text.set(unknown.key, of.value);
 }
 
+// A system's Rayleigh damping that gives its fitted C with its fitted K.
+void set_rayleigh(const Identification& fit, const std::string& file, Text& text) {
+  double of_C = 1.0, of_K = 1.0;
+  for (const FittedUnknown& of : fit.unknowns) {
+    if (of.unknown.kind == Kind::damping) of_C = of.value;
+    if (of.unknown.kind == Kind::stiffness) of_K = of.value;
+    if (of.unknown.kind == Kind::damping_entry || of.unknown.kind == Kind::stiffness_entry) {
+      throw SceneError(file, "system.rayleigh cannot say a single entry; give system.C");
+    }
+  }
+  const std::string alpha = "system.rayleigh.alpha", beta = "system.rayleigh.beta";
+  if (of_C != 1.0) text.set(alpha, of_C * text.number(alpha, 0.0));
+  if (of_C != of_K) text.set(beta, of_C / of_K * text.number(beta, 0.0));
+}
+
 // A system's damping ratios that give its fitted C with its fitted K.
 void set_system_ratio(const Identification& fit, const std::string& file, Text& text) {
   double factor = 1.0;
@@ -136,6 +169,7 @@ void set_system_ratio(const Identification& fit, const std::string& file, Text& 
   }
   if (factor == 1.0) return;
   const std::string path = "system.damping_ratio";
+  if (text.is_file(path)) throw SceneError(file, path + " is a file; give its numbers in place");
   const double one = text.number(path, -1.0);
   if (one >= 0.0) {
     text.set(path, factor * one);
@@ -165,11 +199,15 @@ double start_energy(const Identification& fit) {
 
 }  // namespace
 
-std::string fitted_text(std::string_view text, const Scene& scene, const Identification& fit,
-                        double begins, const std::string& file) {
+std::string fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
+                        double begins, const std::filesystem::path& from,
+                        const std::filesystem::path& to) {
+  const std::string file = to.string();
+  const std::string text = with_files_from(given, from.parent_path(), to.parent_path(), file);
   Text out(text, file);
   for (const FittedUnknown& unknown : fit.unknowns) set_unknown(scene, fit.fitted, unknown, out);
   if (!scene.beam && out.has("system.damping_ratio")) set_system_ratio(fit, file, out);
+  if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
   if (fit.start_t == begins) {
     out.set("replica.q", fit.start.q);
     out.set("replica.u", fit.start.u);

@@ -2,6 +2,7 @@
 // fitted values in place.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <string_view>
 
@@ -9,9 +10,12 @@
 
 namespace sprag {
 
-/// `text` is that of the scene that was fitted, `begins` where its replica starts [s]. The start is
-/// left as it is where the fit does not reach back to there. Throws SceneError.
-std::string fitted_text(std::string_view text, const Scene& scene, const Identification& fit,
-                        double begins, const std::string& file);
+/// `given` is the text of the scene that was fitted, in the file `from`, `begins` where its replica
+/// starts [s]. The start is left as it is where the fit does not reach back to there. Files of
+/// matrices that it names are named as seen from the file `to`, or written in place where what they
+/// hold was fitted. Throws SceneError.
+std::string fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
+                        double begins, const std::filesystem::path& from,
+                        const std::filesystem::path& to);
 
 }  // namespace sprag

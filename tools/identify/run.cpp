@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "command_line/program.h"
 #include "observer/recorded_events.h"
 #include "sprag/files/output_file.h"
-#include "sprag/files/scene_file.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/print.h"
 
@@ -27,7 +27,7 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
     fit.jitter = drift->jitter;
   }
   OutputFile out(run.output);
-  out.write(fitted_text(text, scene, fit, begins, run.output.string()));
+  out.write(fitted_text(text, scene, fit, begins, run.scene, run.output));
   if (!out.close()) throw std::runtime_error(out.error());
   if (fit.start_t != begins) {
     std::cerr << "the fit begins at t = " << fit.start_t << ", so that the start in "
@@ -39,7 +39,7 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
 
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
-  const Scene scene = read_scene(run.scene);
+  const Scene scene = load_scene(run.scene);
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");

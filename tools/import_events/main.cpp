@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/scene.h"
 #include "tools/import_events/run.h"
 #include "tools/import_events/unit.h"
 
@@ -85,7 +85,7 @@ int main(int argc, char** argv) {
                   "F.csv|F.lcmlog", "Write an events CSV or an LCM log here, not to stdout");
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    const auto contacts = sprag::read_scene(scene).model.contacts.size();
+    const auto contacts = sprag::load_scene(scene).model.contacts.size();
     return sprag::run_import(run, static_cast<int>(contacts), common, report);
   });
 }

@@ -2,9 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "command_line/program.h"
 #include "observer/recorded_events.h"
 #include "sprag/analysis/reduction_choice.h"
-#include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
 #include "tools/reduce/print.h"
 
@@ -24,7 +24,7 @@ std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
 }  // namespace
 
 int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
-  const Scene scene = read_scene(run.scene);
+  const Scene scene = load_scene(run.scene);
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded = read_recorded_events(

@@ -1,6 +1,6 @@
 // sync_logger: the synchronization error energy V(t) of a master and its observer, as CSV.
 #include "command_line/program.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/scene.h"
 #include "tools/sync_logger/live.h"
 #include "tools/sync_logger/offline.h"
 
@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
   sprag::needs(estimate, truth);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Model model = sprag::read_scene(scene).model;
+    const sprag::Model model = sprag::load_scene(scene).model;
     offline.csv = live.csv;
     return offline.truth.empty() ? sprag::run_live(model, live, common, report)
                                  : sprag::run_offline(model, offline, report);
