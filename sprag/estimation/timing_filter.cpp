@@ -1,11 +1,11 @@
 #include "sprag/estimation/timing_filter.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <numbers>
 
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
 #include "sprag/mechanics/wide_product.h"
 
@@ -69,8 +69,8 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
        {&u_before_, &before_impact_, &u_sequence_, &on_u_, &share_, &off_q_, &off_u_, &on_flow_}) {
     x->setZero(f());
   }
-  from_start_q_ = uncertainty_.q.inverse();
-  from_start_u_ = uncertainty_.u.inverse();
+  from_start_q_ = inverse(uncertainty_.q);
+  from_start_u_ = inverse(uncertainty_.u);
   closings_.reserve(static_cast<std::size_t>(m));
   phi_.setZero(columns);
   Wt_ = flows_->dynamics().W().transpose();

@@ -1,12 +1,12 @@
 #include "sprag/identification/linearized_filter.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -143,12 +143,10 @@ struct LinearizedFilter::Estimate {
 };
 
 void LinearizedFilter::Estimate::merge() {
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(S.leftCols(columns).transpose());
-  const Eigen::Index kept = std::min(columns, states());
-  const Eigen::MatrixXd R = qr.matrixQR().topRows(kept).triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd R = QR(S.leftCols(columns).transpose()).R();
   S.setZero();
-  S.leftCols(kept) = R.transpose();
-  columns = kept;
+  S.leftCols(R.rows()) = R.transpose();
+  columns = R.rows();
 }
 
 // The parameters stay as they are known, the path is any.
@@ -156,10 +154,8 @@ void LinearizedFilter::Estimate::begin_stretch(double of_y, double of_u) {
   x.head(2 * n).setZero();
   Eigen::MatrixXd of_parameters(P, P);
   if (P > 0) {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(
-        S.block(2 * n, 0, P, std::max(columns, P)).transpose());
-    const Eigen::MatrixXd R = qr.matrixQR().topRows(P).triangularView<Eigen::Upper>();
-    of_parameters = R.transpose();
+    of_parameters =
+        QR(S.block(2 * n, 0, P, std::max(columns, P)).transpose()).R().topRows(P).transpose();
   }
   S.setZero();
   S.block(2 * n, 0, P, P) = of_parameters;

@@ -1,6 +1,5 @@
 #include "sprag/identification/machine_family.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -32,9 +31,19 @@ void set_steady_response(const Eigen::VectorXcd& F, double scale, Eigen::Index g
     }
     return;
   }
-  Eigen::MatrixXcd Z = machine.K.cast<Complex>() + i_Omega * machine.C.cast<Complex>();
-  Z.diagonal().array() -= Omega * Omega;
-  machine.response.col(group) = Z.partialPivLu().solve(F * scale);
+  // In real numbers.
+  const Eigen::Index n = F.size();
+  MatrixR Z(2 * n, 2 * n), F_parts(2 * n, 1);
+  Z.topLeftCorner(n, n) = machine.K.cast<Extended>();
+  Z.topLeftCorner(n, n).diagonal().array() -= Omega * Omega;
+  Z.bottomLeftCorner(n, n) = Omega * machine.C.cast<Extended>();
+  Z.topRightCorner(n, n) = -Z.bottomLeftCorner(n, n);
+  Z.bottomRightCorner(n, n) = Z.topLeftCorner(n, n);
+  F_parts.topRows(n) = (scale * F.real()).cast<Extended>();
+  F_parts.bottomRows(n) = (scale * F.imag()).cast<Extended>();
+  const Eigen::MatrixXd parts = solve(Z, F_parts).X.cast<double>();
+  machine.response.col(group).real() = parts.topRows(n);
+  machine.response.col(group).imag() = parts.bottomRows(n);
 }
 
 }  // namespace

@@ -1,12 +1,11 @@
 #include "sprag/identification/maximum_likelihood.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "sprag/identification/basic_solution.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -138,21 +137,19 @@ void Maximization::linearize() {
         std::numeric_limits<double>::min());
     constraints.leftCols(n2) =
         (constraints.leftCols(n2) * block.scale.cwiseInverse().asDiagonal()).eval();
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(constraints.transpose());
+    const QR qr(constraints.transpose());
     Eigen::MatrixXd right(n2 + N, 1 + unknowns());
     right.setZero();
     right.col(0).head(N) = -weight.cwiseProduct(of.g);
     right.block(0, 1, N, unknowns()) = -(weight.asDiagonal() * J);
     effects += right.rightCols(unknowns()).colwise().squaredNorm().transpose();
-    const Eigen::MatrixXd top = right.topRows(N);
-    right.topRows(N) =
-        qr.matrixQR().topRows(N).triangularView<Eigen::Upper>().transpose().solve(top);
-    right.applyOnTheLeft(qr.householderQ());
+    right.topRows(N) = qr.solve_R_transposed(right.topRows(N));
+    right = qr.Q_times(right);
     block.step = right.col(0);
     block.step_rate = right.rightCols(unknowns());
     block.Q2 = Eigen::MatrixXd::Zero(n2 + N, n2);
     block.Q2.bottomRows(n2).setIdentity();
-    block.Q2.applyOnTheLeft(qr.householderQ());
+    block.Q2 = qr.Q_times(block.Q2);
     Eigen::VectorXd time_weight(N), d(N);
     for (Eigen::Index k = 0; k < N; ++k) {
       const auto i = static_cast<std::size_t>(k);
@@ -163,8 +160,7 @@ void Maximization::linearize() {
     block.B2 = time_weight.asDiagonal() * block.Q2.bottomRows(N);
     block.e0 = time_weight.cwiseProduct(d + block.step.tail(N));
     block.eJ = time_weight.asDiagonal() * block.step_rate.bottomRows(N);
-    block.qr.setThreshold(1e-12);
-    block.qr.compute(block.B2);
+    block.qr = PivotedQR(block.B2, 1e-12);
     rows_in_all += N - block.qr.rank();
   }
   M_.resize(rows_in_all, unknowns());
@@ -174,7 +170,7 @@ void Maximization::linearize() {
     const Eigen::Index left = block.B2.rows() - block.qr.rank();
     Eigen::MatrixXd rotated(block.B2.rows(), unknowns() + 1);
     rotated << block.eJ, block.e0;
-    rotated.applyOnTheLeft(block.qr.householderQ().adjoint());
+    rotated = block.qr.Q_transposed_times(rotated);
     M_.middleRows(row, left) = rotated.bottomLeftCorner(left, unknowns());
     r_.segment(row, left) = rotated.col(unknowns()).tail(left);
     row += left;
@@ -194,10 +190,8 @@ double Maximization::step() {
   const Eigen::Index n2 = 2 * family_.n();
   dp_ = Eigen::VectorXd::Zero(unknowns());
   if (unknowns() > 0) {
-    PivotedQR qr;
-    qr.setThreshold(undetermined_below);
-    qr.compute(M_ * M_scale_.cwiseInverse().asDiagonal());
-    dp_ = -basic_solution(qr, r_).col(0).cwiseQuotient(M_scale_);
+    const PivotedQR qr(M_ * M_scale_.cwiseInverse().asDiagonal(), undetermined_below);
+    dp_ = -qr.solve(r_).col(0).cwiseQuotient(M_scale_);
   }
   double longest = dp_.size() > 0 ? dp_.cwiseAbs().maxCoeff() : 0.0;
   std::vector<Eigen::VectorXd> moves(blocks_.size());
@@ -206,7 +200,7 @@ double Maximization::step() {
   if (longest > most) share = most / longest;
   for (std::size_t s = 0; s < blocks_.size(); ++s) {
     const Block& block = blocks_[s];
-    const Eigen::VectorXd v = -basic_solution(block.qr, block.e0 + block.eJ * dp_);
+    const Eigen::VectorXd v = -block.qr.solve(block.e0 + block.eJ * dp_);
     moves[s] = block.step + block.step_rate * dp_ + block.Q2 * v;
     // Impacts keep their order.
     const auto& impacts = at_.path[s].impacts;
@@ -254,10 +248,8 @@ void Maximization::finish() {
   at_.undetermined.resize(P, 0);
   Eigen::Index determined = 0;
   if (P > 0) {
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(M_ * M_scale_.cwiseInverse().asDiagonal(),
-                                                Eigen::ComputeThinV);
-    const Eigen::VectorXd values = svd.singularValues();
-    const Eigen::MatrixXd directions = M_scale_.cwiseInverse().asDiagonal() * svd.matrixV();
+    const auto [values, V] = singular_values(M_ * M_scale_.cwiseInverse().asDiagonal());
+    const Eigen::MatrixXd directions = M_scale_.cwiseInverse().asDiagonal() * V;
     for (Eigen::Index k = 0; k < P; ++k) {
       if (k < values.size() && values[k] > undetermined_below * std::max(values[0], 1e-3)) {
         at_.covariance += directions.col(k) * directions.col(k).transpose() / square(values[k]);
@@ -273,13 +265,10 @@ void Maximization::finish() {
   for (const Block& block : blocks_) {
     const Eigen::Index rank = block.qr.rank();
     states += rank;
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n2, n2);
-    const Eigen::MatrixXd R = block.qr.matrixQR().topLeftCorner(rank, rank);
-    inverse.topLeftCorner(rank, rank) =
-        R.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(rank, rank));
-    const Eigen::MatrixXd own = block.Q2.topRows(n2) * (block.qr.colsPermutation() * inverse);
+    const Eigen::MatrixXd own =
+        block.Q2.topRows(n2) * block.qr.solve_rotated(Eigen::MatrixXd::Identity(rank, rank));
     const Eigen::MatrixXd by_unknowns =
-        block.step_rate.topRows(n2) - block.Q2.topRows(n2) * basic_solution(block.qr, block.eJ);
+        block.step_rate.topRows(n2) - block.Q2.topRows(n2) * block.qr.solve(block.eJ);
     const Eigen::MatrixXd covariance =
         own * own.transpose() + by_unknowns * at_.covariance * by_unknowns.transpose();
     const Eigen::VectorXd unit = block.scale.cwiseInverse();
@@ -291,12 +280,12 @@ void Maximization::finish() {
 
 // The diagonal of the projection onto what x0 and the unknowns do to the times.
 void Maximization::set_leverages() {
-  PivotedQR qr;
-  qr.setThreshold(undetermined_below);
-  if (unknowns() > 0) qr.compute(M_ * M_scale_.cwiseInverse().asDiagonal());
-  const Eigen::Index rank = unknowns() > 0 ? qr.rank() : 0;
-  Eigen::MatrixXd of_unknowns = Eigen::MatrixXd::Identity(M_.rows(), rank);
-  if (rank > 0) of_unknowns.applyOnTheLeft(qr.householderQ());
+  Eigen::MatrixXd of_unknowns(M_.rows(), 0);
+  if (unknowns() > 0) {
+    const PivotedQR qr(M_ * M_scale_.cwiseInverse().asDiagonal(), undetermined_below);
+    of_unknowns = qr.Q_times(Eigen::MatrixXd::Identity(M_.rows(), qr.rank()));
+  }
+  const Eigen::Index rank = of_unknowns.cols();
   at_.leverage.clear();
   Eigen::Index row = 0;
   for (const Block& block : blocks_) {
@@ -304,8 +293,7 @@ void Maximization::set_leverages() {
     Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(N, own + rank);
     basis.topLeftCorner(own, own).setIdentity();
     basis.bottomRightCorner(N - own, rank) = of_unknowns.middleRows(row, N - own);
-    basis.applyOnTheLeft(block.qr.householderQ());
-    at_.leverage.emplace_back(basis.rowwise().squaredNorm());
+    at_.leverage.emplace_back(block.qr.Q_times(basis).rowwise().squaredNorm());
     row += N - own;
   }
 }

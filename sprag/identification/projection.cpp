@@ -1,12 +1,11 @@
 #include "sprag/identification/projection.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "sprag/identification/basic_solution.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -18,11 +17,6 @@ constexpr double rank_threshold = 1e-13;
 constexpr double least_input_share = 1e-4, least_of_inputs = 1e-8;
 // Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
-
-void factorize(const Eigen::MatrixXd& A, double threshold, PivotedQR& qr) {
-  qr.setThreshold(threshold);
-  qr.compute(A);
-}
 
 }  // namespace
 
@@ -173,8 +167,8 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     Factors& factors = factors_[s];
     factors.scale = X.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
     X = (X * factors.scale.cwiseInverse().asDiagonal()).eval();
-    factorize(X, rank_threshold, factors.qr);
-    I.applyOnTheLeft(factors.qr.householderQ().adjoint());
+    factors.qr = PivotedQR(X, rank_threshold);
+    I = factors.qr.Q_transposed_times(I);
     const Eigen::Index rank = factors.qr.rank();
     factors.top = I.topRows(rank);
     lower[s] = I.bottomRows(I.rows() - rank);
@@ -200,13 +194,13 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     for (Eigen::Index j = 0; j < zetas; ++j) {
       if (scaled.col(j).norm() < least_of_inputs) scaled.col(j).setZero();
     }
-    factorize(scaled, least_of_inputs, inputs_qr_);
+    inputs_qr_ = PivotedQR(scaled, least_of_inputs);
     rank = inputs_qr_.rank();
     // What is not told stays as it was.
     if (!homogeneous) right += stacked.leftCols(zetas) * nominal_zeta;
-    zeta = -basic_solution(inputs_qr_, right).col(0).cwiseQuotient(scale);
+    right = inputs_qr_.Q_transposed_times(right);
+    zeta = -inputs_qr_.solve_rotated(right).col(0).cwiseQuotient(scale);
     if (!homogeneous) zeta += nominal_zeta;
-    right.applyOnTheLeft(inputs_qr_.householderQ().adjoint());
   }
   residual_ = right.tail(rows - rank);
   fit.inputs = known + E * zeta;
@@ -217,11 +211,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   double speed = 0.0;
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
     const Factors& factors = factors_[s];
-    const Eigen::Index of = factors.qr.rank();
-    Eigen::VectorXd y = Eigen::VectorXd::Zero(n2);
-    y.head(of) = factors.qr.matrixQR().topLeftCorner(of, of).triangularView<Eigen::Upper>().solve(
-        -factors.top * with_known);
-    fit.x0[s] = (factors.qr.colsPermutation() * y).cwiseQuotient(factors.scale);
+    fit.x0[s] = factors.qr.solve_rotated(-factors.top * with_known).cwiseQuotient(factors.scale);
     Eigen::VectorXd z(n2 + E.rows());
     z << fit.x0[s], fit.inputs;
     gamma_[s] = all_rows[s].Gamma * z;
@@ -273,13 +263,12 @@ Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
       }
     }
     for (std::size_t s = 0; s < stretches_.size(); ++s) {
-      change[s].applyOnTheLeft(factors_[s].qr.householderQ().adjoint());
-      J.col(k).segment(factors_[s].first, factors_[s].rows) = change[s].tail(factors_[s].rows);
+      J.col(k).segment(factors_[s].first, factors_[s].rows) =
+          factors_[s].qr.Q_transposed_times(change[s]).col(0).tail(factors_[s].rows);
     }
   }
   if (E.cols() == 0) return J;
-  J.applyOnTheLeft(inputs_qr_.householderQ().adjoint());
-  return J.bottomRows(rows - inputs_qr_.rank());
+  return inputs_qr_.Q_transposed_times(J).bottomRows(rows - inputs_qr_.rank());
 }
 
 PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
@@ -307,7 +296,8 @@ PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
       // What these impacts do not tell stays where it is.
       damped.diagonal().array() += (1e-12 + 1e-6 * lambda) * normal.diagonal().maxCoeff() +
                                    std::numeric_limits<double>::min();
-      Eigen::VectorXd change = -damped.ldlt().solve(gradient);
+      Eigen::VectorXd change =
+          -solve_definite(damped.cast<Extended>(), gradient.cast<Extended>()).cast<double>();
       const double largest = change.cwiseAbs().maxCoeff();
       if (largest > longest_step) change *= longest_step / largest;
       Eigen::VectorXd values = best.values;

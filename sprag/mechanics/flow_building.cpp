@@ -1,6 +1,5 @@
 // How a flow is made: modes of the machine on the null space of the locked contacts' directions, in
 // extended precision (modal_analysis.h), and what the excitation makes of them.
-#include <Eigen/LU>
 #include <cmath>
 #include <complex>
 #include <cstddef>
@@ -10,6 +9,7 @@
 #include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/impact_law.h"
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/modal_analysis.h"
 #include "sprag/mechanics/scale.h"
 
@@ -345,7 +345,7 @@ void Flow::Builder::build_signals() {
 
   // lambda_L = -G_L^-1 (gamma_L' without contact forces).
   const Eigen::MatrixXd G = of_contacts(dynamics_.G(), flow_.locked_);
-  const Eigen::MatrixXd G_inverse = l > 0 ? Eigen::MatrixXd(G.inverse()) : G;
+  const Eigen::MatrixXd G_inverse = l > 0 ? inverse(G) : G;
   for (Eigen::Index i = 0; i < l; ++i) {
     Functional lambda{Eigen::VectorXd::Zero(dynamics_.coordinates()),
                       Eigen::VectorXd::Zero(dynamics_.coordinates()), 0.0,

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "sprag/mechanics/model.h"
 
@@ -20,6 +21,8 @@ Eigen::MatrixXd CholeskyFactor::solve_L(const Eigen::MatrixXd& B) const {
 Eigen::MatrixXd CholeskyFactor::solve(const Eigen::MatrixXd& B) const {
   return L_.triangularView<Eigen::Lower>().transpose().solve(solve_L(B));
 }
+
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A) { return A.inverse(); }
 
 Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A) {
   return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues();

@@ -22,6 +22,7 @@ MatrixCR complex_product(const MatrixR& A, const MatrixCR& B);
 MatrixR congruent(const MatrixR& B, const MatrixR& A);
 
 /// Of a regular A, n x n.
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 MatrixR inverse(const MatrixR& A);
 
 /// A^-1 B, and an estimate of 1 / (|A| |A^-1|) in the norm of absolute column sums.
@@ -49,6 +50,50 @@ class CholeskyFactor {
 /// The same L of a positive definite M; M^-1 B.
 MatrixR cholesky_factor(const MatrixR& M);
 MatrixR solve_definite(const MatrixR& M, const MatrixR& B);
+
+/// A = Q R, A m x n, Q orthogonal, m x m, R upper triangular; with k = min(m, n) rows.
+class QR {
+ public:
+  explicit QR(const Eigen::MatrixXd& A);
+  Eigen::MatrixXd R() const;
+  /// Q B and, for m >= n, R^-T B; B with m and n rows.
+  Eigen::MatrixXd Q_times(Eigen::MatrixXd B) const;
+  Eigen::MatrixXd solve_R_transposed(const Eigen::MatrixXd& B) const;
+
+ private:
+  Eigen::MatrixXd reflections_;  // R above the Householder vectors
+  Eigen::VectorXd coefficients_;
+};
+
+/// A P = Q R, columns in the order of what they add, A m x n. The rank is the number of pivots
+/// above `threshold` of the largest. Least squares where columns may depend on each other.
+class PivotedQR {
+ public:
+  PivotedQR() = default;
+  PivotedQR(const Eigen::MatrixXd& A, double threshold);
+  Eigen::Index rank() const { return rank_; }
+  /// Q B, Q^T B; m rows.
+  Eigen::MatrixXd Q_times(Eigen::MatrixXd B) const;
+  Eigen::MatrixXd Q_transposed_times(Eigen::MatrixXd B) const;
+  /// X that minimizes |A X - B|, 0 for the columns of A beyond the rank, and the same of Q^T B,
+  /// of which the first `rank` rows are enough.
+  Eigen::MatrixXd solve(const Eigen::MatrixXd& B) const;
+  Eigen::MatrixXd solve_rotated(const Eigen::MatrixXd& QtB) const;
+
+ private:
+  Eigen::MatrixXd reflections_;
+  Eigen::VectorXd coefficients_;
+  Eigen::VectorXi order_;  // column of A for each of R's
+  Eigen::Index rank_ = 0;
+};
+
+/// Singular values, descending, and right singular vectors as columns: of A, m x n, the first
+/// min(m, n) of them.
+struct SingularValues {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd V;
+};
+SingularValues singular_values(const Eigen::MatrixXd& A);
 
 /// A v = value v for a symmetric A, n x n; values ascending, vectors as columns of length 1.
 struct Eigenpairs {
