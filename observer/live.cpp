@@ -19,6 +19,7 @@
 #include "observer/real_time.h"
 #include "observer/real_time_loop.h"
 #include "observer/reception.h"
+#include "observer/settled_follower.h"
 #include "observer/settled_output.h"
 #include "observer/thread_group.h"
 
@@ -62,6 +63,10 @@ class LiveObserver {
       identification_.emplace(*family, AdaptiveEstimator::most_events);
       loop_.identify_in(*identification_);
     }
+    if (!options.impacts.empty()) {
+      follower_.emplace(scene, options, bus_);
+      loop_.tell_settled_to(*follower_);
+    }
     real_time_ = options.real_time && claim_real_time();
     std::cerr << "listening on " << common.url << '\n';
   }
@@ -75,6 +80,7 @@ class LiveObserver {
       });
       if (flow_builder_) threads_.start([this] { flow_builder_->run(); });
       if (identification_) threads_.start([this] { identification_->run(); });
+      if (follower_) threads_.start([this] { follower_->run(); });
       threads_.start([this] {
         prepare_thread(integrating_priority);
         loop_.run(stop_);
@@ -82,7 +88,10 @@ class LiveObserver {
       publication_.run([this] { return loop_.done() || stop_ || stop_requested(); });
     });
     threads_.end();
-    threads_.run([this] { publication_.finish(); });
+    threads_.run([this] {
+      if (follower_) follower_->finish();
+      publication_.finish();
+    });
   }
 
   /// Fills the report and closes the files. Throws what a thread has thrown, or a file's error.
@@ -104,6 +113,7 @@ class LiveObserver {
     std::string failure = failure_of_a_thread();
     try {
       settled_.close();
+      if (follower_) follower_->close();
     } catch (const std::runtime_error& e) {
       if (failure.empty()) failure = e.what();
     }
@@ -125,6 +135,7 @@ class LiveObserver {
     stop_ = true;
     if (flow_builder_) flow_builder_->stop();
     if (identification_) identification_->stop();
+    if (follower_) follower_->stop();
     inbox_.arrived.signal();
     outbox_.ready.signal();
   }
@@ -137,6 +148,7 @@ class LiveObserver {
   Estimation estimation_;
   std::optional<FlowBuilder> flow_builder_;             // of the estimator's flows
   std::optional<IdentificationThread> identification_;  // for an adaptive one
+  std::optional<SettledFollower> follower_;             // where more is asked for
   Inbox inbox_;
   Outbox outbox_;
   Notices notices_;

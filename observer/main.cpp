@@ -53,6 +53,9 @@ int main(int argc, char** argv) {
       "[both; with --stepper moreau: replica]");
   sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
                   "Write the settled ticks here");
+  sprag::add_file(*app, common, "--impacts", Use::written, options.impacts, "F.csv",
+                  "Write velocities, impulse and force of each settled event here, with sigma; "
+                  "live, publish them too");
   sprag::add_positive(*app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");
   sprag::add_flag(*app, "--realtime", options.real_time,
@@ -65,6 +68,11 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     options.estimator = choose_estimator(estimator, options.stepper);
+    if (options.stepper == sprag::StepperKind::moreau && !options.impacts.empty()) {
+      throw sprag::UsageError(
+          "--stepper moreau: events act in the tick they fall in, so that --impacts has nothing to "
+          "say; choose --stepper exact");
+    }
     const sprag::Scene parsed = sprag::load_scene(scene);
     return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
                                : sprag::run_replay(parsed, options, replay, common, report);

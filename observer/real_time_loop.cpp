@@ -236,11 +236,39 @@ void RealTimeLoop::on_tick(const State& state) {
 }
 
 bool RealTimeLoop::on_settled(const State& state) {
+  if (follower_ != nullptr && !tell_settled(state.tick)) return false;
   if (state.tick <= last_ && !send(true, state)) return false;
+  if (follower_ != nullptr) {
+    (void)follower_->put({Settled::Kind::tick, state.tick, sessions_.session(), 0, {}});
+  }
   if (state.tick < last_ && estimation_.estimator.waits(state)) {
     estimation_.estimator.wanted(state, wanted_);
     asked_ = false;
     time_line_.hold(state.tick);
+  }
+  return true;
+}
+
+// The events up to a settled tick; false where there is no room for all of them yet.
+bool RealTimeLoop::tell_settled(std::int64_t tick) {
+  const EventHistory& history = time_line_.events();
+  const auto& all = history.events();
+  const auto taken = history.counts().events;
+  if (told_start_ != time_line_.starts()) {
+    if (!follower_->put({Settled::Kind::start,
+                         time_line_.first_tick(),
+                         sessions_.session(),
+                         time_line_.first_closed(),
+                         {}})) {
+      return false;
+    }
+    told_start_ = time_line_.starts();
+    told_events_ = taken - static_cast<std::int64_t>(all.size());
+  }
+  for (; told_events_ < taken; ++told_events_) {
+    const ContactEvent& event = all[all.size() - static_cast<std::size_t>(taken - told_events_)];
+    if (first_tick_after(event.t, h_) > tick) break;
+    if (!follower_->put({Settled::Kind::event, tick, sessions_.session(), 0, event})) return false;
   }
   return true;
 }

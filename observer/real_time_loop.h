@@ -13,6 +13,7 @@
 #include "observer/master_clock.h"
 #include "observer/notices.h"
 #include "observer/session_tracker.h"
+#include "observer/settled_follower.h"
 
 namespace sprag {
 
@@ -26,6 +27,9 @@ class RealTimeLoop {
 
   /// Where an adaptive estimator's identifications are made; it must outlive this.
   void identify_in(IdentificationThread& thread);
+
+  /// Who hears of what has settled; it must outlive this.
+  void tell_settled_to(SettledFollower& follower) { follower_ = &follower; }
 
   /// Runs until tick `last` has settled, or until `stop`. A signal ends it as well.
   void run(const std::atomic<bool>& stop);
@@ -59,6 +63,7 @@ class RealTimeLoop {
   std::int64_t tick_for_now(std::int64_t now) const;
   void on_tick(const State& state);
   bool on_settled(const State& state);
+  bool tell_settled(std::int64_t tick);
   void repeat_corrected();
   void identify();
   bool send(bool settled, const State& state);
@@ -90,6 +95,9 @@ class RealTimeLoop {
   Pace pace_ = Pace::catching_up;
   std::int64_t lost_since_ = 0;
   bool silent_ = false;
+  SettledFollower* follower_ = nullptr;
+  std::int64_t told_start_ = 0;   // of the time line
+  std::int64_t told_events_ = 0;  // so many of all that were taken
   IdentificationThread* identification_ = nullptr;
   AdaptationTask wanted_;
   bool asked_ = true;  // the thread has been told of it

@@ -15,6 +15,7 @@
 #include "observer/settled_output.h"
 #include "observer/wake.h"
 #include "sprag/files/events_file.h"
+#include "sprag/files/impacts_file.h"
 
 namespace sprag {
 namespace {
@@ -32,6 +33,10 @@ class Replay {
         duration_(options.duration) {
     if (!replay.events.empty()) events_.emplace(replay.events);
     if (events_ && !events_->good()) throw std::runtime_error(events_->error());
+    if (options.impacts.empty()) return;
+    estimation_.estimator.record_in(impacts_);
+    impacts_file_.emplace(options.impacts);
+    if (!impacts_file_->good()) throw std::runtime_error(impacts_file_->error());
   }
 
   bool events_csv(InputFile file, nlohmann::ordered_json& report) {
@@ -114,6 +119,9 @@ class Replay {
     settled_.sum_up(time_line_.events(), report);
     settled_.close();
     if (events_ && !events_->close()) throw std::runtime_error(events_->error());
+    if (impacts_file_ && !impacts_file_->close()) {
+      throw std::runtime_error(impacts_file_->error());
+    }
   }
 
  private:
@@ -152,6 +160,8 @@ class Replay {
         [&](const Estimation::State& state) {
           check_interrupt();
           if (state.tick > last_) return true;
+          for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
+          impacts_.clear();
           identify(state);
           if (settled_.writes_states()) {
             estimation_.describe(state, sample_);
@@ -185,6 +195,8 @@ class Replay {
   EstimateSample sample_;
   std::int64_t last_;
   double duration_;
+  std::vector<ImpactRecord> impacts_;  // of ticks that are not handed out yet
+  std::optional<ImpactsWriter> impacts_file_;
   std::optional<EventsWriter> events_;
   Notices notices_;
   std::int64_t written_ = 0;

@@ -113,6 +113,7 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
 void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
   if (joint_ && state.wanted && has_result(state)) take_result(state);
   const ContactSet before = state.chi;
+  recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.tick(events, state.base);
   state.tick = state.base.tick;
   state.chi = state.base.chi;
@@ -121,6 +122,7 @@ void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState
 
 void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveState& state) {
   const ContactSet before = state.chi;
+  recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
   state.chi = state.base.chi;
   if (joint_) hear(events, before, state);
@@ -142,13 +144,57 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
     if (!state.adapted || state.lost) return;
     if (!single) lose(state);
     for (const ContactEvent& event : of_one) {
+      const std::int64_t number = state.beliefs;
       if (!state.lost) take(event, state);
+      if (records_ == nullptr || number == state.beliefs || !state.trusted) continue;
+      const auto row = recorded_ + static_cast<std::size_t>(&event - events.data());
+      describe(number, event, state, (*records_)[row]);
     }
   });
   if (state.events - state.window > most_events) begin_window(state.events - most_events, state);
   watch(state);
   if (state.adapted && state.lost && state.chi == 0) restart_filter(state);
   if (!state.adapted && state.events - state.window >= state.size) state.wanted = true;
+}
+
+bool AdaptiveEstimator::record_in(std::vector<ImpactRecord>& records) {
+  if (!base_.record_in(records)) return false;
+  if (joint_) records_ = &records;
+  return true;
+}
+
+// What the filter says of an event that has led it from this belief to the present one.
+void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
+                                 const AdaptiveState& state, ImpactRecord& record) {
+  const Belief& from = belief(before);
+  if (from.number != before || event.kind == ContactEventKind::opens) return;
+  Joint& joint = *joint_;
+  const Eigen::Index n = joint.family.n();
+  const Model& model = base_.flows()->dynamics().model();
+  const Contact& contact = model.contacts[static_cast<std::size_t>(event.contact)];
+  const Eigen::VectorXd w = joint.V.transpose() * contact.w;
+  const auto velocity = [&](const JointBelief& of, Eigen::RowVectorXd& columns) {
+    joint.u.noalias() = joint.V.lazyProduct(joint.filter.at(event.t, of).tail(n));
+    joint.filter.deviations(event.t, of, joint.of_x, joint.of_gaps);
+    columns = w.transpose() * joint.of_x.bottomRows(n);
+    return gap_velocity(contact, joint.u, event.t);
+  };
+  Eigen::RowVectorXd seen;
+  const double after = velocity(belief(state.beliefs).of, seen);
+  record.after = {after, seen.norm()};
+  double gamma = velocity(from.of, seen);
+  joint.filter.at(event.t, from.of);
+  const double gap = joint.filter.gap(event.contact);
+  // The gap is zero there, up to what the machine moves by while the report is off.
+  const auto of_gap = joint.of_gaps.row(event.contact);
+  const double variance = of_gap.squaredNorm() + square(gamma * from.of.sigma);
+  const double along = seen.dot(of_gap) / variance;
+  gamma -= along * gap;
+  record.before = {gamma, std::sqrt(std::max(seen.squaredNorm() - seen.dot(of_gap) * along, 0.0))};
+  const double G = base_.flows()->dynamics().G()(event.contact, event.contact);
+  record.impulse.value = (after - gamma) / G;
+  record.impulse.sigma = (1.0 + std::abs(after / gamma)) * record.before.sigma / G;
+  record.from_filter = true;
 }
 
 // Against the energy of the replica, which is about the machine's.

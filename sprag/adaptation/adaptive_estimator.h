@@ -84,6 +84,10 @@ class AdaptiveEstimator {
   void confidence(const AdaptiveState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
+  /// As AnyEstimator's. While the estimate is the joint filter's, velocities and impulses are its
+  /// own; forces are the replica's.
+  bool record_in(std::vector<ImpactRecord>& records);
+
   /// Whether the next tick of this state waits for a result that has not been put.
   bool waits(const AdaptiveState& state) const;
   /// What it waits for. `task` keeps its room, so that no call allocates that has some of
@@ -151,12 +155,16 @@ class AdaptiveEstimator {
   void find_replica(const AdaptiveState& state);
   bool is_sure(const JointBelief& belief, const AdaptiveState& state);
   void watch(AdaptiveState& state);
+  void describe(std::int64_t before, const ContactEvent& event, const AdaptiveState& state,
+                ImpactRecord& record);
   void restart_filter(AdaptiveState& state);
   void add_belief(const JointBelief& of, AdaptiveState& state);
 
   AnyEstimator base_;
   std::unique_ptr<Joint> joint_;
   const AdaptationResult* result_ = nullptr;
+  std::vector<ImpactRecord>* records_ = nullptr;
+  std::size_t recorded_ = 0;  // of them, before the tick under way
 };
 
 /// For who has the time: what the state waits for, if anything, is identified into `result` and

@@ -93,6 +93,25 @@ void AnyEstimator::confidence(const State& state, double initial, Confidence& co
        [&](auto& estimator, const auto& of) { estimator.confidence(of, initial, confidence); });
 }
 
+bool AnyEstimator::record_in(std::vector<ImpactRecord>& records) {
+  if (auto* of = std::get_if<SupervisedFilter>(&estimator_)) {
+    of->record_in(records);
+    return true;
+  }
+  if (auto* of = std::get_if<TimingFilter>(&estimator_)) {
+    recorder_ = std::make_unique<ImpactRecorder>(of->flows().dynamics(), records, of->jitter(),
+                                                 !of->scale_is_open());
+    of->record_in(recorder_.get());
+    return true;
+  }
+  if (auto* of = std::get_if<Replica>(&estimator_)) {
+    recorder_ = std::make_unique<ImpactRecorder>(of->flows().dynamics(), records, 0.0, false);
+    of->record_in(recorder_.get());
+    return true;
+  }
+  return false;
+}
+
 Flows* AnyEstimator::flows() {
   return std::visit(
       [](auto& estimator) -> Flows* {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <variant>
+#include <vector>
 
 #include "sprag/estimation/estimator.h"
 #include "sprag/estimation/moreau.h"
@@ -40,6 +42,11 @@ class AnyEstimator {
   void confidence(const State& state, double initial, Confidence& confidence);
   double h() const { return h_; }
 
+  /// Appends what it says of each event from now on to `records`, which must outlive this. For an
+  /// estimator of which one state alone is moved, and never back. Allocates then. False with
+  /// Moreau's stepper, which knows no events' own times.
+  bool record_in(std::vector<ImpactRecord>& records);
+
   /// What it moves on; null with Moreau's stepper, which needs none.
   Flows* flows();
   /// How it moves in free flight: the path of its exact flow, or "moreau".
@@ -48,6 +55,7 @@ class AnyEstimator {
  private:
   double h_;
   std::variant<Replica, MoreauReplica, TimingFilter, SupervisedFilter> estimator_;
+  std::unique_ptr<ImpactRecorder> recorder_;
 };
 
 /// B(0) of a scene, the sum of its [replica] uncertainty; +infinity where a bound on V cannot be

@@ -41,6 +41,7 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   state.redundancy = {};
   state.refused_impacts = 0;
   state.innovation = {};
+  if (recorder_ != nullptr) recorder_->start();
   solver_.start(start, tick_instant(k, h_), state.motion);
   error_bound_.start(state.motion, chi, state.error_bound);
   if (chi != 0) {
@@ -65,7 +66,30 @@ void Replica::open_tick(ReplicaState& state) const {
 
 void Replica::take(std::span<const ContactEvent> of_one_instant, ReplicaState& state) {
   advance(at(of_one_instant.front().t), state);
-  apply_group(of_one_instant, state);
+  take_here(of_one_instant, state);
+}
+
+// Events of the present instant, recorded.
+void Replica::take_here(std::span<const ContactEvent> events, ReplicaState& state) {
+  if (recorder_ == nullptr) return apply_group(events, state);
+  const ContactSet before = state.motion.flow->locked();
+  q_.resize(flows_->dynamics().coordinates());
+  u_.resize(q_.size());
+  state.motion.flow->state(state.motion, q_, u_);
+  recorder_->before(u_);
+  apply_group(events, state);
+  ContactSet struck = before | state.motion.flow->locked();
+  for (const ContactEvent& event : events) {
+    if (event.kind != ContactEventKind::opens) struck |= bit(event.contact);
+  }
+  state.motion.flow->state(state.motion, q_, u_);
+  recorder_->after(u_, events.front().t, struck, events);
+}
+
+// On the present flow.
+void Replica::fly(Instant t, Motion& motion) {
+  if (recorder_ != nullptr) recorder_->fly(motion, t - motion.t);
+  motion.flow->propagate(motion, t, motion);
 }
 
 void Replica::close_tick(ReplicaState& state) {
@@ -74,7 +98,7 @@ void Replica::close_tick(ReplicaState& state) {
 }
 
 void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
-  apply_group(events, state);
+  take_here(events, state);
   std::fill(order_.begin(), order_.end(), 0);
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
@@ -186,7 +210,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
       if (!search_.fires(w)) continue;
       (contains(locked, watches_[w].id) ? unlocking : locking) |= bit(watches_[w].id);
     }
-    motion.flow->propagate(motion, motion.t + search_.tau(), motion);
+    fly(motion.t + search_.tau(), motion);
     std::fill(order_.begin(), order_.end(), 0);
     if (unlocking != 0) release(0, unlocking, state);
     if (locking == 0) continue;
@@ -204,7 +228,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
       if (contains(outcome.unloaded, static_cast<int>(i))) order_[i] = 1;
     }
   }
-  if (t - motion.t > 0.0) motion.flow->propagate(motion, t, motion);
+  if (t - motion.t > 0.0) fly(t, motion);
   // Across a tick a signal that started from zero is known by its value alone: all that a tick
   // depends on is in the state.
   std::fill(order_.begin(), order_.end(), 0);

@@ -12,6 +12,7 @@
 
 #include "sprag/estimation/confidence.h"
 #include "sprag/estimation/error_bound.h"
+#include "sprag/estimation/impact_record.h"
 #include "sprag/estimation/innovation.h"
 #include "sprag/estimation/ticked_flight.h"
 #include "sprag/mechanics/contact_event.h"
@@ -84,6 +85,9 @@ class Replica {
   void note(const ReplicaState& state, Confidence& confidence) const;  ///< all but the bound
   void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
+  /// As TimingFilter's; of the error nothing is known.
+  void record_in(ImpactRecorder* recorder) { recorder_ = recorder; }
+
   double h() const { return h_; }
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
@@ -96,6 +100,8 @@ class Replica {
  private:
   void tick_through(std::span<const ContactEvent> events, ReplicaState& state);
   void advance(Instant t, ReplicaState& state);
+  void fly(Instant t, Motion& motion);
+  void take_here(std::span<const ContactEvent> events, ReplicaState& state);
   void note_innovation(ContactSet closing, ReplicaState& state) const;
   void apply_group(std::span<const ContactEvent> events, ReplicaState& state);
   void release(ContactSet leaving, ContactSet unlocking, ReplicaState& state);
@@ -107,6 +113,8 @@ class Replica {
   ErrorBound error_bound_;
   EventSearch search_;
   TickedFlight flight_;
+  ImpactRecorder* recorder_ = nullptr;
+  Eigen::VectorXd q_, u_;   // scratch of a record
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
   std::vector<double> epsilon_;
   std::vector<Watch> watches_;

@@ -59,6 +59,7 @@ void SupervisedFilter::tick(std::span<const ContactEvent> events, SupervisedStat
     filter_.take(of_one, state.filter);
     supervise_silence(before, state);
     supervise(believed, state);
+    record(state);
   });
   const std::int64_t before = state.filter.silences;
   replica_.close_tick(state);
@@ -71,6 +72,27 @@ void SupervisedFilter::apply(std::span<const ContactEvent> events, SupervisedSta
   replica_.apply(events, state);
   filter_.apply(events, state.filter);
   supervise(believed, state);
+  record(state);
+}
+
+void SupervisedFilter::record_in(std::vector<ImpactRecord>& records) {
+  const Dynamics& dynamics = flows_->dynamics();
+  const double jitter = filter_.jitter();
+  replica_recorder_ = std::make_unique<ImpactRecorder>(dynamics, of_replica_, jitter, false);
+  filter_recorder_ =
+      std::make_unique<ImpactRecorder>(dynamics, of_filter_, jitter, !filter_.scale_is_open());
+  replica_.record_in(replica_recorder_.get());
+  filter_.record_in(filter_recorder_.get());
+  records_ = &records;
+}
+
+// By whoever the estimate is of now.
+void SupervisedFilter::record(const SupervisedState& state) {
+  if (records_ == nullptr) return;
+  const std::vector<ImpactRecord>& chosen = state.trusted ? of_filter_ : of_replica_;
+  records_->insert(records_->end(), chosen.begin(), chosen.end());
+  of_replica_.clear();
+  of_filter_.clear();
 }
 
 // An event has not come that had to: from then on nothing is known of the filter's state, and at

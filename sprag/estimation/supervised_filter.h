@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "sprag/estimation/confidence.h"
 #include "sprag/estimation/replica.h"
@@ -50,6 +51,10 @@ class SupervisedFilter {
   void note(const SupervisedState& state, Confidence& confidence) const;
   void confidence(const SupervisedState& state, double initial, Confidence& confidence);
 
+  /// Appends what is said of each event from now on to these, by whoever the estimate is of then,
+  /// of a filter that never goes back. Allocates then.
+  void record_in(std::vector<ImpactRecord>& records);
+
   double h() const { return replica_.h(); }
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
@@ -60,6 +65,7 @@ class SupervisedFilter {
   static constexpr std::int64_t trial_events = 8;
 
  private:
+  void record(const SupervisedState& state);
   void supervise(std::int64_t believed, SupervisedState& state);
   void supervise_silence(std::int64_t silences, SupervisedState& state) const;
   Suspicion suspicion(const SupervisedState& state);
@@ -67,6 +73,10 @@ class SupervisedFilter {
   std::shared_ptr<Flows> flows_;
   Replica replica_;
   TimingFilter filter_;
+  // null: nothing is recorded
+  std::vector<ImpactRecord>* records_ = nullptr;
+  std::vector<ImpactRecord> of_replica_, of_filter_;
+  std::unique_ptr<ImpactRecorder> replica_recorder_, filter_recorder_;
   Eigen::VectorXd q_, u_;  // scratch
 };
 

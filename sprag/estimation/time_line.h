@@ -48,6 +48,7 @@ class TimeLine {
   void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
     events_.restart(next_record, chi, horizon);
     first_ = now_ = k;
+    ++starts_;
     chi_ = chi;
     hold_ = no_hold;
     consumed_ = 0;
@@ -170,6 +171,10 @@ class TimeLine {
     return first_ == 0 && t <= std::min(events_.complete_to(), events_.horizon());
   }
   std::int64_t now() const { return now_; }
+  /// How often it has been started, and the tick and chi of the last start.
+  std::int64_t starts() const { return starts_; }
+  std::int64_t first_tick() const { return first_; }
+  ContactSet first_closed() const { return chi_; }
   /// The state at tick now().
   const EstimatorState& present() const { return saved(now_); }
   /// The first tick that contains all events that are known.
@@ -316,6 +321,7 @@ class TimeLine {
   EstimatorState frontier_;
   std::int64_t frontier_tick_ = no_tick;
   bool started_ = false;
+  std::int64_t starts_ = 0;
   ContactSet chi_ = 0;  // at the first tick
   std::int64_t first_ = 0;
   std::int64_t oldest_ = 0;

@@ -133,6 +133,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.bursts.setZero(flows_->dynamics().contacts());
   event_ = {};
   last_published_ = {};
+  if (recorder_ != nullptr) recorder_->start();
   start_ = start;
   now_.q = start.q;
   now_.u = start.u;

@@ -39,6 +39,7 @@
 #include "sprag/estimation/active_impact.h"
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/confidence.h"
+#include "sprag/estimation/impact_record.h"
 #include "sprag/estimation/innovation.h"
 #include "sprag/estimation/ticked_flight.h"
 #include "sprag/estimation/uncertainty.h"
@@ -164,6 +165,13 @@ class TimingFilter {
   /// Expected energy of the error of a start, of which nothing more is known.
   double energy_of_start() const { return energy_of_start_; }
 
+  /// Records each event from now on, of a filter that never goes back; null: nothing. Allocates
+  /// then.
+  void record_in(ImpactRecorder* recorder) { recorder_ = recorder; }
+
+  /// Standard deviation of event times [s].
+  double jitter() const { return uncertainty_.jitter; }
+
   double h() const { return h_; }
   const Flows& flows() const { return *flows_; }
   Flows& flows() { return *flows_; }
@@ -201,6 +209,9 @@ class TimingFilter {
   void measure_release(int contact, TimingState& state);
   void measure_closings(bool several, TimingState& state);
   double condition(double residual, double noise, double scale, Consistency& consistency);
+  void record(std::span<const ContactEvent> events, ContactSet struck, const TimingState& state);
+  void record_as_it_is(const ContactEvent& event, const TimingState& state);
+  void record_uncertain(const ContactEvent& event, const UncertainEvent& uncertain);
   void strike(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
   void add_time_rounding(const TimingState& state);
@@ -230,6 +241,7 @@ class TimingFilter {
   Eigen::MatrixXd from_start_q_, from_start_u_;  // inverses of the uncertainty of a start
   std::vector<Covariance> covariances_;
   std::optional<UnknownTime> unknown_time_;  // where events jitter
+  ImpactRecorder* recorder_ = nullptr;
 
   // Scratch of an instant.
   Belief now_;

@@ -37,6 +37,10 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   const ContactSet before = state.motion.flow->locked();
   const Instant t = state.motion.t;
+  if (recorder_ != nullptr && remembers(state)) {
+    const Covariance& from = slot(state.instants);
+    recorder_->fly(from.mean, t - from.mean.t, from.S_q, from.S_u, from.columns);
+  }
   if (!load(state, t)) ++state.forgotten;
   state.motion.flow->state(state.motion, now_.q, now_.u);
   state.began_again = state.unknown;
@@ -74,7 +78,9 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   const Model& model = flows_->dynamics().model();
   bool closed = false;
   int stages = 0;
+  std::size_t recorded = 0;
   u_before_ = now_.u;
+  if (recorder_ != nullptr) recorder_->before(now_);
   for (std::size_t first = 0; first < events.size();) {
     closings_.clear();
     ContactSet told = 0;
@@ -101,14 +107,74 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
     if (!closed) u_before_ = now_.u;
     closed = true;
     ++stages;
+    if (recorder_ != nullptr) recorder_->before(now_);
     strike(before & state.chi, before & ~state.chi, state);
+    record(events.subspan(recorded, end - recorded), (closing & ~redundant) | (before & state.chi),
+           state);
+    recorded = end;
   }
   if (!closed) {
     for_each(before & ~state.chi, [&](int contact) { measure_release(contact, state); });
-    return;
   }
+  record(events.subspan(recorded), 0, state);
+  if (!closed) return;
   if (stages > 1) add_sequence(events, before, state);
   add_time_rounding(state);
+}
+
+// Events of the present instant, where these contacts were struck.
+void TimingFilter::record(std::span<const ContactEvent> events, ContactSet struck,
+                          const TimingState& state) {
+  if (recorder_ == nullptr || events.empty()) return;
+  recorder_->after(now_, measurement_rounding * state.terms.speed, events.front().t, struck,
+                   events);
+  recorder_->before(now_);
+}
+
+// The same of one that changes nothing.
+void TimingFilter::record_as_it_is(const ContactEvent& event, const TimingState& state) {
+  if (recorder_ == nullptr) return;
+  recorder_->before(now_);
+  record({&event, 1}, 0, state);
+}
+
+// The same of one that jitters: what the mixture over its time says, which take() has made.
+void TimingFilter::record_uncertain(const ContactEvent& event, const UncertainEvent& uncertain) {
+  if (recorder_ == nullptr) return;
+  const Dynamics& dynamics = flows_->dynamics();
+  const UnknownTime::Impact impact = unknown_time_->impact();
+  ImpactRecord record;
+  record.t = event.t;
+  record.contact = event.contact;
+  record.kind = event.kind;
+  record.from_filter = true;
+  record.time = {event.t - impact.age.mean, impact.age.deviation};
+  if (uncertain.kind == UncertainEvent::Kind::releases) {
+    record.before = record.after = record.impulse = {0.0, 0.0};
+    recorder_->add(record);
+    return;
+  }
+  // Of one unit of change, on this contact and on those that are held.
+  ContactVector held(std::popcount(uncertain.held)), Lambda;
+  Eigen::Index row = 0;
+  const int i = event.contact;
+  for_each(uncertain.held, [&](int j) { held[row++] = dynamics.G()(j, i); });
+  double G = dynamics.G()(i, i);
+  if (uncertain.held != 0 &&
+      arrest(of_contacts(dynamics.G(), uncertain.held), held, Lambda) == Solved::yes) {
+    G += held.dot(Lambda);
+  } else {
+    Lambda.setZero(held.size());
+  }
+  record.before = {impact.before.mean, impact.before.deviation};
+  record.after = {impact.after.mean, impact.after.deviation};
+  record.impulse = {impact.change.mean / G, impact.change.deviation / G};
+  recorder_->add(record);
+  row = 0;
+  for_each(uncertain.held, [&](int j) {
+    const double share = Lambda[row++];
+    recorder_->push(j, {share * record.impulse.value, std::abs(share) * record.impulse.sigma});
+  });
 }
 
 // An impact at a time that is a rounded double: what it adds to u has moved q by more or less.
@@ -148,11 +214,17 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   const bool closes = event.kind != ContactEventKind::opens;
   const int i = event.contact;
   state.chi = after(state.chi, event);
-  if (contains(state.inside, i) || contains(before, i) == closes) return;
+  if (contains(state.inside, i) || contains(before, i) == closes) {
+    record_as_it_is(event, state);
+    return;
+  }
   UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi};
   if (closes) {
     const ContactSet redundant = drop_redundant(uncertain.held, bit(i), state);
-    if (redundant != 0) return;
+    if (redundant != 0) {
+      record_as_it_is(event, state);
+      return;
+    }
     uncertain.kind = event.kind == ContactEventKind::closes ? UncertainEvent::Kind::stays
                      : event.t - state.last_report[i] < unknown_time_->indistinct()
                          ? UncertainEvent::Kind::burst
@@ -170,8 +242,10 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   UnknownTime::Innovation innovation;
   if (!unknown_time_->take(uncertain, state.motion, state.terms, 0.0, false, now_, innovation)) {
     begin_again(i, state);
+    record_as_it_is(event, state);
     return;
   }
+  record_uncertain(event, uncertain);
   add_time_rounding(state);
   columns_.merge(now_);
   event_ = uncertain;
@@ -206,6 +280,11 @@ void TimingFilter::measure_release(int contact, TimingState& state) {
   const Signal& lambda = state.motion.flow->force(contact);
   columns_.see(*state.motion.flow, lambda, now_, phi_);
   const double off = time_rounding * state.motion.t.hi * rate(lambda, state.motion);
+  if (recorder_ != nullptr) {
+    const double floor = measurement_rounding * largest_terms(lambda, state.motion);
+    recorder_->measured_release(contact, phi_.head(now_.columns), -value(lambda, state.motion),
+                                off * off + floor * floor);
+  }
   condition(-value(lambda, state.motion), off * off, largest_terms(lambda, state.motion),
             state.consistency);
 }

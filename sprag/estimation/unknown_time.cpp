@@ -411,6 +411,21 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
     if (after != nullptr) of.alpha = 1.0;
   }
   mixture_.add(of);
+  Seen& seen = seen_[seen_size_++];
+  seen = {of.log_weight, age, sight.mean_rate, sight.variance, 0.0, 0.0, 0.0, 0.0};
+  if (impact) {
+    // of.alpha and of.beta where it has happened.
+    const double kick =
+        -1.0 -
+        flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
+    seen.after = (1.0 + kick) * sight.mean_rate;
+    seen.var_after = square(1.0 + kick) * sight.variance;
+    seen.change = kick * sight.mean_rate;
+    seen.var_change = square(kick) * sight.variance;
+  } else if (event.kind == UncertainEvent::Kind::stays) {
+    seen.change = -sight.mean_rate;
+    seen.var_change = sight.variance;
+  }
   mixture_.phi() = phi / s;
   mixture_.psi() = psi / sight.d;
   if (has_happened && impact) add_moved_impact(age);
@@ -447,6 +462,9 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
     of.beta = square(slope * d) + std::max(further, 0.0);
   }
   mixture_.add(of);
+  seen_[seen_size_++] = {of.log_weight, age,           mu,
+                         square(d),     mu + of.alpha, square(d) + 2.0 * of.slope * d + of.beta,
+                         of.alpha,      of.beta};
   mixture_.phi().setZero();
   mixture_.psi() = psi / d;
   if (has_happened) add_moved_impact(age);
@@ -473,6 +491,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
   closed_since_ = delay + event.held_for;
   look_for(event, motion, terms, belief);
   mixture_.begin(columns_);
+  seen_size_ = 0;
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
   Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
               burst_nodes};
@@ -505,6 +524,30 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
   return columns > 0;
 }
 
+UnknownTime::Impact UnknownTime::impact() const {
+  double highest = -infinity;
+  for (int i = 0; i < seen_size_; ++i) highest = std::max(highest, seen_[i].log_weight);
+  const auto moment = [&](double Seen::*mean, double Seen::*variance) -> Moment {
+    double total = 0.0, first = 0.0, second = 0.0;
+    for (int i = 0; i < seen_size_; ++i) {
+      const double w = std::exp(seen_[i].log_weight - highest);
+      if (!(w > 0.0)) continue;
+      total += w;
+      first += w * seen_[i].*mean;
+    }
+    first /= total;
+    for (int i = 0; i < seen_size_; ++i) {
+      const double w = std::exp(seen_[i].log_weight - highest);
+      if (!(w > 0.0)) continue;
+      second += w * square(seen_[i].*mean - first);
+      if (variance != nullptr) second += w * seen_[i].*variance;
+    }
+    return {first, std::sqrt(second / total)};
+  };
+  return {moment(&Seen::age, nullptr), moment(&Seen::before, &Seen::var_before),
+          moment(&Seen::after, &Seen::var_after), moment(&Seen::change, &Seen::var_change)};
+}
+
 double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
   look_for(due, motion, terms, belief);
@@ -517,6 +560,7 @@ double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion
   delay_ = 0.0;
   look_for(due, motion, terms, belief);
   mixture_.begin(columns_);
+  seen_size_ = 0;
 
   // It has not happened yet.
   Sight sight = see(due.kind, 0.0);

@@ -47,6 +47,17 @@ class UnknownTime {
   bool take(const UncertainEvent& event, const Motion& motion, const Terms& terms, double delay,
             bool so_far, Belief& belief, Innovation& innovation);
 
+  /// What the last event that was taken did, and when: mean and deviation over its hypotheses.
+  struct Moment {
+    double mean = 0.0, deviation = 0.0;
+  };
+  struct Impact {
+    Moment age;            ///< before the motion [s]
+    Moment before, after;  ///< gap velocities
+    Moment change;         ///< the one less the other
+  };
+  Impact impact() const;
+
   /// log of the probability that by now, at `motion`, nothing has been reported of a contact: that
   /// it has closed (due.kind pulse), or that it has released. Conditions the belief on it where
   /// `condition`.
@@ -92,6 +103,14 @@ class UnknownTime {
   void add_changed_flow(const Flow& after);
   void add(const UncertainEvent& event, double age, double log_weight, bool has_happened);
   void add_burst(const UncertainEvent& event, double age, bool has_happened);
+
+  // What a hypothesis says of the gap velocity; each a mean and a variance.
+  struct Seen {
+    double log_weight, age;
+    double before, var_before, after, var_after, change, var_change;
+  };
+  Seen seen_[EventMixture::capacity];
+  int seen_size_ = 0;
 
   const Flows* flows_;
   double sigma_;

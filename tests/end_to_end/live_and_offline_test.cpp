@@ -140,6 +140,32 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfBothEqualTheReplayBitForBitThroughChatt
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {});
 }
 
+// The table of impacts too, and every row is on the bus.
+TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
+  std::string wrong = read_text(scene("paper_beam"));
+  const std::string damping = "damping = 0.17";
+  wrong.replace(wrong.find(damping), damping.size(), "damping = 0.18");
+  write_text(file("wrong.toml"), wrong);
+  const std::string chatter = scene("paper_beam_chatter");
+  for (const auto& [estimator, told] :
+       std::map<std::string, std::string>{{"replica", chatter},
+                                          {"timing", chatter},
+                                          {"both", chatter},
+                                          {"adaptive", file("wrong.toml")}}) {
+    SCOPED_TRACE(estimator);
+    set_url(udp_url());
+    const std::string machine = estimator == "adaptive" ? scene("paper_beam") : chatter;
+    const Arguments how{"--estimator", estimator, "--impacts"};
+    run_live(machine, "30", "0.015625", how + Arguments{file("live_impacts.csv")}, {}, told);
+    const Arguments more = Arguments{"--tick", "0.015625", "--duration", "30"} + how;
+    replay(told, file("events.csv"), more + Arguments{file("impacts.csv")});
+    const std::string live = text("live_impacts.csv");
+    EXPECT_GT(count_rows(file("live_impacts.csv")), 30U);
+    EXPECT_TRUE(live == text("impacts.csv")) << "live differs from the replay of the events";
+    EXPECT_NE(text("run.lcmlog").find("SPRAG_IMPACTS"), std::string::npos);
+  }
+}
+
 TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
   // 0.1 and the others are a little more than they read, as doubles.
   for (const auto& [tick, rows] :

@@ -55,7 +55,7 @@ TEST_F(OverwriteTest, TheMasterDestroysNothing) {
 
 TEST_F(OverwriteTest, TheObserverDestroysNothing) {
   const Arguments run{beam_, "--replay", events_};
-  for (const std::string option : {"--states", "--events", "--report"}) {
+  for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
     expect_refused("observer", run + Arguments{option, events_}, "--replay", option);
     expect_refused("observer", run + Arguments{option, beam_}, "SCENE", option);
     expect_refused("observer", run + Arguments{"--key", key_, option, key_}, "--key", option);

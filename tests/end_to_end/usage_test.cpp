@@ -68,6 +68,8 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
     expect_refused("observer", {beam_, "--stepper", "moreau", "--estimator", estimator},
                    "--stepper moreau: a timing filter needs the exact one");
   }
+  expect_refused("observer", {beam_, "--stepper", "moreau", "--impacts", file("impacts.csv")},
+                 "--impacts has nothing to say");
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");

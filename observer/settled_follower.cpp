@@ -1,0 +1,119 @@
+#include "observer/settled_follower.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "lcmtypes/impact_codec.h"
+#include "lcmtypes/wall_clock.h"
+#include "sprag/mechanics/interrupt.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::int64_t longest_wait_for_settled = 100'000'000;  // ns
+
+}  // namespace
+
+SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus)
+    : start_(scene.replica),
+      last_(options.last()),
+      estimator_(scene, options.tick, options.estimator, options.stepper),
+      bus_(bus) {
+  estimator_.record_in(impacts_);
+  writer_.emplace(options.impacts);
+  if (!writer_->good()) throw std::runtime_error(writer_->error());
+}
+
+bool SettledFollower::put(const Settled& item) {
+  Settled* slot = queue_.free_slot();
+  if (slot == nullptr) return false;
+  *slot = item;
+  queue_.push();
+  if (item.kind == Settled::Kind::tick) ready_.signal();
+  return true;
+}
+
+void SettledFollower::run() {
+  while (!stop_) {
+    ready_.wait_until(monotonic_now() + longest_wait_for_settled);
+    take_all();
+  }
+}
+
+void SettledFollower::stop() {
+  stop_ = true;
+  ready_.signal();
+}
+
+void SettledFollower::finish() {
+  take_all();
+  // A last tick that found no room.
+  if (!events_.empty()) advance(first_tick_after(events_.back().t, estimator_.h()));
+  tell();
+}
+
+void SettledFollower::take_all() {
+  try {
+    while (const Settled* item = queue_.front()) {
+      take(*item);
+      queue_.pop();
+    }
+  } catch (const Interrupted&) {  // within an identification: the run is over
+    stop_ = true;
+  }
+  tell();
+  writer_->flush();
+}
+
+void SettledFollower::take(const Settled& item) {
+  switch (item.kind) {
+    case Settled::Kind::start:
+      tell();
+      events_.clear();
+      session_ = item.session;
+      estimator_.start(start_, item.tick, item.chi, state_);
+      started_ = false;
+      break;
+    case Settled::Kind::event:
+      events_.push_back(item.event);
+      break;
+    case Settled::Kind::tick:
+      advance(item.tick);
+      break;
+  }
+}
+
+// To this tick, through the events up to it.
+void SettledFollower::advance(std::int64_t tick) {
+  std::size_t used = 0;
+  const auto due = [&](std::int64_t k) {
+    const std::size_t first = used;
+    while (used < events_.size() && first_tick_after(events_[used].t, estimator_.h()) <= k) ++used;
+    return std::span<const ContactEvent>(events_).subspan(first, used - first);
+  };
+  if (!started_) {
+    started_ = true;
+    for_each_instant(due(state_.tick), [&](std::span<const ContactEvent> of_one) {
+      estimator_.apply(of_one, state_);
+    });
+  }
+  for (std::int64_t k = state_.tick + 1; k <= std::min(tick, last_); ++k) {
+    identify_now(estimator_, state_, identified_);
+    estimator_.tick(due(k), state_);
+  }
+  events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(used));
+}
+
+void SettledFollower::tell() {
+  for (const ImpactRecord& record : impacts_) {
+    writer_->write(record);
+    (void)bus_.publish(impacts_channel, encode_impact(record, session_, wall_clock_us(), buffer_));
+  }
+  impacts_.clear();
+}
+
+void SettledFollower::close() {
+  if (!writer_->close()) throw std::runtime_error(writer_->error());
+}
+
+}  // namespace sprag

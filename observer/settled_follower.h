@@ -1,0 +1,82 @@
+// What a live observer says beside its estimates, in a thread of its own, so that the real-time
+// loop never does: the table of impacts. It hears of the events that have settled and follows them
+// with an estimator of its own, tick by tick as a replay does, which gives the replay's bits.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/bus.h"
+#include "observer/options.h"
+#include "observer/spsc_queue.h"
+#include "observer/wake.h"
+#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/estimation/impact_record.h"
+#include "sprag/files/impacts_file.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// What has settled, from the integrating thread. A start, its events and its ticks come in order.
+struct Settled {
+  enum class Kind : std::int8_t {
+    start,  ///< the time line has started at this tick, with chi
+    event,
+    tick  ///< all events up to this tick have come
+  };
+  Kind kind = Kind::tick;
+  std::int64_t tick = 0;
+  std::int64_t session = 0;
+  ContactSet chi = 0;
+  ContactEvent event{};
+};
+
+class SettledFollower {
+ public:
+  /// Throws ModelError, or std::runtime_error where the file cannot be written. `bus` must outlive
+  /// this.
+  SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus);
+  SettledFollower(const SettledFollower&) = delete;
+  SettledFollower& operator=(const SettledFollower&) = delete;
+
+  /// Of the loop; neither blocks nor allocates. False: no room, to be tried again.
+  bool put(const Settled& item);
+
+  /// Follows until stop().
+  void run();
+  void stop();
+  /// After run(): what is left.
+  void finish();
+
+  /// Throws std::runtime_error if something could not be written.
+  void close();
+
+ private:
+  void take_all();
+  void take(const Settled& item);
+  void advance(std::int64_t tick);
+  void tell();
+
+  static constexpr std::size_t slots = 1U << 14U;
+
+  State start_;
+  std::int64_t last_;
+  AdaptiveEstimator estimator_;
+  AdaptationResult identified_;
+  AdaptiveEstimator::State state_;
+  bool started_ = false;
+  std::int64_t session_ = 0;
+  std::vector<ContactEvent> events_;  // behind the present tick
+  std::vector<ImpactRecord> impacts_;
+  std::optional<ImpactsWriter> writer_;
+  Bus& bus_;
+  std::vector<std::uint8_t> buffer_;
+  SpscQueue<Settled> queue_{slots, Settled{}};
+  Wake ready_;
+  std::atomic<bool> stop_{false};
+};
+
+}  // namespace sprag

@@ -1,0 +1,32 @@
+// Impacts CSV: what an estimator says of each event (impact_record.h), one a row, 17 significant
+// digits. `kind` is impact, closes or opens; the columns of forces are empty but for releases of
+// contacts that were held.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "sprag/estimation/impact_record.h"
+#include "sprag/files/output_file.h"
+
+namespace sprag {
+
+class ImpactsWriter {
+ public:
+  /// Creates or empties the file and writes the header; a failure shows in good().
+  explicit ImpactsWriter(const std::filesystem::path& file);
+
+  /// Appends a row. Failures are remembered.
+  void write(const ImpactRecord& record) noexcept;
+
+  bool flush() noexcept { return file_.flush(); }
+  bool close() noexcept { return file_.close(); }
+  bool good() const noexcept { return file_.good(); }
+  std::string error() const { return file_.error(); }
+
+ private:
+  OutputFile file_;
+  std::string row_;
+};
+
+}  // namespace sprag
