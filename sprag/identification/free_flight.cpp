@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sprag/identification/coupled_step.h"
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/oscillators.h"
 
 namespace sprag {
@@ -116,23 +117,81 @@ double FreeFlight::deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, doubl
   return lowest;
 }
 
-double deepest_passage(const MachineFamily& family, const Likelihood& solution) {
+namespace {
+
+constexpr double sure = 5.0;  // standard deviations
+
+// The gaps of all contacts in the middle of each flight, and gamma- of each impact.
+Eigen::VectorXd gaps_of(const FreeFlight& flight, int contacts, const Stretch& stretch,
+                        const Eigen::VectorXd& x0) {
+  const Eigen::Index n = x0.size() / 2, N = static_cast<Eigen::Index>(stretch.size());
+  Eigen::VectorXd y = x0.head(n), u = x0.tail(n), gaps(N * (contacts + 1));
+  double t = stretch.start;
+  for (Eigen::Index k = 0; k < N; ++k) {
+    const Impact& impact = stretch.impacts[static_cast<std::size_t>(k)];
+    const double half = 0.5 * (impact.t - t);
+    flight.move(half, y, u);
+    for (int i = 0; i < contacts; ++i) gaps[k * (contacts + 1) + i] = flight.gap(i, y, t + half);
+    flight.move(half, y, u);
+    gaps[k * (contacts + 1) + contacts] = flight.gap_velocity(impact.contact, u, impact.t);
+    flight.hit(impact.contact, impact.t, u);
+    t = impact.t;
+  }
+  return gaps;
+}
+
+// A row for each of these gaps: by how much it is unknown, for each standard deviation of the
+// start.
+Eigen::VectorXd deviations_of(const FreeFlight& flight, int contacts, const Stretch& stretch,
+                              const Eigen::VectorXd& x0, const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd gaps = gaps_of(flight, contacts, stretch, x0);
+  const Eigen::Index n2 = x0.size();
+  const Eigenpairs of = eigenpairs(covariance, Eigen::MatrixXd::Identity(n2, n2));
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(gaps.size());
+  for (Eigen::Index j = 0; j < n2; ++j) {
+    const Eigen::VectorXd moved = x0 + std::sqrt(std::max(of.values[j], 0.0)) * of.vectors.col(j);
+    squares += (gaps_of(flight, contacts, stretch, moved) - gaps).cwiseAbs2();
+  }
+  return squares.cwiseSqrt();
+}
+
+}  // namespace
+
+std::vector<StretchPath> check_paths(const MachineFamily& family, const Likelihood& solution,
+                                     double jitter) {
   const Machine machine = family.at(solution.values);
   const FreeFlight flight(machine, family.inputs(solution.values));
-  double deepest = 0.0;
+  const int contacts = family.contacts();
+  double usual = 0.0;
+  for (const Eigen::VectorXd& gamma : solution.gamma) usual += gamma.cwiseAbs().sum();
+  usual /= static_cast<double>(count(solution.path));
+  std::vector<StretchPath> checks;
   for (std::size_t s = 0; s < solution.path.size(); ++s) {
     const Stretch& stretch = solution.path[s];
+    const Eigen::VectorXd& gamma = solution.gamma[s];
+    const Eigen::VectorXd unknown =
+        sure * deviations_of(flight, contacts, stretch, solution.x0[s],
+                             square(jitter) * solution.x0_covariance[s]);
     Eigen::VectorXd y = solution.x0[s].head(family.n()), u = solution.x0[s].tail(family.n());
-    const double speed = solution.gamma[s].cwiseAbs().mean();
+    const double speed = gamma.cwiseAbs().mean();
     double t = stretch.start;
-    for (const Impact& impact : stretch.impacts) {
-      deepest = std::max(deepest, -flight.deepest(y, u, t, impact.t) / speed);
+    StretchPath check;
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      const Impact& impact = stretch.impacts[k];
+      const auto i = static_cast<Eigen::Index>(k);
+      const double of_gaps = unknown.segment(i * (contacts + 1), contacts).maxCoeff();
+      const double deepest = -flight.deepest(y, u, t, impact.t);
+      check.inside = std::max(check.inside, (deepest - of_gaps) / speed);
+      check.unknown = std::max(check.unknown, of_gaps / usual);
+      const double of_gamma = unknown[i * (contacts + 1) + contacts];
+      if (!(gamma[i] < of_gamma)) check.hit_from_inside = true;
       flight.move(impact.t - t, y, u);
       flight.hit(impact.contact, impact.t, u);
       t = impact.t;
     }
+    checks.push_back(check);
   }
-  return deepest;
+  return checks;
 }
 
 }  // namespace sprag

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 #include "sprag/identification/machine_family.h"
 #include "sprag/identification/maximum_likelihood.h"
@@ -38,7 +39,18 @@ class FreeFlight {
   double step_ = 0.0;
 };
 
-/// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].
-double deepest_passage(const MachineFamily& family, const Likelihood& solution);
+/// What is wrong with a stretch of a solution, beyond what its times leave unknown of its path.
+struct StretchPath {
+  /// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].
+  double inside = 0.0;
+  bool hit_from_inside = false;
+  /// What is unknown of gaps between impacts at most, five standard deviations of the start's, at
+  /// the record's usual gap velocity [s].
+  double unknown = 0.0;
+};
+
+/// Of each stretch; event times jitter by `jitter` [s].
+std::vector<StretchPath> check_paths(const MachineFamily& family, const Likelihood& solution,
+                                     double jitter);
 
 }  // namespace sprag

@@ -15,7 +15,9 @@ namespace {
 using Kind = Unknown::Kind;
 
 // Of the usual time between impacts.
-constexpr double exact = 2e-9;      // what is left of a fit to exact times
+constexpr double exact = 2e-9;          // what is left of a fit to exact times
+constexpr double least_jitter = 1e-10;  // times cannot be told apart
+constexpr double untold = 0.05;         // unknown of a stretch's path, of which it tells nothing
 constexpr double promising = 2e-3;  // a search ends where less is left, if the jitter is not told
 constexpr double largest_jitter = 0.02;  // more than this is no jitter
 // Impacts nearer to each other are not told apart where times jitter, and where they do not.
@@ -39,6 +41,7 @@ double usual(std::vector<double> sizes) {
 }
 
 struct Attempt {
+  Stretches stretches;  // that it is a fit to
   Likelihood solution;
   std::vector<Eigen::VectorXd> others;
   double jitter = 0.0;  // told, or found
@@ -55,11 +58,13 @@ class Identifier {
 
  private:
   Attempt attempt(const Stretches& stretches) const;
+  std::size_t needed(const Stretches& stretches) const;
+  Likelihood maximize(const PathFit& found, Stretches& stretches) const;
   FitProblem judge(const Likelihood& solution, double& jitter) const;
   bool comes_from_outside(const Likelihood& solution, double jitter) const;
-  void mends(Attempt& best, Stretches& stretches, Identification& result) const;
-  void predict(const Attempt& best, const Stretches& stretches, Identification& result) const;
-  void describe(const Attempt& best, const Stretches& stretches, Identification& result) const;
+  void mends(const Stretches& stretches, Attempt& best, Identification& result) const;
+  void predict(const Attempt& best, Identification& result) const;
+  void describe(const Attempt& best, Identification& result) const;
   void put_start(const Attempt& best, Identification& result) const;
 
   double good() const {
@@ -84,19 +89,18 @@ Stretches Identifier::stretches_of(double closest) const {
 }
 
 bool Identifier::comes_from_outside(const Likelihood& solution, double jitter) const {
-  for (const Eigen::VectorXd& gamma : solution.gamma) {
-    if (gamma.size() > 0 && !(gamma.maxCoeff() < 0.0)) return false;
-  }
-  return deepest_passage(family_, solution) < passage_in_jitters * jitter + 1e3 * exact * interval_;
+  const double allowed = passage_in_jitters * jitter + 1e3 * exact * interval_;
+  const std::vector<StretchPath> checks = check_paths(family_, solution, jitter);
+  return std::none_of(checks.begin(), checks.end(), [&](const StretchPath& check) {
+    return check.hit_from_inside || !(check.inside < allowed);
+  });
 }
 
 FitProblem Identifier::judge(const Likelihood& solution, double& jitter) const {
   if (!solution.values.allFinite() || !std::isfinite(solution.squares)) {
     return FitProblem::not_found;
   }
-  // Times are never more exact than they can be told apart.
-  const double resolved = 1e-10 * interval_;
-  jitter = std::max(settings_.jitter.value_or(solution.scatter()), resolved);
+  jitter = std::max(settings_.jitter.value_or(solution.scatter()), least_jitter * interval_);
   if (!settings_.jitter && jitter > largest_jitter * interval_) return FitProblem::misfit;
   if (settings_.jitter && !(solution.squares / square(jitter) < largest_chi2(solution.freedom))) {
     return FitProblem::misfit;
@@ -105,19 +109,51 @@ FitProblem Identifier::judge(const Likelihood& solution, double& jitter) const {
   return comes_from_outside(solution, jitter) ? FitProblem::none : FitProblem::from_inside;
 }
 
+std::size_t Identifier::needed(const Stretches& of) const {
+  return family_.unknowns().size() + 2 * static_cast<std::size_t>(family_.n()) * of.size() + 2;
+}
+
+// Where they do not fit otherwise, stretches whose times do not tell where the machine is in them,
+// bounces of a chatter alone for one, are left out: they say no more of it than of their own start,
+// and a path of theirs may be any.
+Likelihood Identifier::maximize(const PathFit& found, Stretches& stretches) const {
+  Likelihood solution = maximize_likelihood(family_, stretches, found);
+  if (stretches.size() < 2 || !solution.values.allFinite()) return solution;
+  double jitter = 0.0;
+  if (judge(solution, jitter) == FitProblem::none) return solution;
+  const std::vector<StretchPath> checks = check_paths(family_, solution, jitter);
+  Stretches told;
+  Likelihood start;
+  start.values = solution.values;
+  for (std::size_t s = 0; s < stretches.size(); ++s) {
+    if (!(checks[s].unknown < untold * interval_)) continue;
+    told.push_back(stretches[s]);
+    start.path.push_back(solution.path[s]);
+    start.x0.push_back(solution.x0[s]);
+  }
+  if (told.size() == stretches.size() || equations(told) < needed(told)) return solution;
+  Likelihood without = maximize_likelihood(family_, told, std::move(start));
+  if (judge(without, jitter) != FitProblem::none) return solution;
+  stretches = std::move(told);
+  return without;
+}
+
 Attempt Identifier::attempt(const Stretches& stretches) const {
   const SearchResult found = search(family_, stretches, {good()});
   Attempt attempt;
+  attempt.stretches = stretches;
   if (found.best.values.size() != family_.nominal().size()) return attempt;
-  attempt.solution = maximize_likelihood(family_, stretches, found.best);
+  attempt.solution = maximize(found.best, attempt.stretches);
   attempt.problem = judge(attempt.solution, attempt.jitter);
   for (const PathFit& other : found.others) {
-    const Likelihood solution = maximize_likelihood(family_, stretches, other);
+    Stretches of_other = stretches;
+    const Likelihood solution = maximize(other, of_other);
     double jitter = 0.0;
     if (judge(solution, jitter) != FitProblem::none) continue;
-    if (attempt.problem != FitProblem::none || solution.squares < attempt.solution.squares) {
+    if (attempt.problem != FitProblem::none || solution.scatter() < attempt.solution.scatter()) {
       if (attempt.problem == FitProblem::none) attempt.others.push_back(attempt.solution.values);
       attempt.solution = solution;
+      attempt.stretches = std::move(of_other);
       attempt.problem = FitProblem::none;
       attempt.jitter = jitter;
     } else {
@@ -131,7 +167,7 @@ Attempt Identifier::attempt(const Stretches& stretches) const {
   return attempt;
 }
 
-void Identifier::mends(Attempt& best, Stretches& stretches, Identification& result) const {
+void Identifier::mends(const Stretches& stretches, Attempt& best, Identification& result) const {
   Mended mended = mend(family_, stretches, settings_.jitter, interval_);
   if (mended.spurious.empty() && mended.missing.empty()) return;
   Attempt again;
@@ -139,21 +175,21 @@ void Identifier::mends(Attempt& best, Stretches& stretches, Identification& resu
   again.problem = judge(again.solution, again.jitter);
   if (again.problem != FitProblem::none) return;
   best = std::move(again);
-  stretches = std::move(mended.stretches);
+  best.stretches = std::move(mended.stretches);
   result.spurious = std::move(mended.spurious);
   for (const Impact& impact : mended.missing) result.missing.push_back({impact.t, impact.contact});
 }
 
 // The fit to the first four fifths, and how far off it expects what comes.
-void Identifier::predict(const Attempt& best, const Stretches& stretches,
-                         Identification& result) const {
+void Identifier::predict(const Attempt& best, Identification& result) const {
+  const Stretches& stretches = best.stretches;
   const std::size_t total = count(stretches);
   const std::size_t first = total - total / 5;
   Stretches before = part(stretches, 0, first);
   Likelihood start = best.solution;
   start.path = part(best.solution.path, 0, first);
   const std::size_t fewest = static_cast<std::size_t>(2 * family_.n()) + 1;
-  while (!before.empty() && before.back().size() < fewest) {
+  while (!before.empty() && before.back().equations() < fewest) {
     before.pop_back();
     start.path.pop_back();
   }
@@ -214,8 +250,8 @@ void Identifier::put_start(const Attempt& best, Identification& result) const {
                         best.jitter * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
 }
 
-void Identifier::describe(const Attempt& best, const Stretches& stretches,
-                          Identification& result) const {
+void Identifier::describe(const Attempt& best, Identification& result) const {
+  const Stretches& stretches = best.stretches;
   constexpr double noticeable = 0.05;  // of an undetermined direction
   const Likelihood& solution = best.solution;
   result.problem = best.problem;
@@ -278,17 +314,14 @@ Identification Identifier::run() {
   interval_ = usual_interval(cut(events_, whole, 2));
   const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
   Stretches stretches = stretches_of(jitters ? close : close_if_exact);
-  const auto need = [&](const Stretches& of) {
-    return family_.unknowns().size() + 2 * n * of.size() + 2;
-  };
-  if (count(stretches) < need(stretches)) {
+  if (equations(stretches) < needed(stretches)) {
     throw TooFewImpacts(
         stretches.empty()
             ? "no part of the record has " + std::to_string(2 * n + 2) +
                   " single impacts in a row; the start alone takes " + std::to_string(2 * n)
             : "the record has " + std::to_string(count(stretches)) + " impacts that count; " +
-                  std::to_string(need(stretches)) + " are needed at least for " +
-                  std::to_string(need(stretches) - 2) + " unknowns");
+                  std::to_string(needed(stretches)) + " are needed at least for " +
+                  std::to_string(needed(stretches) - 2) + " unknowns");
   }
   for (const ContactEvent& event : events_) {
     if (event.kind == ContactEventKind::pulse) ++result.left_out;
@@ -297,24 +330,21 @@ Identification Identifier::run() {
   // Where a jitter is not told, impacts near to each other may be told apart, or not.
   Stretches coarse = stretches_of(close);
   if (best.problem != FitProblem::none && !settings_.jitter && count(coarse) != count(stretches) &&
-      count(coarse) >= need(coarse)) {
+      equations(coarse) >= needed(coarse)) {
     Attempt other = attempt(coarse);
-    if (other.problem == FitProblem::none) {
-      best = std::move(other);
-      stretches = std::move(coarse);
-    }
+    if (other.problem == FitProblem::none) best = std::move(other);
   }
-  if (best.problem != FitProblem::none && settings_.mend) mends(best, stretches, result);
+  if (best.problem != FitProblem::none && settings_.mend) mends(stretches, best, result);
   if (best.solution.values.size() != family_.nominal().size()) {
     result.problem = FitProblem::not_found;
     result.interval = interval_;
     result.fitted = family_.scene();
     return result;
   }
-  describe(best, stretches, result);
+  describe(best, result);
   result.left_out =
       std::max(0, result.left_out - result.impacts - static_cast<int>(result.spurious.size()));
-  predict(best, stretches, result);
+  predict(best, result);
   // What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its
   // jitter that of the rest.
   const int added = result.freedom - result.first_freedom;
@@ -323,8 +353,7 @@ Identification Identifier::run() {
                               ? *settings_.jitter
                               : std::sqrt(result.first_squares / result.first_freedom);
     const double squares = best.solution.squares - result.first_squares;
-    const double resolved = exact * interval_;
-    if (squares > (square(jitter) + square(resolved)) * largest_chi2(added)) {
+    if (squares > (square(jitter) + square(exact * interval_)) * largest_chi2(added)) {
       result.problem = FitProblem::unpredictable;
     }
   }

@@ -192,6 +192,25 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
   }
 }
 
+void release_rows(const Machine& machine, const Stretch& stretch, PathRows& rows) {
+  const Eigen::Index n = machine.n(), G = machine.groups(), J = machine.constant_forces.cols();
+  const auto w = machine.W.col(stretch.released).transpose();
+  rows.A.setZero(1, 2 * n + machine.inputs());
+  rows.Gamma = rows.A;
+  rows.A.row(0).head(n) = w;
+  rows.Gamma.row(0).segment(n, n) = w;
+  for (Eigen::Index g = 0; g < G; ++g) {
+    const double Omega = machine.frequencies[g];
+    const std::complex<double> steady =
+        machine.gap_response(stretch.released, g) * std::polar(1.0, Omega * stretch.start);
+    rows.A(0, 2 * n + 2 * g) = steady.real();
+    rows.A(0, 2 * n + 2 * g + 1) = -steady.imag();
+    rows.Gamma(0, 2 * n + 2 * g) = -Omega * steady.imag();
+    rows.Gamma(0, 2 * n + 2 * g + 1) = -Omega * steady.real();
+  }
+  rows.A(0, 2 * n + 2 * G + J + stretch.released) = 1.0;
+}
+
 void follow(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
             const Stretch& stretch, std::size_t s, const Eigen::VectorXd& x0,
             const Eigen::VectorXd& inputs, Path& path) {

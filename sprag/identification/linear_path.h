@@ -62,6 +62,10 @@ struct PathRows {
 void path_rows(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
                const Stretch& stretch, std::size_t s, PathRows& rows);
 
+/// Likewise at the start of a stretch that begins with a release: A is the gap's row, Gamma its
+/// velocity's.
+void release_rows(const Machine& machine, const Stretch& stretch, PathRows& rows);
+
 struct Path {
   Eigen::VectorXd g, gamma, gamma_rate;  ///< before each impact
   Eigen::VectorXd y, u;                  ///< the free part after the last impact

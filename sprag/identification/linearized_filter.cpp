@@ -34,7 +34,9 @@ LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit
       interval_(fit.interval) {
   told_ = fit.jitter_told && fit.jitter > resolved * interval_;
   base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
-  taken_up_ = fit.likelihood.timed - fit.freedom;
+  // Of a release the filter knows nothing.
+  taken_up_ = fit.likelihood.timed - fit.freedom +
+              static_cast<int>(equations(stretches_) - count(stretches_));
   const Eigen::VectorXd& values = fit.likelihood.values;
   machine_ = family_.at(values);
   Harmonics harmonics;

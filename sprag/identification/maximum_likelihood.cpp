@@ -18,13 +18,14 @@ constexpr double undetermined_below = 1e-8;
 // so that one of which they take up all but rounding is found to be undetermined.
 constexpr double least_effect_share = 1e-4;
 
-// The constraints of one stretch, solved for what is its own: x0 and tau.
+// The constraints of one stretch, solved for what is its own: x0 and tau. A release is R = 2 of
+// them, beside those of N impacts; else R = 0.
 struct Block {
   Eigen::VectorXd scale;      // of x0's columns
-  Eigen::MatrixXd Q2;         // null space, (2n + N) x 2n
+  Eigen::MatrixXd Q2;         // null space, (2n + N) x (2n - R)
   Eigen::VectorXd step;       // least (x0, tau) that satisfies them
   Eigen::MatrixXd step_rate;  // for each unknown, (2n + N) x P
-  Eigen::MatrixXd B2;         // what Q2 does to weighted times, N x 2n
+  Eigen::MatrixXd B2;         // what Q2 does to weighted times, N x (2n - R)
   PivotedQR qr;               // of B2
   Eigen::VectorXd e0;         // weighted times for no change of the unknowns
   Eigen::MatrixXd eJ;         // and what they change
@@ -40,6 +41,8 @@ class Maximization {
  private:
   void linearize();
   void jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const;
+  Eigen::VectorXd gaps(const Machine& machine, const Eigen::VectorXd& inputs, std::size_t s,
+                       const Path& path) const;
   double step();
   void finish();
   void set_leverages();
@@ -75,6 +78,19 @@ void Maximization::jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd
   }
 }
 
+// What is to be zero: gaps at the impacts, then those of a release.
+Eigen::VectorXd Maximization::gaps(const Machine& machine, const Eigen::VectorXd& inputs,
+                                   std::size_t s, const Path& path) const {
+  const Stretch& stretch = at_.path[s];
+  if (stretch.released < 0) return path.g;
+  Eigen::VectorXd z(at_.x0[s].size() + inputs.size()), gaps(path.g.size() + 2);
+  z << at_.x0[s], inputs;
+  PathRows release;
+  release_rows(machine, stretch, release);
+  gaps << path.g, release.A * z, release.Gamma * z;
+  return gaps;
+}
+
 void Maximization::linearize() {
   constexpr double difference = 4e-6;
   const Eigen::Index n2 = 2 * family_.n();
@@ -103,36 +119,47 @@ void Maximization::linearize() {
       harmonics.set(machine.frequencies, at_.path);
       for (std::size_t s = 0; s < S; ++s) {
         follow(machine, flights, harmonics, at_.path[s], s, at_.x0[s], inputs, path);
+        const Eigen::VectorXd of_side = gaps(machine, inputs, s, path) / (2.0 * difference);
         if (side > 0.0) {
-          columns[s] = path.g / (2.0 * difference);
+          columns[s] = of_side;
         } else {
-          columns[s] -= path.g / (2.0 * difference);
+          columns[s] -= of_side;
         }
       }
     }
   }
   Eigen::Index rows_in_all = 0;
   Eigen::VectorXd effects = Eigen::VectorXd::Zero(unknowns());
-  PathRows rows;
+  PathRows rows, release;
   RowMatrix G;
   for (std::size_t s = 0; s < S; ++s) {
     Block& block = blocks_[s];
     Path& of = paths_[s];
     const auto N = static_cast<Eigen::Index>(at_.path[s].size());
+    const auto R = static_cast<Eigen::Index>(at_.path[s].of_release());
     check_interrupt();
     follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, of);
     at_.gamma[s] = of.gamma;
     path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
     time_derivatives(machine_, flights_, at_.path[s], s, of, G);
+    const double speed = of.gamma.cwiseAbs().mean();
+    Eigen::VectorXd weight(N + R);
+    weight.head(N) = of.gamma.cwiseAbs()
+                         .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
+                         .cwiseInverse();
+    if (R > 0) {
+      release_rows(machine_, at_.path[s], release);
+      rows.A.conservativeResize(N + R, Eigen::NoChange);
+      rows.A.bottomRows(R) << release.A, release.Gamma;
+      const double interval =
+          (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
+      weight.tail(R) << 1.0 / speed, interval / speed;
+    }
     Eigen::MatrixXd J;
     jacobian(s, rows, J);
-    const double speed = of.gamma.cwiseAbs().mean();
-    const Eigen::VectorXd weight = of.gamma.cwiseAbs()
-                                       .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
-                                       .cwiseInverse();
-    Eigen::MatrixXd constraints(N, n2 + N);
+    Eigen::MatrixXd constraints = Eigen::MatrixXd::Zero(N + R, n2 + N);
     constraints.leftCols(n2) = weight.asDiagonal() * rows.A.leftCols(n2);
-    constraints.rightCols(N) = weight.asDiagonal() * G;
+    constraints.topRightCorner(N, N) = weight.head(N).asDiagonal() * G;
     block.scale = constraints.leftCols(n2).colwise().norm().transpose().cwiseMax(
         std::numeric_limits<double>::min());
     constraints.leftCols(n2) =
@@ -140,15 +167,15 @@ void Maximization::linearize() {
     const QR qr(constraints.transpose());
     Eigen::MatrixXd right(n2 + N, 1 + unknowns());
     right.setZero();
-    right.col(0).head(N) = -weight.cwiseProduct(of.g);
-    right.block(0, 1, N, unknowns()) = -(weight.asDiagonal() * J);
+    right.col(0).head(N + R) = -weight.cwiseProduct(gaps(machine_, inputs, s, of));
+    right.block(0, 1, N + R, unknowns()) = -(weight.asDiagonal() * J);
     effects += right.rightCols(unknowns()).colwise().squaredNorm().transpose();
-    right.topRows(N) = qr.solve_R_transposed(right.topRows(N));
+    right.topRows(N + R) = qr.solve_R_transposed(right.topRows(N + R));
     right = qr.Q_times(right);
     block.step = right.col(0);
     block.step_rate = right.rightCols(unknowns());
-    block.Q2 = Eigen::MatrixXd::Zero(n2 + N, n2);
-    block.Q2.bottomRows(n2).setIdentity();
+    block.Q2 = Eigen::MatrixXd::Zero(n2 + N, n2 - R);
+    block.Q2.bottomRows(n2 - R).setIdentity();
     block.Q2 = qr.Q_times(block.Q2);
     Eigen::VectorXd time_weight(N), d(N);
     for (Eigen::Index k = 0; k < N; ++k) {
@@ -322,6 +349,9 @@ Likelihood Maximization::run() {
       at_.converged = true;
       break;
     }
+    // Steps that shrink slowly, each by the same factor: what is still to come is of no account.
+    const double to_come = moved < last ? moved * moved / (last - moved) : moved;
+    if (i + 1 == most_steps && to_come < 1e-2 * rms) at_.converged = true;
     last = moved;
   }
   linearize();

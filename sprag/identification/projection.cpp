@@ -17,6 +17,8 @@ constexpr double rank_threshold = 1e-13;
 constexpr double least_input_share = 1e-4, least_of_inputs = 1e-8;
 // Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
+// Of a release: its time matters to second order only.
+constexpr double weight_of_release = 100.0;
 
 }  // namespace
 
@@ -45,6 +47,8 @@ class Projection::Core {
 
   void solve(const Eigen::VectorXd& values, PathFit& fit);
   Eigen::MatrixXd jacobian(const PathFit& at);
+  Eigen::Index rows_of(std::size_t s) const;
+  RowMatrix weighted_release(const Machine& machine, std::size_t s) const;
   void weigh_equally();
   void weigh();
   double objective() const { return residual_.squaredNorm(); }
@@ -53,6 +57,7 @@ class Projection::Core {
   Eigen::Index impacts_ = 0;
   std::vector<Eigen::VectorXd> weights_;
   double normalization_ = 0.0;  // weight of "mean gamma- is -1"
+  double interval_ = 0.0;       // usual one
 
   Machine machine_;
   Flights flights_, other_flights_;
@@ -110,6 +115,7 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
 void Projection::Core::take(Stretches stretches) {
   stretches_ = std::move(stretches);
   impacts_ = static_cast<Eigen::Index>(count(stretches_));
+  interval_ = usual_interval(stretches_);
   gamma_.resize(stretches_.size());
   factors_.resize(stretches_.size());
   weigh_equally();
@@ -135,6 +141,19 @@ void Projection::Core::weigh() {
   }
 }
 
+// Of a stretch: its impacts, the scale where it is the first, its release.
+Eigen::Index Projection::Core::rows_of(std::size_t s) const {
+  return static_cast<Eigen::Index>(stretches_[s].equations()) + (homogeneous && s == 0 ? 1 : 0);
+}
+
+RowMatrix Projection::Core::weighted_release(const Machine& machine, std::size_t s) const {
+  PathRows rows;
+  release_rows(machine, stretches_[s], rows);
+  RowMatrix weighted(2, rows.A.cols());
+  weighted << rows.A, interval_ * rows.Gamma;
+  return (weight_of_release * weights_[s].mean()) * weighted;
+}
+
 void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   const Eigen::Index n2 = 2 * family.n();
   machine_ = family.at(values);
@@ -152,7 +171,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     const PathRows& of = all_rows[s];
     const Eigen::Index N = of.A.rows();
     const bool normalized = homogeneous && s == 0;
-    Eigen::MatrixXd X(N + (normalized ? 1 : 0), n2);
+    Eigen::MatrixXd X(rows_of(s), n2);
     Eigen::MatrixXd I(X.rows(), zetas + 1);
     X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
     I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * (of.A.rightCols(E.rows()) * E);
@@ -162,6 +181,12 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
       X.row(N) = mean.head(n2);
       I.row(N).head(zetas) = mean.tail(E.rows()) * E;
       I(N, zetas) = normalization_;
+    }
+    if (stretches_[s].released >= 0) {
+      const RowMatrix release = weighted_release(machine_, s);
+      X.bottomRows(2) = release.leftCols(n2);
+      I.bottomLeftCorner(2, zetas) = release.rightCols(E.rows()) * E;
+      I.col(zetas).tail(2) = release.rightCols(E.rows()) * known;
     }
     input_squares += I.leftCols(zetas).colwise().squaredNorm();
     Factors& factors = factors_[s];
@@ -257,9 +282,14 @@ Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
                path_);
         const bool normalized = homogeneous && s == 0;
         const Eigen::Index N = path_.g.size();
-        if (side > 0.0) change[s].setZero(N + (normalized ? 1 : 0));
+        if (side > 0.0) change[s].setZero(rows_of(s));
         change[s].head(N) += side / (2.0 * step) * weights_[s].cwiseProduct(path_.g);
         if (normalized) change[s][N] += side / (2.0 * step) * normalization_ * path_.gamma.mean();
+        if (stretches_[s].released >= 0) {
+          Eigen::VectorXd z(at.x0[s].size() + at.inputs.size());
+          z << at.x0[s], at.inputs;
+          change[s].tail(2) += side / (2.0 * step) * (weighted_release(machine, s) * z);
+        }
       }
     }
     for (std::size_t s = 0; s < stretches_.size(); ++s) {

@@ -8,12 +8,13 @@ namespace {
 // Pieces of a stretch that is longer than what one solution should span.
 void append_in_pieces(const Stretch& stretch, std::size_t longest, std::size_t fewest,
                       Stretches& stretches) {
-  if (stretch.size() < fewest) return;
+  if (stretch.equations() < fewest) return;
   const std::size_t pieces = (stretch.size() + longest - 1) / longest;
   for (std::size_t i = 0; i < pieces; ++i) {
     const std::size_t first = i * stretch.size() / pieces;
     const std::size_t last = (i + 1) * stretch.size() / pieces;
     Stretch piece{i == 0 ? stretch.start : stretch.impacts[first].t, {}};
+    if (i == 0) piece.released = stretch.released;
     piece.impacts.assign(stretch.impacts.begin() + static_cast<std::ptrdiff_t>(first),
                          stretch.impacts.begin() + static_cast<std::ptrdiff_t>(last));
     stretches.push_back(std::move(piece));
@@ -27,6 +28,7 @@ Stretches cut(std::span<const ContactEvent> events, const RecordSettings& settin
   Stretches stretches;
   Stretch now{settings.begins, {}};
   ContactSet chi = settings.closed;
+  ContactSet inside = chi;  // perhaps: closed since the beginning
   // Whether the state at now.start goes on from there in free flight.
   bool flies = chi == 0;
   const auto end = [&] {
@@ -40,7 +42,13 @@ Stretches cut(std::span<const ContactEvent> events, const RecordSettings& settin
     while (next < events.size() && events[next].t == events[i].t) ++next;
     const ContactEvent& event = events[i];
     const bool single = next == i + 1 && event.kind == ContactEventKind::pulse && chi == 0;
+    // What comes near to another event may be its impact's.
+    const bool alone = next == i + 1 && (i == 0 || event.t - events[i - 1].t >= settings.close) &&
+                       (next == events.size() || events[next].t - event.t >= settings.close);
+    const bool releases = alone && event.kind == ContactEventKind::opens &&
+                          chi == bit(event.contact) && (inside & chi) == 0;
     for (std::size_t j = i; j < next; ++j) chi = after(chi, events[j]);
+    inside = event.t > settings.begins ? inside & chi : chi;
     const bool near_before =
         !now.impacts.empty() && event.t - now.impacts.back().t < settings.close;
     if (single && !near_before) {
@@ -59,6 +67,7 @@ Stretches cut(std::span<const ContactEvent> events, const RecordSettings& settin
         flies = true;
       } else if (chi == 0) {
         now = {event.t, {}};
+        if (releases) now.released = event.contact;
         flies = true;
       }
     }
@@ -83,6 +92,7 @@ Stretches part(const Stretches& stretches, std::size_t first, std::size_t size) 
     if (from < to) {
       const auto begin = stretch.impacts.begin();
       Stretch piece{from == at ? stretch.start : stretch.impacts[from - at].t, {}};
+      if (from == at) piece.released = stretch.released;
       piece.impacts.assign(begin + static_cast<std::ptrdiff_t>(from - at),
                            begin + static_cast<std::ptrdiff_t>(to - at));
       parts.push_back(std::move(piece));
@@ -90,6 +100,12 @@ Stretches part(const Stretches& stretches, std::size_t first, std::size_t size) 
     at += stretch.size();
   }
   return parts;
+}
+
+std::size_t equations(const Stretches& stretches) {
+  std::size_t equations = 0;
+  for (const Stretch& stretch : stretches) equations += stretch.equations();
+  return equations;
 }
 
 double usual_interval(const Stretches& stretches) {

@@ -21,8 +21,15 @@ struct Impact {
 struct Stretch {
   double start = 0.0;
   std::vector<Impact> impacts;
+  /// The contact that was closed before `start` and opens there, so that its gap and the gap's
+  /// velocity are zero; -1: none did.
+  int released = -1;
 
   std::size_t size() const { return impacts.size(); }
+  /// Equations that a release is for the start.
+  std::size_t of_release() const { return released >= 0 ? 2 : 0; }
+  /// Equations in all.
+  std::size_t equations() const { return size() + of_release(); }
 };
 
 using Stretches = std::vector<Stretch>;
@@ -35,12 +42,15 @@ struct RecordSettings {
 };
 
 /// Cuts where a contact stays closed, where several are hit at one instant, and where impacts are
-/// closer than `close`; stretches with fewer impacts than `fewest` are left out.
+/// closer than `close`; stretches with fewer equations than `fewest` are left out. A contact that
+/// closed to stay and opens, no other being closed, and no event within `close`, is a release; not
+/// one that is closed at `begins`, where a machine may be inside.
 Stretches cut(std::span<const ContactEvent> events, const RecordSettings& settings,
               std::size_t fewest);
 
-/// Impacts in all.
+/// Impacts in all, and equations.
 std::size_t count(const Stretches& stretches);
+std::size_t equations(const Stretches& stretches);
 
 /// The impacts number first to first + size - 1 of all; one that is cut off in front begins at its
 /// first impact.

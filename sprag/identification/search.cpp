@@ -156,7 +156,7 @@ PathFit grow(Projection& projection, const Stretches& all, std::size_t first, st
     first = end > next ? end - next : 0;
     size = end - first;
     Stretches window = part(all, first, size);
-    std::erase_if(window, [&](const Stretch& stretch) { return stretch.size() < fewest; });
+    std::erase_if(window, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
     projection.take(std::move(window));
     fit = projection.refine(fit, size == total ? last_steps : steps);
   }
@@ -279,7 +279,7 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
   for (Window& window : windows) {
     window.size = with_all_contacts(family, stretches, window.first, window.size);
     Stretches first = part(stretches, window.first, window.size);
-    std::erase_if(first, [&](const Stretch& stretch) { return stretch.size() < fewest; });
+    std::erase_if(first, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
     if (first.empty()) continue;
     const std::vector<PathFit> starts =
         refined_starts(family, projection, first, window.refinement);

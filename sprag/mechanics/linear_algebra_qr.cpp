@@ -41,6 +41,8 @@ Eigen::MatrixXd QR::solve_R_transposed(const Eigen::MatrixXd& B) const {
 }
 
 PivotedQR::PivotedQR(const Eigen::MatrixXd& A, double threshold) {
+  reflections_ = A;
+  if (A.cols() == 0) return;  // Eigen asks for the largest of its columns
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
   qr.setThreshold(threshold);
   qr.compute(A);

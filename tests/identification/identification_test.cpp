@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iostream>
+#include <random>
 
 #include "sprag/identification/drift.h"
 #include "sprag/identification/restitution_trend.h"
@@ -91,6 +93,75 @@ TEST_P(IdentificationOfScenes, FindsAllThatCanBeTold) {
 INSTANTIATE_TEST_SUITE_P(Scenes, IdentificationOfScenes,
                          testing::Values("lab_rig", "two_stops_beam", "non_proportional",
                                          "paper_beam_chatter", "steel_ruler"));
+
+// A release is two equations for the start that follows.
+TEST(Identification, ReleasesOfSustainedContactsCount) {
+  const Scene scene = shipped_scene("paper_beam_chatter");
+  IdentificationSettings settings;
+  settings.jitter = 0.0;
+  const Identification found = identify(scene, events_of(scene, 40.0), settings);
+  EXPECT_TRUE(found.fits());
+  int states = 0, releases = 0;
+  for (const Stretch& stretch : found.measured) {
+    states += 6 - static_cast<int>(stretch.of_release());
+    releases += stretch.released >= 0 ? 1 : 0;
+  }
+  EXPECT_GE(releases, 3);
+  EXPECT_EQ(found.freedom, found.impacts - states);
+  // 43 impacts, more than half of them bounces: without the release they tell too little.
+  const Trial trial{.off = 0.1};
+  EXPECT_TRUE(run(scene, trial, 5004).right(trial));
+}
+
+// Of a single mass a release tells all of the start.
+TEST(Identification, ABallOnAShakenTable) {
+  const Scene scene = parse_scene(R"(
+[system]
+M = [[1.0]]
+C = [[0.01]]
+K = [[0.0]]
+[[force]]
+direction = [1.0]
+constant = -9.81
+[impact]
+restitution = 0.3
+[[contact]]
+direction = [1.0]
+motion = { amplitude = 0.04, frequency = 18.0, phase = 0.4 }
+[master]
+q = [0.5]
+[replica]
+)",
+                                  "table.toml");
+  const auto events = events_of(scene, 10.0);
+  IdentificationSettings settings;
+  Scene wrong = scene;
+  wrong.model.contacts[0].restitution = 0.33;
+  settings.unknowns = unknowns_named(wrong, {"impact.restitution", "contact.1.motion.frequency"});
+  settings.jitter = 0.0;
+  const Identification found = identify(wrong, events, settings);
+  EXPECT_TRUE(found.fits());
+  EXPECT_TRUE(std::any_of(found.measured.begin(), found.measured.end(),
+                          [](const Stretch& stretch) { return stretch.released == 0; }));
+  EXPECT_NEAR(found.unknowns[0].value, 0.3, 1e-9);
+}
+
+// Of bounces of a chatter alone a path may be any, also one that is inside: 12 of the first ones
+// here.
+TEST(Identification, WhatTellsNothingOfItsOwnStartIsLeftOut) {
+  const Scene scene = shipped_scene("two_stops_beam");
+  IdentificationSettings settings;
+  settings.jitter = 1e-5;
+  std::mt19937_64 engine(5);
+  std::normal_distribution<double> normal;
+  auto events = events_of(scene, 10.0);
+  for (ContactEvent& event : events) event.t += 1e-5 * normal(engine);
+  std::stable_sort(events.begin(), events.end(),
+                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  const Identification found = identify(scene, events, settings);
+  EXPECT_TRUE(found.fits()) << static_cast<int>(found.problem);
+  EXPECT_NEAR(found.scatter, 1e-5, 2e-6);
+}
 
 // With the true scale of time as well: an entry of K and one of C, by matrix exponentials.
 TEST(Identification, SingleEntriesOfMatrices) {
