@@ -63,7 +63,8 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   next = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   beliefs.resize(std::clamp(kept_bytes / bytes, fewest_kept, kept), Belief{-1, next});
-  heard.resize(static_cast<std::size_t>(most_events));
+  // Those of a task, and as many again of states that run ahead.
+  heard.resize(2 * static_cast<std::size_t>(most_events));
   q.setZero(n);
   u.setZero(n);
   x.setZero(2 * n);
@@ -73,10 +74,19 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
 }
 
 const MachineFamily& AdaptiveEstimator::Joint::require_modal(const MachineFamily& family) {
+  for (const Unknown& unknown : family.unknowns()) {
+    if (unknown.kind != Unknown::Kind::damping_entry &&
+        unknown.kind != Unknown::Kind::stiffness_entry) {
+      continue;
+    }
+    throw ModelError("adapt.free: " + unknown.key +
+                     " is a single entry; an adaptive estimator seeks system.C and system.K as "
+                     "factors alone");
+  }
   if (!family.modal()) {
     throw ModelError(
-        "adaptive estimation needs damping that does not couple the modes, and no single entries "
-        "of K or C among what is free");
+        "system.C couples the modes of M and K; an adaptive estimator needs damping that does not, "
+        "as C = a M + b K");
   }
   if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
   return family;
@@ -88,6 +98,11 @@ AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind
   if (kind == EstimatorKind::adaptive) {
     joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene));
   }
+}
+
+std::size_t AdaptiveEstimator::most_ahead() const {
+  const auto events = static_cast<std::size_t>(most_events);
+  return joint_ ? std::min(joint_->beliefs.size() - 1, events) : events;
 }
 
 // As many impacts as the search's first grid takes, and some to judge it by.

@@ -99,6 +99,10 @@ class AdaptiveEstimator {
   /// What results are made with; null where this is not adaptive.
   const MachineFamily* family() const { return joint_ ? &joint_->family : nullptr; }
 
+  /// Events that a state may be ahead of one that is still to go on from: what is known of its
+  /// events is kept so long.
+  std::size_t most_ahead() const;
+
   /// In a task.
   static constexpr std::int64_t most_events = 1024;
 

@@ -17,8 +17,10 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "sprag/estimation/confidence.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/event_history.h"
 #include "sprag/mechanics/contact_event.h"
@@ -33,18 +35,20 @@ struct Estimate {
   Eigen::VectorXd q, u;    ///< f entries each
   ContactSet closed = 0;   ///< chi: bit i for contact i, as reported
   bool settled = false;    ///< it never changes: every event up to t was taken
-  bool of_filter = false;  ///< q and u are the timing filter's; else the replica's
+  bool of_filter = false;  ///< q and u are a filter's; else the replica's
   /// Standard deviations of q, u (f entries each) and of the gaps (m entries); infinite where
   /// nothing is known, empty without a timing filter.
   Eigen::VectorXd sigma_q, sigma_u, sigma_gap;
   /// The replica's V is at most this; infinite where nothing guarantees it.
   double bound = std::numeric_limits<double>::infinity();
+  /// Of an adaptive observer: what it has found of the machine's parameters; else empty.
+  ParameterEstimates parameters;
 };
 
 struct ObserverSettings {
-  double tick = 0.01;  ///< h > 0 [s]
-  EstimatorKind estimator = EstimatorKind::both;
-  StepperKind stepper = StepperKind::exact;  ///< of EstimatorKind::replica
+  double tick = 0.01;                             ///< h > 0 [s]
+  EstimatorKind estimator = EstimatorKind::both;  ///< adaptive: see adaptive_observer.h
+  StepperKind stepper = StepperKind::exact;       ///< of EstimatorKind::replica
 };
 
 class Observer {
@@ -52,6 +56,9 @@ class Observer {
   /// At tick 0, in scene.replica. Throws ModelError, or std::invalid_argument for a tick that is
   /// not > 0, an estimator that has no such stepper, or an adaptive one.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
+  /// What it is made of (observer_core.h).
+  class Core;
+  explicit Observer(std::unique_ptr<Core> core);
   ~Observer();
   Observer(Observer&&) noexcept;
   Observer& operator=(Observer&&) noexcept;
@@ -79,7 +86,6 @@ class Observer {
   const EventHistory& events() const;
 
  private:
-  class Core;
   std::unique_ptr<Core> core_;
 };
 
@@ -91,12 +97,22 @@ struct Estimates {
   Rows sigma_q, sigma_u, sigma_gap;     ///< n x f, n x f, n x m; no columns without a timing filter
   Eigen::VectorXd bound;                ///< n entries
   std::vector<std::uint8_t> of_filter;  ///< n entries, 0 or 1
-  EventCounts counts;                   ///< events taken and skipped
+  /// Of an adaptive observer: the parameters that it seeks, P of them, as the scene file names
+  /// them, with their values and standard deviations, n x P; infinite until they are found.
+  std::vector<std::string> keys;
+  Rows parameters, sigma_parameters;
+  EventCounts counts;  ///< events taken and skipped
 };
 
 /// What an observer says of recorded events, in any order, up to `duration`: as --replay. Throws
 /// ModelError, std::invalid_argument, or Interrupted (interrupt.h).
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
                   const ObserverSettings& settings = {});
+
+/// The same with an observer that has taken nothing yet.
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration);
+
+/// Throws std::invalid_argument where it is not > 0.
+void require_tick(double tick);
 
 }  // namespace sprag

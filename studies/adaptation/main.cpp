@@ -8,7 +8,7 @@
 
 int main(int argc, char** argv) {
   if (argc != 4 && argc != 5) {
-    std::fprintf(stderr, "usage: adaptation SCENES FIRST_SEED table|single|chart [RUNS]\n");
+    std::fprintf(stderr, "usage: adaptation SCENES FIRST_SEED table|single|bound|chart [RUNS]\n");
     return 2;
   }
   const auto seed = std::strtoull(argv[2], nullptr, 10);
@@ -16,6 +16,8 @@ int main(int argc, char** argv) {
   const std::string_view what = argv[3];
   if (what == "chart") {
     sprag::adaptation_study::print_chart(argv[1], seed);
+  } else if (what == "bound") {
+    sprag::adaptation_study::print_bound(argv[1], seed, runs);
   } else if (what == "single") {
     sprag::adaptation_study::print_single(argv[1], seed, runs);
   } else {

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <numeric>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "sprag/files/scene_file.h"
 #include "sprag/identification/unknowns.h"
+#include "studies/adaptation/bound.h"
 #include "studies/adaptation/trial.h"
 
 namespace sprag::adaptation_study {
@@ -82,6 +84,29 @@ void print_single(const std::filesystem::path& scenes, std::uint64_t first_seed,
                   median(both), median(adaptive));
       std::fflush(stdout);
     }
+  }
+}
+
+void print_bound(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs) {
+  const Scene scene = read_scene(scenes / "paper_beam.toml");
+  const Trial trial{.jitter = 1e-4, .duration = 100.0};
+  std::vector<Outcome> outcomes;
+  for (int i = 0; i < runs; ++i) {
+    outcomes.push_back(run(scene, trial, first_seed + static_cast<std::uint64_t>(i)));
+  }
+  for (const int impacts : {25, 30, 40, 60, 80, 100, 140}) {
+    double t = 0.0;
+    std::vector<double> V;
+    for (const Outcome& outcome : outcomes) {
+      t = outcome.events[static_cast<std::size_t>(impacts - 1)];
+      const auto tick = std::find_if(outcome.ticks.begin(), outcome.ticks.end(),
+                                     [&](const Tick& of) { return of.t > t + 6.0 * trial.jitter; });
+      V.push_back(tick->V);
+    }
+    std::printf(
+        "| %d | %.1f | %.1e | %.1e | %.1e |\n", impacts, t, least_V(scene, impacts, trial.jitter),
+        std::accumulate(V.begin(), V.end(), 0.0) / static_cast<double>(V.size()), median(V));
+    std::fflush(stdout);
   }
 }
 

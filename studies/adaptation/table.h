@@ -14,6 +14,10 @@ void print_table(const std::filesystem::path& scenes, std::uint64_t first_seed, 
 /// both and adaptive.
 void print_single(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs);
 
+/// With a jitter of 1e-4: the least V that so many impacts allow (bound.h), and the mean and median
+/// of the observer's right behind them.
+void print_bound(const std::filesystem::path& scenes, std::uint64_t first_seed, int runs);
+
 /// V over time of three trials with one seed, as CSV on stdout: trial,t,adaptive,replica,both.
 void print_chart(const std::filesystem::path& scenes, std::uint64_t seed);
 

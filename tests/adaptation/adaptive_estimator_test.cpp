@@ -278,8 +278,23 @@ TEST(AdaptiveEstimator, MayJoinLate) {
 }
 
 TEST(AdaptiveEstimator, WhatItCannotDoIsRefused) {
+  const auto refusal = [](const Scene& scene) -> std::string {
+    try {
+      AdaptiveEstimator(scene, 1e-2, EstimatorKind::adaptive);
+    } catch (const ModelError& error) {
+      return error.what();
+    }
+    return "none";
+  };
   const Scene coupled = shipped_scene("non_proportional");
-  EXPECT_THROW(AdaptiveEstimator(coupled, 1e-2, EstimatorKind::adaptive), ModelError);
+  EXPECT_EQ(refusal(coupled),
+            "system.C couples the modes of M and K; an adaptive estimator needs damping that does "
+            "not, as C = a M + b K");
+  Scene entries = shipped_scene("lab_rig");
+  entries.adaptation.free = {"impact.restitution", "system.K.2.2"};
+  EXPECT_EQ(refusal(entries),
+            "adapt.free: system.K.2.2 is a single entry; an adaptive estimator seeks system.C and "
+            "system.K as factors alone");
   Scene scene = shipped_scene("paper_beam");
   EXPECT_THROW(Observer(scene, {.estimator = EstimatorKind::adaptive}), std::invalid_argument);
   scene.adaptation.free = {"beam.dampin"};

@@ -9,6 +9,7 @@
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
+#include "tests/estimation/adaptive_estimators.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/supervised_filters.h"
 #include "tests/support/random.h"
@@ -44,6 +45,47 @@ std::vector<Delivery> deliver(const std::vector<ContactMessage>& reports, const 
   return deliveries;
 }
 
+/// What a thread of its own would identify for an estimator: there after any number of messages.
+template <typename E>
+class LateResults {
+ public:
+  explicit LateResults(E&) {}
+  void want(const typename E::State&, E&, TimeLine<E>&) {}
+  void put(E&, TimeLine<E>&) {}
+  void put_when_due(Random&, E&, TimeLine<E>&) {}
+  bool used() const { return true; }
+};
+
+template <>
+class LateResults<IdentifyingAdaptive> {
+ public:
+  explicit LateResults(IdentifyingAdaptive& estimator) { estimator.identifies = false; }
+  void want(const AdaptiveState& state, IdentifyingAdaptive& estimator,
+            TimeLine<IdentifyingAdaptive>& line) {
+    used_ = used_ || state.trusted;
+    if (!estimator.waits(state)) return;
+    estimator.wanted(state, task_);
+    line.hold(state.tick);
+  }
+  void put(IdentifyingAdaptive& estimator, TimeLine<IdentifyingAdaptive>& line) {
+    if (!line.held()) return;
+    result_ = sprag::run(task_, *estimator.family());
+    estimator.put(result_);
+    line.release();
+  }
+  void put_when_due(Random& random, IdentifyingAdaptive& estimator,
+                    TimeLine<IdentifyingAdaptive>& line) {
+    if (line.held() && random.chance(0.01)) put(estimator, line);
+  }
+  /// Whether a filter has gone on from one.
+  bool used() const { return used_; }
+
+ private:
+  bool used_ = false;
+  AdaptationTask task_;
+  AdaptationResult result_;
+};
+
 template <typename E>
 class NetworkTest : public ::testing::Test {
  protected:
@@ -64,6 +106,7 @@ class NetworkTest : public ::testing::Test {
 
     E estimator(scene.model, h);
     TimeLine<E> line(estimator, 1, scene.replica, history);
+    LateResults<E> results(estimator);
     SessionTracker tracker;
     Recording settled;
     std::int64_t next_seen = 0;
@@ -81,6 +124,7 @@ class NetworkTest : public ::testing::Test {
         case SessionTracker::Verdict::ignored:
           break;
       }
+      results.put_when_due(random, estimator, line);
       if (random.chance(0.2)) continue;
       const double now = std::max(delivery.arrival + random.uniform(-1.0, 0.5), 0.0);
       line.run(
@@ -93,15 +137,21 @@ class NetworkTest : public ::testing::Test {
             EXPECT_LE(state.tick, line.settled_tick());
             if (random.chance(0.05)) return false;
             settled.add(estimator, state, scene.model.coordinates());
+            results.want(state, estimator, line);
             return true;
           });
     }
-    line.run(
-        0, [](const auto&) {},
-        [&](const auto& state) {
-          settled.add(estimator, state, scene.model.coordinates());
-          return true;
-        });
+    do {
+      results.put(estimator, line);
+      line.run(
+          0, [](const auto&) {},
+          [&](const auto& state) {
+            settled.add(estimator, state, scene.model.coordinates());
+            results.want(state, estimator, line);
+            return true;
+          });
+    } while (line.held());
+    EXPECT_TRUE(results.used());
     ASSERT_EQ(line.events().counts().lost_records, 0) << "not a plan that repeats repair";
     EXPECT_EQ(line.events().events(), events);
     EXPECT_EQ(line.events().counts().events, static_cast<std::int64_t>(events.size()));
@@ -112,9 +162,8 @@ class NetworkTest : public ::testing::Test {
     figures_.reordered += tracker.counts().reordered;
   }
 
-  void run(const char* name, double end) {
+  void run(const char* name, double end, int plans = repetitions(200)) {
     const Scene& scene = cached_scene(name);
-    const int plans = repetitions(200);
     for (int i = 1; i <= plans && !this->HasFatalFailure(); ++i) {
       expect_equal_to_offline(scene, end, static_cast<std::uint64_t>(i));
     }
@@ -140,6 +189,13 @@ TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheChatteringBeamEqualAnOfflineRun) {
   this->run("paper_beam_chatter.toml", 4.0);
+}
+
+class AdaptiveNetworkTest : public NetworkTest<IdentifyingAdaptive> {};
+
+// Of a run in which each result is there at once.
+TEST_F(AdaptiveNetworkTest, SettledTicksEqualAnOfflineRunWhateverResultsAndMessagesDo) {
+  run("paper_beam.toml", 24.0, repetitions(8));
 }
 
 }  // namespace

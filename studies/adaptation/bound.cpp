@@ -1,0 +1,38 @@
+#include "studies/adaptation/bound.h"
+
+#include <vector>
+
+#include "sprag/adaptation/joint_filter.h"
+#include "sprag/adaptation/task.h"
+#include "sprag/identification/identification.h"
+#include "sprag/mechanics/master.h"
+
+namespace sprag::adaptation_study {
+
+double least_V(const Scene& machine, int impacts, double sigma) {
+  Master master(machine.model, machine.master);
+  std::vector<ContactEvent> events;
+  const auto wanted = static_cast<std::size_t>(impacts);
+  master.advance(at(1e5), events, wanted);
+  events.resize(wanted);
+  // With exact times the most likely path is the machine's own; a filter that is linearized along
+  // it has the bound as its covariance, its prior being far wider.
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_to_adapt(machine);
+  settings.jitter = sigma;
+  settings.mend = false;
+  const Identification found = identify(machine, events, settings);
+  const MachineFamily family(machine, settings.unknowns);
+  JointFilter filter(family);
+  JointBelief belief;
+  filter.follow(found.likelihood, found.measured, sigma, belief);
+  const Machine of = family.at(family.nominal());
+  double V = 0.0;
+  for (Eigen::Index i = 0; i < family.n(); ++i) {
+    V += 0.5 *
+         (belief.S.row(family.n() + i).squaredNorm() + of.K(i, 0) * belief.S.row(i).squaredNorm());
+  }
+  return V;
+}
+
+}  // namespace sprag::adaptation_study
