@@ -7,8 +7,10 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
+#include "tests/estimation/adaptive_estimators.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/supervised_filters.h"
+#include "tests/support/repetitions.h"
 
 namespace sprag {
 namespace {
@@ -66,7 +68,8 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
 
 template <typename E>
 class DegradedRunTest : public ::testing::Test {};
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised,
+                                    IdentifyingAdaptive>;
 TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 
 template <Estimator E>
@@ -96,6 +99,9 @@ TYPED_TEST(DegradedRunTest, TheBeamConvergesAfterAGap) {
 }
 
 TYPED_TEST(DegradedRunTest, TheChatteringBeamConvergesAfterAGap) {
+  if (sanitized && std::is_same_v<TypeParam, IdentifyingAdaptive>) {
+    GTEST_SKIP() << "takes too long with sanitizers";
+  }
   expect_convergence<TypeParam>("paper_beam_chatter.toml", 2.0, 8.0);
 }
 

@@ -7,6 +7,7 @@
 
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
+#include "tests/estimation/adaptive_estimators.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/supervised_filters.h"
@@ -87,7 +88,8 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised,
+                                    IdentifyingAdaptive>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
