@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
+#include <cstdio>
 
 #include "sprag/files/scene_file.h"
 #include "sprag/files/toml_reader.h"
@@ -111,16 +112,22 @@ std::string with_edits(std::string_view text, std::vector<Edit> edits) {
   return edited;
 }
 
-std::string in_quotes(const std::string& text) {
+}  // namespace
+
+std::string in_quotes(std::string_view text) {
   std::string quoted = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      char escape[8];
+      std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
+      quoted += escape;
+    } else {
+      quoted += c;
+    }
   }
-  return quoted + '"';
+  return quoted + "\"";
 }
-
-}  // namespace
 
 std::string with_values(std::string_view text, const std::vector<SceneValue>& values,
                         const std::string& file) {

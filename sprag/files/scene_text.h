@@ -27,6 +27,9 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
 std::string with_files_from(std::string_view text, const std::filesystem::path& from,
                             const std::filesystem::path& to, const std::string& file);
 
+/// `text` as a TOML string, in quotes.
+std::string in_quotes(std::string_view text);
+
 /// Whether the text has this key or table.
 bool has_key(std::string_view text, std::string_view path, const std::string& file);
 

@@ -1,11 +1,11 @@
 #include "sprag/files/scene_writer.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <stdexcept>
 #include <vector>
 
 #include "sprag/files/output_file.h"
+#include "sprag/files/scene_text.h"
 #include "sprag/files/toml_reader.h"
 
 namespace sprag {
@@ -33,21 +33,6 @@ std::string text_of(const Eigen::MatrixXd& matrix) {
     text += "  " + text_of(Eigen::VectorXd(matrix.row(i))) + ",\n";
   }
   return text + "]";
-}
-
-std::string in_quotes(std::string_view given) {
-  std::string text = "\"";
-  for (const char c : given) {
-    if (c == '"' || c == '\\') text += '\\';
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      char escape[8];
-      std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
-      text += escape;
-    } else {
-      text += c;
-    }
-  }
-  return text + "\"";
 }
 
 std::string text_of(const std::vector<std::string>& strings) {
