@@ -213,6 +213,36 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
 }
 
+CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,
+                        std::vector<std::string>& texts,
+                        std::function<std::filesystem::path(const std::string&)> file_of,
+                        const std::string& help) {
+  const auto take = [&options, &texts, name, file_of](const std::vector<std::string>& given) {
+    texts = given;
+    for (const std::string& text : given) {
+      const NamedFile file{name, file_of(text), NamedFile::Use::read};
+      options.files.emplace_back([file] { return file; });
+    }
+  };
+  return app.add_option_function<std::vector<std::string>>(name, take, help)->type_name("")->required();
+}
+
+CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
+                        const std::string& unit, const std::string& help) {
+  const auto store = [&value, name](const std::string& text) {
+    const auto number = parse_double(text);
+    if (!number)
+      throw CLI::ValidationError(name, text + " is not allowed; must be a finite number");
+    value = *number;
+  };
+  return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+}
+
+CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,
+                       const std::string& help) {
+  return app.add_option(name, values, help)->delimiter(',')->type_name("NAME,...");
+}
+
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
                       const std::string& type, const std::string& help) {
   return app.add_option(name, value, help)->type_name(type);

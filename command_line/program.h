@@ -109,6 +109,21 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
                        const std::string& help);
 
+/// Adds an argument for any number of files, at least one, that the program reads; `file_of` tells
+/// which file is meant by a text.
+CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,
+                        std::vector<std::string>& texts,
+                        std::function<std::filesystem::path(const std::string&)> file_of,
+                        const std::string& help);
+
+/// Adds an option that takes a finite number, in `unit`; anything else is bad usage.
+CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
+                        const std::string& unit, const std::string& help);
+
+/// Adds an option that takes names with commas between them; it may be repeated.
+CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,
+                       const std::string& help);
+
 /// Adds an option that takes any text, of this type by name.
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
                       const std::string& type, const std::string& help);

@@ -1,0 +1,291 @@
+// plot: thinning keeps what is seen, panels show what the files and the scene say, and gnuplot
+// draws them. Machines are not the paper's beam.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "sprag/files/scene_file.h"
+#include "tests/support/program_test.h"
+#include "tests/support/run.h"
+#include "tools/plot/figure.h"
+#include "tools/plot/gnuplot.h"
+#include "tools/plot/table.h"
+#include "tools/plot/thinning.h"
+
+namespace sprag::plot {
+namespace {
+
+using test::read_text;
+using test::write_text;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+TEST(Thinning, EveryPixelKeepsWhatItSpans) {
+  std::mt19937_64 generator(7);
+  std::uniform_real_distribution<double> step(0.0, 2e-4);
+  std::normal_distribution<double> value;
+  std::vector<double> t{0.0}, y{0.0};
+  for (int i = 1; i < 100000; ++i) {
+    t.push_back(t.back() + step(generator));
+    y.push_back(value(generator));
+  }
+  const double from = 2.0, to = 7.0;
+  constexpr int pixels = 300;
+  const Points kept = thinned(t, y, from, to, pixels);
+  EXPECT_LE(kept.t.size(), 4u * (pixels + 2));
+  EXPECT_TRUE(std::is_sorted(kept.t.begin(), kept.t.end()));
+  const auto spans = [&](const std::vector<double>& of_t, const std::vector<double>& of_y) {
+    std::vector<double> least(pixels, infinity), greatest(pixels, -infinity);
+    for (std::size_t i = 0; i < of_t.size(); ++i) {
+      if (of_t[i] < from || of_t[i] >= to) continue;
+      const auto pixel = static_cast<std::size_t>((of_t[i] - from) / (to - from) * pixels);
+      least[pixel] = std::min(least[pixel], of_y[i]);
+      greatest[pixel] = std::max(greatest[pixel], of_y[i]);
+    }
+    return std::pair(least, greatest);
+  };
+  EXPECT_EQ(spans(kept.t, kept.y), spans(t, y));
+  // A point on either side: the line reaches both edges.
+  EXPECT_LT(kept.t.front(), from);
+  EXPECT_GT(kept.t.back(), to);
+}
+
+TEST(Thinning, BreaksStay) {
+  const double nan = std::nan("");
+  const Points kept = thinned({0, 1, 2, 3, 4}, {1, nan, nan, 2, 3}, 0.0, 4.0, 2);
+  ASSERT_EQ(kept.t.size(), 4u);
+  EXPECT_TRUE(std::isnan(kept.y[1]));
+  EXPECT_EQ(kept.y[3], 3.0);
+}
+
+TEST(Thinning, ABandKeepsItsOutside) {
+  const BandPoints band =
+      thinned({0, 0.1, 0.2, 5, 6}, {0, -3, 0, infinity, 1}, {1, 1, 7, 9, 2}, 0.0, 10.0, 10);
+  ASSERT_EQ(band.t.size(), 3u);
+  EXPECT_EQ(band.low[0], -3.0);
+  EXPECT_EQ(band.high[0], 7.0);
+  EXPECT_TRUE(std::isnan(band.low[1])) << "nothing is known there";
+  EXPECT_EQ(band.high[2], 2.0);
+}
+
+class PlotTest : public test::ProgramTest {
+ protected:
+  std::string file(const std::string& name, const std::string& text) {
+    return write_text(path(name), text);
+  }
+  Figure figure(const std::vector<std::string>& files, const Scene* scene = nullptr,
+                const FigureOptions& options = {}) {
+    std::vector<Table> tables;
+    for (const std::string& name : files) tables.push_back(read_table(name));
+    left_out_.clear();
+    return make_figure(tables, scene, options, left_out_);
+  }
+  std::vector<std::string> left_out_;
+};
+
+TEST_F(PlotTest, TablesAreKnownByTheirHeaders) {
+  const std::string states = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,inf\n1,0.5,3,4,0.25\n");
+  const Table table = read_table("my run=" + states);
+  EXPECT_EQ(table.label, "my run");
+  EXPECT_EQ(table.kind, TableKind::states);
+  EXPECT_EQ(table.column("sigma_q1")->front(), infinity);
+  EXPECT_EQ(*table.column("q1"), (std::vector<double>{1.0, 3.0}));
+  EXPECT_EQ(read_table(states).label, "a");
+  EXPECT_EQ(read_table(file("V.csv", "k,t,V,V1\n0,0,1,1\n")).kind, TableKind::energy);
+  EXPECT_EQ(read_table(file("e.csv", "t,contact,closed\n")).kind, TableKind::events);
+  // A file may be called so.
+  EXPECT_EQ(read_table(file("x=y.csv", "k,t,V,V1\n0,0,1,1\n")).label, "x=y");
+}
+
+TEST_F(PlotTest, AForeignHeaderIsNamedAndACutLineEndsTheReading) {
+  const std::string foreign = file("b.csv", "time,value\n0,1\n");
+  try {
+    read_table(foreign);
+    ADD_FAILURE() << "it was taken";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find(foreign + ":1: "), std::string::npos) << e.what();
+  }
+  const Table cut = read_table(file("c.csv", "k,t,q1,u1\n0,0,1,2\n1,1,1\n2,2,1,2\n"));
+  EXPECT_EQ(cut.column("t")->size(), 1u);
+  ASSERT_TRUE(cut.damage);
+  EXPECT_EQ(cut.damage->line, 3u);
+}
+
+TEST_F(PlotTest, AGapIsTheScenesAndItsBandTwoSigma) {
+  const Scene scene = test::shipped_scene("two_stops_beam");
+  const auto f = scene.model.coordinates();
+  std::string header = "k,t", row = "4,0.7", more;
+  Eigen::VectorXd q(f);
+  for (const char letter : {'q', 'u'}) {
+    for (Eigen::Index i = 0; i < f; ++i) {
+      header += "," + std::string(1, letter) + std::to_string(i + 1);
+      if (letter == 'q') q[i] = 0.25 / static_cast<double>(i + 1);
+      row += "," + std::to_string(letter == 'q' ? q[i] : 0.0);
+    }
+  }
+  for (Eigen::Index i = 0; i < f; ++i) q[i] = std::stod(std::to_string(q[i]));
+  std::string second = row;
+  second.replace(0, 5, "5,0.9");
+  const std::string states =
+      file("o.csv", header + ",sigma_g1\n" + row + ",0.5\n" + second + ",inf\n");
+  const Figure of = figure({states}, &scene);
+  ASSERT_GE(of.panels.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(of.panels[i].name, "g" + std::to_string(i + 1));
+    EXPECT_NEAR(of.panels[i].curves.at(0).y[1], gap(scene.model.contacts[i], q, 0.9), 1e-14);
+  }
+  const Band& band = of.panels[0].bands.at(0);
+  EXPECT_NEAR(band.high[0] - band.low[0], 4 * 0.5, 1e-12);
+  EXPECT_TRUE(std::isnan(band.low[1])) << "an infinite sigma has no band";
+  EXPECT_TRUE(of.panels[1].bands.empty());
+  EXPECT_EQ(of.from, 0.7);
+  EXPECT_EQ(of.to, 0.9);
+}
+
+TEST_F(PlotTest, ARunKeepsItsColour) {
+  const std::string machine = file("m.csv", "k,t,q1,u1\n0,0,1,2\n1,1,1,2\n");
+  const std::string a = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,1\n1,1,1,2,1\n");
+  const std::string b = file("b.csv", "k,t,q1,u1,B\n0,0,1,2,1\n1,1,1,2,1\n");
+  const std::string V = file("V.csv", "k,t,V\n0,0,1\n1,1,0.5\n");
+  const Figure of = figure({"V=" + V, "b=" + V, "b=" + b, "machine=" + machine, "a=" + a});
+  const Panel& q = of.panels.at(0);
+  const Panel& energy = of.panels.at(1);
+  ASSERT_EQ(q.curves.size(), 3u);
+  ASSERT_EQ(energy.curves.size(), 3u);
+  EXPECT_EQ(q.curves[1].title, "machine");
+  EXPECT_EQ(q.curves[1].colour, Colour::black);
+  EXPECT_EQ(q.curves[0].colour, energy.curves[1].colour) << "b's states and V";
+  EXPECT_EQ(q.curves[0].colour, energy.curves[2].colour) << "b's bound";
+  EXPECT_NE(q.curves[0].colour, q.curves[2].colour);
+  EXPECT_TRUE(energy.logarithmic);
+}
+
+TEST_F(PlotTest, ContactsArePulsesAndTimesClosed) {
+  const std::string events = file("e.csv",
+                                  "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n"
+                                  "5,1,1\n");
+  const std::string states = file("s.csv", "k,t,q1,u1\n0,0,1,2\n1,8,1,2\n");
+  const Figure of = figure({events, states});
+  const auto panel = std::find_if(of.panels.begin(), of.panels.end(),
+                                  [](const Panel& each) { return each.name == "contacts"; });
+  ASSERT_NE(panel, of.panels.end());
+  ASSERT_EQ(panel->contacts.size(), 2u);
+  EXPECT_EQ(panel->contacts[0].pulses, (std::vector<double>{1.0, 3.0}));
+  using Closed = std::vector<std::pair<double, double>>;
+  EXPECT_EQ(panel->contacts[0].closed, (Closed{{5.0, 8.0}})) << "still closed at the end";
+  EXPECT_EQ(panel->contacts[1].closed, (Closed{{2.0, 4.0}}));
+}
+
+TEST_F(PlotTest, AnImpactTableIsDotsOfEachContact) {
+  const std::string states = file("s.csv", "k,t,q1,u1,B\n0,0,1,2,inf\n1,8,1,2,inf\n");
+  const std::string impacts =
+      file("i.csv",
+           "t,contact,kind,impulse,sigma_impulse\n1,2,impact,3,0.5\n2,1,impact,4,inf\n"
+           "3,1,opens,,\n");
+  const Figure of = figure({"a=" + states, "a=" + impacts});
+  const auto panel = std::find_if(of.panels.begin(), of.panels.end(),
+                                  [](const Panel& each) { return each.name == "impulse"; });
+  ASSERT_NE(panel, of.panels.end());
+  ASSERT_EQ(panel->dots.size(), 2u);
+  EXPECT_EQ(panel->dots[0].y, (std::vector<double>{4.0})) << "a row without an impulse is none";
+  EXPECT_EQ(panel->dots[1].sigma, (std::vector<double>{0.5}));
+  EXPECT_NE(panel->dots[0].shape, panel->dots[1].shape);
+  EXPECT_EQ(panel->dots[0].colour, of.panels.at(0).curves.at(0).colour);
+  for (const Panel& each : of.panels) EXPECT_NE(each.name, "V") << "B is infinite throughout";
+}
+
+TEST_F(PlotTest, WhatIsLeftOutIsSaidAndWhatIsAskedForIsShown) {
+  std::string header = "k,t", row = "0,0", next = "1,1";
+  for (int i = 1; i <= 9; ++i) {
+    header += ",q" + std::to_string(i);
+    row += ",1";
+    next += ",2";
+  }
+  for (int i = 1; i <= 9; ++i) {
+    header += ",u" + std::to_string(i);
+    row += ",1";
+    next += ",2";
+  }
+  const std::string states = file("s.csv", header + "\n" + row + "\n" + next + "\n");
+  EXPECT_LT(figure({states}).panels.size(), 9u);
+  EXPECT_EQ(left_out_.back(), "q9");
+  FigureOptions options;
+  options.show = {"u7", "q9"};
+  const Figure of = figure({states}, nullptr, options);
+  ASSERT_EQ(of.panels.size(), 2u);
+  EXPECT_EQ(of.panels[0].name, "u7");
+  options.show = {"g1"};
+  try {
+    figure({states}, nullptr, options);
+    ADD_FAILURE() << "it was taken";
+  } catch (const std::invalid_argument& e) {
+    EXPECT_NE(std::string(e.what()).find("q1, q2"), std::string::npos) << e.what();
+  }
+}
+
+// With gnuplot itself, as scripts/test installs it.
+TEST_F(PlotTest, GnuplotDrawsEveryKindOfPicture) {
+  const std::string scene = SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml";
+  ASSERT_EQ(run(MASTER_SIM, {scene, "--duration", "3", "--speed", "max", "--no-lcm", "--events",
+                             path("events.csv"), "--states", path("machine.csv")})
+                .code,
+            0);
+  ASSERT_EQ(run(OBSERVER, {scene, "--replay", path("events.csv"), "--states", path("both.csv"),
+                           "--impacts", path("impacts.csv")})
+                .code,
+            0);
+  ASSERT_EQ(run(SYNC_LOGGER, {scene, "--truth", path("machine.csv"), "--estimate", path("both.csv"),
+                              "--csv", path("V.csv")})
+                .code,
+            0);
+  const std::vector<std::string> files{scene,
+                                       "a machine's=" + path("machine.csv"),
+                                       "it_s ^{estimate}=" + path("both.csv"),
+                                       "it_s ^{estimate}=" + path("V.csv"),
+                                       path("events.csv"),
+                                       "it_s ^{estimate}=" + path("impacts.csv")};
+  const auto draw = [&](const std::string& name, const test::Arguments& more) {
+    test::Arguments arguments = files;
+    arguments.insert(arguments.end(), {"--output", path(name)});
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Ended ended = run(PLOT, arguments);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    EXPECT_EQ(ended.err, "") << "gnuplot warns of nothing";
+    return read_text(path(name));
+  };
+  EXPECT_EQ(draw("a.png", {}).substr(1, 3), "PNG");
+  EXPECT_EQ(draw("a.pdf", {"--zoom", "0:1"}).substr(0, 5), "%PDF-");
+  EXPECT_EQ(draw("b.png", {"--show", "V,g1", "--zoom", "70:80"}).substr(1, 3), "PNG")
+      << "an empty panel";
+  const std::string svg = draw("a.svg", {"--title", "A run's title"});
+  for (const char* text :
+       {"a machine's", "it_s ^{estimate}", "A run's title", "gap g2 [m]", "error energy [J]",
+        "it_s ^{estimate}, contact 2", "impact, as reported"}) {
+    EXPECT_NE(svg.find(text), std::string::npos) << text;
+  }
+}
+
+TEST_F(PlotTest, BadUsageExitsWithTwoAndOverwritesNothing) {
+  const std::string states = file("s.csv", "k,t,q1,u1\n0,0,1,2\n1,8,1,2\n");
+  const std::vector<test::Arguments> all{
+      {states, "--output", path("a.jpg")},
+      {states},
+      {"label=" + states, "--output", states},
+      {states, "--output", path("a.png"), "--zoom", "3:1"},
+      {states, "--output", path("a.png"), "--show", "g1"},
+      {states, "--output", path("a.png"), "--from", "9"},
+      {path("none.csv"), "--output", path("a.png")},
+      {SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml", "--output", path("a.png")}};
+  for (const test::Arguments& arguments : all) {
+    const Ended ended = run(PLOT, arguments);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_NE(ended.err, "");
+  }
+  EXPECT_EQ(read_text(states).substr(0, 9), "k,t,q1,u1");
+}
+
+}  // namespace
+}  // namespace sprag::plot

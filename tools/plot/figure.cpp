@@ -1,0 +1,371 @@
+#include "tools/plot/figure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <stdexcept>
+
+#include "sprag/files/input_file.h"
+#include "sprag/mechanics/model.h"
+
+namespace sprag::plot {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t most_panels = 6;
+constexpr std::size_t most_modes = 3;
+
+std::string numbered(const char* name, std::size_t from_zero) {
+  return std::string(name).append(std::to_string(from_zero + 1));
+}
+
+std::size_t coordinates(const Table& states) {
+  std::size_t f = 0;
+  while (states.column(numbered("q", f)) != nullptr) ++f;
+  return f;
+}
+
+bool any_finite(const std::vector<double>& values) {
+  return std::any_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+}
+
+bool at_ticks(const Table& table) {
+  return table.kind == TableKind::states || table.kind == TableKind::energy;
+}
+
+// What a master writes says nothing of its own error.
+bool is_estimate(const Table& states) { return states.names.size() > 2 + 2 * coordinates(states); }
+
+// A run keeps its colour in all panels: by its label, whatever files it is made of.
+class Colours {
+ public:
+  explicit Colours(const std::vector<Table>& tables) {
+    for (const Table& table : tables) {
+      if (table.kind == TableKind::states && !is_estimate(table)) {
+        of_.emplace(table.label, Colour::black);
+      }
+    }
+    const std::vector<Colour> order{Colour::vermilion, Colour::purple, Colour::sky, Colour::grey};
+    std::size_t next = 0;
+    for (const Table& table : tables) {
+      if (table.kind == TableKind::events || of_.contains(table.label)) continue;
+      of_.emplace(table.label, order[std::min(next++, order.size() - 1)]);
+    }
+  }
+
+  Colour of(const Table& table) const { return of_.at(table.label); }
+
+ private:
+  std::map<std::string, Colour> of_;
+};
+
+// A column with its band, as one run's part of a panel.
+void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
+               std::vector<double> y, const std::vector<double>* sigma, Panel& panel) {
+  if (sigma != nullptr) {
+    Band band{"± 2 sigma of " + table.label, colour, t, y, y};
+    for (std::size_t i = 0; i < y.size(); ++i) {
+      const bool known = std::isfinite((*sigma)[i]);
+      band.low[i] = known ? y[i] - 2.0 * (*sigma)[i] : nan;
+      band.high[i] = known ? y[i] + 2.0 * (*sigma)[i] : nan;
+    }
+    panel.bands.push_back(std::move(band));
+  }
+  const Line line = is_estimate(table) ? Line::solid : Line::thick;
+  panel.curves.push_back({table.label, colour, line, t, std::move(y)});
+}
+
+std::vector<double> gap_over_time(const Table& states, const Contact& contact) {
+  const auto f = static_cast<std::size_t>(contact.w.size());
+  if (coordinates(states) != f) {
+    throw InputError(states.label + ": has " + std::to_string(coordinates(states)) +
+                     " coordinates; the scene has " + std::to_string(f));
+  }
+  std::vector<const std::vector<double>*> q;
+  for (std::size_t i = 0; i < f; ++i) q.push_back(states.column(numbered("q", i)));
+  const std::vector<double>& t = *states.column("t");
+  std::vector<double> g(t.size());
+  Eigen::VectorXd at(contact.w.size());
+  for (std::size_t k = 0; k < t.size(); ++k) {
+    for (std::size_t i = 0; i < f; ++i) at[static_cast<Eigen::Index>(i)] = (*q[i])[k];
+    g[k] = gap(contact, at, t[k]);
+  }
+  return g;
+}
+
+std::size_t contacts_of(const Table& table) {
+  double most = 0.0;
+  for (const double contact : *table.column("contact")) most = std::max(most, contact);
+  return static_cast<std::size_t>(most);
+}
+
+std::vector<Panel::Contacts> contacts_over_time(const std::vector<Table>& tables, double end) {
+  std::vector<Panel::Contacts> contacts;
+  for (const Table& table : tables) {
+    if (table.kind != TableKind::events) continue;
+    contacts.resize(std::max(contacts.size(), contacts_of(table)));
+    std::vector<double> since(contacts.size(), nan);
+    const std::vector<double>& t = *table.column("t");
+    const std::vector<double>& contact = *table.column("contact");
+    const std::vector<double>& closed = *table.column("closed");
+    for (std::size_t k = 0; k < t.size(); ++k) {
+      if (!(contact[k] >= 1.0)) continue;
+      const auto i = static_cast<std::size_t>(contact[k]) - 1;
+      if (closed[k] > 0.5) {
+        since[i] = t[k];
+      } else if (since[i] == t[k]) {
+        contacts[i].pulses.push_back(t[k]);
+        since[i] = nan;
+      } else if (!std::isnan(since[i])) {
+        contacts[i].closed.emplace_back(since[i], t[k]);
+        since[i] = nan;
+      }
+    }
+    for (std::size_t i = 0; i < contacts.size(); ++i) {
+      if (!std::isnan(since[i])) contacts[i].closed.emplace_back(since[i], end);
+    }
+  }
+  return contacts;
+}
+
+// alpha of C = alpha M, which takes alpha V of the error energy a unit of time where there is no
+// impact; nothing for another damping.
+std::optional<double> decay_rate(const Model& model) {
+  const double alpha = model.C.trace() / model.M.trace();
+  const bool proportional =
+      (model.C - alpha * model.M).cwiseAbs().maxCoeff() <= 1e-12 * model.C.cwiseAbs().maxCoeff();
+  return alpha > 0.0 && proportional ? std::optional(alpha) : std::nullopt;
+}
+
+Panel named(std::string name, std::string y_label) {
+  Panel panel;
+  panel.name = std::move(name);
+  panel.y_label = std::move(y_label);
+  return panel;
+}
+
+class Panels {
+ public:
+  Panels(const std::vector<Table>& tables, const Scene* scene, double end)
+      : tables_(tables), scene_(scene), colours_(tables), end_(end) {}
+
+  std::vector<Panel> all() const {
+    std::vector<Panel> panels;
+    const auto add = [&panels](Panel panel) {
+      if (!panel.curves.empty() || !panel.contacts.empty() || !panel.dots.empty())
+        panels.push_back(std::move(panel));
+    };
+    if (scene_ != nullptr) {
+      for (std::size_t i = 0; i < scene_->model.contacts.size(); ++i) add(of_gap(i));
+    }
+    const std::vector<Panel> gaps = panels;
+    if (gaps.empty()) add_coordinates("q", panels);
+    add(of_contacts());
+    add(of_impacts("impulse", "impulse [N s]"));
+    add(of_energy());
+    // Behind all that is shown unasked.
+    add(of_impacts("velocity_before", "gap velocity before [m/s]"));
+    add(of_impacts("velocity_after", "gap velocity after [m/s]"));
+    if (!gaps.empty()) add_coordinates("q", panels);
+    add_coordinates("u", panels);
+    return panels;
+  }
+
+  /// How many of all() are shown unasked.
+  std::size_t usual(const std::vector<Panel>& panels) const {
+    const auto extra = [&](const Panel& panel) {
+      return panel.name[0] == 'u' || panel.name[0] == 'v' ||
+             (panel.name[0] == 'q' && panels.front().name[0] == 'g');
+    };
+    return static_cast<std::size_t>(std::find_if(panels.begin(), panels.end(), extra) -
+                                    panels.begin());
+  }
+
+ private:
+  template <class Use>
+  void each(TableKind kind, Use use) const {
+    for (const Table& table : tables_) {
+      if (table.kind == kind) use(table);
+    }
+  }
+
+  Panel of_gap(std::size_t i) const {
+    const std::string name = numbered("g", i);
+    Panel panel =
+        named(name, scene_->model.contacts.size() == 1 ? "gap g [m]" : "gap " + name + " [m]");
+    each(TableKind::states, [&](const Table& states) {
+      add_curve(states, colours_.of(states), *states.column("t"),
+                gap_over_time(states, scene_->model.contacts[i]),
+                states.column("sigma_" + panel.name), panel);
+    });
+    const std::vector<Panel::Contacts> contacts = contacts_over_time(tables_, end_);
+    if (i < contacts.size()) {
+      panel.impacts = contacts[i].pulses;
+      for (const auto& [from, to] : contacts[i].closed) panel.impacts.push_back(from);
+      std::sort(panel.impacts.begin(), panel.impacts.end());
+    }
+    return panel;
+  }
+
+  void add_coordinates(const char* letter, std::vector<Panel>& panels) const {
+    std::size_t most = 0;
+    each(TableKind::states,
+         [&](const Table& states) { most = std::max(most, coordinates(states)); });
+    for (std::size_t i = 0; i < most; ++i) {
+      Panel panel = named(numbered(letter, i), numbered(letter, i));
+      each(TableKind::states, [&](const Table& states) {
+        if (const auto* y = states.column(panel.name)) {
+          add_curve(states, colours_.of(states), *states.column("t"), *y,
+                    states.column("sigma_" + panel.name), panel);
+        }
+      });
+      panels.push_back(std::move(panel));
+    }
+  }
+
+  Panel of_contacts() const {
+    Panel panel = named("contacts", "contact");
+    panel.contacts = contacts_over_time(tables_, end_);
+    return panel;
+  }
+
+  // A column of an impact table, contact by contact.
+  Panel of_impacts(const std::string& column, const std::string& y_label) const {
+    Panel panel = named(column, y_label);
+    each(TableKind::impacts, [&](const Table& impacts) {
+      const auto* y = impacts.column(column);
+      const auto* sigma = impacts.column("sigma_" + column);
+      if (y == nullptr || sigma == nullptr) return;
+      const std::vector<double>& t = *impacts.column("t");
+      const std::vector<double>& contact = *impacts.column("contact");
+      for (int i = 1; i <= static_cast<int>(contacts_of(impacts)); ++i) {
+        Dots dots;
+        dots.title = impacts.label + ", contact " + std::to_string(i);
+        dots.colour = colours_.of(impacts);
+        dots.shape = i - 1;
+        for (std::size_t k = 0; k < t.size(); ++k) {
+          if (contact[k] != i || !std::isfinite((*y)[k])) continue;
+          dots.t.push_back(t[k]);
+          dots.y.push_back((*y)[k]);
+          dots.sigma.push_back((*sigma)[k]);
+        }
+        if (!dots.t.empty()) panel.dots.push_back(std::move(dots));
+      }
+    });
+    return panel;
+  }
+
+  Panel of_energy() const {
+    Panel panel = named("V", "error energy [J]");
+    panel.logarithmic = true;
+    panel.whole_run = true;
+    std::size_t of_energies = 0;
+    each(TableKind::energy, [&](const Table&) { ++of_energies; });
+    const Table* first = nullptr;
+    each(TableKind::energy, [&](const Table& energy) {
+      panel.curves.push_back({"V of " + energy.label, colours_.of(energy),
+                              first == nullptr ? Line::thick : Line::solid, *energy.column("t"),
+                              *energy.column("V")});
+      if (first == nullptr) first = &energy;
+    });
+    if (first != nullptr) add_modes(*first, panel);
+    each(TableKind::states, [&](const Table& states) {
+      if (const auto* B = states.column("B"); B != nullptr && any_finite(*B)) {
+        panel.curves.push_back({"B, bound on V of " + states.label, colours_.of(states),
+                                Line::dashed, *states.column("t"), *B});
+      }
+    });
+    if (first != nullptr) add_damping(*first, panel);
+    return panel;
+  }
+
+  // V_i, eq. (24), of the first run.
+  static void add_modes(const Table& energy, Panel& panel) {
+    const std::vector<Colour> colours{Colour::blue, Colour::green, Colour::orange};
+    for (std::size_t i = 0; i < most_modes; ++i) {
+      if (const auto* V = energy.column(numbered("V", i))) {
+        panel.curves.push_back({numbered("V", i).append(" of mode ").append(std::to_string(i + 1)),
+                                colours[i], Line::thin, *energy.column("t"), *V});
+      }
+    }
+  }
+
+  void add_damping(const Table& energy, Panel& panel) const {
+    const std::optional<double> rate = scene_ ? decay_rate(scene_->model) : std::nullopt;
+    const std::vector<double>& t = *energy.column("t");
+    if (!rate || t.empty()) return;
+    const double V = energy.column("V")->front();
+    panel.curves.push_back({"V falling by damping alone",
+                            Colour::grey,
+                            Line::dotted,
+                            {t.front(), t.back()},
+                            {V, V * std::exp(-*rate * (t.back() - t.front()))}});
+  }
+
+  const std::vector<Table>& tables_;
+  const Scene* scene_;
+  Colours colours_;
+  double end_;
+};
+
+[[noreturn]] void unknown_panel(const std::string& name, const std::vector<Panel>& panels) {
+  std::string text = name + " is nothing that these files show; choose ";
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    text += (i == 0 ? "" : i + 1 < panels.size() ? ", " : " or ") + panels[i].name;
+  }
+  throw std::invalid_argument(text);
+}
+
+}  // namespace
+
+Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
+                   const FigureOptions& options, std::vector<std::string>& left_out) {
+  Figure figure;
+  figure.title = options.title.empty() && scene != nullptr ? scene->name : options.title;
+  figure.from = std::numeric_limits<double>::infinity();
+  figure.to = -figure.from;
+  // Of what is written at ticks, where there is any: events do not tell how long a run was.
+  const bool ticks = std::any_of(tables.begin(), tables.end(), [](const Table& table) {
+    return at_ticks(table) && !table.columns.front().empty();
+  });
+  for (const Table& table : tables) {
+    const std::vector<double>& t = *table.column("t");
+    if (t.empty() || (ticks && !at_ticks(table))) continue;
+    figure.from = std::min(figure.from, t.front());
+    figure.to = std::max(figure.to, t.back());
+  }
+  figure.from = std::max(figure.from, options.from);
+  figure.to = std::min(figure.to, options.to);
+  if (!(figure.from < figure.to)) throw InputError("there is nothing to show in this time");
+  figure.zoom = options.zoom;
+
+  std::vector<Panel> panels = Panels(tables, scene, figure.to).all();
+  if (options.show.empty()) {
+    const std::size_t usual = Panels(tables, scene, figure.to).usual(panels);
+    // What is not of one contact or coordinate stays.
+    std::vector<Panel> shown;
+    std::size_t single = 0;
+    for (std::size_t i = 0; i < usual; ++i) {
+      const bool summary =
+          panels[i].name == "V" || panels[i].name == "contacts" || panels[i].name == "impulse";
+      if (!summary && ++single > most_panels - 2) {
+        left_out.push_back(panels[i].name);
+      } else {
+        shown.push_back(std::move(panels[i]));
+      }
+    }
+    figure.panels = std::move(shown);
+  } else {
+    for (const std::string& name : options.show) {
+      const auto at = std::find_if(panels.begin(), panels.end(),
+                                   [&](const Panel& panel) { return panel.name == name; });
+      if (at == panels.end()) unknown_panel(name, panels);
+      figure.panels.push_back(*at);
+    }
+  }
+  if (figure.panels.empty()) throw InputError("there is nothing to show in these files");
+  return figure;
+}
+
+}  // namespace sprag::plot

@@ -1,0 +1,331 @@
+#include "tools/plot/gnuplot.h"
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <stdexcept>
+
+#include "sprag/files/csv.h"
+#include "tools/plot/thinning.h"
+
+namespace sprag::plot {
+namespace {
+
+// In points of the picture.
+constexpr int pixels_across = 1000, pixels_across_of_two = 620;
+constexpr int panel_height = 250, contact_height = 40, least_height = 110, least_picture = 420;
+constexpr int above = 46, above_without_title = 16, below = 58, between = 20, to_the_left = 84;
+constexpr double letter = 7.4, room_of_sample = 70.0;
+
+std::string rgb(Colour colour) {
+  switch (colour) {
+    case Colour::black:
+      return "'#000000'";
+    case Colour::vermilion:
+      return "'#D55E00'";
+    case Colour::purple:
+      return "'#CC79A7'";
+    case Colour::sky:
+      return "'#56B4E9'";
+    case Colour::blue:
+      return "'#0072B2'";
+    case Colour::green:
+      return "'#009E73'";
+    case Colour::orange:
+      return "'#E69F00'";
+    case Colour::grey:
+      return "'#7F7F7F'";
+  }
+  return {};
+}
+
+// Widths and dashes tell lines apart where a printer has no colours.
+std::string style(Line line) {
+  switch (line) {
+    case Line::thick:
+      return "lw 4";
+    case Line::solid:
+      return "lw 1.8";
+    case Line::thin:
+      return "lw 1.1";
+    case Line::dashed:
+      return "lw 2 dt (8,4)";
+    case Line::dotted:
+      return "lw 2 dt (2,4)";
+  }
+  return {};
+}
+
+std::string quoted(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
+  return result + "'";
+}
+
+std::string number(double value) {
+  std::string text;
+  append_number(text, value);
+  return text;
+}
+
+bool reaches(const std::vector<double>& t, Figure::Zoom axis) {
+  return !t.empty() && t.front() <= axis.to && t.back() >= axis.from;
+}
+
+class Script {
+ public:
+  Script(const Figure& figure, const std::filesystem::path& output);
+
+  std::string text() && { return std::move(text_); }
+
+ private:
+  struct Place {
+    double left, right, top, bottom;  // of the plane of the curves, in pixels from above
+  };
+  struct Column {
+    std::vector<const Panel*> panels;
+    Figure::Zoom axis;
+    double left = 0.0, right = 0.0;
+  };
+
+  void line(const std::string& of) { text_ += of + '\n'; }
+  double screen_x(double x) const { return x / width_; }
+  double screen_y(double y) const { return 1.0 - y / height_; }
+  void draw(const Column& column);
+  void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest);
+  std::string data(const std::vector<std::vector<double>>& columns);
+
+  std::string text_;
+  double width_ = 0.0, height_ = 0.0, above_ = 0.0;
+  int blocks_ = 0;
+};
+
+int height_of(const Panel& panel) {
+  if (panel.contacts.empty()) return panel_height;
+  return std::max(least_height, contact_height * static_cast<int>(panel.contacts.size()));
+}
+
+int height_of(const std::vector<const Panel*>& panels) {
+  int height = -between;
+  for (const Panel* panel : panels) height += height_of(*panel) + between;
+  return height;
+}
+
+double longest_title(const Figure& figure) {
+  std::size_t longest = 30;
+  for (const Panel& panel : figure.panels) {
+    for (const Curve& curve : panel.curves) longest = std::max(longest, curve.title.size());
+    for (const Band& band : panel.bands) longest = std::max(longest, band.title.size());
+  }
+  return static_cast<double>(longest);
+}
+
+std::string terminal(const std::filesystem::path& output, double width, double height) {
+  const std::string extension = output.extension().string();
+  const std::string size = number(width) + "," + number(height);
+  const std::string font = " enhanced font 'DejaVu Sans,11' background '#ffffff'";
+  if (extension == ".png") return "pngcairo size " + size + font;
+  if (extension == ".svg") return "svg size " + size + font;
+  // Inches; 96 pixels in each.
+  if (extension == ".pdf") {
+    return "pdfcairo size " + number(width / 96.0) + "in," + number(height / 96.0) + "in" + font;
+  }
+  throw std::invalid_argument(output.string() + " is not allowed; must end in .png, .svg or .pdf");
+}
+
+Script::Script(const Figure& figure, const std::filesystem::path& output) {
+  std::vector<Column> columns{{{}, {figure.from, figure.to}}};
+  if (figure.zoom) columns.push_back({{}, *figure.zoom});
+  for (const Panel& panel : figure.panels) {
+    (panel.whole_run ? columns.front() : columns.back()).panels.push_back(&panel);
+  }
+  std::erase_if(columns, [](const Column& column) { return column.panels.empty(); });
+  const double across = columns.size() == 1 ? pixels_across : pixels_across_of_two;
+  const double legend = longest_title(figure) * letter + room_of_sample;
+  int tallest = least_picture;
+  for (Column& column : columns) {
+    column.left = width_ + to_the_left;
+    column.right = column.left + across;
+    width_ = column.right + legend;
+    tallest = std::max(tallest, height_of(column.panels));
+  }
+  above_ = figure.title.empty() ? above_without_title : above;
+  height_ = above_ + tallest + below;
+
+  line("set terminal " + terminal(output, width_, height_));
+  line("set output " + quoted(output.string()));
+  line("set encoding utf8");
+  line("set border 3 lw 1 lc rgb '#404040'");
+  line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
+  line("set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'");
+  line("set multiplot");
+  if (!figure.title.empty()) {
+    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(to_the_left)) +
+         ", screen " + number(screen_y(24.0)) + " left noenhanced font ',14'");
+  }
+  for (const Column& column : columns) draw(column);
+  line("unset multiplot");
+}
+
+// Panels share the height of the picture.
+void Script::draw(const Column& column) {
+  const double scale = (height_ - above_ - below + between) / (height_of(column.panels) + between);
+  double y = above_;
+  for (const Panel* panel : column.panels) {
+    const double step = scale * (height_of(*panel) + between);
+    draw(*panel, {column.left, column.right, y, y + step - between}, column.axis,
+         panel == column.panels.back());
+    y += step;
+  }
+}
+
+// gnuplot's own blocks of data, so that a script is a picture by itself.
+std::string Script::data(const std::vector<std::vector<double>>& columns) {
+  const std::string name = "$d" + std::to_string(++blocks_);
+  text_ += name + " << EOD\n";
+  for (std::size_t i = 0; i < columns.front().size(); ++i) {
+    const bool there = std::all_of(columns.begin(), columns.end(),
+                                   [&](const auto& column) { return std::isfinite(column[i]); });
+    // An empty line is a break.
+    if (there) {
+      for (const auto& column : columns) {
+        append_number(text_, column[i]);
+        text_ += ' ';
+      }
+    }
+    text_ += '\n';
+  }
+  text_ += "EOD\n";
+  return name;
+}
+
+void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest) {
+  const int pixels = static_cast<int>(place.right - place.left);
+  std::vector<std::string> parts;
+  const auto add = [&](const std::string& name, const std::string& how, const std::string& title) {
+    parts.push_back(name + " " + how + (title.empty() ? " notitle" : " title " + quoted(title)));
+  };
+  for (const Band& band : panel.bands) {
+    const BandPoints points = thinned(band.t, band.low, band.high, axis.from, axis.to, pixels);
+    if (!reaches(points.t, axis)) continue;
+    add(data({points.t, points.low, points.high}),
+        "using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
+            rgb(band.colour),
+        band.title);
+  }
+  for (const Curve& curve : panel.curves) {
+    std::vector<double> y = curve.y;
+    // What a logarithmic axis cannot show.
+    if (panel.logarithmic) {
+      for (double& value : y) value = value > 0.0 ? value : std::nan("");
+    }
+    const Points points = thinned(curve.t, y, axis.from, axis.to, pixels);
+    const bool known = std::any_of(points.y.begin(), points.y.end(),
+                                   [](double value) { return std::isfinite(value); });
+    if (!known || !reaches(points.t, axis)) continue;
+    add(data({points.t, points.y}),
+        "using 1:2 with lines " + style(curve.line) + " lc rgb " + rgb(curve.colour), curve.title);
+  }
+  for (const Dots& dots : panel.dots) {
+    const std::vector<int> shapes{7, 5, 9, 11, 13, 6, 4, 8};
+    const std::string look = " pt " +
+                             std::to_string(shapes[static_cast<std::size_t>(dots.shape) % 8]) +
+                             " ps 0.7 lc rgb " + rgb(dots.colour);
+    std::vector<double> t, y, bar;
+    for (std::size_t k = 0; k < dots.t.size(); ++k) {
+      if (dots.t[k] < axis.from || dots.t[k] > axis.to) continue;
+      t.push_back(dots.t[k]);
+      y.push_back(dots.y[k]);
+      bar.push_back(std::isfinite(dots.sigma[k]) ? 2.0 * dots.sigma[k] : 0.0);
+    }
+    if (!t.empty()) add(data({t, y, bar}), "using 1:2:3 with yerrorbars" + look, dots.title);
+  }
+  std::vector<double> impacts;
+  for (const double t : panel.impacts) {
+    if (axis.from <= t && t <= axis.to) impacts.push_back(t);
+  }
+  if (!impacts.empty()) {
+    add(data({impacts, std::vector<double>(impacts.size(), 0.0)}),
+        "using 1:2 with points pt 7 ps 0.6 lc rgb '#303030'", "contact closes, as reported");
+  }
+  std::vector<double> pulse_t, pulse_row, from, to, row;
+  for (std::size_t i = 0; i < panel.contacts.size(); ++i) {
+    const auto height = static_cast<double>(i + 1);
+    for (const double t : panel.contacts[i].pulses) {
+      if (t < axis.from || t > axis.to) continue;
+      pulse_t.push_back(t);
+      pulse_row.push_back(height);
+    }
+    for (const auto& [begin, end] : panel.contacts[i].closed) {
+      if (end < axis.from || begin > axis.to) continue;
+      from.push_back(std::max(begin, axis.from));
+      to.push_back(std::min(end, axis.to));
+      row.push_back(height);
+    }
+  }
+  if (!from.empty()) {
+    add(data({from, row, to}), "using 1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'",
+        "contact stays closed");
+  }
+  if (!pulse_t.empty()) {
+    add(data({pulse_t, pulse_row}),
+        "using 1:($2-0.35):(0):(0.7) with vectors nohead lw 1.2 lc rgb '#303030'",
+        "impact, as reported");
+  }
+
+  line("set lmargin at screen " + number(screen_x(place.left)));
+  line("set rmargin at screen " + number(screen_x(place.right)));
+  line("set tmargin at screen " + number(screen_y(place.top)));
+  line("set bmargin at screen " + number(screen_y(place.bottom)));
+  line("set key at screen " + number(screen_x(place.right + 12.0)) + ", screen " +
+       number(screen_y(place.top)) +
+       " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
+  line("set xrange [" + number(axis.from) + ":" + number(axis.to) + "]");
+  line(lowest ? "set xlabel 'time t [s]'" : "unset xlabel");
+  line(lowest ? "set format x '%g'" : "set format x ''");
+  // At one place whatever the numbers beside it are; a ylabel would move, even out of the picture.
+  line("set label 2 " + quoted(panel.y_label) + " at screen " +
+       number(screen_x(place.left - to_the_left + 14.0)) + ", screen " +
+       number(screen_y((place.top + place.bottom) / 2.0)) + " center rotate by 90 noenhanced");
+  line(panel.logarithmic ? "set logscale y" : "unset logscale y");
+  line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
+  if (panel.contacts.empty()) {
+    line("set yrange [*:*]");
+    line("set ytics autofreq");
+  } else {
+    line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) + "]");
+    line("set ytics 1");
+  }
+  if (parts.empty()) {
+    // An empty frame: nothing is known in this time.
+    line("unset logscale y");
+    line("plot [][0:1] -1 notitle");
+  } else {
+    text_ += "plot ";
+    for (std::size_t i = 0; i < parts.size(); ++i) text_ += (i > 0 ? ", \\\n  " : "") + parts[i];
+    text_ += '\n';
+  }
+  line("unset label 1");
+}
+
+}  // namespace
+
+std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output) {
+  return Script(figure, output).text();
+}
+
+void run_gnuplot(const std::string& script) {
+  std::FILE* pipe = popen("gnuplot", "w");
+  if (pipe == nullptr) throw std::runtime_error("gnuplot cannot be started");
+  const bool written = std::fwrite(script.data(), 1, script.size(), pipe) == script.size();
+  const int status = pclose(pipe);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) {
+    throw std::runtime_error("gnuplot is not there (Debian's package gnuplot-nox)");
+  }
+  if (!written || status != 0) throw std::runtime_error("gnuplot has failed");
+}
+
+}  // namespace sprag::plot

@@ -1,0 +1,33 @@
+// plot: draws what the programs write. What is shown: figure.h.
+#include "command_line/program.h"
+#include "tools/plot/run.h"
+
+int main(int argc, char** argv) {
+  const auto app = sprag::command_line(
+      "Draws states, gaps, contacts and error energies of any run with gnuplot, on one time axis, "
+      "with bands of two sigma. Files are told apart by their headers; those with one LABEL are "
+      "one "
+      "run and have one colour. With the scene, gaps are shown in place of coordinates.",
+      "plot");
+  sprag::CommonOptions common;
+  sprag::plot::PlotRun run;
+  sprag::plot::FigureOptions& figure = run.figure;
+  sprag::add_common_options(*app, common);
+  sprag::add_inputs(*app, common, "FILE", run.files, sprag::plot::file_of,
+                    "[LABEL=]FILE.csv as master_sim --states and --events, observer --states and "
+                    "--impacts and sync_logger --csv write it; SCENE.toml");
+  sprag::require(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written,
+                                 run.output, "F", "The picture: F.png, F.svg or F.pdf"));
+  sprag::add_names(*app, "--show", figure.show,
+                   "Panels, in this order: g1, q1, u1, contacts, V, ... [all gaps or coordinates "
+                   "that fit, contacts, V]");
+  sprag::add_finite(*app, "--from", figure.from, "T", "Show the time from here on [s]");
+  sprag::add_finite(*app, "--to", figure.to, "T", "Show the time up to here [s]");
+  sprag::add_text(*app, "--zoom", run.zoom, "FROM:TO",
+                  "Show all but V in this time only, beside it [s]");
+  sprag::add_text(*app, "--title", figure.title, "TEXT", "Title [the scene's name]");
+
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    return sprag::plot::run_plot(run, report);
+  });
+}

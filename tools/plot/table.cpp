@@ -1,0 +1,86 @@
+#include "tools/plot/table.h"
+
+#include <algorithm>
+#include <charconv>
+#include <limits>
+
+namespace sprag::plot {
+namespace {
+
+// A file may have a = in its own name.
+std::size_t label_end(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || std::filesystem::exists(text)) return std::string::npos;
+  return equals;
+}
+
+std::optional<TableKind> kind_of(const std::vector<std::string>& names) {
+  const auto begins = [&](std::initializer_list<const char*> with) {
+    return names.size() >= with.size() && std::equal(with.begin(), with.end(), names.begin());
+  };
+  if (begins({"t", "contact", "closed"})) return TableKind::events;
+  if (begins({"t", "contact", "kind"})) return TableKind::impacts;
+  if (begins({"k", "t", "V"})) return TableKind::energy;
+  if (begins({"k", "t", "q1"})) return TableKind::states;
+  return std::nullopt;
+}
+
+// Unlike parse_double() with what is not finite: a sigma may be.
+double number(std::string_view field) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+  const bool whole = error == std::errc{} && end == field.data() + field.size();
+  return whole ? value : std::numeric_limits<double>::quiet_NaN();
+}
+
+}  // namespace
+
+const std::vector<double>* Table::column(std::string_view name) const {
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? nullptr : &columns[static_cast<std::size_t>(at - names.begin())];
+}
+
+std::filesystem::path file_of(const std::string& text) {
+  const std::size_t end = label_end(text);
+  return end == std::string::npos ? text : text.substr(end + 1);
+}
+
+Table read_table(const std::string& text) {
+  const std::filesystem::path file = file_of(text);
+  const std::size_t end = label_end(text);
+  Table table;
+  table.label = end == std::string::npos ? file.stem().string() : text.substr(0, end);
+  LineReader reader(file);
+  std::string_view line;
+  std::vector<std::string_view> fields;
+  if (reader.next(line) == LineReader::Result::line) {
+    split_fields(line, fields);
+    table.names.assign(fields.begin(), fields.end());
+  }
+  const std::optional<TableKind> kind = kind_of(table.names);
+  if (!kind) {
+    throw InputError(file.string() +
+                     ":1: the header begins neither with k,t,q1 (states), k,t,V (sync_logger), "
+                     "t,contact,closed (events) nor t,contact,kind (impacts)");
+  }
+  table.kind = *kind;
+  table.columns.resize(table.names.size());
+  for (;;) {
+    const LineReader::Result result = reader.next(line);
+    if (result == LineReader::Result::end) break;
+    if (result != LineReader::Result::line) {
+      table.damage = {reader.number(), describe(result)};
+      break;
+    }
+    split_fields(line, fields);
+    if (fields.size() != table.names.size()) {
+      table.damage = {reader.number(), std::to_string(fields.size()) + " fields; the header has " +
+                                           std::to_string(table.names.size())};
+      break;
+    }
+    for (std::size_t i = 0; i < fields.size(); ++i) table.columns[i].push_back(number(fields[i]));
+  }
+  return table;
+}
+
+}  // namespace sprag::plot
