@@ -224,7 +224,9 @@ CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string
       options.files.emplace_back([file] { return file; });
     }
   };
-  return app.add_option_function<std::vector<std::string>>(name, take, help)->type_name("")->required();
+  return app.add_option_function<std::vector<std::string>>(name, take, help)
+      ->type_name("")
+      ->required();
 }
 
 CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
