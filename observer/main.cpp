@@ -5,6 +5,7 @@
 #include "command_line/program.h"
 #include "observer/live.h"
 #include "observer/replay.h"
+#include "observer/smoothing.h"
 #include "sprag/mechanics/scene.h"
 
 namespace {
@@ -51,11 +52,12 @@ int main(int argc, char** argv) {
       "replica (clutches switched by the events), timing (event times as measurements), both "
       "(timing as long as it fits, else replica) or adaptive (parameters as well, see [adapt]) "
       "[both; with --stepper moreau: replica]");
-  sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
-                  "Write the settled ticks here");
-  sprag::add_file(*app, common, "--impacts", Use::written, options.impacts, "F.csv",
-                  "Write velocities, impulse and force of each settled event here, with sigma; "
-                  "live, publish them too");
+  auto* states = sprag::add_file(*app, common, "--states", Use::written, options.states, "F.csv",
+                                 "Write the settled ticks here");
+  auto* impacts =
+      sprag::add_file(*app, common, "--impacts", Use::written, options.impacts, "F.csv",
+                      "Write velocities, impulse and force of each settled event here, with sigma; "
+                      "live, publish them too");
   sprag::add_positive(*app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");
   sprag::add_flag(*app, "--realtime", options.real_time,
@@ -65,6 +67,14 @@ int main(int argc, char** argv) {
   auto* events = sprag::add_file(*app, common, "--events", Use::written, replay.events, "F.csv",
                                  "With --replay: write the events used here");
   sprag::needs(events, file);
+  bool smooth = false;
+  auto* smoothing = sprag::add_flag(*app, "--smooth", smooth,
+                                    "With --replay and --states: every event speaks for the whole "
+                                    "path");
+  sprag::needs(smoothing, file);
+  sprag::needs(smoothing, states);
+  sprag::excludes(smoothing, events);
+  sprag::excludes(smoothing, impacts);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     options.estimator = choose_estimator(estimator, options.stepper);
@@ -74,6 +84,13 @@ int main(int argc, char** argv) {
           "say; choose --stepper exact");
     }
     const sprag::Scene parsed = sprag::load_scene(scene);
+    if (smooth) {
+      if (options.estimator == sprag::EstimatorKind::adaptive ||
+          options.estimator == sprag::EstimatorKind::replica) {
+        throw sprag::UsageError("--smooth: the smoother is a timing filter's; leave --estimator");
+      }
+      return sprag::run_smoothing(parsed, options, replay, common, report);
+    }
     return replay.file.empty() ? sprag::run_live(parsed, options, common, report)
                                : sprag::run_replay(parsed, options, replay, common, report);
   });

@@ -166,6 +166,32 @@ TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
   }
 }
 
+// What is known behind is known before as well.
+TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
+  const std::string told = read_text(scene("paper_beam")) + "\n[events]\njitter = 1e-6\n";
+  write_text(file("told.toml"), told);
+  simulate(scene("paper_beam"), "20", "0.1");
+  const Arguments more{"--tick", "0.1", "--duration", "20", "--report", file("report.json")};
+  const auto energy_at_the_start = [&](const Arguments& how) {
+    const std::string estimate = replay(file("told.toml"), file("events.csv"), more + how);
+    EXPECT_EQ(read_states_file(estimate).size(), 201U);
+    EXPECT_EQ(run("sync_logger", {scene("paper_beam"), "--truth", file("truth.csv"), "--estimate",
+                                  estimate, "--csv", file("V.csv")})
+                  .code,
+              0);
+    return read_sync(file("V.csv")).front().v;
+  };
+  EXPECT_GT(energy_at_the_start({}), 0.1);
+  EXPECT_LT(energy_at_the_start({"--smooth"}), 1e-6);
+  EXPECT_EQ(json("report.json").at("smoothed_ticks"), 201);
+  // A recording that lacks its beginning is not smoothed.
+  write_text(file("late.csv"), "t,contact,closed\n0.5,1,0\n");
+  EXPECT_EQ(run("observer", {file("told.toml"), "--replay", file("late.csv"), "--smooth",
+                             "--states", file("late_states.csv")})
+                .code,
+            2);
+}
+
 TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
   // 0.1 and the others are a little more than they read, as doubles.
   for (const auto& [tick, rows] :

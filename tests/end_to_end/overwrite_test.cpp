@@ -55,6 +55,8 @@ TEST_F(OverwriteTest, TheMasterDestroysNothing) {
 
 TEST_F(OverwriteTest, TheObserverDestroysNothing) {
   const Arguments run{beam_, "--replay", events_};
+  expect_refused("observer", run + Arguments{"--smooth", "--states", events_}, "--replay",
+                 "--states");
   for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
     expect_refused("observer", run + Arguments{option, events_}, "--replay", option);
     expect_refused("observer", run + Arguments{option, beam_}, "SCENE", option);

@@ -70,6 +70,15 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   }
   expect_refused("observer", {beam_, "--stepper", "moreau", "--impacts", file("impacts.csv")},
                  "--impacts has nothing to say");
+  const std::string recorded = simulate(beam_, "5", "0.1");
+  const Arguments smooth{beam_, "--replay", recorded, "--smooth"};
+  const Arguments states{"--states", file("smooth.csv")};
+  expect_refused("observer", {beam_, "--smooth", "--states", file("smooth.csv")}, "--replay");
+  expect_refused("observer", smooth, "--states");
+  expect_refused("observer", smooth + states + Arguments{"--impacts", file("i.csv")}, "--impacts");
+  expect_refused("observer", smooth + states + Arguments{"--estimator", "adaptive"},
+                 "leave --estimator");
+  expect_refused("observer", smooth + states, "event times are exact");
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");

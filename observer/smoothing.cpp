@@ -1,0 +1,86 @@
+#include "observer/smoothing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "observer/recorded_events.h"
+#include "sprag/estimation/smoother.h"
+#include "sprag/files/states_file.h"
+
+namespace sprag {
+namespace {
+
+std::vector<std::string> smoothed_columns(Eigen::Index f, Eigen::Index m) {
+  std::vector<std::string> names;
+  const auto add = [&](const std::string& name, Eigen::Index n) {
+    for (Eigen::Index i = 1; i <= n; ++i) names.push_back(name + std::to_string(i));
+  };
+  add("sigma_q", f);
+  add("sigma_u", f);
+  add("sigma_g", m);
+  names.emplace_back("smoothed");
+  return names;
+}
+
+}  // namespace
+
+int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
+                  const CommonOptions& common, nlohmann::ordered_json& report) {
+  const auto m = static_cast<Eigen::Index>(scene.model.contacts.size());
+  const RecordedEvents recorded =
+      read_recorded_events(replay.file, static_cast<int>(m), options.duration, common, report);
+  const std::string name = replay.file.string();
+  if (!recorded.whole || !recorded.problems.empty() || recorded.begins > 0.0 ||
+      recorded.closed != 0) {
+    throw UsageError("--smooth: " + name +
+                     " does not have every event since t = 0; the observer without --smooth takes "
+                     "what there is");
+  }
+  if (recorded.events.empty()) throw UsageError("--smooth: " + name + " has no events");
+  const double end = std::isinf(options.duration) ? recorded.events.back().t : options.duration;
+  StatesWriter states(options.states, scene.model.coordinates(),
+                      smoothed_columns(scene.model.coordinates(), m));
+  if (!states.good()) throw std::runtime_error(states.error());
+  std::int64_t ticks = 0, smoothed_ticks = 0;
+  std::vector<double> more;
+  const auto write = [&](std::int64_t k, const Smoother::Estimate& estimate, bool smoothed) {
+    more.clear();
+    for (const Eigen::VectorXd* x : {&estimate.sigma_q, &estimate.sigma_u, &estimate.sigma_gap}) {
+      more.insert(more.end(), x->begin(), x->end());
+    }
+    more.push_back(smoothed ? 1.0 : 0.0);
+    states.write(k, tick_instant(k, options.tick).hi, estimate.q, estimate.u, more);
+    ++ticks;
+    smoothed_ticks += smoothed ? 1 : 0;
+  };
+  std::vector<SmoothedStretch> stretches;
+  try {
+    stretches = smooth(scene, recorded.events, options.tick, last_tick(end, options.tick), write);
+  } catch (const SmoothingError& error) {
+    throw UsageError(std::string("--smooth: ") + error.what());
+  }
+  report["ticks"] = ticks;
+  report["smoothed_ticks"] = smoothed_ticks;
+  for (const SmoothedStretch& stretch : stretches) {
+    nlohmann::ordered_json entry = {
+        {"from", stretch.from}, {"to", stretch.to}, {"events", stretch.events}};
+    if (stretch.failure.empty()) {
+      entry["misfit"] = stretch.misfit;
+    } else {
+      entry["failure"] = stretch.failure;
+      std::cerr << "t = " << stretch.from << " to " << stretch.to << ": the filter's estimate ("
+                << stretch.failure << ")\n";
+    }
+    report["stretches"].push_back(entry);
+  }
+  std::cerr << "smoothed " << smoothed_ticks << " of " << ticks << " ticks\n";
+  if (!states.close()) throw std::runtime_error(states.error());
+  return exit_done;
+}
+
+}  // namespace sprag

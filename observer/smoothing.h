@@ -1,0 +1,19 @@
+// Offline: the whole path from a whole recording (sprag/estimation/smoother.h).
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "command_line/program.h"
+#include "observer/options.h"
+#include "observer/replay.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// Writes the smoothed ticks from t = 0 up to `duration`, else up to the last event. Returns the
+/// exit code. Throws InputError, ModelError, and UsageError for what cannot be smoothed: event
+/// times without a jitter, a recording that does not have every event since t = 0.
+int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
+                  const CommonOptions& common, nlohmann::ordered_json& report);
+
+}  // namespace sprag

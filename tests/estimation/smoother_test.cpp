@@ -1,0 +1,138 @@
+#include "sprag/estimation/smoother.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "sprag/estimation/timing_filter.h"
+#include "sprag/mechanics/simulate.h"
+#include "tests/estimation/recorded_run.h"
+
+namespace sprag {
+namespace {
+
+struct Jitter {
+  const char* scene;
+  double sigma;
+  double duration;
+  double least_gain;   // filtered rms over smoothed rms
+  double least_share;  // of the ticks that are smoothed
+  double drift = 0.0;
+  unsigned seeds = 6;
+};
+
+std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, unsigned seed) {
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<double> normal;
+  double late = 0.0, last = -1.0;
+  for (ContactEvent& event : events) {
+    // What follows so fast that its order could be lost is off by the same.
+    if (event.t - last > 6.0 * sigma) late = sigma * normal(engine);
+    last = event.t;
+    event.t = std::max(event.t + late, 1e-9);
+  }
+  return events;
+}
+
+class SmoothedPath : public testing::TestWithParam<Jitter> {};
+
+// Against the exact master, over runs with times of their own.
+TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
+  const Jitter& of = GetParam();
+  Scene scene = cached_scene(of.scene);
+  scene.jitter = of.sigma;
+  scene.drift = of.drift;
+  const double h = 0.0137;
+  const Simulation truth = simulate(scene.model, scene.master, of.duration, h);
+  const Eigen::Index f = scene.model.coordinates();
+  double smoothed = 0.0, filtered = 0.0, squares = 0.0, count = 0.0, far = 0.0;
+  double misfit = 0.0;
+  int stretches_of_all = 0;
+  double share = 0.0;
+  const unsigned seeds = of.seeds;
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
+    const std::vector<ContactEvent> events = off(truth.events, of.sigma, seed);
+    std::vector<Smoother::Estimate> estimates;
+    const auto stretches =
+        smooth(scene, events, h, truth.t.size() - 1,
+               [&](std::int64_t, const Smoother::Estimate& estimate, bool clear) {
+                 share += clear ? 1.0 : 0.0;
+                 estimates.push_back(estimate);
+               });
+    for (const SmoothedStretch& stretch : stretches) {
+      if (!stretch.failure.empty() || stretch.events < 20) continue;
+      misfit += stretch.misfit;
+      ++stretches_of_all;
+    }
+    TimingFilter filter(scene, h);
+    TimingFilter::State state;
+    filter.start(scene.replica, 0, 0, state);
+    std::span<const ContactEvent> left = events;
+    Eigen::VectorXd q(f), u(f);
+    for (Eigen::Index k = 0; k < truth.t.size(); ++k) {
+      if (k > 0) {
+        std::size_t n = 0;
+        while (n < left.size() && first_tick_after(left[n].t, h) <= k) ++n;
+        filter.tick(left.first(n), state);
+        left = left.subspan(n);
+      }
+      filter.output(state, q, u);
+      const Smoother::Estimate& estimate = estimates[static_cast<std::size_t>(k)];
+      const auto energy = [&](const Eigen::VectorXd& at_q, const Eigen::VectorXd& at_u) {
+        const Eigen::VectorXd dq = at_q - truth.q.row(k).transpose();
+        const Eigen::VectorXd du = at_u - truth.u.row(k).transpose();
+        return 0.5 * (dq.dot(scene.model.K * dq) + du.dot(scene.model.M * du));
+      };
+      filtered += energy(q, u);
+      smoothed += energy(estimate.q, estimate.u);
+      for (Eigen::Index i = 0; i < f; ++i) {
+        const double z_q = (estimate.q[i] - truth.q(k, i)) / estimate.sigma_q[i];
+        const double z_u = (estimate.u[i] - truth.u(k, i)) / estimate.sigma_u[i];
+        squares += z_q * z_q + z_u * z_u;
+        far += (std::abs(z_q) > 3.0) + (std::abs(z_u) > 3.0);
+        count += 2.0;
+      }
+    }
+  }
+  ASSERT_GT(stretches_of_all, 0);
+  misfit /= stretches_of_all;
+  share /= (static_cast<double>(seeds) * static_cast<double>(truth.t.size()));
+  const double gain = std::sqrt(filtered / smoothed);
+  std::cout << of.scene << " sigma " << of.sigma << " drift " << of.drift << ": gain " << gain
+            << ", z^2 " << squares / count << ", beyond 3 sigma " << far / count << ", misfit "
+            << misfit << ", smoothed " << share << '\n';
+  EXPECT_GT(share, of.least_share);
+  EXPECT_GT(gain, of.least_gain);
+  EXPECT_GT(squares / count, 0.3);
+  EXPECT_LT(squares / count, 1.5);
+  EXPECT_LT(far / count, 0.02);
+  EXPECT_NEAR(misfit, 1.0, 0.3);
+}
+INSTANTIATE_TEST_SUITE_P(
+    Machines, SmoothedPath,
+    testing::Values(Jitter{"paper_beam.toml", 1e-4, 100.0, 3.0, 0.95},
+                    Jitter{"paper_beam.toml", 1e-3, 60.0, 3.0, 0.9},
+                    Jitter{"impact_oscillator.toml", 1e-3, 8.0, 1.0, 0.95, 0.0, 40},
+                    Jitter{"two_stops_beam.toml", 1e-4, 20.0, 1.0, 0.02},
+                    Jitter{"steel_ruler.toml", 1e-5, 5.0, 3.0, 0.1},
+                    Jitter{"non_proportional.toml", 1e-4, 60.0, 3.0, 0.9},
+                    Jitter{"paper_beam_frame.toml", 1e-4, 60.0, 3.0, 0.95},
+                    // The machine does not drift: deviations are too wide then.
+                    Jitter{"paper_beam.toml", 1e-4, 60.0, 3.0, 0.95, 1e-8}));
+
+TEST(Smoother, RefusesWhatItDoesNotFollow) {
+  Scene scene = cached_scene("paper_beam.toml");
+  EXPECT_THROW(Smoother{scene}, SmoothingError);
+  scene.jitter = 1e-4;
+  Smoother smoother(scene);
+  using enum ContactEventKind;
+  EXPECT_THROW(smoother.take(std::vector<ContactEvent>{{0.5, 0, closes}}), SmoothingError);
+  // Times that no path has.
+  std::vector<ContactEvent> wrong;
+  for (int i = 1; i < 40; ++i) wrong.push_back({0.3137 * i + 0.1 * std::sin(7.0 * i), 0, pulse});
+  EXPECT_THROW(smoother.take(wrong), SmoothingError);
+}
+
+}  // namespace
+}  // namespace sprag
