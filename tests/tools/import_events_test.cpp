@@ -7,9 +7,11 @@
 #include "command_line/program.h"
 #include "sprag/files/csv.h"
 #include "tools/import_events/choice.h"
+#include "tools/import_events/clock_time.h"
 #include "tools/import_events/column_file.h"
 #include "tools/import_events/decimal.h"
 #include "tools/import_events/import.h"
+#include "tools/import_events/levels.h"
 #include "tools/import_events/unit.h"
 
 namespace sprag {
@@ -295,11 +297,105 @@ Import import(const std::string& text, const ImportOptions& options = {}, bool p
   return import_events(file, chosen, options);
 }
 
+/// The same of levels, by the times in the column 'Time [s]'.
+Import import_levels(const std::string& text, const LevelOptions& levels,
+                     const ImportOptions& options = {}) {
+  ColumnFile file = parse_columns(text, "f");
+  std::vector<ContactColumns> chosen;
+  for (std::size_t i = 1; i < file.columns.size(); ++i) {
+    chosen.push_back({.contact = static_cast<int>(i) - 1, .impacts = {}, .on = {}, .off = {}});
+    chosen.back().level = i;
+  }
+  (void)expand_levels(levels, "f", file, chosen);
+  return import_events(file, chosen, options);
+}
+
 Import import_pairs(const std::string& text, const ImportOptions& options = {}) {
   return import(text, options, true);
 }
 
 using Events = std::vector<ContactEvent>;
+
+TEST(LevelTest, ContactsAreClosedWhileTheirLevelIsHighOrLow) {
+  const std::string text =
+      "Time [s], Channel 0, Channel 1\n0.0, 1, 0\n0.5, 0, 0\n0.75, 0, 1\n1.0, 1, 1\n1.5, 0, 1\n";
+  EXPECT_EQ(import_levels(text, {}).events, (Events{{0.0, 0, closes},
+                                                    {0.5, 0, opens},
+                                                    {0.75, 1, closes},
+                                                    {1.0, 0, closes},
+                                                    {1.5, 0, opens}}));
+  EXPECT_EQ(import_levels(text, {.inverted = true}).events, (Events{{0.0, 1, closes},
+                                                                    {0.5, 0, closes},
+                                                                    {0.75, 1, opens},
+                                                                    {1.0, 0, opens},
+                                                                    {1.5, 0, closes}}));
+}
+
+TEST(LevelTest, EdgesMayBeImpacts) {
+  const std::string text = "t;Time [s];V\n9;0;0,1\n9;1;3\n9;2;2,9\n9;3;0,2\n9;4;;\n9;5;3,3\n";
+  const auto at = [&](Edge edge) {
+    LevelOptions levels{.threshold = 1.5, .impacts = edge};
+    ColumnFile file = parse_columns(text, "f");
+    std::vector<ContactColumns> chosen{{.contact = 0, .impacts = {}, .on = {}, .off = {}}};
+    chosen[0].level = 2;
+    const auto said = expand_levels(levels, "f", file, chosen);
+    EXPECT_EQ(said.size(), edge == Edge::both ? 1U : 0U);
+    std::vector<double> times;
+    for (const ContactEvent& event : import_events(file, chosen, {}).events) {
+      EXPECT_EQ(event.kind, pulse);
+      times.push_back(event.t);
+    }
+    return times;
+  };
+  EXPECT_EQ(at(Edge::rising), (std::vector<double>{1.0, 5.0}));
+  EXPECT_EQ(at(Edge::falling), (std::vector<double>{3.0}));
+  EXPECT_EQ(at(Edge::both), (std::vector<double>{1.0, 3.0, 5.0}));
+  EXPECT_NE(what_of([&] { (void)import_levels("Time,V\n0,0.5\n1,2\n", {}); }).find("--threshold"),
+            std::string::npos);
+  EXPECT_NE(what_of([&] { (void)import_levels("a,V\n0,0\n1,1\n", {}); }).find("--time"),
+            std::string::npos);
+}
+
+TEST(LevelTest, LevelsThatAreTakenForImpactsAreNoticed) {
+  const auto noticed = [](const std::string& text) {
+    const ColumnFile file = parse_columns(text, "f");
+    std::vector<ContactColumns> chosen{{.contact = 0, .impacts = 0, .on = {}, .off = {}}};
+    return alternating_column(file, chosen).value_or("");
+  };
+  EXPECT_EQ(noticed("t,c\n0,1\n1,0\n2,1\n3,0\n"), "c");
+  EXPECT_EQ(noticed("t,c\n0,1\n1,1\n2,1\n3,0\n"), "");
+  EXPECT_EQ(noticed("t,c\n0,1\n1,2\n2,1\n3,0\n"), "");
+}
+
+TEST(ClockTimeTest, DatesAndTimesOfDayAreSeconds) {
+  const Decimal second{1, 0};
+  const auto parsed = [&](const char* text) {
+    const auto time = parse_clock_time(text, DecimalMark::point);
+    return time ? difference_in(time->value, {}, second) : -1.0;
+  };
+  EXPECT_EQ(parsed("12.5"), 12.5);
+  EXPECT_EQ(parsed("1970-01-02T00:00:00Z"), 86400.0);
+  EXPECT_EQ(parsed("2000-03-01 12:34:56.789"), 951914096.789);
+  EXPECT_EQ(parsed("2000-03-01T14:34:56,789+02:00"), 951914096.789);
+  EXPECT_EQ(parsed("2000/03/01 07:04:56.789 -0530"), 951914096.789);
+  EXPECT_EQ(parsed("12:34:56.789"), 45296.789);
+  EXPECT_EQ(parsed("0:00:01"), 1.0);
+  for (const char* wrong : {"2001-02-29T00:00:00", "2000-03-01", "25:00:00", "12:60:00", "12:34",
+                            "12:34:61", "12:34:56x", "2000-03-01T12:34:56+2", "", "12:34:"}) {
+    EXPECT_EQ(parsed(wrong), -1.0) << wrong;
+  }
+  // Nanoseconds of a date are not lost.
+  const auto offset = parse_clock_time("2026-05-01T12:00:00Z", DecimalMark::point);
+  const auto time = parse_clock_time("2026-05-01T12:00:00.000000001Z", DecimalMark::point);
+  EXPECT_EQ(difference_in(time->value, offset->value, second), 1e-9);
+}
+
+TEST(ClockTimeTest, TimesOfDayGoOnBehindMidnight) {
+  ImportOptions options;
+  options.offset = parse_clock_time("23:59:59", DecimalMark::point)->value;
+  EXPECT_EQ(import("t\n23:59:59.5\n00:00:00.25\n00:00:01\n", options).events,
+            (Events{{0.5, 0, pulse}, {1.25, 0, pulse}, {2.0, 0, pulse}}));
+}
 
 TEST(ImportTest, ColumnsOfUnequalLengthAreSortedByTime) {
   const Import result = import("a;b\n3,5;1\n2;2\n;0.5\n1;\n");

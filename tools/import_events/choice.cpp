@@ -23,6 +23,7 @@ std::string counted(std::int64_t count, const std::string& noun) {
 
 std::string option_text(ColumnRole role) {
   if (role == ColumnRole::impacts) return "--impacts";
+  if (role == ColumnRole::level) return "--level";
   return role == ColumnRole::on ? "--on" : "--off";
 }
 
@@ -82,6 +83,8 @@ void check_complete(const ContactColumns& columns) {
   const std::string contact = "contact " + std::to_string(columns.contact + 1) + " has ";
   if (columns.impacts && (columns.on || columns.off))
     throw UsageError(contact + "--impacts and --on or --off; must be either");
+  if (columns.level && (columns.impacts || columns.on || columns.off))
+    throw UsageError(contact + "--level and --impacts, --on or --off; must be either");
   if (columns.on && !columns.off) throw UsageError(contact + "--on without --off");
   if (columns.off && !columns.on) throw UsageError(contact + "--off without --on");
 }
@@ -96,7 +99,7 @@ std::vector<ContactColumns> choose_columns(const std::vector<ColumnOption>& opti
     if (columns.columns.size() == 1 && contacts == 1)
       return {{.contact = 0, .impacts = 0, .on = {}, .off = {}}};
     throw UsageError(file + " has " + counted(std::ssize(columns.columns), "column") + " and " +
-                     of_scene + "; name the columns with --impacts, or --on and --off");
+                     of_scene + "; name the columns with --impacts, or --on and --off, or --level");
   }
   std::map<std::int64_t, ContactColumns> chosen;
   for (const NamedColumn& column : numbered(options)) {
@@ -105,6 +108,7 @@ std::vector<ContactColumns> choose_columns(const std::vector<ColumnOption>& opti
     contact.contact = static_cast<int>(*column.contact) - 1;
     auto& place = column.role == ColumnRole::impacts ? contact.impacts
                   : column.role == ColumnRole::on    ? contact.on
+                  : column.role == ColumnRole::level ? contact.level
                                                      : contact.off;
     if (place) refuse_second(column);
     place = columns.find(column.name, file);

@@ -9,22 +9,24 @@
 
 namespace sprag {
 
-enum class ColumnRole { impacts, on, off };
+enum class ColumnRole { impacts, on, off, level };
 
-/// One --impacts, --on or --off: NAME or CONTACT=NAME.
+/// One --impacts, --on, --off or --level: NAME or CONTACT=NAME.
 struct ColumnOption {
   ColumnRole role;
   std::string text;
 };
 
-/// The columns of one contact: either `impacts`, or `on` and `off`. Indices from 0.
+/// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which becomes one
+/// of these (levels.h). Indices from 0.
 struct ContactColumns {
   int contact = 0;
   std::optional<std::size_t> impacts, on, off;
+  std::optional<std::size_t> level = {};
 };
 
 /// The columns of each contact that is named, contacts ascending. Either all options have a contact
-/// (from 1) or none: then every --impacts and every --on is the next contact, and the k-th --off
+/// (from 1) or none: then every --impacts, --on and --level is the next contact, and the k-th --off
 /// belongs to the k-th --on. Without options a file's only column is the impacts of a scene's only
 /// contact. Throws UsageError, InputError; `file` is the name that errors carry.
 std::vector<ContactColumns> choose_columns(const std::vector<ColumnOption>& options,

@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "tools/import_events/clock_time.h"
+
 namespace sprag {
 
 namespace {
@@ -66,9 +68,16 @@ class Importer {
   std::vector<Stamp> stamps(std::size_t index) {
     const auto mark = columns_.separator == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
     std::vector<Stamp> stamps;
+    Decimal last = options_.offset;
     for (const Cell& cell : columns_.columns[index].cells) {
-      const auto number = parse_decimal(cell.text, mark);
-      const double t = number ? difference_in(*number, options_.offset, options_.unit) : never;
+      const auto time = parse_clock_time(cell.text, mark);
+      Decimal value = time ? time->value : Decimal{};
+      const bool clock = time && time->kind != ClockTime::Kind::number;
+      if (time && time->kind == ClockTime::Kind::time_of_day) value = behind_midnight(value, last);
+      last = value;
+      result_.of_clock = result_.of_clock || clock;
+      const Decimal unit = clock ? Decimal{1, 0} : options_.unit;
+      const double t = time ? difference_in(value, options_.offset, unit) : never;
       if (std::isfinite(t)) {
         stamps.push_back({t, cell.line});
       } else {

@@ -44,6 +44,7 @@ struct Import {
   std::vector<RowProblem> problems;  ///< what is left out, lines ascending; those of `columns` too
   std::int64_t before_start = 0;     ///< events left out since they lie before t = 0
   std::int64_t after_duration = 0;   ///< or after the duration
+  bool of_clock = false;             ///< some times are dates or times of day
 };
 
 /// The events of the contacts in `chosen`. A contact that closes before t = 0 and opens later

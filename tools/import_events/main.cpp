@@ -5,6 +5,7 @@
 
 #include "command_line/program.h"
 #include "sprag/mechanics/scene.h"
+#include "tools/import_events/clock_time.h"
 #include "tools/import_events/run.h"
 #include "tools/import_events/unit.h"
 
@@ -48,6 +49,27 @@ int main(int argc, char** argv) {
               "Column of times at which a contact closes; repeatable, each with an --off");
   add_columns(app, "--off", sprag::ColumnRole::off, run.columns,
               "Column of times at which it opens");
+  add_columns(
+      app, "--level", sprag::ColumnRole::level, run.columns,
+      "Column of levels, high while the contact is closed; repeatable. Times are in --time");
+  sprag::add_text(app, "--time", run.levels.time, "NAME",
+                  "Column of the levels' times [the one that begins with Time]");
+  const auto set_threshold = [&run](const std::string& text) {
+    const auto number = sprag::parse_decimal(text);
+    if (!number)
+      throw CLI::ValidationError("--threshold", text + " is not allowed; must be a finite number");
+    run.levels.threshold = sprag::difference_in(*number, {}, {1, 0});
+  };
+  app.add_option_function<std::string>("--threshold", set_threshold,
+                                       "A level above X is high [0.5, of levels 0 and 1]")
+      ->type_name("X");
+  sprag::add_flag(app, "--inverted", run.levels.inverted, "Low while the contact is closed");
+  sprag::add_choice(app, "--impacts-at", run.levels.impacts,
+                    {{"rising", sprag::Edge::rising},
+                     {"falling", sprag::Edge::falling},
+                     {"both", sprag::Edge::both}},
+                    "Edges of the levels that are impacts: rising, falling or both; after "
+                    "--inverted, rising is where the level falls");
   const auto set_unit = [&run](const std::string& text) {
     const std::vector<std::string> choices{"s", "ms", "us", "ns", "a number of seconds > 0"};
     run.unit = sprag::parse_unit(text);
@@ -58,10 +80,11 @@ int main(int argc, char** argv) {
                                        "seconds [as the columns' names say, else s]")
       ->type_name("U");
   const auto set_offset = [&run](const std::string& text) {
-    const auto number = sprag::parse_decimal(text);
-    if (!number)
-      throw CLI::ValidationError("--offset", text + " is not allowed; must be a finite number");
-    run.import.offset = *number;
+    const auto time = sprag::parse_clock_time(text, sprag::DecimalMark::point);
+    if (!time)
+      throw CLI::ValidationError("--offset",
+                                 text + " is not allowed; must be a finite number or a time");
+    run.import.offset = time->value;
   };
   app.add_option_function<std::string>(
          "--offset", set_offset,

@@ -35,6 +35,10 @@ void print_problems(const std::string& file, const std::vector<RowProblem>& prob
 
 void print_summary(const Import& import) {
   for (const ContactFigures& figures : import.figures) {
+    if (figures.pulses + figures.sustained == 0) {
+      std::cerr << "contact " << figures.contact + 1 << " has no events\n";
+      continue;
+    }
     std::cerr << "contact " << figures.contact + 1 << ": " << figures.pulses << " pulses, "
               << figures.sustained << " sustained, " << figures.merged << " bounces merged\n";
   }
@@ -69,6 +73,24 @@ void write_csv(const ImportRun& run, const std::vector<ContactEvent>& events) {
   if (!writer.close()) throw std::runtime_error(writer.error());
 }
 
+void check_levels(const ImportRun& run, const std::vector<ContactColumns>& chosen) {
+  const LevelOptions& levels = run.levels;
+  const bool given =
+      !levels.time.empty() || levels.threshold || levels.inverted || levels.impacts != Edge::closed;
+  const bool any = std::ranges::any_of(chosen, [](const auto& of) { return of.level.has_value(); });
+  if (given && !any)
+    throw UsageError("--time, --threshold, --inverted and --impacts-at are for --level");
+}
+
+void tell_unfed(const std::vector<ContactColumns>& chosen, int contacts) {
+  for (int contact = 0; contact < contacts; ++contact) {
+    const auto feeds = [contact](const ContactColumns& of) { return of.contact == contact; };
+    if (std::ranges::any_of(chosen, feeds)) continue;
+    std::cerr << "contact " << contact + 1
+              << " of the scene has no column: it will seem open throughout\n";
+  }
+}
+
 }  // namespace
 
 int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
@@ -77,8 +99,18 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   const std::optional<Key> key = key_of(common);
   const std::string file = run.file.string();
   const std::string text = read_whole(run.file);
-  const ColumnFile columns = parse_columns(text, file, run.separator);
-  const auto chosen = choose_columns(run.columns, columns, contacts, file);
+  ColumnFile columns = parse_columns(text, file, run.separator);
+  auto chosen = choose_columns(run.columns, columns, contacts, file);
+  check_levels(run, chosen);
+  tell_unfed(chosen, contacts);
+  if (const auto column = alternating_column(columns, chosen)) {
+    std::cerr << file << ": column '" << *column
+              << "' alternates between 0 and 1: these are the times of both its edges, and each is "
+                 "taken as an impact; --level tells closings from openings\n";
+  }
+  for (const std::string& line : expand_levels(run.levels, file, columns, chosen)) {
+    std::cerr << line << '\n';
+  }
   const ChosenUnit unit = choose_unit(run.unit, columns, chosen, file);
   if (!unit.remark.empty()) std::cerr << unit.remark << '\n';
   ImportOptions options = run.import;
@@ -88,7 +120,8 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   print_summary(import);
   fill(import, report);
   if (import.events.empty()) throw std::runtime_error(file + ": no event is left");
-  if (run.import.offset.mantissa == 0 && import.events.front().t > hardly_a_run)
+  const bool from_another_start = import.of_clock || import.events.front().t > hardly_a_run;
+  if (run.import.offset.mantissa == 0 && from_another_start)
     std::cerr << "the first event comes late; --offset says which time of the file is t = 0\n";
 
   if (run.output.extension() == ".lcmlog") {

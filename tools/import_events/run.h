@@ -10,6 +10,7 @@
 #include "command_line/program.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/import.h"
+#include "tools/import_events/levels.h"
 
 namespace sprag {
 
@@ -17,6 +18,7 @@ struct ImportRun {
   std::filesystem::path file;
   std::optional<char> separator;  ///< none: recognized
   std::vector<ColumnOption> columns;
+  LevelOptions levels;
   std::optional<Decimal> unit;   ///< seconds; none: as the columns' names say, else 1
   ImportOptions import;          ///< its unit is found in the file
   std::filesystem::path output;  ///< .csv or .lcmlog; empty: CSV to standard output
