@@ -3,10 +3,12 @@
 // misread once it optimizes; these do not. Callers check sizes beforehand.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <type_traits>
 
 namespace sprag {
@@ -19,6 +21,14 @@ void put(std::uint8_t*& to, Integer value) {
     *to++ = static_cast<std::uint8_t>(bits >> (8 * i));
 }
 inline void put(std::uint8_t*& to, double value) { put(to, std::bit_cast<std::uint64_t>(value)); }
+
+/// Bytes of a text: a length that counts the zero behind it, and both.
+inline std::size_t text_size(std::string_view text) { return 4 + text.size() + 1; }
+inline void put_text(std::uint8_t*& to, std::string_view text) {
+  put(to, static_cast<std::int32_t>(text.size() + 1));
+  to = std::copy(text.begin(), text.end(), to);
+  *to++ = 0;
+}
 
 /// Reads a value at `from` and moves `from` past it.
 template <std::integral Integer>

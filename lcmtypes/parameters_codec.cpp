@@ -1,6 +1,5 @@
 #include "lcmtypes/parameters_codec.h"
 
-#include <algorithm>
 #include <sprag/parameters_t.hpp>
 
 #include "lcmtypes/big_endian.h"
@@ -12,7 +11,7 @@ std::span<const std::uint8_t> encode_parameters(const EstimateSample& sample,
   const ParameterEstimates& parameters = sample.confidence.parameters;
   const std::vector<std::string>& keys = *parameters.keys;
   std::size_t size = 5 * 8 + 4 + 16 * keys.size() + 3 * 8 + 1;
-  for (const std::string& key : keys) size += 4 + key.size() + 1;
+  for (const std::string& key : keys) size += text_size(key);
   buffer.resize(size);
   std::uint8_t* to = buffer.data();
   put(to, parameters_t::getHash());
@@ -21,12 +20,7 @@ std::span<const std::uint8_t> encode_parameters(const EstimateSample& sample,
   put(to, sample.tick);
   put(to, sample.t);
   put(to, static_cast<std::int32_t>(keys.size()));
-  for (const std::string& key : keys) {
-    // A length that counts the zero behind the text.
-    put(to, static_cast<std::int32_t>(key.size() + 1));
-    to = std::copy(key.begin(), key.end(), to);
-    *to++ = 0;
-  }
+  for (const std::string& key : keys) put_text(to, key);
   for (const double value : parameters.values) put(to, value);
   for (const double sigma : parameters.sigmas) put(to, sigma);
   put(to, parameters.accepted);

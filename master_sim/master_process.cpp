@@ -13,6 +13,7 @@
 #include "lcmtypes/contact_sender.h"
 #include "lcmtypes/state_codec.h"
 #include "lcmtypes/wall_clock.h"
+#include "sprag/files/confidence_columns.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/states_file.h"
 #include "sprag/mechanics/master.h"
@@ -46,7 +47,12 @@ class MasterProcess {
       sample_.session = sender_->session();
     }
     if (!options.events.empty()) events_file_.emplace(options.events);
-    if (!options.states.empty()) states_file_.emplace(options.states, scene.model.coordinates());
+    if (!options.states.empty()) {
+      states_file_.emplace(options.states, scene.model.coordinates(),
+                           output_columns(scene.model.outputs, false));
+      outputs_ = scene.model.outputs;
+      output_values_.resize(outputs_.size());
+    }
     sample_.q.setZero(scene.model.coordinates());
     sample_.u.setZero(scene.model.coordinates());
   }
@@ -159,7 +165,12 @@ class MasterProcess {
 
   void write_state(Instant t) {
     master_.state(t, sample_.q, sample_.u);
-    if (states_file_) states_file_->write(next_tick_, t.hi, sample_.q, sample_.u);
+    if (states_file_) {
+      for (std::size_t i = 0; i < outputs_.size(); ++i) {
+        output_values_[i] = value(outputs_[i], sample_.q, sample_.u);
+      }
+      states_file_->write(next_tick_, t.hi, sample_.q, sample_.u, output_values_);
+    }
     if (!bus_ || !options_.truth) return;
     sample_.utime = wall_clock_us();
     sample_.tick = next_tick_;
@@ -192,6 +203,8 @@ class MasterProcess {
   std::optional<ContactSender> sender_;  // on the bus
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
+  std::vector<Output> outputs_;
+  std::vector<double> output_values_;
 
   Clock::time_point start_;
   double reached_ = 0.0;
@@ -204,6 +217,17 @@ class MasterProcess {
   std::vector<std::uint8_t> buffer_;
 };
 
+// A scene without [master] is not asked for one where it is read.
+void require_start_outside(const Scene& scene) {
+  if (scene.has_master) return;
+  for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+    const double g = gap(scene.model.contacts[i], scene.master.q, 0.0);
+    if (g >= 0.0) continue;
+    throw UsageError(scene.name + " does not say where the machine starts, and q = 0 lies inside " +
+                     "the support of contact " + std::to_string(i + 1) + "; give [master] q");
+  }
+}
+
 }  // namespace
 
 int run_master(const Scene& scene, const MasterOptions& options, const CommonOptions& common,
@@ -211,6 +235,7 @@ int run_master(const Scene& scene, const MasterOptions& options, const CommonOpt
   if (std::isinf(options.speed) && std::isinf(options.duration)) {
     throw UsageError("--speed max needs --duration: an unpaced run has no natural end");
   }
+  require_start_outside(scene);
   MasterProcess process(scene, options, common);
   try {
     process.run();

@@ -53,11 +53,13 @@ class LiveObserver {
       : estimation_(scene, options, history_ticks(scene, options)),
         outbox_(estimation_.empty_sample()),
         bus_(common.url, key_of(common)),
-        settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound),
+        settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound,
+                 scene.model.outputs),
         reception_(bus_, estimation_.contacts, inbox_, notices_),
         loop_(estimation_, options.last(),
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
-        publication_(bus_, inbox_, outbox_, notices_, settled_, options.duration) {
+        publication_(bus_, inbox_, outbox_, notices_, settled_, options.duration,
+                     scene.model.outputs) {
     if (Flows* flows = estimation_.estimator.flows()) flow_builder_.emplace(*flows);
     if (const MachineFamily* family = estimation_.estimator.family()) {
       identification_.emplace(*family, AdaptiveEstimator::most_events);

@@ -67,7 +67,8 @@ struct Outbox {
   static std::size_t sample_slots(const EstimateSample& empty) {
     constexpr std::size_t bytes = 8 << 20, least = 1024, most = 16384;
     const Eigen::Index f = empty.q.size();
-    const auto numbers = static_cast<std::size_t>(4 * f + empty.confidence.sigma_g.size());
+    const auto numbers = static_cast<std::size_t>(4 * f + empty.confidence.sigma_g.size() +
+                                                  empty.confidence.sigma_outputs.size());
     return std::clamp(bytes / (sizeof(Sample) + sizeof(double) * numbers), least, most);
   }
 };

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "lcmtypes/outputs_codec.h"
 #include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/wall_clock.h"
 #include "observer/wake.h"
@@ -20,13 +21,14 @@ constexpr std::int64_t progress_period = 1'000'000'000;  // ns
 }  // namespace
 
 Publication::Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
-                         SettledOutput& settled, double duration)
+                         SettledOutput& settled, double duration, std::vector<Output> outputs)
     : bus_(bus),
       inbox_(inbox),
       outbox_(outbox),
       notices_(notices),
       settled_(settled),
-      duration_(duration) {}
+      duration_(duration),
+      outputs_(std::move(outputs)) {}
 
 void Publication::run(const std::function<bool()>& over) {
   std::int64_t next_progress = monotonic_now() + progress_period;
@@ -45,6 +47,7 @@ void Publication::finish() {
   for (int i = 0; i < last_sample_repeats && !last_settled_.empty(); ++i) {
     std::this_thread::sleep_for(10ms);
     (void)bus_.publish(settled_channel, last_settled_);
+    if (!last_outputs_.empty()) (void)bus_.publish(outputs_channel, last_outputs_);
     if (!parameters_.empty()) (void)bus_.publish(parameters_channel, parameters_);
   }
   notices_.tell_rest(std::cerr);
@@ -68,7 +71,15 @@ void Publication::publish(EstimateSample& estimate, bool settled) {
   if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
     ++unsent_;
   }
+  if (!outputs_.empty()) publish_outputs(estimate, settled);
   if (settled && estimate.confidence.parameters.any()) publish_parameters(estimate);
+}
+
+void Publication::publish_outputs(const EstimateSample& estimate, bool settled) {
+  std::vector<std::uint8_t>& buffer = settled ? last_outputs_ : buffer_;
+  if (!bus_.publish(outputs_channel, encode_outputs(estimate, settled, outputs_, buffer))) {
+    ++unsent_;
+  }
 }
 
 // Where they have changed.

@@ -18,7 +18,7 @@ class Publication {
  public:
   /// `duration`: simulated time that is asked for [s]. Everything must outlive this.
   Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
-              SettledOutput& settled, double duration);
+              SettledOutput& settled, double duration, std::vector<Output> outputs);
   Publication(const Publication&) = delete;
   Publication& operator=(const Publication&) = delete;
 
@@ -36,6 +36,7 @@ class Publication {
   void empty_outbox();
   void publish(EstimateSample& estimate, bool settled);
   void publish_parameters(const EstimateSample& estimate);
+  void publish_outputs(const EstimateSample& estimate, bool settled);
   void tell(const Announcement& announcement);
   void progress();
 
@@ -45,7 +46,9 @@ class Publication {
   Notices& notices_;
   SettledOutput& settled_;
   double duration_;
+  std::vector<Output> outputs_;
   std::vector<std::uint8_t> buffer_;
+  std::vector<std::uint8_t> last_outputs_;  // settled
   std::vector<std::uint8_t> last_settled_;
   std::vector<std::uint8_t> parameters_;  // the last that were sent
   double known_ = 0.0, accepted_ = 0.0;   // of these

@@ -27,7 +27,8 @@ class Replay {
  public:
   Replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay)
       : estimation_(scene, options, replay_history),
-        settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound),
+        settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound,
+                 scene.model.outputs),
         sample_(estimation_.empty_sample()),
         last_(options.last()),
         duration_(options.duration) {

@@ -10,10 +10,12 @@
 namespace sprag {
 
 SettledOutput::SettledOutput(const std::filesystem::path& states, const EstimateSample& empty,
-                             double initial)
-    : initial_bound_(initial) {
+                             double initial, std::vector<Output> outputs)
+    : initial_bound_(initial), outputs_(std::move(outputs)) {
   if (states.empty()) return;
-  states_.emplace(states, empty.q.size(), confidence_columns(empty.confidence, initial));
+  std::vector<std::string> columns = confidence_columns(empty.confidence, initial);
+  for (std::string& name : output_columns(outputs_, true)) columns.push_back(std::move(name));
+  states_.emplace(states, empty.q.size(), columns);
   if (!states_->good()) throw std::runtime_error(states_->error());
 }
 
@@ -32,6 +34,7 @@ void SettledOutput::take(const EstimateSample& settled) {
   conclude(settled);
   if (!states_) return;
   to_columns(settled.confidence, initial_bound_, columns_);
+  add_outputs(outputs_, settled.q, settled.u, settled.confidence, columns_);
   states_->write(settled.tick, settled.t, settled.q, settled.u, columns_);
 }
 

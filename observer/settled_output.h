@@ -12,6 +12,7 @@
 #include "observer/confidence_record.h"
 #include "sprag/estimation/event_history.h"
 #include "sprag/files/states_file.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 
@@ -19,7 +20,8 @@ class SettledOutput {
  public:
   /// `states` may be empty: no file then. `empty` has room for all that an estimate holds,
   /// `initial` is B(0). Throws std::runtime_error where the file cannot be written.
-  SettledOutput(const std::filesystem::path& states, const EstimateSample& empty, double initial);
+  SettledOutput(const std::filesystem::path& states, const EstimateSample& empty, double initial,
+                std::vector<Output> outputs);
 
   /// Without a file only the last estimate has to be known in full.
   bool writes_states() const { return states_.has_value(); }
@@ -44,6 +46,7 @@ class SettledOutput {
 
  private:
   double initial_bound_;
+  std::vector<Output> outputs_;
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
   std::vector<double> columns_;

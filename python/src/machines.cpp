@@ -77,6 +77,11 @@ Force make_force(Eigen::VectorXd direction, double constant, const Harmonic& har
   return {std::move(direction), required_finite("constant", constant), harmonic};
 }
 
+Output make_output(std::string name, Eigen::VectorXd direction, bool velocity) {
+  require(direction.allFinite(), "direction must be finite");
+  return {std::move(name), std::move(direction), velocity};
+}
+
 ImpactLaw to_law(const std::string& law) {
   if (law == "poisson") return ImpactLaw::poisson;
   require(law == "newton", "law is \"" + law + "\"; must be \"poisson\" or \"newton\"");
@@ -107,6 +112,10 @@ std::shared_ptr<Model> finished(Model model, std::vector<Contact> contacts,
     require(force.direction.size() == f,
             "a force's direction must have as many entries as M has rows");
   }
+  for (const Output& output : model.outputs) {
+    require(output.direction.size() == f,
+            "an output's direction must have as many entries as M has rows");
+  }
   require(!contacts.empty() && contacts.size() <= max_contacts,
           "a machine has from 1 to " + std::to_string(max_contacts) + " contacts");
   model.contacts = std::move(contacts);
@@ -116,7 +125,7 @@ std::shared_ptr<Model> finished(Model model, std::vector<Contact> contacts,
 
 std::shared_ptr<Model> make_model(Eigen::MatrixXd M, Eigen::MatrixXd C, Eigen::MatrixXd K,
                                   std::vector<Contact> contacts, std::vector<Force> forces,
-                                  const std::string& law) {
+                                  const std::string& law, std::vector<Output> outputs) {
   Model model;
   require_symmetric("M", M, M.rows());
   require_symmetric("C", C, M.rows());
@@ -128,6 +137,7 @@ std::shared_ptr<Model> make_model(Eigen::MatrixXd M, Eigen::MatrixXd C, Eigen::M
   model.C = std::move(C);
   model.K = std::move(K);
   model.forces = std::move(forces);
+  model.outputs = std::move(outputs);
   return finished(std::move(model), std::move(contacts), law);
 }
 
@@ -193,6 +203,13 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
   return scene;
 }
 
+std::shared_ptr<Scene> with_warnings(Scene scene) {
+  for (const std::string& remark : scene.remarks) {
+    if (PyErr_WarnEx(PyExc_RuntimeWarning, remark.c_str(), 1) != 0) throw py::error_already_set();
+  }
+  return std::make_shared<Scene>(std::move(scene));
+}
+
 template <typename Class>
 auto vector_property(Eigen::VectorXd Class::*member) {
   return [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
@@ -243,19 +260,30 @@ void bind_model(py::module_& module) {
       .def_readonly("constant", &Force::constant)
       .def_readonly("harmonic", &Force::harmonic);
 
+  py::class_<Output>(module, "Output",
+                     "A quantity with a name: direction^T q, or with velocity direction^T u; "
+                     "direction has f entries.")
+      .def(py::init(&make_output), py::arg("name"), py::arg("direction"),
+           py::arg("velocity") = false)
+      .def_readonly("name", &Output::name)
+      .def_property_readonly("direction", vector_property(&Output::direction))
+      .def_readonly("velocity", &Output::velocity);
+
   py::class_<Model, std::shared_ptr<Model>>(
       module, "Model",
       "M u' + C u + K q = W lambda + f(t), q' = u, f coordinates and at least one contact. M, C "
       "and "
       "K are f x f and exactly symmetric, M positive definite, C and K semidefinite.")
       .def(py::init(&make_model), py::arg("M"), py::arg("C"), py::arg("K"), py::arg("contacts"),
-           py::arg("forces") = std::vector<Force>{}, py::arg("law") = "poisson")
+           py::arg("forces") = std::vector<Force>{}, py::arg("law") = "poisson",
+           py::arg("outputs") = std::vector<Output>{})
       .def_property_readonly("f", &Model::coordinates, "Number of coordinates.")
       .def_property_readonly("M", matrix_property(&Model::M))
       .def_property_readonly("C", matrix_property(&Model::C))
       .def_property_readonly("K", matrix_property(&Model::K))
       .def_readonly("contacts", &Model::contacts)
       .def_readonly("forces", &Model::forces)
+      .def_readonly("outputs", &Model::outputs, "Quantities that have a name.")
       .def_property_readonly(
           "law",
           [](const Model& model) { return model.law == ImpactLaw::newton ? "newton" : "poisson"; })
@@ -265,11 +293,13 @@ void bind_model(py::module_& module) {
   module.def(
       "beam_model",
       [](const Beam& beam, std::vector<Contact> contacts, const Harmonic& excitation,
-         const std::string& law) {
-        return finished(beam_model(beam, excitation), std::move(contacts), law);
+         const std::string& law, std::vector<Output> outputs) {
+        Model model = beam_model(beam, excitation);
+        model.outputs = std::move(outputs);
+        return finished(std::move(model), std::move(contacts), law);
       },
       py::arg("beam"), py::arg("contacts"), py::arg("excitation") = Harmonic{},
-      py::arg("law") = "poisson",
+      py::arg("law") = "poisson", py::arg("outputs") = std::vector<Output>{},
       "The model of a beam with contacts, as of beam_contact(). excitation: motion of its frame "
       "[m].");
   module.def(
@@ -332,12 +362,14 @@ void bind_scene(py::module_& module) {
 
   module.def(
       "read_scene",
-      [](const std::filesystem::path& file) { return std::make_shared<Scene>(read_scene(file)); },
-      py::arg("file"), "Reads and checks a scene file. Raises SceneError.");
+      [](const std::filesystem::path& file) { return with_warnings(read_scene(file)); },
+      py::arg("file"),
+      "Reads and checks a scene file, and the files that it names. What is to be said of it is a "
+      "RuntimeWarning. Raises SceneError.");
   module.def(
       "parse_scene",
       [](const std::string& text, const std::string& file) {
-        return std::make_shared<Scene>(parse_scene(text, file));
+        return with_warnings(parse_scene(text, file));
       },
       py::arg("text"), py::arg("file") = "scene.toml",
       "The same from text; file is the name that errors carry. Raises SceneError.");

@@ -158,6 +158,10 @@ void bind_estimates(py::module_& module) {
                              "Standard deviations of u, n x f.")
       .def_property_readonly("sigma_gap", array_property(&Estimates::sigma_gap),
                              "Standard deviations of the gaps [m], n x m.")
+      .def_property_readonly("outputs", array_property(&Estimates::outputs),
+                             "The scene's outputs, n x as many.")
+      .def_property_readonly("sigma_outputs", array_property(&Estimates::sigma_outputs),
+                             "Their standard deviations; inf where nothing is known.")
       .def_property_readonly("bound", array_property(&Estimates::bound),
                              "The replica's V is at most this, n entries [energy]; inf where "
                              "nothing guarantees it.")
@@ -212,6 +216,10 @@ void bind_observer(py::module_& module) {
                              "Standard deviations of u, f entries.")
       .def_property_readonly("sigma_gap", array_property(&Estimate::sigma_gap),
                              "Standard deviations of the gaps [m], m entries.")
+      .def_property_readonly("outputs", array_property(&Estimate::outputs),
+                             "The scene's outputs, one entry each.")
+      .def_property_readonly("sigma_outputs", array_property(&Estimate::sigma_outputs),
+                             "Their standard deviations.")
       .def_readonly("bound", &Estimate::bound,
                     "The replica's V is at most this; inf where nothing guarantees it.");
 

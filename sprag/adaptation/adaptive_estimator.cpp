@@ -56,6 +56,11 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   const Uncertainty uncertainty = uncertainty_of(scene);
   to_y = family.V().transpose() * scene.model.M;
   V = family.V();
+  outputs.setZero(2 * n, std::ssize(scene.model.outputs));
+  for (Eigen::Index k = 0; k < outputs.cols(); ++k) {
+    const Output& output = scene.model.outputs[static_cast<std::size_t>(k)];
+    outputs.col(k).segment(output.velocity ? n : 0, n) = V.transpose() * output.direction;
+  }
   stiffness = family.at(family.nominal()).K;
   start.setZero(2 * n, 2 * n);
   start.topLeftCorner(n, n) = to_y * uncertainty.q;
@@ -477,6 +482,7 @@ Confidence AdaptiveEstimator::no_confidence() const {
   confidence.sigma_q.setConstant(joint_->family.n(), infinity);
   confidence.sigma_u = confidence.sigma_q;
   confidence.sigma_g.setConstant(joint_->family.contacts(), infinity);
+  confidence.sigma_outputs.setConstant(joint_->outputs.cols(), infinity);
   confidence.parameters.keys = joint_->keys;
   confidence.parameters.values = joint_->family.nominal();
   confidence.parameters.sigmas.setConstant(confidence.parameters.values.size(), infinity);
@@ -519,10 +525,15 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
     for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
       confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
     }
+    for (Eigen::Index i = 0; i < joint.outputs.cols(); ++i) {
+      joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(joint.of_x);
+      confidence.sigma_outputs[i] = joint.row.norm();
+    }
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);
+    confidence.sigma_outputs.setConstant(infinity);
   }
   ParameterEstimates& parameters = confidence.parameters;
   const std::vector<Unknown>& unknowns = joint.family.unknowns();

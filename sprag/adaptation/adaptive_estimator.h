@@ -127,6 +127,7 @@ class AdaptiveEstimator {
     JointFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
     Eigen::MatrixXd to_y, V;      // y of q, q of y
+    Eigen::MatrixXd outputs;      // of (y, y'), 2n x the model's outputs
     Eigen::VectorXd stiffness;    // of the modes, as the scene has it
     Eigen::MatrixXd start;        // deviations of a start, 2n x 2n
     std::vector<Belief> beliefs;  // ring, by number

@@ -118,6 +118,9 @@ ModalMachine modal_machine(const Scene& scene) {
   machine.model.K = kappa.cwiseMax(0.0).asDiagonal();
   for (Force& force : machine.model.forces) force.direction = Phi.transpose() * force.direction;
   for (Contact& contact : machine.model.contacts) contact.w = Phi.transpose() * contact.w;
+  for (Output& output : machine.model.outputs) {
+    output.direction = Phi.transpose() * output.direction;
+  }
   for (State* state : {&machine.master, &machine.replica}) {
     state->q = Phi.transpose() * model.M * state->q;
     state->u = Phi.transpose() * model.M * state->u;
@@ -134,6 +137,7 @@ ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept
   part.model.K = of(machine.model.K.diagonal()).asDiagonal();
   for (Force& force : part.model.forces) force.direction = of(force.direction);
   for (Contact& contact : part.model.contacts) contact.w = of(contact.w);
+  for (Output& output : part.model.outputs) output.direction = of(output.direction);
   for (State* state : {&part.master, &part.replica}) {
     state->q = of(state->q);
     state->u = of(state->u);
@@ -177,6 +181,10 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
     VectorXd& w = model.contacts[i].w;
     w = joined(w, Bd.transpose() * machine.model.contacts[i].w);
   }
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    VectorXd& direction = model.outputs[i].direction;
+    direction = joined(direction, Bd.transpose() * machine.model.outputs[i].direction);
+  }
   for (State ModalMachine::*state : {&ModalMachine::master, &ModalMachine::replica}) {
     (part.*state).q = joined((part.*state).q, to_static * (machine.*state).q);
     (part.*state).u = joined((part.*state).u, to_static * (machine.*state).u);
@@ -213,6 +221,7 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   part.uncertainty = machine.uncertainty;
   part.drift = scene.drift;
   part.jitter = scene.jitter;
+  part.has_master = scene.has_master;
   part.release_penetration = scene.release_penetration || starts_inside(part.model, part.master);
   return part;
 }

@@ -67,6 +67,7 @@ struct Confidence {
   double bound = std::numeric_limits<double>::infinity();  ///< V of the replica is at most this
   Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
   Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]
+  Eigen::VectorXd sigma_outputs;     ///< of the model's outputs, one each
   Innovation replica, filter;        ///< of the same closing
   std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
   Inconsistency last;
@@ -76,5 +77,12 @@ struct Confidence {
   std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
   ParameterEstimates parameters;
 };
+
+/// Standard deviation of output number i, from 0; infinite without a filter.
+inline double sigma_of_output(const Confidence& confidence, std::size_t i) {
+  const auto k = static_cast<Eigen::Index>(i);
+  return k < confidence.sigma_outputs.size() ? confidence.sigma_outputs[k]
+                                             : std::numeric_limits<double>::infinity();
+}
 
 }  // namespace sprag

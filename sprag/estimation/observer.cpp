@@ -20,6 +20,8 @@ void resize(Eigen::Index n, const Estimate& first, Estimates& all) {
   all.sigma_q.resize(n, first.sigma_q.size());
   all.sigma_u.resize(n, first.sigma_u.size());
   all.sigma_gap.resize(n, first.sigma_gap.size());
+  all.outputs.resize(n, first.outputs.size());
+  all.sigma_outputs.resize(n, first.sigma_outputs.size());
   all.bound.resize(n);
   all.of_filter.resize(static_cast<std::size_t>(n));
   all.parameters.resize(n, first.parameters.values.size());
@@ -90,6 +92,8 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
       all.sigma_gap.row(k) = estimate.sigma_gap;
       all.parameters.row(k) = estimate.parameters.values;
       all.sigma_parameters.row(k) = estimate.parameters.sigmas;
+      all.outputs.row(k) = estimate.outputs;
+      all.sigma_outputs.row(k) = estimate.sigma_outputs;
       all.bound[k] = estimate.bound;
       all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
       ++k;

@@ -39,6 +39,8 @@ struct Estimate {
   /// Standard deviations of q, u (f entries each) and of the gaps (m entries); infinite where
   /// nothing is known, empty without a timing filter.
   Eigen::VectorXd sigma_q, sigma_u, sigma_gap;
+  /// Of the model's outputs, one each; infinite where nothing is known.
+  Eigen::VectorXd outputs, sigma_outputs;
   /// The replica's V is at most this; infinite where nothing guarantees it.
   double bound = std::numeric_limits<double>::infinity();
   /// Of an adaptive observer: what it has found of the machine's parameters; else empty.
@@ -95,6 +97,7 @@ struct Estimates {
   Eigen::VectorXd t;                    ///< n entries [s]
   Rows q, u;                            ///< n x f
   Rows sigma_q, sigma_u, sigma_gap;     ///< n x f, n x f, n x m; no columns without a timing filter
+  Rows outputs, sigma_outputs;          ///< n x the model's outputs
   Eigen::VectorXd bound;                ///< n entries
   std::vector<std::uint8_t> of_filter;  ///< n entries, 0 or 1
   /// Of an adaptive observer: the parameters that it seeks, P of them, as the scene file names

@@ -41,6 +41,7 @@ class ObserverCore final : public Observer::Core {
   ObserverCore(const Scene& scene, const ObserverSettings& settings, double bound,
                Between between = {})
       : contacts_(static_cast<int>(scene.model.contacts.size())),
+        outputs_(scene.model.outputs),
         estimator_(scene, settings.tick, settings.estimator, settings.stepper),
         time_line_(estimator_, contacts_, scene.replica, history),
         initial_bound_(bound),
@@ -173,12 +174,23 @@ class ObserverCore final : public Observer::Core {
     estimate.sigma_q = confidence_.sigma_q;
     estimate.sigma_u = confidence_.sigma_u;
     estimate.sigma_gap = confidence_.sigma_g;
+    const auto outputs = static_cast<Eigen::Index>(outputs_.size());
+    estimate.outputs.resize(outputs);
+    for (Eigen::Index i = 0; i < outputs; ++i) {
+      estimate.outputs[i] = value(outputs_[static_cast<std::size_t>(i)], q_, u_);
+    }
+    if (confidence_.has_filter) {
+      estimate.sigma_outputs = confidence_.sigma_outputs;
+    } else {
+      estimate.sigma_outputs.setConstant(outputs, std::numeric_limits<double>::infinity());
+    }
     estimate.bound = confidence_.bound;
     estimate.parameters = confidence_.parameters;
     return estimate;
   }
 
   int contacts_;
+  std::vector<Output> outputs_;
   E estimator_;
   TimeLine<E> time_line_;
   double initial_bound_;

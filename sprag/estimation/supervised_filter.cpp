@@ -176,6 +176,7 @@ void SupervisedFilter::confidence(const SupervisedState& state, double initial,
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);
+    confidence.sigma_outputs.setConstant(infinity);
   }
   note(state, confidence);
 }

@@ -483,6 +483,26 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};
 }
 
+void TimingFilter::output_deviations(const TimingState& state,
+                                     Eigen::Ref<Eigen::VectorXd> outputs) {
+  if (outputs.size() == 0) return;
+  if (state.unknown || scale_is_open_) {
+    outputs.setConstant(infinity);
+    return;
+  }
+  if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
+  const std::vector<Output>& wanted = flows_->dynamics().model().outputs;
+  for (Eigen::Index k = 0; k < outputs.size(); ++k) {
+    const Output& of = wanted[static_cast<std::size_t>(k)];
+    const double largest = of.velocity ? state.terms.speed : state.terms.length;
+    const Eigen::MatrixXd& S = of.velocity ? now_.S_u : now_.S_q;
+    double variance =
+        square(measurement_rounding * largest / largest_w_) * of.direction.squaredNorm();
+    for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(of.direction.dot(S.col(j)));
+    outputs[k] = std::sqrt(variance);
+  }
+}
+
 TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingState& state) {
   constexpr int samples = 64;
   LastFlight flight;
@@ -515,12 +535,14 @@ Confidence TimingFilter::no_confidence() const {
   confidence.sigma_q.setZero(f());
   confidence.sigma_u.setZero(f());
   confidence.sigma_g.setZero(flows_->dynamics().contacts());
+  confidence.sigma_outputs.setZero(std::ssize(flows_->dynamics().model().outputs));
   return confidence;
 }
 
 void TimingFilter::confidence(const TimingState& state, double, Confidence& confidence) {
   note(state, confidence);
   deviations(state, confidence.sigma_q, confidence.sigma_u, confidence.sigma_g);
+  output_deviations(state, confidence.sigma_outputs);
 }
 
 void TimingFilter::note(const TimingState& state, Confidence& confidence) const {

@@ -136,6 +136,9 @@ class TimingFilter {
   void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                   Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
 
+  /// Those of the model's outputs, one entry each, at the same.
+  void output_deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> outputs);
+
   /// Room for what confidence() says, without allocating: deviations, the last innovation, and what
   /// did not fit. `initial` does not matter.
   Confidence no_confidence() const;

@@ -41,6 +41,10 @@ Uncertainty uncertainty_of(const Scene& scene) {
                           scene.jitter,
                           {},
                           {}};
+  if (scene.sigma) {
+    uncertainty.q = scene.sigma->q.asDiagonal();
+    uncertainty.u = scene.sigma->u.asDiagonal();
+  }
   if (scene.drift > 0.0) {
     uncertainty.drift_q = modes.Phi * of_q(scene.drift * one_each, false).asDiagonal();
     uncertainty.drift_u = modes.Phi * of_u(scene.drift * one_each).asDiagonal();

@@ -18,7 +18,7 @@ struct Uncertainty {
 /// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
 /// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
 /// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
-/// largest length.
+/// largest length. Or the standard deviations that it gives in place of the first.
 Uncertainty uncertainty_of(const Scene& scene);
 
 }  // namespace sprag

@@ -1,6 +1,8 @@
 #include "sprag/files/confidence_columns.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace sprag {
 namespace {
@@ -58,6 +60,35 @@ void to_columns(const Confidence& confidence, double initial, std::vector<double
       [&](const char*, const Eigen::VectorXd& of) {
         values.insert(values.end(), of.begin(), of.end());
       });
+}
+
+std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool estimated) {
+  std::vector<std::string> names;
+  for (const Output& output : outputs) {
+    names.push_back(output.name);
+    if (estimated) names.push_back("sigma_" + output.name);
+  }
+  return names;
+}
+
+void add_outputs(const std::vector<Output>& outputs, const Eigen::Ref<const Eigen::VectorXd>& q,
+                 const Eigen::Ref<const Eigen::VectorXd>& u, const Confidence& confidence,
+                 std::vector<double>& values) {
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    values.push_back(value(outputs[i], q, u));
+    values.push_back(sigma_of_output(confidence, i));
+  }
+}
+
+bool is_column_of_states(std::string_view name) {
+  constexpr std::string_view words[] = {
+      "k",           "t",          "B",           "closing_t",       "closing_contact",
+      "replica_gap", "filter_gap", "from_filter", "inconsistencies", "accepted"};
+  if (std::find(std::begin(words), std::end(words), name) != std::end(words)) return true;
+  if (name.starts_with("sigma_")) return true;
+  const bool state = name.starts_with('q') || name.starts_with('u');
+  return state && name.size() > 1 &&
+         name.find_first_not_of("0123456789", 1) == std::string_view::npos;
 }
 
 }  // namespace sprag

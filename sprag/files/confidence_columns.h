@@ -2,9 +2,11 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sprag/estimation/confidence.h"
+#include "sprag/mechanics/model.h"
 
 namespace sprag {
 
@@ -12,6 +14,18 @@ namespace sprag {
 /// a bound alone: `B`, `closing_t`, `closing_contact`, `replica_gap`. `initial` is B(0).
 /// Parameters have the columns `accepted` and, by their keys, `KEY` and `sigma_KEY`.
 std::vector<std::string> confidence_columns(const Confidence& confidence, double initial);
+
+/// Columns of outputs: NAME and sigma_NAME each; of a machine that is no estimate only NAME.
+std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool estimated);
+
+/// Appends the values of an estimate of (q, u) in these columns. A sigma is infinite without a
+/// filter.
+void add_outputs(const std::vector<Output>& outputs, const Eigen::Ref<const Eigen::VectorXd>& q,
+                 const Eigen::Ref<const Eigen::VectorXd>& u, const Confidence& confidence,
+                 std::vector<double>& values);
+
+/// Whether a states CSV may already have a column of this name.
+bool is_column_of_states(std::string_view name);
 
 /// The values in these columns; `values` keeps its room.
 void to_columns(const Confidence& confidence, double initial, std::vector<double>& values);

@@ -64,7 +64,7 @@ class Lines {
   int number_ = 0;
 };
 
-std::string_view trimmed(std::string_view text) {
+std::string_view without_blanks(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos) return text.substr(text.size());
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
@@ -76,15 +76,15 @@ void split(std::string_view line, char separator, std::vector<std::string_view>&
   if (separator != '\0') {
     while (true) {
       const std::size_t end = line.find(separator);
-      fields.push_back(trimmed(line.substr(0, end)));
+      fields.push_back(without_blanks(line.substr(0, end)));
       if (end == std::string_view::npos) return;
       line.remove_prefix(end + 1);
     }
   }
-  for (line = trimmed(line); !line.empty();) {
+  for (line = without_blanks(line); !line.empty();) {
     const std::size_t end = std::min(line.find_first_of(" \t"), line.size());
     fields.push_back(line.substr(0, end));
-    line = trimmed(line.substr(end));
+    line = without_blanks(line.substr(end));
   }
 }
 

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "sprag/files/confidence_columns.h"
 #include "sprag/files/toml_reader.h"
 #include "sprag/identification/unknowns.h"
 #include "sprag/mechanics/energy.h"
@@ -21,6 +22,8 @@
 
 namespace sprag {
 namespace {
+
+constexpr std::size_t max_outputs = 200;
 
 // amplitude and frequency are required, phase is optional.
 Harmonic read_harmonic(const TomlTable& table) {
@@ -272,6 +275,45 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   return contacts;
 }
 
+std::string read_output_name(const TomlTable& table, const std::vector<Output>& before) {
+  const std::string name = table.required_string("name");
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto allowed = [&](char c) { return letter(c) || (c >= '0' && c <= '9') || c == '_'; };
+  constexpr std::size_t longest = 40;
+  if (name.empty() || name.size() > longest || !letter(name[0]) ||
+      !std::all_of(name.begin(), name.end(), allowed)) {
+    table.fail("name", "is \"" + name + "\"; must be a letter and letters, digits or _, at most " +
+                           std::to_string(longest));
+  }
+  if (is_column_of_states(name)) {
+    table.fail("name", "is \"" + name + "\", which is a column of states already; must be another");
+  }
+  if (std::any_of(before.begin(), before.end(), [&](const Output& o) { return o.name == name; })) {
+    table.fail("name", "is \"" + name + "\" again; must be another one");
+  }
+  return name;
+}
+
+void read_outputs(const TomlTable& root, Scene& scene) {
+  std::vector<Output>& outputs = scene.model.outputs;
+  const std::vector<TomlTable> tables =
+      scene.beam ? root.tables("output", {"name", "position", "quantity"})
+                 : root.tables("output", {"name", "direction", "quantity"});
+  if (tables.size() > max_outputs) {
+    tables[max_outputs].fail_here("output has " + std::to_string(tables.size()) +
+                                  " tables; must have at most " + std::to_string(max_outputs));
+  }
+  for (const TomlTable& table : tables) {
+    Output output{.name = read_output_name(table, outputs), .direction = {}};
+    output.direction =
+        scene.beam
+            ? mode_shapes(*scene.beam, table.number("position", {0.0, scene.beam->length, true}))
+            : read_direction(table, scene.model.coordinates());
+    output.velocity = table.choice("quantity", {"displacement", "velocity"}) == "velocity";
+    outputs.push_back(std::move(output));
+  }
+}
+
 // Whether it gives the chatter_time.
 bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
   const Limits restitution{0.0, 1.0};
@@ -324,9 +366,10 @@ void read_master(const TomlTable& root, Scene& scene) {
   scene.master = table ? read_state(*table, model.coordinates())
                        : State{Eigen::VectorXd::Zero(model.coordinates()),
                                Eigen::VectorXd::Zero(model.coordinates())};
+  scene.has_master = table.has_value();
   scene.release_penetration =
       table && table->choice("penetration", {"refuse", "release"}) == "release";
-  if (scene.release_penetration) return;
+  if (scene.release_penetration || !scene.has_master) return;
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     if (!starts_inside(model.contacts[i], scene.master.q)) continue;
     const std::string number = std::to_string(i + 1);
@@ -334,8 +377,7 @@ void read_master(const TomlTable& root, Scene& scene) {
     message += rounded(gap(model.contacts[i], scene.master.q, 0.0));
     message += "; must be >= 0 (move master.q or contact[" + number;
     message += "].clearance), or set master.penetration = \"release\"";
-    if (table) table->fail("q", message);
-    root.fail_here("master.q " + message);
+    table->fail("q", message);
   }
 }
 
@@ -351,13 +393,26 @@ void read_replica_restitution(const TomlTable& table, std::vector<Contact>& cont
   }
 }
 
+Eigen::VectorXd read_sigma(const TomlTable& table, const char* key, Eigen::Index f) {
+  Eigen::VectorXd sigma = one_or_each(table, key, f);
+  if (!(sigma.minCoeff() > 0.0)) {
+    table.fail(key, "has " + to_text(sigma.minCoeff()) + "; must be > 0");
+  }
+  return sigma;
+}
+
 void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  const auto table = root.table("replica", {"q", "u", "restitution", "uncertainty", "drift"});
+  const auto table = root.table(
+      "replica", {"q", "u", "restitution", "uncertainty", "sigma_q", "sigma_u", "drift"});
   scene.replica =
       table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
   if (table) scene.drift = table->number_or("drift", 0.0, not_negative);
   if (table && table->has("restitution")) read_replica_restitution(*table, scene.model.contacts);
+  if (table && (table->has("sigma_q") || table->has("sigma_u"))) {
+    refuse_other(*table, table->has("sigma_q") ? "sigma_q" : "sigma_u", {"uncertainty"});
+    scene.sigma = State{read_sigma(*table, "sigma_q", f), read_sigma(*table, "sigma_u", f)};
+  }
   if (!table || !table->has("uncertainty")) return;
   const Eigen::VectorXd energies = table->numbers("uncertainty");
   if (energies.size() != 1 && energies.size() != f) {
@@ -450,8 +505,9 @@ SceneError::SceneError(const std::string& what_is_wrong)
 namespace {
 
 Scene scene_of(TomlDocument& document, const std::string& file) {
-  const TomlTable root = document.root({"name", "beam", "excitation", "system", "force", "impact",
-                                        "contact", "master", "replica", "events", "adapt"});
+  const TomlTable root =
+      document.root({"name", "beam", "excitation", "system", "force", "impact", "contact", "output",
+                     "master", "replica", "events", "adapt"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
@@ -461,10 +517,13 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
   const std::vector<TomlTable> contacts =
       beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene);
+  read_outputs(root, scene);
   const bool chatter_time_given = read_impact(root, contacts, scene.model);
   read_master(root, scene);
-  if (!chatter_time_given) set_chatter_time(scene.model, scene.master);
   read_replica(root, scene);
+  if (!chatter_time_given) {
+    set_chatter_time(scene.model, scene.has_master ? scene.master : scene.replica);
+  }
   read_events(root, scene);
   read_adaptation(root, scene);
   scene.remarks = document.remarks();

@@ -179,8 +179,9 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
            {"excitation", {"influence"}},
            {"force", {"direction"}},
            {"contact", {"direction"}},
+           {"output", {"direction"}},
            {"master", {"q", "u"}},
-           {"replica", {"q", "u", "restitution", "uncertainty"}},
+           {"replica", {"q", "u", "restitution", "uncertainty", "sigma_q", "sigma_u"}},
            {"adapt", {"within", "walk"}}}) {
     const toml::node* node = root.get(table);
     if (node == nullptr) continue;

@@ -82,6 +82,12 @@ void add_contact(std::string& text, const Contact& contact, const char* mount) {
   add(text, "restitution", contact.restitution);
 }
 
+void add_output(std::string& text, const Output& output) {
+  text += "\n[[output]]\nname = " + in_quotes(output.name) + '\n';
+  add(text, "direction", output.direction);
+  if (output.velocity) text += "quantity = \"velocity\"\n";
+}
+
 // nullptr: the contact says its own motion.
 const char* mount_of(const Scene& scene, std::size_t contact) {
   if (!scene.frame) return nullptr;
@@ -105,6 +111,10 @@ void add_replica(std::string& text, const Scene& scene) {
   }
   if (own) add(text, "restitution", restitution);
   if (scene.uncertainty.size() > 0) add(text, "uncertainty", scene.uncertainty);
+  if (scene.sigma) {
+    add(text, "sigma_q", scene.sigma->q);
+    add(text, "sigma_u", scene.sigma->u);
+  }
   add(text, "drift", scene.drift);
 }
 
@@ -140,13 +150,16 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     add_contact(text, model.contacts[i], mount_of(scene, i));
   }
+  for (const Output& output : model.outputs) add_output(text, output);
   text += "\n[impact]\nlaw = ";
   text += model.law == ImpactLaw::newton ? "\"newton\"\n" : "\"poisson\"\n";
   add(text, "chatter_time", model.chatter_time);
-  text += "\n[master]\n";
-  add(text, "q", scene.master.q);
-  add(text, "u", scene.master.u);
-  if (scene.release_penetration) text += "penetration = \"release\"\n";
+  if (scene.has_master) {
+    text += "\n[master]\n";
+    add(text, "q", scene.master.q);
+    add(text, "u", scene.master.u);
+    if (scene.release_penetration) text += "penetration = \"release\"\n";
+  }
   add_replica(text, scene);
   text += "\n[events]\n";
   add(text, "jitter", scene.jitter);

@@ -181,7 +181,10 @@ int TomlTable::integer(std::string_view key, int low, int high) const {
 }
 
 std::string TomlTable::string_or(std::string_view key, const std::string& fallback) const {
-  if (!has(key)) return fallback;
+  return has(key) ? required_string(key) : fallback;
+}
+
+std::string TomlTable::required_string(std::string_view key) const {
   const toml::node& node = required(key);
   if (!node.is_string()) fail(key, must_be(node, "a string").substr(1));
   return node.as_string()->get();

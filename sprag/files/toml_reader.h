@@ -55,6 +55,7 @@ class TomlTable {
   double number(std::string_view key, const Limits& limits) const;
   double number_or(std::string_view key, double fallback, const Limits& limits) const;
   int integer(std::string_view key, int low, int high) const;
+  std::string required_string(std::string_view key) const;
   std::string string_or(std::string_view key, const std::string& fallback) const;
   /// One of `options`; the first if the key is absent.
   std::string_view choice(std::string_view key, TomlKeys options) const;

@@ -45,6 +45,14 @@ inline double restitution_of_replica(const Contact& contact) {
   return contact.replica_restitution.value_or(contact.restitution);
 }
 
+/// A quantity with a name that somebody asks for: direction^T q or direction^T u; direction has f
+/// entries.
+struct Output {
+  std::string name;
+  Eigen::VectorXd direction;
+  bool velocity = false;
+};
+
 enum class ImpactLaw { poisson, newton };
 
 /// Constant data of a machine with f coordinates and m = contacts.size() contacts.
@@ -56,6 +64,7 @@ struct Model {
   ImpactLaw law = ImpactLaw::poisson;
   double chatter_time = 1e-8;  ///< rest of a bounce sequence below which it is completed [s]; a
                                ///< scene that does not give it takes 1e-8 time_scale() (scale.h)
+  std::vector<Output> outputs = {};
 
   Eigen::Index coordinates() const { return M.rows(); }
 };
@@ -83,6 +92,11 @@ struct State {
 struct ModelError : Error {
   using Error::Error;
 };
+
+inline double value(const Output& output, const Eigen::Ref<const Eigen::VectorXd>& q,
+                    const Eigen::Ref<const Eigen::VectorXd>& u) {
+  return output.velocity ? output.direction.dot(u) : output.direction.dot(q);
+}
 
 inline double value(const Harmonic& harmonic, double t) {
   return harmonic.amplitude * std::cos(harmonic.frequency * t + harmonic.phase);

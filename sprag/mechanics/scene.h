@@ -55,9 +55,11 @@ struct Scene {
   State replica;                     ///< start of the replica, padded with zeros to f entries
   Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M
                                      ///< and K are not diagonal, by mode; empty: not given
+  std::optional<State> sigma;        ///< in place of uncertainty: standard deviations of its start
   double drift = 0.0;                ///< energy by which the model departs, per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
   Adaptation adaptation;
+  bool has_master = true;            ///< false: where the machine starts is not said
   bool release_penetration = false;  ///< master.penetration = "release"
   std::vector<std::string> remarks;  ///< of its reader, for people: a line each
 };

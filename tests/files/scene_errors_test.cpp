@@ -4,7 +4,9 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/scene_writer.h"
 #include "tests/files/scene_texts.h"
 
 namespace sprag {
@@ -78,7 +80,8 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
         "x.toml:22:1: unknown key master.v; must be one of q, u, penetration"},
        {"u = []", "penetration = \"release\"",
         "x.toml:25:1: unknown key replica.penetration; must be one of q, u, restitution, "
-        "uncertainty, drift"}});
+        "uncertainty, "
+        "sigma_q, sigma_u, drift"}});
   expect_errors(
       system_text,
       {{"K =", "k =", "x.toml:4:1: unknown key system.k; did you mean K?"},
@@ -171,6 +174,28 @@ TEST(SceneErrors, WhatIsFreeIsAParameterOfTheScene) {
   EXPECT_EQ(scene.adaptation.free.size(), 2U);
   EXPECT_EQ(scene.adaptation.within, Eigen::Vector2d(0.3, 0.3));
   EXPECT_EQ(scene.adaptation.walk, Eigen::Vector2d(0.0, 1e-3));
+}
+
+TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
+  const auto with = [](const std::string& more) {
+    return replaced(beam_text, "u = []", "u = []\n" + more);
+  };
+  const Scene scene = parse(with("sigma_q = 0.25\nsigma_u = [1, 2.0, 3]"));
+  ASSERT_TRUE(scene.sigma);
+  EXPECT_EQ(scene.sigma->q, Eigen::Vector3d(0.25, 0.25, 0.25));
+  EXPECT_EQ(scene.sigma->u, Eigen::Vector3d(1.0, 2.0, 3.0));
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  EXPECT_EQ(uncertainty.q, Eigen::MatrixXd(scene.sigma->q.asDiagonal()));
+  EXPECT_EQ(uncertainty.u, Eigen::MatrixXd(scene.sigma->u.asDiagonal()));
+  EXPECT_EQ(error_of(with("sigma_q = 0.25")), "x.toml:23:1: missing key replica.sigma_u");
+  EXPECT_EQ(error_of(with("sigma_q = 0.25\nsigma_u = 0")),
+            "x.toml:27:11: replica.sigma_u has 0; must be > 0");
+  EXPECT_EQ(error_of(with("sigma_q = 0.25\nsigma_u = 1\nuncertainty = 1")),
+            "x.toml:26:11: replica.sigma_q and replica.uncertainty exclude each other; must be one "
+            "of them");
+  const Scene again = parse(to_toml(scene));
+  EXPECT_EQ(again.sigma->u, scene.sigma->u);
+  EXPECT_EQ(again.sigma->q, scene.sigma->q);
 }
 
 TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
@@ -364,11 +389,10 @@ TEST(SceneErrors, MasterMustNotStartInsideASupport) {
   EXPECT_TRUE(parse(inside + "penetration = \"release\"\n").release_penetration);
   EXPECT_EQ(error_of(inside + "penetration = \"refuse\"\n"), error_of(inside));
   EXPECT_EQ(error_of(replaced(inside, "q = [0.5]", "q = [0.25]")), "no error");
-  EXPECT_EQ(
-      error_of(replaced(replaced(inside, "[master]\nu = [1]\nq = [0.5]\n", ""), "0.25", "-0.25")),
-      "x.toml:1:1: master.q starts inside the support of contact 2: its gap is -0.25; must "
-      "be >= 0 (move master.q or contact[2].clearance), or set master.penetration = "
-      "\"release\"");
+  // Without [master] nobody says that it starts at 0.
+  const Scene without =
+      parse(replaced(replaced(inside, "[master]\nu = [1]\nq = [0.5]\n", ""), "0.25", "-0.25"));
+  EXPECT_FALSE(without.has_master);
 }
 
 }  // namespace

@@ -197,6 +197,12 @@ double start_energy(const Identification& fit) {
   return std::max(4.5 * (of_u + of_q), 1e-18 * kinetic);
 }
 
+// Never 0.
+Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::VectorXd& start) {
+  const double largest = std::max(start.cwiseAbs().maxCoeff(), sigma.maxCoeff());
+  return sigma.cwiseMax(1e-9 * (largest > 0.0 ? largest : 1.0));
+}
+
 }  // namespace
 
 std::string fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
@@ -211,7 +217,12 @@ std::string fitted_text(std::string_view given, const Scene& scene, const Identi
   if (fit.start_t == begins) {
     out.set("replica.q", fit.start.q);
     out.set("replica.u", fit.start.u);
-    out.set("replica.uncertainty", start_energy(fit));
+    if (scene.sigma) {
+      out.set("replica.sigma_q", start_deviations(fit.start_sigma.q, fit.start.q));
+      out.set("replica.sigma_u", start_deviations(fit.start_sigma.u, fit.start.u));
+    } else {
+      out.set("replica.uncertainty", start_energy(fit));
+    }
     if (begins == 0.0 && out.has("master") && starts_outside(fit.fitted, fit.start)) {
       out.set("master.q", fit.start.q);
       out.set("master.u", fit.start.u);

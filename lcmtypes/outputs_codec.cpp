@@ -1,0 +1,30 @@
+#include "lcmtypes/outputs_codec.h"
+
+#include <sprag/outputs_t.hpp>
+
+#include "lcmtypes/big_endian.h"
+
+namespace sprag {
+
+std::span<const std::uint8_t> encode_outputs(const EstimateSample& sample, bool settled,
+                                             std::span<const Output> outputs,
+                                             std::vector<std::uint8_t>& buffer) {
+  std::size_t size = 5 * 8 + 2 + 4 + 16 * outputs.size();
+  for (const Output& output : outputs) size += text_size(output.name);
+  buffer.resize(size);
+  std::uint8_t* to = buffer.data();
+  put(to, outputs_t::getHash());
+  put(to, sample.session);
+  put(to, sample.utime);
+  put(to, sample.tick);
+  put(to, sample.t);
+  put(to, static_cast<std::int8_t>(settled ? 1 : 0));
+  put(to, static_cast<std::int8_t>(sample.confidence.from_filter ? 1 : 0));
+  put(to, static_cast<std::int32_t>(outputs.size()));
+  for (const Output& output : outputs) put_text(to, output.name);
+  for (const Output& output : outputs) put(to, value(output, sample.q, sample.u));
+  for (std::size_t i = 0; i < outputs.size(); ++i) put(to, sigma_of_output(sample.confidence, i));
+  return buffer;
+}
+
+}  // namespace sprag

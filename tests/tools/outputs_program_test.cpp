@@ -1,0 +1,168 @@
+// Quantities that a scene names, in the files of master and observer, and how sure of them it is.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <sstream>
+
+#include "sprag/estimation/observer.h"
+#include "sprag/estimation/timing_filter.h"
+#include "sprag/files/csv.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/files/scene_writer.h"
+#include "sprag/mechanics/beam.h"
+#include "tests/support/program_test.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using test::read_text;
+using test::shipped_scene;
+using test::write_text;
+
+std::string text_of(const std::string& scene) {
+  return read_text(SPRAG_SOURCE_DIR "/scenes/" + scene + ".toml");
+}
+
+Scene with_outputs(std::string text, const std::string& outputs, double jitter) {
+  text = text.substr(0, text.find("[events]"));
+  text += "\n" + outputs + "[events]\njitter = " + std::to_string(jitter) + "\n";
+  return parse_scene(text, "x.toml");
+}
+
+constexpr const char* of_rig = R"([[output]]
+name = "second"
+direction = [0.0, 1.0]
+[[output]]
+name = "approach"
+direction = [1.0, -1.0]
+quantity = "velocity"
+)";
+
+TEST(Outputs, AreSureAsTheStateIs) {
+  for (const double jitter : {0.0, 1e-4}) {
+    const Scene scene = with_outputs(text_of("lab_rig"), of_rig, jitter);
+    const std::vector<ContactEvent> events = test::events_of(scene, 8.0);
+    const Estimates all =
+        observe(scene, events, 8.0, {.tick = 0.01, .estimator = EstimatorKind::timing});
+    TimingFilter filter(scene, 0.01);
+    TimingState state;
+    filter.start(scene.replica, 0, 0, state);
+    auto next = events.begin();
+    for (int k = 1; k <= 800; ++k) {
+      const auto since = next;
+      while (next != events.end() && next->t <= tick_instant(k, 0.01).hi) ++next;
+      filter.tick({since, next}, state);
+      if (k % 80 != 0) continue;
+      EXPECT_EQ(all.outputs(k, 0), all.q(k, 1));
+      EXPECT_EQ(all.outputs(k, 1), all.u(k, 0) - all.u(k, 1));
+      const Eigen::MatrixXd P = filter.covariance(state);
+      const double of_q = P(1, 1);
+      const double of_u = P(2, 2) - 2.0 * P(2, 3) + P(3, 3);
+      // But for the rounding that both add.
+      EXPECT_NEAR(all.sigma_outputs(k, 0), std::sqrt(of_q), 1e-9 + 1e-6 * std::sqrt(of_q)) << k;
+      EXPECT_NEAR(all.sigma_outputs(k, 1), std::sqrt(of_u), 1e-7 + 1e-6 * std::sqrt(of_u)) << k;
+      EXPECT_NEAR(all.sigma_outputs(k, 0), all.sigma_q(k, 1), 1e-12 * all.sigma_q(k, 1)) << k;
+    }
+    EXPECT_GT(all.sigma_outputs(10, 0), 0.0);
+    const Estimates replica =
+        observe(scene, events, 1.0, {.tick = 0.01, .estimator = EstimatorKind::replica});
+    EXPECT_TRUE(std::isinf(replica.sigma_outputs(5, 1)));
+    EXPECT_EQ(replica.outputs(5, 0), replica.q(5, 1));
+  }
+}
+
+TEST(Outputs, OfABeamAreAtAPosition) {
+  const Scene scene = with_outputs(text_of("two_stops_beam"),
+                                   "[[output]]\nname = \"middle\"\nposition = 0.5\n", 0.0);
+  EXPECT_EQ(scene.model.outputs[0].direction, mode_shapes(*scene.beam, 0.5));
+  const Scene again = parse_scene(to_toml(scene), "x.toml");
+  EXPECT_EQ(again.model.outputs[0].direction, scene.model.outputs[0].direction);
+  EXPECT_EQ(again.model.outputs[0].name, "middle");
+}
+
+TEST(Outputs, WhatIsWrongIsNamed) {
+  const auto error = [](const std::string& output) {
+    try {
+      with_outputs(text_of("lab_rig"), output, 0.0);
+    } catch (const SceneError& refused) {
+      return refused.message;
+    }
+    return std::string("no error");
+  };
+  const std::string direction = "direction = [1, 0]\n";
+  EXPECT_EQ(error("[[output]]\nname = \"a\"\n" + direction), "no error");
+  EXPECT_EQ(error("[[output]]\n" + direction), "missing key output[1].name");
+  EXPECT_EQ(error("[[output]]\nname = \"tip [m]\"\n" + direction),
+            "output[1].name is \"tip [m]\"; must be a letter and letters, digits or _, at most 40");
+  EXPECT_EQ(error("[[output]]\nname = \"q2\"\n" + direction),
+            "output[1].name is \"q2\", which is a column of states already; must be another");
+  EXPECT_EQ(
+      error("[[output]]\nname = \"a\"\n" + direction + "[[output]]\nname = \"a\"\n" + direction),
+      "output[2].name is \"a\" again; must be another one");
+  EXPECT_EQ(error("[[output]]\nname = \"a\"\nposition = 1.0\n"),
+            "unknown key output[1].position; must be one of name, direction, quantity");
+  EXPECT_EQ(error("[[output]]\nname = \"a\"\ndirection = [1, 0, 0]\n"),
+            "output[1].direction has size 3; must be 2, as many as coordinates");
+  EXPECT_EQ(error("[[output]]\nname = \"a\"\nquantity = \"force\"\n" + direction),
+            "output[1].quantity is \"force\"; must be \"displacement\" or \"velocity\"");
+}
+
+class OutputsProgramTest : public test::ProgramTest {
+ protected:
+  /// By column.
+  std::map<std::string, std::vector<double>> table(const std::string& name) const {
+    std::map<std::string, std::vector<double>> table;
+    std::istringstream file(read_text(directory_ / name));
+    std::string line;
+    std::getline(file, line);
+    std::vector<std::string_view> fields;
+    const std::string header = line;
+    split_fields(header, fields);
+    const std::vector<std::string> names(fields.begin(), fields.end());
+    while (std::getline(file, line)) {
+      split_fields(line, fields);
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        table[names[i]].push_back(std::stod(std::string(fields[i])));
+      }
+    }
+    return table;
+  }
+};
+
+TEST_F(OutputsProgramTest, AreColumnsOfMasterAndObserver) {
+  write_text(path("rig.toml"), text_of("lab_rig") + "\n" + of_rig);
+  Ended ended =
+      run(MASTER_SIM, {path("rig.toml"), "--duration", "5", "--speed", "max", "--no-lcm", "--tick",
+                       "0.01", "--events", path("events.csv"), "--states", path("master.csv")});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const auto master = table("master.csv");
+  ASSERT_TRUE(master.contains("approach"));
+  EXPECT_FALSE(master.contains("sigma_approach"));
+  for (const char* estimator : {"both", "replica", "adaptive"}) {
+    ended = run(OBSERVER, {path("rig.toml"), "--replay", path("events.csv"), "--tick", "0.01",
+                           "--estimator", estimator, "--states", path("estimate.csv")});
+    ASSERT_EQ(ended.code, 0) << ended.err;
+    auto estimate = table("estimate.csv");
+    const std::size_t n = estimate.at("t").size();
+    ASSERT_GT(n, 400U);
+    for (std::size_t k = 0; k < n; k += 50) {
+      EXPECT_EQ(estimate["second"][k], estimate["q2"][k]);
+      EXPECT_EQ(estimate["approach"][k], estimate["u1"][k] - estimate["u2"][k]);
+      EXPECT_EQ(master.at("approach")[k], master.at("u1")[k] - master.at("u2")[k]);
+      if (std::string(estimator) == "replica" || std::isinf(estimate["sigma_q2"][k])) {
+        EXPECT_TRUE(std::isinf(estimate["sigma_second"][k])) << estimator;
+      } else {
+        EXPECT_NEAR(estimate["sigma_second"][k], estimate["sigma_q2"][k],
+                    1e-12 * estimate["sigma_q2"][k]);
+      }
+    }
+    if (std::string(estimator) == "both") {
+      EXPECT_NEAR(estimate["approach"][n - 1], master.at("approach")[n - 1], 1e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sprag
