@@ -132,7 +132,7 @@ Finding bounded_motion(const Assessment& a) {
     return {"A2", true, false,
             "the motion still grows after " + seen + ": " + readable(trial.growth) +
                 " times from the second quarter to the last",
-            "give the growing motion a stiffness and damping, or a smaller force"};
+            "where the machine has a stiffness, damping or smaller force, give it to the scene"};
   }
   return {"A2", true, true,
           "the forcing is bounded, and the motion shows no steady growth in " + seen +
@@ -160,15 +160,18 @@ Finding monotone_law(const Assessment& a, int contacts) {
       newton ? "DG + GD with D = diag((1 - eps_i)/(1 + eps_i))" : "G - EGE";
   const std::string margin =
       ", smallest eigenvalue " + readable(law.margin) + " with G brought to a unit diagonal";
-  const std::string change = "give all contacts one restitution, or values closer to each other";
+  const std::string change =
+      "where the machine allows it, one restitution for all contacts, or values closer to each "
+      "other";
   if (law.holds()) {
-    return {"A3", true, true,
-            name + " law with unlike restitutions: " + criterion + " is positive semidefinite" +
-                margin +
-                (newton ? "; this criterion is exact, the law is monotone"
-                        : "; no impact was ever seen to expand distances then, but this is known "
-                          "from sampling, not from a proof"),
-            newton ? "" : "to be certain, give all contacts one restitution"};
+    return {
+        "A3", true, true,
+        name + " law with unlike restitutions: " + criterion + " is positive semidefinite" +
+            margin +
+            (newton ? "; this criterion is exact, the law is monotone"
+                    : "; no impact was ever seen to expand distances then, but this is known "
+                      "from sampling, not from a proof"),
+        newton ? "" : "to be certain, one restitution for all contacts, if that is the machine's"};
   }
   return {"A3", true, false,
           name + " law with unlike restitutions: " + criterion + " is not positive semidefinite" +
@@ -252,6 +255,56 @@ std::string own_restitutions(const Model& model) {
   return own;
 }
 
+Finding by_replica(const Assessment& a) {
+  std::string broken;
+  for (const Finding& finding : a.findings) {
+    if (finding.required && !finding.holds) broken += (broken.empty() ? "" : ", ") + finding.id;
+  }
+  if (broken.empty()) {
+    return {"by_replica", false, true, "--estimator replica synchronizes, by Theorem 1", ""};
+  }
+  return {"by_replica", false, false,
+          "--estimator replica has no promise of Theorem 1, for " + broken +
+              ": some of its error may stay",
+          ""};
+}
+
+Finding by_filter(const Assessment& a) {
+  const std::string name = "--estimator timing ";
+  if (!a.filter) {
+    return {"by_filter", false, false,
+            name + "is of no use for a machine that something is left out of", ""};
+  }
+  const FilterTrial& trial = *a.filter;
+  if (!trial.ran()) {
+    const bool events = a.trial.closings > 0;
+    return {"by_filter", false, false,
+            name + (events ? "was not tried for want of time" : "needs events; the trial has none"),
+            ""};
+  }
+  const std::string seen = std::to_string(trial.closings) + " closings in " +
+                           readable(trial.duration) + " units of time";
+  if (!std::isfinite(trial.left)) {
+    return {"by_filter", false, false,
+            name + "does not know the machine after " + seen +
+                " (where nothing but the machine's own state moves it, events that jitter do not "
+                "tell how large its motion is)",
+            ""};
+  }
+  const std::string left = readable(trial.left) + " of the uncertainty of the start is left after ";
+  if (trial.follows()) {
+    return {"by_filter", false, true,
+            name +
+                "follows the machine, if the scene is right, whether or not Theorem 1 holds: from "
+                "t = " +
+                readable(trial.known_from) +
+                " of the trial on less than a hundredth of the uncertainty of the start is left",
+            ""};
+  }
+  return {"by_filter", false, false,
+          name + "does not get to know all of the motion: " + left + seen, ""};
+}
+
 // What fewer coordinates do it, by which correction.
 std::string corrected(const Accuracy& found) {
   const Reduction& fewest = found.fewest;
@@ -301,12 +354,14 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   a.K = definiteness(model.K);
   auto& findings = a.findings;
   findings.push_back(definite_finding("M", a.M, "Massless motions", "give every motion a mass"));
-  findings.push_back(definite_finding("C", a.C, "Motions that it does not damp",
-                                      "damp these motions, however little"));
-  findings.push_back(definite_finding("K", a.K,
-                                      "Rigid motions, whose positions damping does not "
-                                      "bring together and V does not contain",
-                                      "hold these motions by a spring, however soft"));
+  findings.push_back(
+      definite_finding("C", a.C, "Motions that it does not damp",
+                       "if the machine damps them, however little, say so in the scene"));
+  findings.push_back(
+      definite_finding("K", a.K,
+                       "Rigid motions, whose positions damping does not "
+                       "bring together and V does not contain",
+                       "nothing where the machine is free: take the timing filter, see by_filter"));
   if (!a.M.definite()) return a;
 
   const Dynamics dynamics(model);
@@ -338,6 +393,9 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   findings.push_back(trial_finding(a.trial));
   findings.push_back(seen_modes(a.modes));
   findings.push_back(moreau_finding(a));
+  if (own_restitutions(model).empty()) {
+    a.filter = try_filter(scene, a.trial.events, a.trial.duration, limits);
+  }
   if (const std::string own = own_restitutions(model); !own.empty()) {
     findings.push_back({"replica", false, true,
                         "the replica's pulses have a restitution of their own, " + own +
@@ -345,6 +403,12 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
                             "own master",
                         ""});
   }
+  findings.push_back(by_replica(a));
+  findings.push_back(by_filter(a));
+  findings.push_back({"by_both", false, true,
+                      "--estimator both, the default, shows the filter while it fits the events, "
+                      "else the replica",
+                      ""});
   return a;
 }
 

@@ -1,8 +1,9 @@
-// Whether a scene's replica will synchronize with its master: every assumption of Theorem 1 of
-// Baumann & Leine 2014, and what else decides how fast. The machine (2)-(6) has M, C, K > 0 and
-// independent columns of W; A1: the contacts' switching functions chi are of class K^n, so that no
-// contact stays closed for ever; A2: there is a bounded motion; A3: the impact law is maximal
-// monotone.
+// What estimators may expect of a scene. The timing filter: whether events tell all of the motion
+// (filter_trial.h). The replica: whether it will synchronize with its master: every assumption of
+// Theorem 1 of Baumann & Leine 2014, and what else decides how fast. The machine (2)-(6) has M, C,
+// K > 0 and independent columns of W; A1: the contacts' switching functions chi are of class K^n,
+// so that no contact stays closed for ever; A2: there is a bounded motion; A3: the impact law is
+// maximal monotone.
 #pragma once
 
 #include <optional>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "sprag/analysis/accuracy.h"
+#include "sprag/analysis/filter_trial.h"
 #include "sprag/analysis/structure.h"
 #include "sprag/analysis/trial.h"
 #include "sprag/mechanics/flow.h"
@@ -40,7 +42,8 @@ struct Assessment {
   double omega_max = 0.0;    ///< of the undamped modes
   double moreau_tick = 0.0;  ///< 20 ticks per period of the fastest mode; infinity if none vibrates
   Trial trial;
-  std::optional<Accuracy> accuracy;  ///< if asked for
+  std::optional<FilterTrial> filter;  ///< none for the scene of a reduced machine
+  std::optional<Accuracy> accuracy;   ///< if asked for
 
   std::vector<Finding> findings;
 

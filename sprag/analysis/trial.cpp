@@ -76,16 +76,17 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   Trial trial;
   trial.planned = duration;
   trial.contacts.resize(scene.model.contacts.size());
-  Master master(scene.model, scene.master);
+  const State& start = scene.has_master ? scene.master : scene.replica;
+  Master master(scene.model, start);
 
-  std::vector<ContactEvent> events;
+  std::vector<ContactEvent>& events = trial.events;
   const auto stopped = [&] {
     return static_cast<long>(events.size()) >= limits.events ||
            (limits.out_of_time && limits.out_of_time());
   };
   std::vector<Sample> run;
-  Eigen::VectorXd q = scene.master.q;
-  Eigen::VectorXd u = scene.master.u;
+  Eigen::VectorXd q = start.q;
+  Eigen::VectorXd u = start.u;
   const Eigen::MatrixXd& M = scene.model.M;
   try {
     for (int k = 0; k <= samples && !stopped(); ++k) {
@@ -107,6 +108,7 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   } catch (const ModelError& error) {
     trial.error = error.what();  // of a locked set: free flight was built before
   }
+  std::erase_if(events, [&](const ContactEvent& event) { return event.t > trial.duration; });
   summarize(events, trial);
   trial.growth = growth(run, trial.duration);
   return trial;

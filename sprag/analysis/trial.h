@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
@@ -28,6 +29,7 @@ struct Trial {
   std::string error;      ///< why the simulation could not go on; empty if it could
   std::vector<ContactUse> contacts;
   long closings = 0;
+  std::vector<ContactEvent> events;  ///< up to the duration
   /// Largest speed or distance (in the norm of M) in the last quarter over that in the second one.
   double growth = 1.0;
 
@@ -36,7 +38,8 @@ struct Trial {
   }
 };
 
-/// Throws ModelError if the machine has no exact flow in free flight.
+/// From the scene's master on; where it has none the machine starts where its replica does. Throws
+/// ModelError if the machine has no exact flow in free flight.
 Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits);
 
 }  // namespace sprag

@@ -437,5 +437,42 @@ direction = [1.0]
   EXPECT_NE(ended.code, 2) << ended.err;
 }
 
+// Theorem 1 is for the replica; what the filter needs are events that tell all of the motion.
+TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
+  const Assessment ball = assess(read_scene(shipped("bouncing_ball")));
+  EXPECT_FALSE(ball.synchronizes());
+  EXPECT_FALSE(finding(ball, "by_replica").holds);
+  EXPECT_TRUE(finding(ball, "by_filter").holds) << finding(ball, "by_filter").what;
+  EXPECT_LT(ball.filter->known_from, 3.0);
+  for (const Finding& f : ball.findings) EXPECT_FALSE(says(f.change, "spring")) << f.change;
+
+  const Assessment beam = assess(read_scene(shipped("paper_beam")));
+  EXPECT_TRUE(finding(beam, "by_replica").holds);
+  EXPECT_TRUE(finding(beam, "by_filter").holds);
+
+  // A second mass that no contact sees, on a spring of its own and without damping.
+  Scene blind = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
+  Model& model = blind.model;
+  model.C = Eigen::Vector2d(0.1, 0.0).asDiagonal();
+  model.contacts = {contact(Eigen::Vector2d(1.0, 0.0), 0.5)};
+  model.forces = {{Eigen::Vector2d(1.0, 0.0), 0.0, {1.0, 2.0, 0.0}}};
+  blind.master = {Eigen::Vector2d(0.5, 0.5), Eigen::Vector2d::Zero()};
+  blind.replica = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  const Assessment unseen = assess(blind);
+  ASSERT_GT(unseen.filter->closings, 20);
+  EXPECT_FALSE(finding(unseen, "by_filter").holds) << finding(unseen, "by_filter").what;
+  EXPECT_GT(unseen.filter->left, 0.5);
+}
+
+// Where nothing says where the machine starts, a trial takes the replica's start.
+TEST(CheckScene, AMasterIsNotNeeded) {
+  Scene scene = read_scene(shipped("lab_rig"));
+  scene.replica = scene.master;
+  const Assessment with = assess(scene);
+  scene.master.q.setConstant(1e3);
+  scene.has_master = false;
+  EXPECT_EQ(assess(scene).trial.closings, with.trial.closings);
+}
+
 }  // namespace
 }  // namespace sprag

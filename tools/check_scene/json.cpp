@@ -67,6 +67,13 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
     object["moreau_tick"] = a.moreau_tick;
     object["modes"] = modes_json(a.modes);
     object["trial"] = trial_json(a.trial);
+    if (a.filter) {
+      object["filter"] = {{"duration", a.filter->duration},
+                          {"closings", a.filter->closings},
+                          {"left", a.filter->left},
+                          {"known_from", a.filter->known_from},
+                          {"follows", a.filter->follows()}};
+    }
   }
   if (a.accuracy) {
     auto changes = nlohmann::ordered_json::array();
