@@ -261,7 +261,7 @@ direction = [1.0]
 u = [0.9]
 )",
                                   "ball.toml");
-  std::ifstream file(SPRAG_SOURCE_DIR "/tests/identification/ping_pong_bounces.csv");
+  std::ifstream file(SPRAG_SOURCE_DIR "/data/ping_pong_bounces.csv");
   std::string line;
   std::getline(file, line);
   std::vector<ContactEvent> events;
