@@ -180,7 +180,7 @@ void require_outside(const Scene& scene) {
 std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const State& replica,
                                   const std::optional<Eigen::VectorXd>& uncertainty, double drift,
                                   double jitter, std::optional<double> chatter_time,
-                                  std::string name) {
+                                  std::string name, const std::optional<State>& sigma) {
   const Eigen::Index f = model.coordinates();
   auto scene = std::make_shared<Scene>();
   scene->name = std::move(name);
@@ -192,6 +192,15 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
     require(uncertainty->size() == f && uncertainty->allFinite() && uncertainty->minCoeff() > 0.0,
             "uncertainty must have " + std::to_string(f) + " energies > 0");
     scene->uncertainty = *uncertainty;
+  }
+  if (sigma) {
+    const auto usable = [f](const Eigen::VectorXd& of) {
+      return of.size() == f && of.allFinite() && of.minCoeff() > 0.0;
+    };
+    require(!uncertainty, "uncertainty and sigma exclude each other");
+    require(usable(sigma->q) && usable(sigma->u),
+            "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
+    scene->sigma = sigma;
   }
   scene->drift = required_not_negative("drift", drift);
   scene->jitter = required_not_negative("jitter", jitter);
@@ -323,13 +332,15 @@ void bind_scene(py::module_& module) {
       module, "Scene",
       "A machine, where its master and its replica start, and how sure of it all one is. Starts "
       "may "
-      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's start; "
+      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's start, "
+      "or "
+      "in its place sigma: standard deviations of its q and u, as a State; "
       "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
       "[s]: from the machine's own time where it is not given.")
       .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
            py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
            py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
-           py::arg("name") = "")
+           py::arg("name") = "", py::arg("sigma") = py::none())
       .def_readonly("name", &Scene::name)
       .def_property_readonly(
           "f", [](const Scene& scene) { return scene.model.coordinates(); },
@@ -353,6 +364,8 @@ void bind_scene(py::module_& module) {
             return view(scene.uncertainty, self);
           },
           "Energies of the replica's start, f entries; None where not given.")
+      .def_readonly("sigma", &Scene::sigma,
+                    "Standard deviations of the replica's start; None where not given.")
       .def_readonly("drift", &Scene::drift, "Energy per unit of time by which the model departs.")
       .def_readonly("jitter", &Scene::jitter, "Standard deviation of event times [s].")
       .def("__repr__", [](const Scene& scene) {

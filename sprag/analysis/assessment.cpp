@@ -291,6 +291,7 @@ Finding by_filter(const Assessment& a) {
                 "tell how large its motion is)",
             ""};
   }
+  const bool cut_short = trial.duration < 0.99 * a.trial.duration;
   const std::string left = readable(trial.left) + " of the uncertainty of the start is left after ";
   if (trial.follows()) {
     return {"by_filter", false, true,
@@ -302,7 +303,11 @@ Finding by_filter(const Assessment& a) {
             ""};
   }
   return {"by_filter", false, false,
-          name + "does not get to know all of the motion: " + left + seen, ""};
+          name +
+              (cut_short ? "was tried for a part of the trial only: "
+                         : "does not get to know all of the motion: ") +
+              left + seen,
+          ""};
 }
 
 // What fewer coordinates do it, by which correction.

@@ -25,6 +25,53 @@ def paper_beam() -> sprag.Scene:
 
 
 class MachinesTest(unittest.TestCase):
+    def test_outputs_have_names_values_and_sigmas(self):
+        outputs = [
+            sprag.Output("tip", [1.0, -1.0]),
+            sprag.Output("speed", [0.0, 1.0], velocity=True),
+        ]
+        model = sprag.Model(
+            np.eye(2),
+            0.1 * np.eye(2),
+            np.diag([4.0, 9.0]),
+            [sprag.Contact([1.0, 0.5], 0.5, clearance=0.1)],
+            [sprag.Force([1.0, 1.0], harmonic=sprag.Harmonic(1.0, 2.5))],
+            outputs=outputs,
+        )
+        machine = sprag.Scene(
+            model,
+            replica=sprag.State(q=[0.1]),
+            sigma=sprag.State(q=[0.25, 0.5], u=[1.0, 1.0]),
+        )
+        self.assertEqual(list(machine.sigma.q), [0.25, 0.5])
+        self.assertEqual([o.name for o in machine.model.outputs], ["tip", "speed"])
+        self.assertTrue(machine.model.outputs[1].velocity)
+        run = sprag.simulate(machine, 10.0)
+        estimates = sprag.observe(machine, run.events, 10.0)
+        np.testing.assert_array_equal(estimates.outputs[:, 0], estimates.q[:, 0] - estimates.q[:, 1])
+        np.testing.assert_array_equal(estimates.outputs[:, 1], estimates.u[:, 1])
+        self.assertAlmostEqual(estimates.sigma_outputs[0, 0], np.hypot(0.25, 0.5), 12)
+        self.assertEqual(estimates.sigma_outputs.shape, estimates.outputs.shape)
+        self.assertLess(estimates.sigma_outputs[-1].max(), 1e-3)
+        replica = sprag.observe(machine, run.events, 1.0, estimator="replica")
+        self.assertTrue(np.isinf(replica.sigma_outputs).all())
+        observer = sprag.Observer(machine)
+        observer.set_horizon(1.0)
+        self.assertEqual(observer.settle()[-1].outputs.shape, (2,))
+        with self.assertRaisesRegex(ValueError, "output"):
+            sprag.Model(np.eye(1), np.eye(1), np.eye(1), model.contacts[:0], outputs=outputs)
+
+    def test_what_a_scene_is_told_to_be_is_a_warning(self):
+        text = (
+            "[system]\nM = [[1.0, 1e-16], [0.0, 1.0]]\nrayleigh = { alpha = 0.1, beta = 0.0 }\n"
+            "K = [[1.0, 0.0], [0.0, 2.0]]\n[excitation]\ninfluence = 1.0\namplitude = 0.1\n"
+            "frequency = 2.0\n[impact]\nrestitution = 0.5\n[[contact]]\ndirection = [1.0, 0.0]\n"
+        )
+        with self.assertWarnsRegex(RuntimeWarning, "system.M is symmetric but for rounding"):
+            machine = sprag.parse_scene(text)
+        np.testing.assert_array_equal(machine.model.C, 0.1 * machine.model.M)
+        self.assertEqual(machine.model.contacts[0].motion.amplitude, 0.1)
+
     def test_a_beam_in_code_is_the_one_of_the_file(self):
         ours, theirs = paper_beam(), scene()
         self.assertEqual((ours.name, ours.f, ours.m), (theirs.name, theirs.f, theirs.m))
