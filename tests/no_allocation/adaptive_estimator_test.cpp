@@ -14,6 +14,7 @@ TEST(AdaptiveEstimator, TicksDoNotAllocate) {
   const Scene machine = shipped_scene("paper_beam");
   Scene told = machine;
   told.model.contacts[0].restitution = 0.68;
+  told.model.outputs = {{"a", Eigen::Vector3d::Ones()}, {"b", Eigen::Vector3d::Ones(), true}};
   const std::vector<ContactEvent> events = events_of(machine, 110.0);
   constexpr double h = 0.01;
   AdaptiveEstimator estimator(told, h, EstimatorKind::adaptive);

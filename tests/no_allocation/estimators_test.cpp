@@ -153,12 +153,15 @@ TEST(SupervisedFilterTick, NeverAllocatesNorDoesWhatItSaysOfItself) {
     const Drive drive = shipped(name);
     Model wrong = drive.model;
     for (Contact& contact : wrong.contacts) contact.restitution *= 0.9;
+    const Eigen::VectorXd ones = Eigen::VectorXd::Ones(wrong.coordinates());
+    wrong.outputs = {{"a", ones}, {"b", ones, true}};
     SupervisedFilter filter(wrong, drive.h, uncertain(name));
     SupervisedFilter::State state;
     const Met met = run(filter, drive, state);
     EXPECT_EQ(met.allocations, 0);
     EXPECT_GT(state.inconsistencies, 0);
     Confidence confidence = filter.no_confidence();
+    EXPECT_EQ(confidence.sigma_outputs.size(), 2);
     EXPECT_EQ(allocations_of([&] { filter.confidence(state, 1.0, confidence); }), 0);
   }
 }
