@@ -396,6 +396,12 @@ bool TimingFilter::find_published(const TimingState& state) {
     }
     columns_.merge(now_);
     near = true;
+    if (due.kind != UncertainEvent::Kind::pulse ||
+        !unknown_time_->bring_to_rest(due, published_, state.terms, now_)) {
+      continue;
+    }
+    enter_motion(*published_.flow, t, published_);
+    columns_.merge(now_);
   }
   return near && is_sane(now_);
 }

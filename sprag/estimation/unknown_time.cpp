@@ -34,6 +34,8 @@ constexpr double burst_reach = 3.0;
 constexpr int unheard_nodes = 16;
 constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
+// Standard deviations.
+constexpr double beyond_doubt = 4.0;
 // A mode that has decayed by exp(12) since is not there any more, and is not made to grow back.
 constexpr double most_growth = 12.0;
 
@@ -553,6 +555,22 @@ double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, cons
   look_for(due, motion, terms, belief);
   const Sight sight = see(due.kind, 0.0);
   return sight.value / std::sqrt(sight.s2);
+}
+
+bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                                Belief& belief) {
+  if (!(margin(due, motion, terms, belief) < -beyond_doubt)) return false;
+  const double gap = value(*signal_, motion);
+  const double gap_velocity = rate(*signal_, motion);
+  const Eigen::Index c = belief.columns;
+  belief.q -= gap * impact_u_;
+  belief.u -= gap_velocity * impact_u_;
+  belief.S_q.middleCols(c, 2).setZero();
+  belief.S_u.middleCols(c, 2).setZero();
+  belief.S_q.col(c) = gap * impact_u_;
+  belief.S_u.col(c + 1) = gap_velocity * impact_u_;
+  belief.columns += 2;
+  return true;
 }
 
 double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,

@@ -64,6 +64,12 @@ class UnknownTime {
   double hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                       bool condition, Belief& belief);
 
+  /// After an unheard pulse: if the contact has met its support once more beyond doubt, it may have
+  /// done so many times. Then its gap and gap velocity are nothing, up to what they would be
+  /// without. Returns whether this was so.
+  bool bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                     Belief& belief);
+
   /// How far it is from that, in standard deviations of the belief.
   double margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                 const Belief& belief);

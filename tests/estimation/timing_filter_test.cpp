@@ -333,6 +333,43 @@ TEST(TimingFilter, CountsBurstsInARow) {
   EXPECT_EQ(after(0.5, ContactEventKind::opens), 0);
 }
 
+// A ball whose bounces come ever faster, each reported late: those that have not been heard of may
+// be many, and none of them is left out of what is published.
+TEST(TimingFilter, ExpectsMoreThanOneUnheardBounce) {
+  Scene scene = cached_scene("bouncing_ball.toml");
+  scene.model.contacts[0].restitution = 0.5;
+  scene.master.q[0] = scene.replica.q[0] = 0.05;
+  scene.jitter = 1e-4;
+  const double h = 1e-5;
+  Uncertainty known = uncertainty_of(scene);
+  known.q.setConstant(1e-9);
+  known.u.setConstant(1e-9);
+  Pursuit run(scene, h, known);
+  std::vector<ContactEvent> on_their_way;
+  Eigen::VectorXd sigma_q(1), sigma_u(1), sigma_g(1);
+  double worst = 0.0, when = 0.0;
+  for (std::int64_t k = 1; k < 31000; ++k) {
+    run.tick([&](std::vector<ContactEvent>& events) {
+      for (ContactEvent& event : events) event.t += 2.0 * scene.jitter;
+      on_their_way.insert(on_their_way.end(), events.begin(), events.end());
+      events.clear();
+      while (!on_their_way.empty() && on_their_way.front().t <= tick_instant(k, h).hi) {
+        events.push_back(on_their_way.front());
+        on_their_way.erase(on_their_way.begin());
+      }
+    });
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    ASSERT_LT(sigma_u[0], 2.0);  // its first impact is at 1 m/s
+    const double off = std::abs(run.mean.u[0] - run.truth.u[0]) / sigma_u[0];
+    if (off > worst) {
+      worst = off;
+      when = tick_instant(k, h).hi;
+    }
+  }
+  std::cout << "velocity off by up to " << worst << " sigma, at " << when << '\n';
+  EXPECT_LT(worst, 4.0);
+}
+
 // What the model lacks is known to the filter: its covariance does not close.
 TEST(TimingFilter, DriftKeepsTheCovarianceOpen) {
   Scene scene = cached_scene("paper_beam.toml");
