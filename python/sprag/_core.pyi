@@ -6,7 +6,7 @@ import numpy.typing as npt
 
 _Numbers = npt.NDArray[np.float64]
 _Law = Literal["poisson", "newton"]
-_Estimator = Literal["both", "timing", "replica"]
+_Estimator = Literal["both", "timing", "replica", "adaptive"]
 _Stepper = Literal["exact", "moreau"]
 _Events = npt.NDArray[np.void] | Sequence[tuple[float, int, int]]
 
@@ -212,6 +212,12 @@ class Estimates(metaclass=_Class):
     @property
     def of_filter(self) -> npt.NDArray[np.bool_]: ...
     @property
+    def keys(self) -> list[str]: ...
+    @property
+    def parameters(self) -> _Numbers: ...
+    @property
+    def sigma_parameters(self) -> _Numbers: ...
+    @property
     def taken(self) -> int: ...
     @property
     def skipped(self) -> int: ...
@@ -253,6 +259,8 @@ class Estimate(metaclass=_Class):
     def sigma_outputs(self) -> _Numbers: ...
     @property
     def bound(self) -> float: ...
+    @property
+    def parameters(self) -> dict[str, tuple[float, float]]: ...
 
 class Observer(metaclass=_Class):
     def __init__(

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <numeric>
@@ -17,6 +18,7 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
+#include "sprag/adaptation/adaptive_observer.h"
 #include "sprag/analysis/assessment.h"
 #include "sprag/estimation/observer.h"
 #include "sprag/files/events_file.h"
@@ -39,8 +41,9 @@ EstimatorKind to_estimator(const std::string& name) {
   if (name == "both") return EstimatorKind::both;
   if (name == "timing") return EstimatorKind::timing;
   if (name == "replica") return EstimatorKind::replica;
+  if (name == "adaptive") return EstimatorKind::adaptive;
   throw std::invalid_argument("estimator is \"" + name +
-                              "\"; must be \"both\", \"timing\" or \"replica\"");
+                              "\"; must be \"both\", \"timing\", \"replica\" or \"adaptive\"");
 }
 
 StepperKind to_stepper(const std::string& name) {
@@ -52,6 +55,12 @@ StepperKind to_stepper(const std::string& name) {
 ObserverSettings to_settings(double tick, const std::string& estimator,
                              const std::string& stepper) {
   return {tick, to_estimator(estimator), to_stepper(stepper)};
+}
+
+Observer make_observer(const Scene& scene, const ObserverSettings& settings) {
+  const bool adapts = settings.estimator == EstimatorKind::adaptive;
+  if (!adapts || settings.stepper != StepperKind::exact) return Observer(scene, settings);
+  return adaptive_observer(scene, settings.tick);
 }
 
 std::int64_t skipped(const EventCounts& counts) {
@@ -71,7 +80,7 @@ class SharedObserver {
  public:
   SharedObserver(const Scene& scene, const ObserverSettings& settings)
       : contacts_(scene.model.contacts.size()),
-        observer_(long_call([&] { return Observer(scene, settings); })) {}
+        observer_(long_call([&] { return make_observer(scene, settings); })) {}
 
   bool take(double t, int contact, int kind) {
     const ContactEvent event = to_event(t, contact, kind, contacts_);
@@ -174,6 +183,13 @@ void bind_estimates(py::module_& module) {
                                        self));
           },
           "Whether q and u are the timing filter's, n entries; else the replica's.")
+      .def_readonly("keys", &Estimates::keys,
+                    "Of an adaptive observer: the parameters that it seeks, as the scene file "
+                    "names them, P of them.")
+      .def_property_readonly("parameters", array_property(&Estimates::parameters),
+                             "Their values, n x P; the scene's own until they are found.")
+      .def_property_readonly("sigma_parameters", array_property(&Estimates::sigma_parameters),
+                             "Their standard deviations, n x P; inf until they are found.")
       .def_property_readonly(
           "taken", [](const Estimates& all) { return all.counts.events; },
           "How many events counted.")
@@ -187,14 +203,14 @@ void bind_estimates(py::module_& module) {
          const std::string& estimator, const std::string& stepper) {
         const auto taken = to_events(events, scene.model.contacts.size());
         const ObserverSettings settings = to_settings(tick, estimator, stepper);
-        return long_call([&] { return observe(scene, taken, duration, settings); });
+        return long_call([&] { return observe(make_observer(scene, settings), taken, duration); });
       },
       py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
       py::arg("tick") = 0.01, py::arg("estimator") = "both", py::arg("stepper") = "exact",
       "What an observer says of recorded events up to duration [s], at every tick [s]. events: an "
       "array of event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", "
-      "\"timing\" or \"replica\"; stepper: \"exact\" or, of the replica, \"moreau\". Raises "
-      "ModelError or ValueError.");
+      "\"timing\", \"replica\" or \"adaptive\"; stepper: \"exact\" or, of the replica, \"moreau\". "
+      "Raises ModelError or ValueError.");
 }
 
 void bind_observer(py::module_& module) {
@@ -221,7 +237,22 @@ void bind_observer(py::module_& module) {
       .def_property_readonly("sigma_outputs", array_property(&Estimate::sigma_outputs),
                              "Their standard deviations.")
       .def_readonly("bound", &Estimate::bound,
-                    "The replica's V is at most this; inf where nothing guarantees it.");
+                    "The replica's V is at most this; inf where nothing guarantees it.")
+      .def_property_readonly(
+          "parameters",
+          [](const Estimate& estimate) {
+            std::map<std::string, std::pair<double, double>> found;
+            for (std::size_t k = 0;
+                 estimate.parameters.any() && k < estimate.parameters.keys->size(); ++k) {
+              const auto i = static_cast<Eigen::Index>(k);
+              found[(*estimate.parameters.keys)[k]] = {estimate.parameters.values[i],
+                                                       estimate.parameters.sigmas[i]};
+            }
+            return found;
+          },
+          "Of an adaptive observer: (value, standard deviation) of each parameter that it seeks, "
+          "by "
+          "its key in the scene file; inf where it is the scene's. Else empty.");
 
   py::class_<SharedObserver>(
       module, "Observer",

@@ -43,6 +43,7 @@ class ObserverTest(unittest.TestCase):
             ("paper_beam", "replica", "moreau"),
             ("paper_beam_chatter", "both", "exact"),
             ("two_stops_beam", "both", "exact"),
+            ("paper_beam", "adaptive", "exact"),
         ]
         duration, tick = 20.0, 1e-3
         for name, estimator, stepper in cases:
@@ -89,6 +90,27 @@ class ObserverTest(unittest.TestCase):
                 np.testing.assert_array_equal([e.sigma_u for e in settled], at_once.sigma_u)
                 np.testing.assert_array_equal([e.bound for e in settled], at_once.bound)
                 self.assertEqual(observer.taken, len(events))
+
+    def test_an_adaptive_observer_says_what_it_has_found(self):
+        beam = scene()
+        events = sprag.simulate(beam, 20.0, tick=0.0).events
+        everything = sprag.observe(beam, events, 20.0, tick=0.02, estimator="adaptive")
+        of = everything.keys.index("impact.restitution")
+        self.assertEqual(everything.parameters.shape, (1001, len(everything.keys)))
+        self.assertTrue(np.isinf(everything.sigma_parameters[0, of]))
+        self.assertAlmostEqual(everything.parameters[-1, of], 0.7, 9)
+        self.assertTrue(everything.of_filter[-1])
+        observer = sprag.Observer(beam, tick=0.02, estimator="adaptive")
+        for event in events.tolist():
+            observer.take(*event)
+        observer.set_horizon(20.0)
+        last = observer.settle()[-1]
+        np.testing.assert_array_equal(last.q, everything.q[-1])
+        self.assertEqual(
+            last.parameters["impact.restitution"],
+            (everything.parameters[-1, of], everything.sigma_parameters[-1, of]),
+        )
+        self.assertEqual(sprag.Observer(beam).at(0.0).parameters, {})
 
     def test_what_may_come_is_provisional_and_what_is_late_is_refused(self):
         observer = sprag.Observer(scene())
