@@ -42,10 +42,10 @@ NamedFile log_of(const std::string& url) {
   return file;
 }
 
-std::string overwritten_by(const CommonOptions& options) {
+std::vector<NamedFile> named_files(const CommonOptions& options) {
   std::vector<NamedFile> files;
   for (const auto& file : options.files) files.push_back(file());
-  return overwritten(files);
+  return files;
 }
 
 std::string line_of(const nlohmann::ordered_json& object) {
@@ -59,7 +59,7 @@ bool write_report(const std::filesystem::path& file, const nlohmann::ordered_jso
   return output.good();
 }
 
-/// Runs and turns exceptions into an exit code and a message.
+/// Runs and turns exceptions but OverwriteError into an exit code and a message.
 int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const CommonOptions& options,
             nlohmann::ordered_json& report, std::string& error) {
   try {
@@ -68,6 +68,8 @@ int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const Common
     if (options.runs_until_signal) return exit_done;
     error = e.what();
     return exit_failed;
+  } catch (const OverwriteError&) {
+    throw;
   } catch (const UsageError& e) {
     error = e.what();
   } catch (const UrlError& e) {
@@ -130,8 +132,14 @@ CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::p
   return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)");
 }
 
-Scene load_scene(const std::filesystem::path& file) {
-  Scene scene = read_scene(file);
+Scene load_scene(const std::filesystem::path& file, const CommonOptions& options) {
+  std::vector<NamedFile> files = named_files(options);
+  const auto refuse_overwriting = [&files](const std::filesystem::path& named) {
+    files.push_back({"a file of SCENE", named, NamedFile::Use::read});
+    if (const std::string clash = overwritten(files); !clash.empty()) throw OverwriteError(clash);
+    files.pop_back();
+  };
+  Scene scene = read_scene(file, refuse_overwriting);
   for (const std::string& remark : scene.remarks) std::cerr << remark << '\n';
   return scene;
 }
@@ -258,13 +266,19 @@ int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOp
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? exit_done : exit_usage;
   }
-  if (const std::string clash = overwritten_by(options); !clash.empty()) {
+  if (const std::string clash = overwritten(named_files(options)); !clash.empty()) {
     std::cerr << app.get_name() << ": " << clash << '\n';
     return exit_usage;
   }
   nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
   std::string error;
-  int code = guarded(run, options, report, error);
+  int code = exit_usage;
+  try {
+    code = guarded(run, options, report, error);
+  } catch (const OverwriteError& e) {
+    std::cerr << app.get_name() << ": " << e.what() << '\n';
+    return exit_usage;
+  }
   if (!error.empty()) {
     std::cerr << app.get_name() << ": " << error << '\n';
     report["error"] = error;

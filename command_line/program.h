@@ -37,6 +37,12 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// An output, maybe the report, would be written over an input; run_program() exits with 2 and
+/// writes no report.
+struct OverwriteError : UsageError {
+  using UsageError::UsageError;
+};
+
 struct CommonOptions {
   std::string url = default_url;
   std::filesystem::path report;    ///< empty: none
@@ -64,8 +70,10 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
 /// Adds the argument SCENE.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
-/// read_scene() of sprag/files/scene_file.h; its remarks go to stderr.
-Scene load_scene(const std::filesystem::path& file);
+/// read_scene() of sprag/files/scene_file.h; its remarks go to stderr. To be called before any
+/// output is opened: throws OverwriteError where one would be written over a file that the scene
+/// names.
+Scene load_scene(const std::filesystem::path& file, const CommonOptions& options);
 
 /// Adds a flag that sets `value`, or clears it if the name begins with '!'.
 CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value, const std::string& help);
@@ -147,10 +155,10 @@ inline bool stop_requested() noexcept { return interrupted(); }
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
 /// Returns the process's exit code: 2 for a bad command line, also if an output would be written
-/// over another file of `options` (then nothing is opened, not even the report), UsageError,
-/// UrlError, InputError, SceneError or ModelError, 1 for any other exception (its what() goes to
-/// stderr) or a report that cannot be written. The report also says program, version, exit and
-/// error.
+/// over another file of `options` or over one of its scene (then no output is opened, not even the
+/// report), UsageError, UrlError, InputError, SceneError or ModelError, 1 for any other exception
+/// (its what() goes to stderr) or a report that cannot be written. The report also says program,
+/// version, exit and error.
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run);
 

@@ -26,6 +26,6 @@ int main(int argc, char** argv) {
   sprag::add_flag(*app, "!--no-truth", options.truth, "Do not publish the true state");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    return sprag::run_master(sprag::load_scene(scene), options, common, report);
+    return sprag::run_master(sprag::load_scene(scene, common), options, common, report);
   });
 }

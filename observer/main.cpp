@@ -77,13 +77,13 @@ int main(int argc, char** argv) {
   sprag::excludes(smoothing, impacts);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    const sprag::Scene parsed = sprag::load_scene(scene, common);
     options.estimator = choose_estimator(estimator, options.stepper);
     if (options.stepper == sprag::StepperKind::moreau && !options.impacts.empty()) {
       throw sprag::UsageError(
           "--stepper moreau: events act in the tick they fall in, so that --impacts has nothing to "
           "say; choose --stepper exact");
     }
-    const sprag::Scene parsed = sprag::load_scene(scene);
     if (smooth) {
       if (options.estimator == sprag::EstimatorKind::adaptive ||
           options.estimator == sprag::EstimatorKind::replica) {

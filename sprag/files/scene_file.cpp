@@ -537,10 +537,14 @@ Scene parse_scene(std::string_view text, const std::string& file) {
   return scene_of(document, file);
 }
 
-Scene read_scene(const std::filesystem::path& file) {
+Scene read_scene(const std::filesystem::path& file,
+                 const std::function<void(const std::filesystem::path&)>& names) {
   const std::string text = contents(file);
   const bool piped = !std::filesystem::is_regular_file(file);
   TomlDocument document(text, {file.string(), piped ? "" : file.parent_path()});
+  if (names) {
+    for (const std::filesystem::path& named : document.files()) names(named);
+  }
   return scene_of(document, file.string());
 }
 

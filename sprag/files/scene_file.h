@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -24,8 +25,10 @@ struct SceneError : Error {
 };
 
 /// Reads and checks a scene file, and the files of matrices and vectors that it names, relative to
-/// its folder (to the working directory where it is a pipe). Throws SceneError.
-Scene read_scene(const std::filesystem::path& file);
+/// its folder (to the working directory where it is a pipe). `names` is told them, those that there
+/// are, before anything else in the text can be wrong. Throws SceneError, and what `names` throws.
+Scene read_scene(const std::filesystem::path& file,
+                 const std::function<void(const std::filesystem::path&)>& names = {});
 
 /// The same from text; `file` is the name that errors carry, and its folder is that of the files
 /// that are named. Throws SceneError.

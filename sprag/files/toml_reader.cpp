@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "sprag/files/input_file.h"
@@ -122,6 +123,21 @@ bool precedes(const toml::source_position& a, const toml::source_position& b) {
   return std::pair(a.line, a.column) < std::pair(b.line, b.column);
 }
 
+void add_files(const toml::node& node, const std::filesystem::path& folder,
+               std::vector<std::filesystem::path>& files) {
+  if (const toml::table* table = node.as_table()) {
+    for (const auto& [key, value] : *table) {
+      if (key != "name") add_files(value, folder, files);
+    }
+  } else if (const toml::array* array = node.as_array()) {
+    for (const toml::node& entry : *array) add_files(entry, folder, files);
+  } else if (const auto* text = node.as_string()) {
+    std::error_code error;
+    const std::filesystem::path file = folder / text->get();
+    if (std::filesystem::is_regular_file(file, error)) files.push_back(file);
+  }
+}
+
 }  // namespace
 
 std::string to_text(double value) {
@@ -137,6 +153,12 @@ TomlDocument::TomlDocument(std::string_view text, TomlSource source) : source_(s
   } catch (const toml::parse_error& error) {
     throw error_at(source_.file, error.source().begin, std::string(error.description()));
   }
+}
+
+std::vector<std::filesystem::path> TomlDocument::files() const {
+  std::vector<std::filesystem::path> files;
+  add_files(table_, source_.folder, files);
+  return files;
 }
 
 TomlTable::TomlTable(const toml::table& table, std::string path, TomlSource& source, TomlKeys keys)

@@ -107,6 +107,9 @@ class TomlDocument {
   TomlDocument(std::string_view text, TomlSource source);
   TomlTable root(TomlKeys keys) { return {table_, "", source_, keys}; }
   const std::vector<std::string>& remarks() const { return source_.remarks; }
+  /// The files there are by the names of its strings, whichever of them will be read; a `name` is
+  /// no file's.
+  std::vector<std::filesystem::path> files() const;
 
  private:
   TomlSource source_;

@@ -125,6 +125,75 @@ TEST_F(OverwriteTest, LinksHideNothing) {
   EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
 }
 
+// Matrices and vectors beside a scene are inputs as it is.
+TEST_F(OverwriteTest, FilesThatASceneNamesAreInputs) {
+  const std::string mass = "2,0\n0,1\n", start = "0.5\n0\n";
+  std::filesystem::create_directory(file("rig"));
+  const std::string M = write_text(file("rig/M.csv"), mass);
+  const std::string q = write_text(file("rig/q.csv"), start);
+  const std::string text = R"(name = "rig.csv"
+[system]
+M = "M.csv"
+C = [[0.2, 0], [0, 0.1]]
+K = [[4, -1], [-1, 3]]
+[[force]]
+direction = [1, 0]
+amplitude = 3.0
+frequency = 1.5
+[[contact]]
+direction = [0, 1]
+clearance = 0.2
+[impact]
+restitution = 0.6
+[replica]
+q = "q.csv"
+)";
+  const std::string rig = write_text(file("rig/rig.toml"), text);
+  std::filesystem::create_symlink("M.csv", file("rig/soft.csv"));
+  std::filesystem::create_hard_link(q, file("hard.csv"));
+  const std::string log = write_text(file("rig/log.csv"), "t,contact,closed\n1,1,1\n1,1,0\n");
+  const auto refused = [&](const std::string& program, const Arguments& arguments,
+                           const std::string& option) {
+    expect_refused(program, arguments, "a file of SCENE", option);
+    EXPECT_EQ(read_text(M), mass);
+    EXPECT_EQ(read_text(q), start);
+  };
+  const Arguments simulated{rig, "--no-lcm", "--speed", "max", "--duration", "1"};
+  for (const std::string& output : {M, q, file("rig/soft.csv"), file("hard.csv")}) {
+    for (const std::string option : {"--events", "--states", "--report"}) {
+      refused("master_sim", simulated + Arguments{option, output}, option);
+    }
+  }
+  for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
+    refused("observer", {rig, "--replay", log, option, M}, option);
+  }
+  refused("observer", {rig, "--states", M}, "--states");
+  refused("observer", {rig, "--stepper", "moreau", "--estimator", "timing", "--report", M},
+          "--report");
+  refused("sync_logger", {rig, "--csv", M}, "--csv");
+  refused("sync_logger", {rig, "--record", M}, "--record");
+  refused("check_scene", {rig, "--report", M}, "--report");
+  refused("diagnose", {log, rig, "--report", M}, "--report");
+  refused("identify", {log, rig, "--output", M}, "--output");
+  refused("reduce", {log, rig, "--modes", "1", "--output", M}, "--output");
+  refused("import_events", {rig_, rig, "--output", M}, "--output");
+  // Nothing else of the other outputs is opened.
+  refused("master_sim", simulated + Arguments{"--events", file("new.csv"), "--report", M},
+          "--report");
+  EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
+  // Whatever else is wrong with the scene, or the matrix.
+  write_text(rig, "nme = 1\n" + text);
+  refused("check_scene", {rig, "--report", q}, "--report");
+  write_text(rig, text);
+  write_text(M, "2,0\n0,x\n");
+  expect_refused("check_scene", {rig, "--report", M}, "a file of SCENE", "--report");
+  EXPECT_EQ(read_text(M), "2,0\n0,x\n");
+  write_text(M, mass);
+  // A name is no file's.
+  const Ended ended = run("master_sim", simulated + Arguments{"--states", file("rig/rig.csv")});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+}
+
 TEST_F(OverwriteTest, WhatIsNoRegularFileMayBeGivenTwice) {
   const Ended ended = run("observer", {beam_, "--replay", events_, "--states", "/dev/null",
                                        "--events", "/dev/null", "--report", "/dev/null"});

@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
                accuracy);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Scene scene = sprag::load_scene(file);
+    const sprag::Scene scene = sprag::load_scene(file, common);
     sprag::TrialLimits limits;
     limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
       return std::chrono::steady_clock::now() - begin > longest_trial;

@@ -11,7 +11,7 @@ namespace sprag {
 
 int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
-  const Scene scene = load_scene(run.scene);
+  const Scene scene = load_scene(run.scene, common);
   const RecordedEvents recorded = read_recorded_events(
       run.log, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
   const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),

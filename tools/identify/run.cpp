@@ -39,7 +39,7 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
 
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
-  const Scene scene = load_scene(run.scene);
+  const Scene scene = load_scene(run.scene, common);
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");

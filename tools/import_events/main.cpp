@@ -108,7 +108,7 @@ int main(int argc, char** argv) {
                   "F.csv|F.lcmlog", "Write an events CSV or an LCM log here, not to stdout");
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    const auto contacts = sprag::load_scene(scene).model.contacts.size();
+    const auto contacts = sprag::load_scene(scene, common).model.contacts.size();
     return sprag::run_import(run, static_cast<int>(contacts), common, report);
   });
 }

@@ -28,6 +28,6 @@ int main(int argc, char** argv) {
   sprag::add_text(*app, "--title", figure.title, "TEXT", "Title [the scene's name]");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    return sprag::plot::run_plot(run, report);
+    return sprag::plot::run_plot(run, common, report);
   });
 }

@@ -27,17 +27,21 @@ Figure::Zoom zoom_of(const std::string& text) {
 
 }  // namespace
 
-int run_plot(const PlotRun& run, nlohmann::ordered_json& report) {
+int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
   std::optional<Scene> scene;
   std::vector<Table> tables;
   bool whole = true;
+  const auto is_scene = [](const std::string& text) {
+    return file_of(text).extension() == ".toml";
+  };
   for (const std::string& text : run.files) {
+    if (!is_scene(text)) continue;
+    if (scene) throw UsageError(text + " is a second scene; a picture is of one machine");
+    scene = load_scene(file_of(text), common);
+  }
+  for (const std::string& text : run.files) {
+    if (is_scene(text)) continue;
     const std::filesystem::path file = file_of(text);
-    if (file.extension() == ".toml") {
-      if (scene) throw UsageError(text + " is a second scene; a picture is of one machine");
-      scene = load_scene(file);
-      continue;
-    }
     tables.push_back(read_table(text));
     if (const auto& damage = tables.back().damage) {
       const std::string what =

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line/program.h"
 #include "tools/plot/figure.h"
 
 namespace sprag::plot {
@@ -20,6 +21,6 @@ struct PlotRun {
 /// Draws, says on stderr which panels were left out and which files are damaged, and returns the
 /// exit code: that of a failure if a file is damaged. Throws UsageError, InputError, SceneError,
 /// and std::runtime_error where gnuplot fails.
-int run_plot(const PlotRun& run, nlohmann::ordered_json& report);
+int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_json& report);
 
 }  // namespace sprag::plot

@@ -24,7 +24,7 @@ std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
 }  // namespace
 
 int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
-  const Scene scene = load_scene(run.scene);
+  const Scene scene = load_scene(run.scene, common);
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded = read_recorded_events(

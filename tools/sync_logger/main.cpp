@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
   sprag::needs(estimate, truth);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Model model = sprag::load_scene(scene).model;
+    const sprag::Model model = sprag::load_scene(scene, common).model;
     offline.csv = live.csv;
     return offline.truth.empty() ? sprag::run_live(model, live, common, report)
                                  : sprag::run_offline(model, offline, report);
