@@ -1,8 +1,14 @@
 // A live run gives what the same events give offline.
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 #include <map>
+#include <set>
+#include <sprag/outputs_t.hpp>
+#include <sstream>
 
+#include "lcmtypes/channel_log.h"
+#include "sprag/files/csv.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -163,6 +169,80 @@ TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
     EXPECT_GT(count_rows(file("live_impacts.csv")), 30U);
     EXPECT_TRUE(live == text("impacts.csv")) << "live differs from the replay of the events";
     EXPECT_NE(text("run.lcmlog").find("SPRAG_IMPACTS"), std::string::npos);
+  }
+}
+
+/// Columns of a CSV by their names.
+std::map<std::string, std::vector<double>> columns_of(const std::string& csv) {
+  std::map<std::string, std::vector<double>> columns;
+  std::vector<std::string> names;
+  std::vector<std::string_view> fields;
+  std::istringstream lines(csv);
+  std::string line;
+  std::getline(lines, line);
+  split_fields(line, fields);
+  names.assign(fields.begin(), fields.end());
+  while (std::getline(lines, line)) {
+    split_fields(line, fields);
+    EXPECT_EQ(fields.size(), names.size()) << line;
+    for (std::size_t i = 0; i < std::min(fields.size(), names.size()); ++i) {
+      columns[names[i]].push_back(std::stod(std::string(fields[i])));
+    }
+  }
+  return columns;
+}
+
+// Quantities that the scene names say on the bus what they say in the file.
+TEST_F(LiveAndOfflineTest, SettledOutputsOnTheBusEqualTheStatesFile) {
+  const std::string outputs = R"(
+[[output]]
+name = "middle"
+position = 0.5
+[[output]]
+name = "tip_speed"
+position = 1.0
+quantity = "velocity"
+)";
+  write_text(file("named.toml"), read_text(scene("paper_beam")) + outputs);
+  for (const char* estimator : {"replica", "timing", "both", "adaptive"}) {
+    SCOPED_TRACE(estimator);
+    set_url(udp_url());
+    run_live(file("named.toml"), "20", "0.015625", {"--estimator", estimator});
+    const auto states = columns_of(text("live.csv"));
+    ASSERT_EQ(states.at("k").size(), 1281U);
+    ChannelLogReader log(file("run.lcmlog"));
+    ChannelRecord record;
+    std::set<std::int64_t> settled;
+    std::size_t provisional = 0, known = 0;
+    while (log.next(record)) {
+      if (record.channel != "SPRAG_OUTPUTS") continue;
+      outputs_t message;
+      ASSERT_EQ(message.decode(record.data.data(), 0, static_cast<int>(record.data.size())),
+                static_cast<int>(record.data.size()));
+      EXPECT_EQ(message.name, (std::vector<std::string>{"middle", "tip_speed"}));
+      if (message.settled == 0) {
+        ++provisional;
+        continue;
+      }
+      const auto row = static_cast<std::size_t>(message.tick);
+      ASSERT_LT(row, states.at("k").size());
+      settled.insert(message.tick);
+      EXPECT_EQ(message.t, states.at("t")[row]);
+      for (std::size_t i = 0; i < 2; ++i) {
+        EXPECT_EQ(message.value.at(i), states.at(message.name[i])[row]) << message.tick;
+        const double sigma = states.at("sigma_" + message.name[i])[row];
+        EXPECT_EQ(message.sigma.at(i), sigma) << message.tick;
+        known += std::isfinite(sigma) ? 1 : 0;
+      }
+      if (states.contains("from_filter")) {
+        EXPECT_EQ(message.from_filter, states.at("from_filter")[row]) << message.tick;
+      }
+    }
+    EXPECT_GE(settled.size(), 1217U);  // UDP may lose some
+    EXPECT_GT(provisional, 0U);
+    EXPECT_EQ(known > 0, estimator != std::string("replica"));
+    std::cout << estimator << ": " << settled.size() << " settled ticks of 1281, " << provisional
+              << " provisional messages, " << known << " finite sigmas\n";
   }
 }
 
