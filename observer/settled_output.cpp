@@ -34,7 +34,7 @@ void SettledOutput::take(const EstimateSample& settled) {
   conclude(settled);
   if (!states_) return;
   to_columns(settled.confidence, initial_bound_, columns_);
-  add_outputs(outputs_, settled.q, settled.u, settled.confidence, columns_);
+  add_outputs(outputs_, settled.q, settled.u, settled.confidence.sigma_outputs, columns_);
   states_->write(settled.tick, settled.t, settled.q, settled.u, columns_);
 }
 

@@ -10,20 +10,23 @@
 
 #include "observer/recorded_events.h"
 #include "sprag/estimation/smoother.h"
+#include "sprag/files/confidence_columns.h"
 #include "sprag/files/states_file.h"
 
 namespace sprag {
 namespace {
 
-std::vector<std::string> smoothed_columns(Eigen::Index f, Eigen::Index m) {
+std::vector<std::string> smoothed_columns(const Model& model) {
+  const Eigen::Index f = model.coordinates();
   std::vector<std::string> names;
   const auto add = [&](const std::string& name, Eigen::Index n) {
     for (Eigen::Index i = 1; i <= n; ++i) names.push_back(name + std::to_string(i));
   };
   add("sigma_q", f);
   add("sigma_u", f);
-  add("sigma_g", m);
+  add("sigma_g", std::ssize(model.contacts));
   names.emplace_back("smoothed");
+  for (std::string& name : output_columns(model.outputs, true)) names.push_back(std::move(name));
   return names;
 }
 
@@ -31,9 +34,9 @@ std::vector<std::string> smoothed_columns(Eigen::Index f, Eigen::Index m) {
 
 int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                   const CommonOptions& common, nlohmann::ordered_json& report) {
-  const auto m = static_cast<Eigen::Index>(scene.model.contacts.size());
-  const RecordedEvents recorded =
-      read_recorded_events(replay.file, static_cast<int>(m), options.duration, common, report);
+  const Model& model = scene.model;
+  const RecordedEvents recorded = read_recorded_events(
+      replay.file, static_cast<int>(model.contacts.size()), options.duration, common, report);
   const std::string name = replay.file.string();
   if (!recorded.whole || !recorded.problems.empty() || recorded.begins > 0.0 ||
       recorded.closed != 0) {
@@ -43,8 +46,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   }
   if (recorded.events.empty()) throw UsageError("--smooth: " + name + " has no events");
   const double end = std::isinf(options.duration) ? recorded.events.back().t : options.duration;
-  StatesWriter states(options.states, scene.model.coordinates(),
-                      smoothed_columns(scene.model.coordinates(), m));
+  StatesWriter states(options.states, model.coordinates(), smoothed_columns(model));
   if (!states.good()) throw std::runtime_error(states.error());
   std::int64_t ticks = 0, smoothed_ticks = 0;
   std::vector<double> more;
@@ -54,6 +56,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
       more.insert(more.end(), x->begin(), x->end());
     }
     more.push_back(smoothed ? 1.0 : 0.0);
+    add_outputs(model.outputs, estimate.q, estimate.u, estimate.sigma_outputs, more);
     states.write(k, tick_instant(k, options.tick).hi, estimate.q, estimate.u, more);
     ++ticks;
     smoothed_ticks += smoothed ? 1 : 0;

@@ -405,15 +405,29 @@ void Smoother::at(Instant t, Estimate& estimate) {
     estimate.sigma_gap[static_cast<Eigen::Index>(i)] =
         deviation(contacts[i].w.transpose() * S.topRows(f), terms_.length);
   }
+  const std::vector<Output>& outputs = scene_->model.outputs;
+  estimate.sigma_outputs.resize(std::ssize(outputs));
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const Output& of = outputs[i];
+    const double largest = of.velocity ? terms_.speed : terms_.length;
+    estimate.sigma_outputs[static_cast<Eigen::Index>(i)] =
+        deviation(of.direction.transpose() * S.middleRows(of.velocity ? f : 0, f),
+                  largest / largest_w * of.direction.norm());
+  }
   // What may be over already, or not yet.
   const auto mix = [&](const Impact& impact, double sign) {
     const double away = std::abs(t.hi - impact.s) / impact.sigma_time;
     if (!(away < still_uncertain)) return;
     const double other = std::exp(log_normal_cdf(-away));
     estimate.u += sign * other * impact.jump;
-    for (Eigen::Index i = 0; i < f; ++i) {
-      estimate.sigma_u[i] =
-          std::sqrt(square(estimate.sigma_u[i]) + other * (1.0 - other) * square(impact.jump[i]));
+    const auto widen = [other](double& sigma, double jump) {
+      sigma = std::sqrt(square(sigma) + other * (1.0 - other) * square(jump));
+    };
+    for (Eigen::Index i = 0; i < f; ++i) widen(estimate.sigma_u[i], impact.jump[i]);
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+      if (!outputs[i].velocity) continue;
+      widen(estimate.sigma_outputs[static_cast<Eigen::Index>(i)],
+            outputs[i].direction.dot(impact.jump));
     }
   };
   if (next > 0) mix(impacts_[next - 1], -1.0);
@@ -432,7 +446,8 @@ std::vector<SmoothedStretch> smooth(
   for (Eigen::VectorXd* x : {&estimate.q, &estimate.u, &estimate.sigma_q, &estimate.sigma_u}) {
     x->setZero(f);
   }
-  estimate.sigma_gap.setZero(static_cast<Eigen::Index>(scene.model.contacts.size()));
+  estimate.sigma_gap.setZero(std::ssize(scene.model.contacts));
+  estimate.sigma_outputs.setZero(std::ssize(scene.model.outputs));
   const std::vector<Obscure> obscure = obscure_times(events, order_is_certain * scene.jitter);
   std::vector<SmoothedStretch> stretches;
   std::size_t heard = 0, next = 0;
@@ -477,6 +492,7 @@ std::vector<SmoothedStretch> smooth(
     } else {
       filter.output(state, estimate.q, estimate.u);
       filter.deviations(state, estimate.sigma_q, estimate.sigma_u, estimate.sigma_gap);
+      filter.output_deviations(state, estimate.sigma_outputs);
     }
     take(k, estimate, smoothed);
   }

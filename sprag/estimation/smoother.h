@@ -56,10 +56,10 @@ class Smoother {
   void take(std::span<const ContactEvent> events);
 
   /// What is known at t, not before the start, of q and u, f entries each, and their standard
-  /// deviations, also of the gaps, m entries. Around an impact that may or may not be over, mean
-  /// and deviation of both.
+  /// deviations, also of the gaps, m entries, and of the model's outputs. Around an impact that may
+  /// or may not be over, mean and deviation of both.
   struct Estimate {
-    Eigen::VectorXd q, u, sigma_q, sigma_u, sigma_gap;
+    Eigen::VectorXd q, u, sigma_q, sigma_u, sigma_gap, sigma_outputs;
   };
   void at(Instant t, Estimate& estimate);
 

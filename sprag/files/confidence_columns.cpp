@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace sprag {
 namespace {
@@ -72,22 +73,26 @@ std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool
 }
 
 void add_outputs(const std::vector<Output>& outputs, const Eigen::Ref<const Eigen::VectorXd>& q,
-                 const Eigen::Ref<const Eigen::VectorXd>& u, const Confidence& confidence,
+                 const Eigen::Ref<const Eigen::VectorXd>& u, const Eigen::VectorXd& sigma,
                  std::vector<double>& values) {
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    values.push_back(value(outputs[i], q, u));
-    values.push_back(sigma_of_output(confidence, i));
+  Eigen::Index i = 0;
+  for (const Output& output : outputs) {
+    values.push_back(value(output, q, u));
+    values.push_back(i < sigma.size() ? sigma[i] : std::numeric_limits<double>::infinity());
+    ++i;
   }
 }
 
 bool is_column_of_states(std::string_view name) {
   constexpr std::string_view words[] = {
       "k",           "t",          "B",           "closing_t",       "closing_contact",
-      "replica_gap", "filter_gap", "from_filter", "inconsistencies", "accepted"};
+      "replica_gap", "filter_gap", "from_filter", "inconsistencies", "accepted",
+      "smoothed"};
   if (std::find(std::begin(words), std::end(words), name) != std::end(words)) return true;
   if (name.starts_with("sigma_")) return true;
-  const bool state = name.starts_with('q') || name.starts_with('u');
-  return state && name.size() > 1 &&
+  // Of gaps there are the sigmas.
+  const bool numbered = name.starts_with('q') || name.starts_with('u') || name.starts_with('g');
+  return numbered && name.size() > 1 &&
          name.find_first_not_of("0123456789", 1) == std::string_view::npos;
 }
 

@@ -18,10 +18,10 @@ std::vector<std::string> confidence_columns(const Confidence& confidence, double
 /// Columns of outputs: NAME and sigma_NAME each; of a machine that is no estimate only NAME.
 std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool estimated);
 
-/// Appends the values of an estimate of (q, u) in these columns. A sigma is infinite without a
-/// filter.
+/// Appends the values of an estimate of (q, u) in these columns, with one sigma each, or none
+/// without a filter: they are infinite then.
 void add_outputs(const std::vector<Output>& outputs, const Eigen::Ref<const Eigen::VectorXd>& q,
-                 const Eigen::Ref<const Eigen::VectorXd>& u, const Confidence& confidence,
+                 const Eigen::Ref<const Eigen::VectorXd>& u, const Eigen::VectorXd& sigma,
                  std::vector<double>& values);
 
 /// Whether a states CSV may already have a column of this name.

@@ -121,6 +121,41 @@ INSTANTIATE_TEST_SUITE_P(
                     // The machine does not drift: deviations are too wide then.
                     Jitter{"paper_beam.toml", 1e-4, 60.0, 3.0, 0.95, 1e-8}));
 
+// Through its weights an output is as sure as the state is, on impacts and between them.
+TEST(Smoother, OutputsAreSureAsTheStateIs) {
+  for (const char* name : {"paper_beam.toml", "two_stops_beam.toml"}) {
+    Scene scene = cached_scene(name);
+    scene.jitter = 1e-3;
+    const Eigen::Index f = scene.model.coordinates();
+    const auto e = [f](Eigen::Index i) -> Eigen::VectorXd { return Eigen::VectorXd::Unit(f, i); };
+    const Eigen::VectorXd w = scene.model.contacts[0].w;
+    scene.model.outputs = {
+        {"second", e(1)}, {"speed", -2.0 * e(0), true}, {"gap", w}, {"v", w, true}};
+    const Simulation truth = simulate(scene.model, scene.master, 20.0, 0.0137);
+    const std::vector<ContactEvent> events = off(truth.events, scene.jitter, 4);
+    std::int64_t smoothed = 0, filtered = 0;
+    double squares = 0.0;
+    smooth(scene, events, 0.0137, truth.t.size() - 1,
+           [&](std::int64_t k, const Smoother::Estimate& estimate, bool clear) {
+             ++(clear ? smoothed : filtered);
+             const auto near = [&](Eigen::Index i, double sigma) {
+               EXPECT_NEAR(estimate.sigma_outputs[i], sigma, 1e-6 * sigma + 1e-9) << name << k;
+             };
+             near(0, estimate.sigma_q[1]);
+             near(1, 2.0 * estimate.sigma_u[0]);
+             near(2, estimate.sigma_gap[0]);
+             squares += std::pow(
+                 w.dot(estimate.u - truth.u.row(k).transpose()) / estimate.sigma_outputs[3], 2);
+           });
+    std::cout << name << ": " << smoothed << " ticks smoothed, " << filtered
+              << " not, mean of (error of v/sigma)^2 "
+              << squares / static_cast<double>(smoothed + filtered) << '\n';
+    EXPECT_GT(smoothed, 0);
+    EXPECT_LT(squares, 2.0 * static_cast<double>(smoothed + filtered));
+    EXPECT_GT(squares, 0.1 * static_cast<double>(smoothed + filtered));
+  }
+}
+
 TEST(Smoother, RefusesWhatItDoesNotFollow) {
   Scene scene = cached_scene("paper_beam.toml");
   EXPECT_THROW(Smoother{scene}, SmoothingError);

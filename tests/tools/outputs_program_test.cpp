@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "sprag/estimation/observer.h"
+#include "sprag/estimation/smoother.h"
 #include "sprag/estimation/timing_filter.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/scene_file.h"
@@ -98,6 +99,11 @@ TEST(Outputs, WhatIsWrongIsNamed) {
             "output[1].name is \"tip [m]\"; must be a letter and letters, digits or _, at most 40");
   EXPECT_EQ(error("[[output]]\nname = \"q2\"\n" + direction),
             "output[1].name is \"q2\", which is a column of states already; must be another");
+  for (const char* taken : {"g1", "smoothed"}) {
+    EXPECT_EQ(error("[[output]]\nname = \"" + std::string(taken) + "\"\n" + direction),
+              "output[1].name is \"" + std::string(taken) +
+                  "\", which is a column of states already; must be another");
+  }
   EXPECT_EQ(
       error("[[output]]\nname = \"a\"\n" + direction + "[[output]]\nname = \"a\"\n" + direction),
       "output[2].name is \"a\" again; must be another one");
@@ -162,6 +168,41 @@ TEST_F(OutputsProgramTest, AreColumnsOfMasterAndObserver) {
       EXPECT_NEAR(estimate["approach"][n - 1], master.at("approach")[n - 1], 1e-6);
     }
   }
+}
+
+TEST_F(OutputsProgramTest, AreColumnsOfASmoothedPath) {
+  const std::string middle = "\n[[output]]\nname = \"middle\"\nposition = 0.5\n";
+  const std::string tip =
+      "[[output]]\nname = \"tip_speed\"\nposition = 1.0\nquantity = \"velocity\"\n";
+  std::string text = text_of("paper_beam");
+  text += middle + tip + "[events]\njitter = 1e-4\n";
+  write_text(path("beam.toml"), text);
+  const Scene scene = parse_scene(text, "beam.toml");
+  Ended ended = run(MASTER_SIM, {path("beam.toml"), "--duration", "15", "--speed", "max",
+                                 "--no-lcm", "--events", path("events.csv")});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  ended = run(OBSERVER, {path("beam.toml"), "--replay", path("events.csv"), "--tick", "0.01",
+                         "--smooth", "--states", path("smoothed.csv")});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const std::string written = read_text(path("smoothed.csv"));
+  const std::string header = written.substr(0, written.find('\n'));
+  EXPECT_TRUE(header.ends_with(",sigma_g1,smoothed,middle,sigma_middle,tip_speed,sigma_tip_speed"))
+      << header;
+  const auto smoothed = table("smoothed.csv");
+  std::vector<Smoother::Estimate> estimates;
+  smooth(scene, test::events_of(scene, 15.0), 0.01, std::ssize(smoothed.at("k")) - 1,
+         [&](std::int64_t, const Smoother::Estimate& e, bool) { estimates.push_back(e); });
+  ASSERT_GT(estimates.size(), 1000U);
+  double ticks = 0.0;
+  for (std::size_t k = 0; k < estimates.size(); ++k) {
+    const Smoother::Estimate& of = estimates[k];
+    EXPECT_EQ(smoothed.at("middle")[k], value(scene.model.outputs[0], of.q, of.u));
+    EXPECT_EQ(smoothed.at("tip_speed")[k], value(scene.model.outputs[1], of.q, of.u));
+    EXPECT_EQ(smoothed.at("sigma_middle")[k], of.sigma_outputs[0]);
+    EXPECT_EQ(smoothed.at("sigma_tip_speed")[k], of.sigma_outputs[1]);
+    ticks += smoothed.at("smoothed")[k];
+  }
+  EXPECT_GT(ticks, 0.0);
 }
 
 }  // namespace
