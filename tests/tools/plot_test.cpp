@@ -163,6 +163,53 @@ TEST_F(PlotTest, ARunKeepsItsColour) {
   EXPECT_TRUE(energy.logarithmic);
 }
 
+// What a scene has named and parameters come first, of all runs beside each other.
+TEST_F(PlotTest, OutputsAndParametersArePanels) {
+  const std::string machine = file("m.csv", "k,t,q1,u1,tip,rate\n0,0,1,2,5,6\n1,1,1,2,7,8\n");
+  const std::string a =
+      file("a.csv",
+           "k,t,q1,u1,B,sigma_q1,sigma_u1,sigma_g1,closing_t,filter_gap,sigma_filter_gap,accepted,"
+           "impact.restitution,sigma_impact.restitution,tip,sigma_tip,rate,sigma_rate\n"
+           "0,0,1,2,1,1,1,1,0,3,4,1,0.7,0.25,5.5,0.5,6,inf\n"
+           "1,1,1,2,1,1,1,1,0,3,4,1,0.7,0.125,6.5,inf,8,2\n");
+  const Figure of = figure({"a=" + a, "machine=" + machine});
+  std::vector<std::string> names;
+  for (const Panel& panel : of.panels) names.push_back(panel.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"tip", "rate", "impact.restitution", "q1", "V"}));
+  const Panel& tip = of.panels.at(0);
+  ASSERT_EQ(tip.curves.size(), 2u);
+  EXPECT_EQ(tip.curves[1].y, (std::vector<double>{5.0, 7.0}));
+  EXPECT_EQ(tip.curves[1].colour, Colour::black) << "the machine's";
+  EXPECT_EQ(tip.curves[1].line, Line::thick);
+  EXPECT_EQ(tip.curves[0].y, (std::vector<double>{5.5, 6.5}));
+  EXPECT_NE(tip.curves[0].colour, Colour::black);
+  ASSERT_EQ(tip.bands.size(), 1u);
+  EXPECT_EQ(tip.bands[0].low[0], 4.5);
+  EXPECT_EQ(tip.bands[0].high[0], 6.5);
+  EXPECT_TRUE(std::isnan(tip.bands[0].low[1]));
+  const Panel& restitution = of.panels.at(2);
+  ASSERT_EQ(restitution.curves.size(), 1u);
+  EXPECT_EQ(restitution.bands.at(0).high[1], 0.95);
+  // A machine alone, too.
+  EXPECT_EQ(figure({machine}).panels.at(1).name, "rate");
+  FigureOptions options;
+  options.show = {"rate"};
+  EXPECT_EQ(figure({a}, nullptr, options).panels.at(0).bands.at(0).high[1], 12.0);
+}
+
+// A picture's own panels are not lost to an output of their name.
+TEST_F(PlotTest, AnOutputMayHaveTheNameOfAnotherPanel) {
+  const std::string a = file("a.csv",
+                             "k,t,q1,u1,B,V,sigma_V,velocity,sigma_velocity\n0,0,1,2,1,3,1,1,1\n"
+                             "1,1,1,2,1,4,1,1,1\n");
+  std::vector<std::string> names;
+  for (const Panel& panel : figure({a}).panels) names.push_back(panel.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"V", "velocity", "q1", "V"}));
+  FigureOptions options;
+  options.show = {"V"};
+  EXPECT_EQ(figure({a}, nullptr, options).panels.size(), 2u);
+}
+
 TEST_F(PlotTest, ContactsArePulsesAndTimesClosed) {
   const std::string events = file("e.csv",
                                   "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n"
@@ -266,6 +313,37 @@ TEST_F(PlotTest, GnuplotDrawsEveryKindOfPicture) {
         "it_s ^{estimate}, contact 2", "impact, as reported"}) {
     EXPECT_NE(svg.find(text), std::string::npos) << text;
   }
+}
+
+TEST_F(PlotTest, WhatStaysAsItIsIsInTheMiddle) {
+  const std::string still =
+      file("still.csv", "k,t,q1,u1,still,zero\n0,0,1,0,-0.7,0\n1,3,2,0,-0.7,0\n");
+  const Ended ended = run(PLOT, {still, "--show", "still,zero", "--output", path("still.svg")});
+  EXPECT_EQ(ended.code, 0);
+  EXPECT_EQ(ended.err, "") << "gnuplot warns of nothing";
+  FigureOptions options;
+  options.show = {"zero"};
+  const Figure of = figure({still}, nullptr, options);
+  EXPECT_NE(gnuplot_script(of, path("still.svg")).find("set yrange [-1:1]"), std::string::npos);
+}
+
+TEST_F(PlotTest, AMatrixOfTheSceneIsNotOverwritten) {
+  const std::string matrix = "1,0\n0,2\n";
+  const std::string M = file("M.png", matrix);
+  const std::string scene = file("a.toml",
+                                 "[system]\nM = 'M.png'\nC = [[1,0],[0,1]]\nK = [[1,0],[0,1]]\n"
+                                 "[[contact]]\ndirection = [1,0]\n[impact]\nrestitution = 0.5\n");
+  const std::string states = file("s.csv", "k,t,q1,q2,u1,u2\n0,0,1,2,0,0\n1,8,1,2,0,0\n");
+  for (const test::Arguments& arguments :
+       {test::Arguments{states, scene, "--output", M},
+        test::Arguments{path("none.csv"), scene, "--output", path("b.png"), "--report", M}}) {
+    const Ended ended = run(PLOT, arguments);
+    EXPECT_EQ(ended.code, 2);
+    EXPECT_NE(ended.err.find("same file"), std::string::npos) << ended.err;
+    EXPECT_EQ(read_text(M), matrix);
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("b.png")));
+  EXPECT_EQ(run(PLOT, {states, scene, "--output", path("b.png")}).code, 0);
 }
 
 TEST_F(PlotTest, BadUsageExitsWithTwoAndOverwritesNothing) {

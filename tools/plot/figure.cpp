@@ -35,7 +35,39 @@ bool at_ticks(const Table& table) {
 }
 
 // What a master writes says nothing of its own error.
-bool is_estimate(const Table& states) { return states.names.size() > 2 + 2 * coordinates(states); }
+bool is_estimate(const Table& states) {
+  return std::any_of(states.names.begin(), states.names.end(), [](const std::string& name) {
+    return name == "B" || name.starts_with("sigma_");
+  });
+}
+
+// Whether a column has a panel as one of the machine's coordinates, or says how far off an event
+// was.
+bool is_coordinate_or_innovation(const std::string& name) {
+  const bool letter = name[0] == 'q' || name[0] == 'u';
+  return name == "filter_gap" ||
+         (letter && name.find_first_not_of("0123456789", 1) == std::string::npos);
+}
+
+// Columns of what people have named: a scene's outputs, and behind them parameters by their keys,
+// which have a dot. An estimate has them with a sigma, a machine has nothing else behind its state.
+std::vector<std::string> named_quantities(const std::vector<Table>& tables) {
+  std::vector<std::string> names;
+  for (const Table& table : tables) {
+    if (table.kind != TableKind::states) continue;
+    const bool estimate = is_estimate(table);
+    for (std::size_t i = 2 + 2 * coordinates(table); i < table.names.size(); ++i) {
+      const std::string& name = table.names[i];
+      if (estimate && table.column("sigma_" + name) == nullptr) continue;
+      if (name.empty() || is_coordinate_or_innovation(name)) continue;
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+  }
+  std::stable_partition(names.begin(), names.end(), [](const std::string& name) {
+    return name.find('.') == std::string::npos;
+  });
+  return names;
+}
 
 // A run keeps its colour in all panels: by its label, whatever files it is made of.
 class Colours {
@@ -145,41 +177,46 @@ Panel named(std::string name, std::string y_label) {
   return panel;
 }
 
+// Which panels are shown unasked: as many of single quantities as are legible, all that sum up.
+enum class Rank { single, summary, unasked };
+
+struct RankedPanel {
+  Panel panel;
+  Rank rank;
+};
+
 class Panels {
  public:
   Panels(const std::vector<Table>& tables, const Scene* scene, double end)
       : tables_(tables), scene_(scene), colours_(tables), end_(end) {}
 
-  std::vector<Panel> all() const {
-    std::vector<Panel> panels;
-    const auto add = [&panels](Panel panel) {
+  std::vector<RankedPanel> all() const {
+    std::vector<RankedPanel> panels;
+    const auto add = [&panels](Panel panel, Rank rank) {
       if (!panel.curves.empty() || !panel.contacts.empty() || !panel.dots.empty())
-        panels.push_back(std::move(panel));
+        panels.push_back({std::move(panel), rank});
     };
+    const auto add_coordinates = [&](const char* letter, Rank rank) {
+      std::size_t most = 0;
+      each(TableKind::states,
+           [&](const Table& states) { most = std::max(most, coordinates(states)); });
+      for (std::size_t i = 0; i < most; ++i) add(of_column(numbered(letter, i)), rank);
+    };
+    for (const std::string& name : named_quantities(tables_)) add(of_column(name), Rank::single);
+    const std::size_t named = panels.size();
     if (scene_ != nullptr) {
-      for (std::size_t i = 0; i < scene_->model.contacts.size(); ++i) add(of_gap(i));
+      for (std::size_t i = 0; i < scene_->model.contacts.size(); ++i) add(of_gap(i), Rank::single);
     }
-    const std::vector<Panel> gaps = panels;
-    if (gaps.empty()) add_coordinates("q", panels);
-    add(of_contacts());
-    add(of_impacts("impulse", "impulse [N s]"));
-    add(of_energy());
-    // Behind all that is shown unasked.
-    add(of_impacts("velocity_before", "gap velocity before [m/s]"));
-    add(of_impacts("velocity_after", "gap velocity after [m/s]"));
-    if (!gaps.empty()) add_coordinates("q", panels);
-    add_coordinates("u", panels);
+    const bool gaps = panels.size() > named;
+    if (!gaps) add_coordinates("q", Rank::single);
+    add(of_contacts(), Rank::summary);
+    add(of_impacts("impulse", "impulse [N s]"), Rank::summary);
+    add(of_energy(), Rank::summary);
+    add(of_impacts("velocity_before", "gap velocity before [m/s]"), Rank::unasked);
+    add(of_impacts("velocity_after", "gap velocity after [m/s]"), Rank::unasked);
+    if (gaps) add_coordinates("q", Rank::unasked);
+    add_coordinates("u", Rank::unasked);
     return panels;
-  }
-
-  /// How many of all() are shown unasked.
-  std::size_t usual(const std::vector<Panel>& panels) const {
-    const auto extra = [&](const Panel& panel) {
-      return panel.name[0] == 'u' || panel.name[0] == 'v' ||
-             (panel.name[0] == 'q' && panels.front().name[0] == 'g');
-    };
-    return static_cast<std::size_t>(std::find_if(panels.begin(), panels.end(), extra) -
-                                    panels.begin());
   }
 
  private:
@@ -208,20 +245,15 @@ class Panels {
     return panel;
   }
 
-  void add_coordinates(const char* letter, std::vector<Panel>& panels) const {
-    std::size_t most = 0;
-    each(TableKind::states,
-         [&](const Table& states) { most = std::max(most, coordinates(states)); });
-    for (std::size_t i = 0; i < most; ++i) {
-      Panel panel = named(numbered(letter, i), numbered(letter, i));
-      each(TableKind::states, [&](const Table& states) {
-        if (const auto* y = states.column(panel.name)) {
-          add_curve(states, colours_.of(states), *states.column("t"), *y,
-                    states.column("sigma_" + panel.name), panel);
-        }
-      });
-      panels.push_back(std::move(panel));
-    }
+  Panel of_column(const std::string& name) const {
+    Panel panel = named(name, name);
+    each(TableKind::states, [&](const Table& states) {
+      if (const auto* y = states.column(name)) {
+        add_curve(states, colours_.of(states), *states.column("t"), *y,
+                  states.column("sigma_" + name), panel);
+      }
+    });
+    return panel;
   }
 
   Panel of_contacts() const {
@@ -309,10 +341,10 @@ class Panels {
   double end_;
 };
 
-[[noreturn]] void unknown_panel(const std::string& name, const std::vector<Panel>& panels) {
+[[noreturn]] void unknown_panel(const std::string& name, const std::vector<RankedPanel>& panels) {
   std::string text = name + " is nothing that these files show; choose ";
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    text += (i == 0 ? "" : i + 1 < panels.size() ? ", " : " or ") + panels[i].name;
+    text += (i == 0 ? "" : i + 1 < panels.size() ? ", " : " or ") + panels[i].panel.name;
   }
   throw std::invalid_argument(text);
 }
@@ -340,29 +372,25 @@ Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
   if (!(figure.from < figure.to)) throw InputError("there is nothing to show in this time");
   figure.zoom = options.zoom;
 
-  std::vector<Panel> panels = Panels(tables, scene, figure.to).all();
+  std::vector<RankedPanel> panels = Panels(tables, scene, figure.to).all();
   if (options.show.empty()) {
-    const std::size_t usual = Panels(tables, scene, figure.to).usual(panels);
-    // What is not of one contact or coordinate stays.
-    std::vector<Panel> shown;
     std::size_t single = 0;
-    for (std::size_t i = 0; i < usual; ++i) {
-      const bool summary =
-          panels[i].name == "V" || panels[i].name == "contacts" || panels[i].name == "impulse";
-      if (!summary && ++single > most_panels - 2) {
-        left_out.push_back(panels[i].name);
+    for (auto& [panel, rank] : panels) {
+      if (rank == Rank::unasked) continue;
+      if (rank == Rank::single && ++single > most_panels - 2) {
+        left_out.push_back(panel.name);
       } else {
-        shown.push_back(std::move(panels[i]));
+        figure.panels.push_back(std::move(panel));
       }
     }
-    figure.panels = std::move(shown);
-  } else {
-    for (const std::string& name : options.show) {
-      const auto at = std::find_if(panels.begin(), panels.end(),
-                                   [&](const Panel& panel) { return panel.name == name; });
-      if (at == panels.end()) unknown_panel(name, panels);
-      figure.panels.push_back(*at);
+  }
+  for (const std::string& name : options.show) {
+    const std::size_t before = figure.panels.size();
+    // An output may have the name of another panel.
+    for (const RankedPanel& each : panels) {
+      if (each.panel.name == name) figure.panels.push_back(each.panel);
     }
+    if (figure.panels.size() == before) unknown_panel(name, panels);
   }
   if (figure.panels.empty()) throw InputError("there is nothing to show in these files");
   return figure;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 
@@ -208,9 +209,19 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
   const auto add = [&](const std::string& name, const std::string& how, const std::string& title) {
     parts.push_back(name + " " + how + (title.empty() ? " notitle" : " title " + quoted(title)));
   };
+  double least = std::numeric_limits<double>::infinity(), greatest = -least;
+  const auto see = [&](const std::vector<double>& t, const std::vector<double>& y) {
+    for (std::size_t k = 0; k < t.size(); ++k) {
+      if (!std::isfinite(y[k]) || t[k] < axis.from || t[k] > axis.to) continue;
+      least = std::min(least, y[k]);
+      greatest = std::max(greatest, y[k]);
+    }
+  };
   for (const Band& band : panel.bands) {
     const BandPoints points = thinned(band.t, band.low, band.high, axis.from, axis.to, pixels);
     if (!reaches(points.t, axis)) continue;
+    see(points.t, points.low);
+    see(points.t, points.high);
     add(data({points.t, points.low, points.high}),
         "using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
             rgb(band.colour),
@@ -226,6 +237,7 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
     const bool known = std::any_of(points.y.begin(), points.y.end(),
                                    [](double value) { return std::isfinite(value); });
     if (!known || !reaches(points.t, axis)) continue;
+    see(points.t, points.y);
     add(data({points.t, points.y}),
         "using 1:2 with lines " + style(curve.line) + " lc rgb " + rgb(curve.colour), curve.title);
   }
@@ -293,7 +305,12 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
   line(panel.logarithmic ? "set logscale y" : "unset logscale y");
   line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
-    line("set yrange [*:*]");
+    // What stays as it is has no range of its own.
+    const bool constant = least == greatest && panel.dots.empty() && impacts.empty();
+    const double around = least == 0.0 ? 1.0 : 0.1 * std::abs(least);
+    line(constant && !panel.logarithmic
+             ? "set yrange [" + number(least - around) + ":" + number(least + around) + "]"
+             : "set yrange [*:*]");
     line("set ytics autofreq");
   } else {
     line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) + "]");

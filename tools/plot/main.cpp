@@ -18,9 +18,10 @@ int main(int argc, char** argv) {
                     "--impacts and sync_logger --csv write it; SCENE.toml");
   sprag::require(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written,
                                  run.output, "F", "The picture: F.png, F.svg or F.pdf"));
-  sprag::add_names(*app, "--show", figure.show,
-                   "Panels, in this order: g1, q1, u1, contacts, V, ... [all gaps or coordinates "
-                   "that fit, contacts, V]");
+  sprag::add_names(
+      *app, "--show", figure.show,
+      "Panels, in this order: names of outputs, keys of parameters, g1, q1, u1, contacts, "
+      "V, ... [outputs, parameters and gaps or coordinates that fit, contacts, V]");
   sprag::add_finite(*app, "--from", figure.from, "T", "Show the time from here on [s]");
   sprag::add_finite(*app, "--to", figure.to, "T", "Show the time up to here [s]");
   sprag::add_text(*app, "--zoom", run.zoom, "FROM:TO",
