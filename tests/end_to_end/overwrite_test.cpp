@@ -190,6 +190,7 @@ q = "q.csv"
   EXPECT_EQ(read_text(M), "2,0\n0,x\n");
   write_text(M, mass);
   // A name is no file's.
+  write_text(file("rig/rig.csv"), "");
   const Ended ended = run("master_sim", simulated + Arguments{"--states", file("rig/rig.csv")});
   EXPECT_EQ(ended.code, 0) << ended.err;
 }
