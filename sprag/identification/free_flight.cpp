@@ -65,14 +65,22 @@ void FreeFlight::hit(int contact, double t, Eigen::VectorXd& u) const {
   u -= machine_.jump.col(contact) * gap_velocity(contact, u, t);
 }
 
+// gamma+ = -epsilon gamma-, and W^T jump = 1 + epsilon.
+void FreeFlight::undo_hit(int contact, double t, Eigen::VectorXd& u) const {
+  const auto jump = machine_.jump.col(contact);
+  const double epsilon = machine_.W.col(contact).dot(jump) - 1.0;
+  u -= jump * (gap_velocity(contact, u, t) / epsilon);
+}
+
 std::optional<Impact> FreeFlight::next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
                                               double until) const {
   const int contacts = static_cast<int>(machine_.W.cols());
   constexpr double most_samples = 2000.0;
-  double h = step_ > 0.0 ? step_ : until - t;
-  h = std::max(h, (until - t) / most_samples);
-  while (t < until) {
-    const double tau = std::min(h, until - t);
+  const double way = until < t ? -1.0 : 1.0;
+  const double duration = std::abs(until - t);
+  const double h = std::max(step_ > 0.0 ? step_ : duration, duration / most_samples);
+  while (way * (until - t) > 0.0) {
+    const double tau = way * std::min(h, std::abs(until - t));
     Eigen::VectorXd y_next = y, u_next = u;
     move(tau, y_next, u_next);
     int first = -1;
@@ -85,11 +93,11 @@ std::optional<Impact> FreeFlight::next_impact(Eigen::VectorXd y, Eigen::VectorXd
         const double middle = 0.5 * (low + high);
         Eigen::VectorXd y_middle = y, u_middle = u;
         move(middle, y_middle, u_middle);
-        const bool still_outside =
-            gap(i, y_middle, t + middle) >= 0.0 || gap_velocity(i, u_middle, t + middle) > 0.0;
+        const bool still_outside = gap(i, y_middle, t + middle) >= 0.0 ||
+                                   way * gap_velocity(i, u_middle, t + middle) > 0.0;
         (still_outside ? low : high) = middle;
       }
-      if (first < 0 || high < at) {
+      if (first < 0 || std::abs(high) < std::abs(at)) {
         first = i;
         at = high;
       }

@@ -23,10 +23,14 @@ class FreeFlight {
   /// The impact of a contact: changes u.
   void hit(int contact, double t, Eigen::VectorXd& u) const;
 
+  /// Changes u behind an impact to that before it; its restitution is not zero.
+  void undo_hit(int contact, double t, Eigen::VectorXd& u) const;
+
   /// A fraction of the fastest vibration's period.
   double step() const { return step_; }
 
-  /// The first impact after t and up to `until`, (y, u) being the free part of the motion at t.
+  /// The first impact after t and up to `until`, (y, u) being the free part of the motion at t; or,
+  /// where `until` is before t, the last one before t.
   std::optional<Impact> next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
                                     double until) const;
 

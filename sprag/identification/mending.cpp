@@ -32,103 +32,209 @@ bool fits(const Likelihood& solution, double jitter, double most) {
   return solution.squares <= most * square(jitter) * std::max(solution.freedom, 1);
 }
 
-// Goes on from a solution for the first impacts of `all`, which end before number `next`.
+// An impact of so little restitution does not tell what was before.
+bool forgets_impacts(const Machine& machine) {
+  constexpr double little = 0.05;
+  return (machine.W.cwiseProduct(machine.jump).colwise().sum().array() < 1.0 + little).any();
+}
+
+// Goes on from a solution for some impacts in a row, forward to the last event or backward to the
+// first.
 class Follower {
  public:
   Follower(const MachineFamily& family, double jitter) : family_(family), jitter_(jitter) {}
 
-  bool follow(const std::vector<Impact>& all, std::size_t next, Followed& followed);
+  /// From event number `next` on, the one behind those of the solution.
+  bool forward(const std::vector<Impact>& all, std::size_t next, Followed& followed);
+
+  /// `left` events are before those of the solution, and no others since `start`. Where it returns
+  /// false, `followed` is how far it came, with `left` events before it.
+  bool backward(const std::vector<Impact>& all, std::size_t& left, double start,
+                Followed& followed);
 
  private:
-  void stand(const Followed& followed);
-  bool refit(Followed& followed);
+  static constexpr int between_fits = 4;
+  static constexpr int most_in_a_row = 4;
+
+  struct Expected {
+    std::optional<Impact> impact;
+    bool is_it = false;  // the event
+  };
+
+  void stand(const Followed& followed, bool at_end);
+  bool refit(Followed& followed, bool at_end);
+  void move_to(const FreeFlight& flight, double t);
+  bool too_many(const std::vector<Impact>& all, const Followed& followed) const;
+  Expected expect(const Impact& event, bool forward) const;
+  bool step(const Expected& expected, const Impact& event, bool forward, Followed& followed);
+  // Nothing is doubted that has not been fitted to all that is known.
+  bool fit_is_due(const Expected& expected) const {
+    return since_fit_ >= between_fits || (since_fit_ > 0 && !expected.is_it);
+  }
 
   const MachineFamily& family_;
   double jitter_;
   Machine machine_;
   Eigen::VectorXd inputs_, y_, u_;
   double t_ = 0.0;
+  double off_ = 0.0;  // what predictions are usually
+  int since_fit_ = 0, in_a_row_ = 0;
 };
 
-// At the end of the solution's path, behind its last impact.
-void Follower::stand(const Followed& followed) {
+// At the end of the solution's path, behind its last impact, or before its first.
+void Follower::stand(const Followed& followed, bool at_end) {
   const Likelihood& solution = followed.solution;
   machine_ = family_.at(solution.values);
   inputs_ = family_.inputs(solution.values);
+  since_fit_ = 0;
+  if (!at_end) {
+    y_ = solution.x0[0].head(family_.n());
+    u_ = solution.x0[0].tail(family_.n());
+    t_ = solution.path[0].start;
+    move_to(FreeFlight(machine_, inputs_), solution.path[0].impacts.front().t);
+    return;
+  }
   Flights flights;
   Harmonics harmonics;
   flights.set(machine_, solution.path);
   harmonics.set(machine_.frequencies, solution.path);
   Path path;
-  sprag::follow(machine_, flights, harmonics, solution.path[0], 0, solution.x0[0], inputs_, path);
+  follow(machine_, flights, harmonics, solution.path[0], 0, solution.x0[0], inputs_, path);
   y_ = path.y;
   u_ = path.u;
   t_ = solution.path[0].impacts.back().t;
 }
 
-bool Follower::refit(Followed& followed) {
+void Follower::move_to(const FreeFlight& flight, double t) {
+  flight.move(t - t_, y_, u_);
+  t_ = t;
+}
+
+bool Follower::refit(Followed& followed, bool at_end) {
   Likelihood start = followed.solution;
-  const std::size_t known = start.path[0].size();
-  for (std::size_t k = known; k < followed.measured.size(); ++k) {
-    start.path[0].impacts.push_back(followed.measured.impacts[k]);
+  Stretch& path = start.path[0];
+  const std::vector<Impact>& measured = followed.measured.impacts;
+  const auto known = static_cast<std::ptrdiff_t>(path.size());
+  if (at_end) {
+    path.impacts.insert(path.impacts.end(), measured.begin() + known, measured.end());
+  } else {
+    path.impacts.insert(path.impacts.begin(), measured.begin(), measured.end() - known);
+    path.start = followed.measured.start;
+    start.x0[0] << y_, u_;
   }
   Likelihood next = maximize_likelihood(family_, {followed.measured}, std::move(start));
   if (!fits(next, jitter_, 4.0)) return false;
   followed.solution = std::move(next);
-  stand(followed);
+  stand(followed, at_end);
   return true;
 }
 
-bool Follower::follow(const std::vector<Impact>& all, std::size_t next, Followed& followed) {
-  constexpr int between_fits = 4;
-  constexpr int most_in_a_row = 4;
-  stand(followed);
-  double off = 30.0 * jitter_;
-  int since_fit = 0, in_a_row = 0;
-  const double most = most_mended * static_cast<double>(all.size());
-  while (next < all.size()) {
-    if (static_cast<double>(followed.spurious.size()) + followed.missing > most ||
-        in_a_row > most_in_a_row) {
-      return false;
-    }
-    const Impact& event = all[next];
-    const double wide = gate * std::max(off, 2.0 * jitter_);
-    const FreeFlight flight(machine_, inputs_);
-    const auto expected = flight.next_impact(y_, u_, t_, event.t + wide);
-    if (!expected) {
-      followed.spurious.push_back(event.event);
-      ++next;
-      ++in_a_row;
-      continue;
-    }
-    const bool is_it =
-        expected->contact == event.contact && std::abs(expected->t - event.t) <= wide;
-    if (!is_it && expected->t > event.t) {
-      // Of another contact, a little later: this one is not expected.
-      followed.spurious.push_back(event.event);
-      ++next;
-      ++in_a_row;
-      continue;
-    }
-    Impact impact = is_it ? event : *expected;
-    flight.move(impact.t - t_, y_, u_);
-    flight.hit(impact.contact, impact.t, u_);
-    t_ = impact.t;
-    if (is_it) {
-      off = std::sqrt(0.8 * off * off + 0.2 * square(expected->t - event.t));
-      ++next;
-      in_a_row = 0;
-    } else {
-      ++followed.missing;
-      ++in_a_row;
-    }
-    followed.measured.impacts.push_back(impact);
-    if (++since_fit >= between_fits) {
-      if (!refit(followed)) return false;
-      since_fit = 0;
-    }
+bool Follower::too_many(const std::vector<Impact>& all, const Followed& followed) const {
+  return static_cast<double>(followed.spurious.size()) + followed.missing >
+             most_mended * static_cast<double>(all.size()) ||
+         in_a_row_ > most_in_a_row;
+}
+
+Follower::Expected Follower::expect(const Impact& event, bool forward) const {
+  const double way = forward ? 1.0 : -1.0;
+  const double wide = gate * std::max(off_, 2.0 * jitter_);
+  Expected expected;
+  expected.impact = FreeFlight(machine_, inputs_).next_impact(y_, u_, t_, event.t + way * wide);
+  expected.is_it = expected.impact && expected.impact->contact == event.contact &&
+                   std::abs(expected.impact->t - event.t) <= wide;
+  return expected;
+}
+
+// To the next impact, or over an event that is none; whether the event has been dealt with.
+bool Follower::step(const Expected& expected, const Impact& event, bool forward,
+                    Followed& followed) {
+  const double way = forward ? 1.0 : -1.0;
+  if (!expected.impact || (!expected.is_it && way * (expected.impact->t - event.t) > 0.0)) {
+    // None is expected, or one of another contact, a little later.
+    followed.spurious.push_back(event.event);
+    ++in_a_row_;
+    return true;
   }
-  return refit(followed);
+  const Impact impact = expected.is_it ? event : *expected.impact;
+  const FreeFlight flight(machine_, inputs_);
+  move_to(flight, impact.t);
+  std::vector<Impact>& measured = followed.measured.impacts;
+  if (forward) {
+    flight.hit(impact.contact, impact.t, u_);
+    measured.push_back(impact);
+  } else {
+    flight.undo_hit(impact.contact, impact.t, u_);
+    measured.insert(measured.begin(), impact);
+    followed.measured.start = impact.t;
+  }
+  ++since_fit_;
+  if (expected.is_it) {
+    off_ = std::sqrt(0.8 * off_ * off_ + 0.2 * square(expected.impact->t - event.t));
+    in_a_row_ = 0;
+  } else {
+    ++followed.missing;
+    ++in_a_row_;
+  }
+  return expected.is_it;
+}
+
+bool Follower::forward(const std::vector<Impact>& all, std::size_t next, Followed& followed) {
+  stand(followed, true);
+  off_ = 30.0 * jitter_;
+  in_a_row_ = 0;
+  while (next < all.size()) {
+    if (too_many(all, followed)) return false;
+    Expected expected = expect(all[next], true);
+    if (fit_is_due(expected)) {
+      if (!refit(followed, true)) return false;
+      expected = expect(all[next], true);
+    }
+    if (step(expected, all[next], true, followed)) ++next;
+  }
+  return refit(followed, true);
+}
+
+bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, double start,
+                        Followed& followed) {
+  stand(followed, false);
+  if (forgets_impacts(machine_)) return left == 0;
+  off_ = 30.0 * jitter_;
+  in_a_row_ = 0;
+  Followed now = followed;
+  now.measured.start = t_;
+  std::size_t next = left;
+  const auto fit = [&] {
+    if (!refit(now, false)) return false;
+    followed = now;
+    left = next;
+    return true;
+  };
+  while (next > 0) {
+    if (too_many(all, now)) return false;
+    Expected expected = expect(all[next - 1], false);
+    if (fit_is_due(expected)) {
+      if (!fit()) return false;
+      expected = expect(all[next - 1], false);
+    }
+    if (step(expected, all[next - 1], false, now)) --next;
+  }
+  if (!fit()) return false;
+  // Impacts before the first event.
+  const FreeFlight flight(machine_, inputs_);
+  const double wide = gate * std::max(off_, 2.0 * jitter_);
+  while (t_ > start + wide) {
+    const auto expected = flight.next_impact(y_, u_, t_, start + wide);
+    if (!expected) break;
+    if (++in_a_row_ > most_in_a_row) return true;
+    move_to(flight, expected->t);
+    flight.undo_hit(expected->contact, t_, u_);
+    now.measured.impacts.insert(now.measured.impacts.begin(), *expected);
+    ++now.missing;
+  }
+  move_to(flight, start);
+  now.measured.start = start;
+  if (refit(now, false)) followed = std::move(now);
+  return true;
 }
 
 // A solution for impacts number `first` to first + size - 1.
@@ -218,44 +324,36 @@ void use_near_ones(const MachineFamily& family, const std::vector<Impact>& all, 
 
 Mended mend(const MachineFamily& family, const Stretches& stretches, std::optional<double> jitter,
             double interval) {
-  constexpr std::size_t slide = 4;
   Mended mended;
   const Stretch& longest =
       *std::max_element(stretches.begin(), stretches.end(),
                         [](const Stretch& a, const Stretch& b) { return a.size() < b.size(); });
   const std::vector<Impact>& all = longest.impacts;
+  struct Window {
+    std::size_t size, slide;
+  };
+  // Fewer impacts, which tell less, where no more in a row are as they were.
   const Projection projection(family);
-  const std::size_t n = first_window(family, projection);
   Followed followed;
   double of = 0.0;
   bool found = false;
-  for (std::size_t first = 0; !found && first + n <= all.size(); first += slide) {
-    if (!start_at(family, all, longest.start, first, n, jitter, interval, followed, of)) continue;
-    Follower follower(family, of);
-    found = follower.follow(all, first + n, followed);
+  for (const Window& window :
+       {Window{first_window(family, projection), 4}, Window{least_window(family, projection), 2}}) {
+    for (std::size_t first = 0; !found && first + window.size <= all.size();
+         first += window.slide) {
+      if (!start_at(family, all, longest.start, first, window.size, jitter, interval, followed,
+                    of)) {
+        continue;
+      }
+      Follower follower(family, of);
+      if (!follower.forward(all, first + window.size, followed)) continue;
+      std::size_t left = first;
+      // A path that leaves out much of the record's front explains another record.
+      found = follower.backward(all, left, longest.start, followed) ||
+              left <= all.size() / most_left_out;
+    }
   }
   if (!found) return mended;
-  // What was before is found with the machine as it is now known.
-  const MachineFamily known(family.with(followed.solution.values), {});
-  const auto few = static_cast<std::size_t>(2 * family.n() + 4);
-  for (std::size_t first = 0; first + few < all.size(); ++first) {
-    if (all[first].event >= followed.measured.impacts.front().event) break;
-    Followed whole;
-    double ignored = 0.0;
-    if (!start_at(known, all, longest.start, first, few, of, interval, whole, ignored)) continue;
-    Follower follower(known, 1.5 * of);
-    if (!follower.follow(all, first + few, whole)) continue;
-    whole.solution.values = followed.solution.values;
-    whole.solution = maximize_likelihood(family, {whole.measured}, std::move(whole.solution));
-    if (!fits(whole.solution, of, 4.0)) continue;
-    followed = std::move(whole);
-    break;
-  }
-  // A path that leaves out much of the record's front explains another record.
-  const auto front = std::find_if(all.begin(), all.end(), [&](const Impact& impact) {
-    return impact.event == followed.measured.impacts.front().event;
-  });
-  if (static_cast<std::size_t>(front - all.begin()) > all.size() / most_left_out) return mended;
   mended.stretches = {followed.measured};
   mended.spurious = followed.spurious;
   mended.solution = std::move(followed.solution);

@@ -1,6 +1,7 @@
 // Events that were lost, and events that never were: from impacts in a row that fit, the machine's
-// path is followed forward. An event that comes where it expects none is spurious; an impact that
-// it expects and that has no event was lost, and gets the expected time, as a guess.
+// path is followed forward to the last event and, each impact undone, backward to the first. An
+// event that comes where it expects none is spurious; an impact that it expects and that has no
+// event was lost, and gets the expected time, as a guess.
 #pragma once
 
 #include <cstddef>

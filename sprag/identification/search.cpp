@@ -165,11 +165,22 @@ PathFit grow(Projection& projection, const Stretches& all, std::size_t first, st
 
 }  // namespace
 
+namespace {
+
+std::size_t unknowns_in_all(const MachineFamily& family, const Projection& projection) {
+  return 2 * static_cast<std::size_t>(family.n()) +
+         static_cast<std::size_t>(projection.free_inputs()) + projection.nonlinear().size();
+}
+
+}  // namespace
+
 std::size_t first_window(const MachineFamily& family, const Projection& projection) {
   const auto n = static_cast<std::size_t>(family.n());
-  const std::size_t unknowns =
-      2 * n + static_cast<std::size_t>(projection.free_inputs()) + projection.nonlinear().size();
-  return std::max(6 * n + 4, unknowns + 8);
+  return std::max(6 * n + 4, unknowns_in_all(family, projection) + 8);
+}
+
+std::size_t least_window(const MachineFamily& family, const Projection& projection) {
+  return unknowns_in_all(family, projection) + 4;
 }
 
 namespace {
@@ -254,6 +265,7 @@ PathFit search_window(const MachineFamily& family, const Stretches& window) {
 SearchResult search(const MachineFamily& family, const Stretches& stretches,
                     const SearchSettings& settings) {
   constexpr std::size_t followed = 3;  // of the refined places
+  constexpr double most_inside = 0.1;  // of the impacts
   Projection projection(family);
   const std::size_t total = count(stretches);
   const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
@@ -261,6 +273,10 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
   SearchResult result;
   PathFit& best = result.best;
   best.rms = std::numeric_limits<double>::infinity();
+  // However little is left: a path with many impacts from inside is none.
+  const auto is_good = [&](const PathFit& fit) {
+    return fit.score() <= settings.good && fit.inside <= most_inside;
+  };
   struct Window {
     std::size_t first, size;
     double refinement;
@@ -284,21 +300,21 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
     const std::vector<PathFit> starts =
         refined_starts(family, projection, first, window.refinement);
     for (std::size_t i = 0; i < starts.size(); ++i) {
-      const bool found = best.score() <= settings.good;
+      const bool found = is_good(best);
       // Another minimum as deep as the one that was found shows on few impacts already.
       if (found ? starts[i].score() > settings.good : i >= followed) continue;
       PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
       if (found) {
         const auto same = [&](const PathFit& other) { return same_place(family, fit, other); };
-        if (fit.score() <= settings.good && !same(best) &&
+        if (is_good(fit) && !same(best) &&
             std::none_of(result.others.begin(), result.others.end(), same)) {
           result.others.push_back(std::move(fit));
         }
-      } else if (fit.score() < best.score()) {
+      } else if (is_good(fit) || fit.score() < best.score()) {
         best = std::move(fit);
       }
     }
-    if (best.score() <= settings.good) break;
+    if (is_good(best)) break;
   }
   return result;
 }

@@ -29,4 +29,7 @@ PathFit search_window(const MachineFamily& family, const Stretches& window);
 /// Impacts that a first window takes.
 std::size_t first_window(const MachineFamily& family, const Projection& projection);
 
+/// Fewer, which leave a freedom of four: enough where a wrong path leaves far more than the jitter.
+std::size_t least_window(const MachineFamily& family, const Projection& projection);
+
 }  // namespace sprag

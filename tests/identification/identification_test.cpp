@@ -80,6 +80,72 @@ TEST(Identification, LostAndSpuriousEventsAreTold) {
   EXPECT_FALSE(of_spurious.found.spurious.empty());
 }
 
+// The path is followed backward as well: before the first impacts in a row that are as they were,
+// some events were lost, the very first among them, and others never were.
+TEST(Identification, TheFrontOfARecordIsMended) {
+  if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
+  const Scene scene = shipped_scene("paper_beam");
+  auto events = events_of(scene, 30.0);
+  std::mt19937 random(11);
+  std::normal_distribution<double> jitter(0.0, 1e-4);
+  for (ContactEvent& event : events) event.t += jitter(random);
+  const std::vector<std::size_t> lost{0, 8, 15, 16};
+  std::vector<double> lost_at;
+  for (const std::size_t k : lost) lost_at.push_back(events[k].t);
+  for (auto k = lost.rbegin(); k != lost.rend(); ++k) {
+    events.erase(events.begin() + static_cast<std::ptrdiff_t>(*k));
+  }
+  for (const double t : {4.0, 9.0}) {
+    const auto behind = std::find_if(events.begin(), events.end(),
+                                     [t](const ContactEvent& event) { return event.t > t; });
+    events.insert(behind, {t, 0, ContactEventKind::pulse});
+  }
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
+  settings.jitter = 1e-4;
+  const Identification found = identify(scene, events, settings);
+  EXPECT_TRUE(found.fits());
+  EXPECT_EQ(found.spurious.size(), 2U);
+  ASSERT_EQ(found.missing.size(), lost.size());
+  for (std::size_t k = 0; k < lost.size(); ++k) {
+    EXPECT_NEAR(found.missing[k].t, lost_at[k], 5e-3);
+  }
+  EXPECT_EQ(found.start_t, 0.0);
+}
+
+// No 22 impacts in a row are left, with which a search begins elsewhere.
+TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
+  if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
+  const Scene scene = shipped_scene("paper_beam");
+  auto events = events_of(scene, 38.0);
+  std::mt19937 random(12);
+  std::normal_distribution<double> jitter(0.0, 1e-4);
+  for (ContactEvent& event : events) event.t += jitter(random);
+  ASSERT_LT(events.size(), 63U);
+  for (const std::size_t k : {40U, 20U}) events.erase(events.begin() + k);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
+  settings.jitter = 1e-4;
+  const Identification found = identify(scene, events, settings);
+  EXPECT_TRUE(found.fits());
+  EXPECT_TRUE(found.spurious.empty());
+  EXPECT_EQ(found.missing.size(), 2U);
+}
+
+// Of five modes a path may seem to leave nothing that passes through the support at every fifth
+// impact: the search goes on.
+TEST(Identification, APathHitFromInsideEndsNoSearch) {
+  std::ifstream in(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const std::string three = "modes = 3";
+  text.replace(text.find(three), three.size(), "modes = 5");
+  const Scene scene = parse_scene(text.substr(0, text.find("[replica]")), "paper_beam.toml");
+  const Trial trial{.off = 0.1};
+  EXPECT_TRUE(run(scene, trial, 5013).right(trial));
+}
+
 class IdentificationOfScenes : public testing::TestWithParam<const char*> {};
 
 // Several contacts, coupled damping, sustained contacts, SI units.

@@ -124,6 +124,22 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
     flight.hit(0, next->t, u);
     t = next->t;
   }
+  // And back, each impact undone.
+  for (std::size_t k = 8; k-- > 0;) {
+    flight.undo_hit(0, t, u);
+    EXPECT_LT(flight.gap_velocity(0, u, t), 0.0);
+    const auto before = flight.next_impact(y, u, t, 0.01);
+    ASSERT_EQ(before.has_value(), k > 0);
+    if (!before) break;
+    EXPECT_NEAR(before->t, events[k - 1].t, 1e-7);
+    EXPECT_EQ(before->contact, 0);
+    flight.move(before->t - t, y, u);
+    t = before->t;
+  }
+  flight.move(-t, y, u);
+  const Eigen::VectorXd start =
+      family.to_modes(scene.master.q) - (machine.response.col(0) * e).real();
+  EXPECT_LT((y - start).norm(), 1e-6 * start.norm());
 }
 
 }  // namespace
