@@ -29,6 +29,7 @@ inline constexpr const char* estimate_channel = "SPRAG_ESTIMATE";
 inline constexpr const char* settled_channel = "SPRAG_SETTLED";
 inline constexpr const char* parameters_channel = "SPRAG_PARAMETERS";
 inline constexpr const char* impacts_channel = "SPRAG_IMPACTS";
+inline constexpr const char* prediction_channel = "SPRAG_PREDICTION";
 inline constexpr const char* outputs_channel = "SPRAG_OUTPUTS";
 
 /// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with

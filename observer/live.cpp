@@ -65,7 +65,7 @@ class LiveObserver {
       identification_.emplace(*family, AdaptiveEstimator::most_events);
       loop_.identify_in(*identification_);
     }
-    if (!options.impacts.empty()) {
+    if (!options.impacts.empty() || options.predict > 0.0) {
       follower_.emplace(scene, options, bus_);
       loop_.tell_settled_to(*follower_);
     }

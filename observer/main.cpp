@@ -58,6 +58,13 @@ int main(int argc, char** argv) {
       sprag::add_file(*app, common, "--impacts", Use::written, options.impacts, "F.csv",
                       "Write velocities, impulse and force of each settled event here, with sigma; "
                       "live, publish them too");
+  auto* predict = sprag::add_positive(*app, "--predict", options.predict, "T",
+                                      "After each settled event, foresee the next ones within T, "
+                                      "with sigma; live, publish them");
+  auto* predictions =
+      sprag::add_file(*app, common, "--predictions", Use::written, options.predictions, "F.csv",
+                      "With --predict: write what is foreseen here");
+  sprag::needs(predictions, predict);
   sprag::add_positive(*app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");
   sprag::add_flag(*app, "--realtime", options.real_time,
@@ -75,6 +82,7 @@ int main(int argc, char** argv) {
   sprag::needs(smoothing, states);
   sprag::excludes(smoothing, events);
   sprag::excludes(smoothing, impacts);
+  sprag::excludes(smoothing, predict);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene parsed = sprag::load_scene(scene, common);
@@ -83,6 +91,17 @@ int main(int argc, char** argv) {
       throw sprag::UsageError(
           "--stepper moreau: events act in the tick they fall in, so that --impacts has nothing to "
           "say; choose --stepper exact");
+    }
+    if (options.predict > 0.0) {
+      if (options.estimator == sprag::EstimatorKind::replica ||
+          options.estimator == sprag::EstimatorKind::adaptive) {
+        throw sprag::UsageError(
+            "--predict: only a timing filter of the scene's own parameters knows how sure it is of "
+            "the events to come; choose --estimator both or timing");
+      }
+      if (!replay.file.empty() && options.predictions.empty()) {
+        throw sprag::UsageError("--predict with --replay: say where to with --predictions F.csv");
+      }
     }
     if (smooth) {
       if (options.estimator == sprag::EstimatorKind::adaptive ||

@@ -16,6 +16,7 @@
 #include "observer/wake.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/impacts_file.h"
+#include "sprag/files/predictions_file.h"
 
 namespace sprag {
 namespace {
@@ -34,10 +35,17 @@ class Replay {
         duration_(options.duration) {
     if (!replay.events.empty()) events_.emplace(replay.events);
     if (events_ && !events_->good()) throw std::runtime_error(events_->error());
-    if (options.impacts.empty()) return;
-    estimation_.estimator.record_in(impacts_);
-    impacts_file_.emplace(options.impacts);
-    if (!impacts_file_->good()) throw std::runtime_error(impacts_file_->error());
+    if (!options.impacts.empty()) {
+      impacts_file_.emplace(options.impacts);
+      if (!impacts_file_->good()) throw std::runtime_error(impacts_file_->error());
+    }
+    if (!options.predictions.empty()) {
+      predictor_.emplace(scene.model);
+      ahead_ = options.predict;
+      predictions_file_.emplace(options.predictions);
+      if (!predictions_file_->good()) throw std::runtime_error(predictions_file_->error());
+    }
+    if (impacts_file_ || predictor_) estimation_.estimator.record_in(impacts_);
   }
 
   bool events_csv(InputFile file, nlohmann::ordered_json& report) {
@@ -123,6 +131,9 @@ class Replay {
     if (impacts_file_ && !impacts_file_->close()) {
       throw std::runtime_error(impacts_file_->error());
     }
+    if (predictions_file_ && !predictions_file_->close()) {
+      throw std::runtime_error(predictions_file_->error());
+    }
   }
 
  private:
@@ -161,7 +172,13 @@ class Replay {
         [&](const Estimation::State& state) {
           check_interrupt();
           if (state.tick > last_) return true;
-          for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
+          if (impacts_file_) {
+            for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
+          }
+          if (predictor_ && !impacts_.empty()) {
+            predictions_file_->write(
+                predict_from(estimation_.estimator, state, *predictor_, ahead_));
+          }
           impacts_.clear();
           identify(state);
           if (settled_.writes_states()) {
@@ -198,6 +215,9 @@ class Replay {
   double duration_;
   std::vector<ImpactRecord> impacts_;  // of ticks that are not handed out yet
   std::optional<ImpactsWriter> impacts_file_;
+  std::optional<Predictor> predictor_;
+  double ahead_ = 0.0;
+  std::optional<PredictionsWriter> predictions_file_;
   std::optional<EventsWriter> events_;
   Notices notices_;
   std::int64_t written_ = 0;

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "lcmtypes/impact_codec.h"
+#include "lcmtypes/prediction_codec.h"
 #include "lcmtypes/wall_clock.h"
 #include "sprag/mechanics/interrupt.h"
 
@@ -18,10 +19,18 @@ SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& opti
     : start_(scene.replica),
       last_(options.last()),
       estimator_(scene, options.tick, options.estimator, options.stepper),
+      ahead_(options.predict),
       bus_(bus) {
-  estimator_.record_in(impacts_);
-  writer_.emplace(options.impacts);
-  if (!writer_->good()) throw std::runtime_error(writer_->error());
+  if (!options.impacts.empty()) {
+    estimator_.record_in(impacts_);
+    writer_.emplace(options.impacts);
+    if (!writer_->good()) throw std::runtime_error(writer_->error());
+  }
+  if (ahead_ > 0.0) predictor_.emplace(scene.model);
+  if (!options.predictions.empty()) {
+    predictions_.emplace(options.predictions);
+    if (!predictions_->good()) throw std::runtime_error(predictions_->error());
+  }
 }
 
 bool SettledFollower::put(const Settled& item) {
@@ -58,11 +67,13 @@ void SettledFollower::take_all() {
       take(*item);
       queue_.pop();
     }
-  } catch (const Interrupted&) {  // within an identification: the run is over
+    predict();
+  } catch (const Interrupted&) {  // within an identification or a prediction: the run is over
     stop_ = true;
   }
   tell();
-  writer_->flush();
+  if (writer_) writer_->flush();
+  if (predictions_) predictions_->flush();
 }
 
 void SettledFollower::take(const Settled& item) {
@@ -73,6 +84,7 @@ void SettledFollower::take(const Settled& item) {
       session_ = item.session;
       estimator_.start(start_, item.tick, item.chi, state_);
       started_ = false;
+      foretells_ = false;
       break;
     case Settled::Kind::event:
       events_.push_back(item.event);
@@ -101,7 +113,18 @@ void SettledFollower::advance(std::int64_t tick) {
     identify_now(estimator_, state_, identified_);
     estimator_.tick(due(k), state_);
   }
+  if (used > 0) foretells_ = true;
   events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(used));
+}
+
+// From all that has settled: who is behind does not foresee what is over.
+void SettledFollower::predict() {
+  if (!predictor_ || !foretells_) return;
+  foretells_ = false;
+  const Prediction prediction = predict_from(estimator_, state_, *predictor_, ahead_);
+  if (predictions_) predictions_->write(prediction);
+  (void)bus_.publish(prediction_channel,
+                     encode_prediction(prediction, session_, wall_clock_us(), buffer_));
 }
 
 void SettledFollower::tell() {
@@ -113,7 +136,8 @@ void SettledFollower::tell() {
 }
 
 void SettledFollower::close() {
-  if (!writer_->close()) throw std::runtime_error(writer_->error());
+  if (writer_ && !writer_->close()) throw std::runtime_error(writer_->error());
+  if (predictions_ && !predictions_->close()) throw std::runtime_error(predictions_->error());
 }
 
 }  // namespace sprag

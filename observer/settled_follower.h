@@ -1,6 +1,7 @@
 // What a live observer says beside its estimates, in a thread of its own, so that the real-time
-// loop never does: the table of impacts. It hears of the events that have settled and follows them
-// with an estimator of its own, tick by tick as a replay does, which gives the replay's bits.
+// loop never does: the table of impacts, and the events to come. It hears of the events that have
+// settled and follows them with an estimator of its own, tick by tick as a replay does, which gives
+// the replay's bits.
 #pragma once
 
 #include <atomic>
@@ -16,6 +17,7 @@
 #include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/estimation/impact_record.h"
 #include "sprag/files/impacts_file.h"
+#include "sprag/files/predictions_file.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
@@ -58,6 +60,7 @@ class SettledFollower {
   void take_all();
   void take(const Settled& item);
   void advance(std::int64_t tick);
+  void predict();
   void tell();
 
   static constexpr std::size_t slots = 1U << 14U;
@@ -72,6 +75,10 @@ class SettledFollower {
   std::vector<ContactEvent> events_;  // behind the present tick
   std::vector<ImpactRecord> impacts_;
   std::optional<ImpactsWriter> writer_;
+  std::optional<Predictor> predictor_;  // where events are foreseen
+  double ahead_;                        // [s]
+  bool foretells_ = false;              // an event has settled since the last prediction
+  std::optional<PredictionsWriter> predictions_;
   Bus& bus_;
   std::vector<std::uint8_t> buffer_;
   SpscQueue<Settled> queue_{slots, Settled{}};

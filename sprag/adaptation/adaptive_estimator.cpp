@@ -561,4 +561,12 @@ bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
   return true;
 }
 
+Prediction predict_from(AdaptiveEstimator& estimator, const AdaptiveState& state,
+                        const Predictor& predictor, double ahead) {
+  const double t = tick_instant(state.tick, estimator.h()).hi;
+  Belief belief;
+  if (!estimator.belief(state, ahead, belief)) return {t, t, {}};
+  return predictor.predict(t, state.chi, belief, ahead);
+}
+
 }  // namespace sprag

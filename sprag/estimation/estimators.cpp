@@ -93,6 +93,17 @@ void AnyEstimator::confidence(const State& state, double initial, Confidence& co
        [&](auto& estimator, const auto& of) { estimator.confidence(of, initial, confidence); });
 }
 
+bool AnyEstimator::belief(const State& state, double ahead, Belief& belief) {
+  if (auto* of = std::get_if<TimingFilter>(&estimator_)) {
+    return of->belief(std::get<TimingState>(state.of), ahead, belief);
+  }
+  if (auto* of = std::get_if<SupervisedFilter>(&estimator_)) {
+    const auto& supervised = std::get<SupervisedState>(state.of);
+    return supervised.trusted && of->filter().belief(supervised.filter, ahead, belief);
+  }
+  return false;
+}
+
 bool AnyEstimator::record_in(std::vector<ImpactRecord>& records) {
   if (auto* of = std::get_if<SupervisedFilter>(&estimator_)) {
     of->record_in(records);

@@ -42,6 +42,9 @@ class AnyEstimator {
   void confidence(const State& state, double initial, Confidence& confidence);
   double h() const { return h_; }
 
+  /// As TimingFilter's; false where the estimate is not a filter's.
+  bool belief(const State& state, double ahead, Belief& belief);
+
   /// Appends what it says of each event from now on to `records`, which must outlive this. For an
   /// estimator of which one state alone is moved, and never back. Allocates then. False with
   /// Moreau's stepper, which knows no events' own times.

@@ -528,6 +528,24 @@ TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingStat
   return flight;
 }
 
+bool TimingFilter::belief(const TimingState& state, double ahead, Belief& belief) {
+  if (state.unknown || scale_is_open_ || state.inside != 0 || !remembers(state)) return false;
+  load(state, tick_instant(state.tick, h_));
+  state.motion.flow->state(state.motion, now_.q, now_.u);
+  const Eigen::Index known = now_.columns;
+  const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
+  belief = {now_.q, now_.u, Eigen::MatrixXd::Zero(f(), known + of_drift + 2),
+            Eigen::MatrixXd::Zero(f(), known + of_drift + 2), known};
+  belief.S_q.leftCols(known) = now_.S_q.leftCols(known);
+  belief.S_u.leftCols(known) = now_.S_u.leftCols(known);
+  if (ahead > 0.0) add_drift(uncertainty_, ahead, belief);
+  belief.S_q.col(belief.columns++)
+      .setConstant(measurement_rounding * state.terms.length / largest_w_);
+  belief.S_u.col(belief.columns++)
+      .setConstant(measurement_rounding * state.terms.speed / largest_w_);
+  return is_sane(belief);
+}
+
 Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {
   if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   Eigen::MatrixXd S(2 * f(), now_.columns);

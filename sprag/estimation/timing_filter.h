@@ -161,6 +161,10 @@ class TimingFilter {
   /// Covariance of (q, u) at the present tick, 2 f x 2 f. Allocates.
   Eigen::MatrixXd covariance(const TimingState& state);
 
+  /// What is known at the present tick, the last event taken for certain, with what the model may
+  /// depart from it within `ahead` >= 0 [s]. False where nothing is known. Allocates.
+  bool belief(const TimingState& state, double ahead, Belief& belief);
+
   /// Whether events say nothing of how large the motion is (is_homogeneous), and jitter, which is
   /// in proportion to it, keeps the covariance from telling so. Deviations are infinite then.
   bool scale_is_open() const { return scale_is_open_; }

@@ -11,7 +11,7 @@ namespace sprag {
 
 namespace {
 
-constexpr std::string_view header = "t,contact,closed";
+constexpr std::string_view events_header = "t,contact,closed";
 
 struct Row {
   double t;
@@ -82,7 +82,7 @@ class EventList {
 
 EventsWriter::EventsWriter(OutputFile file) : file_(std::move(file)) {
   row_.reserve(64);
-  file_.write(header);
+  file_.write(events_header);
   file_.write("\n");
 }
 
@@ -111,8 +111,8 @@ EventsFile read_events(InputFile file, int contacts) {
   EventsFile result;
   std::string_view line;
   LineReader::Result got = reader.next(line);
-  if (got != LineReader::Result::line || line != header) {
-    result.damage = {1, "header must be " + std::string(header)};
+  if (got != LineReader::Result::line || line != events_header) {
+    result.damage = {1, "header must be " + std::string(events_header)};
     result.missing_from = 0.0;
     result.missing_to = std::numeric_limits<double>::infinity();
     return result;
@@ -127,7 +127,7 @@ EventsFile read_events(InputFile file, int contacts) {
     if (line.empty()) continue;
     const auto row = parse_row(line, fields);
     if (!row) {
-      result.damage = {reader.number(), "garbled line (expected " + std::string(header) +
+      result.damage = {reader.number(), "garbled line (expected " + std::string(events_header) +
                                             " with t finite and >= 0)"};
       miss(list.last_t(), infinity);
       return result;

@@ -11,7 +11,9 @@ constexpr const char* impacts_header =
     "force_end,sigma_force_end,force_largest,sigma_force_largest,force_impulse,"
     "sigma_force_impulse\n";
 
-const char* word(ContactEventKind kind) {
+}  // namespace
+
+const char* name(ContactEventKind kind) {
   switch (kind) {
     case ContactEventKind::closes:
       return "closes";
@@ -21,8 +23,6 @@ const char* word(ContactEventKind kind) {
       return "impact";
   }
 }
-
-}  // namespace
 
 ImpactsWriter::ImpactsWriter(const std::filesystem::path& file) : file_(file) {
   row_.reserve(512);
@@ -35,7 +35,7 @@ void ImpactsWriter::write(const ImpactRecord& record) noexcept {
   row_ += ',';
   append_number(row_, std::int64_t{record.contact} + 1);
   row_ += ',';
-  row_ += word(record.kind);
+  row_ += name(record.kind);
   row_ += record.from_filter ? ",1" : ",0";
   for (const Uncertain& x : {record.time, record.before, record.after, record.impulse}) {
     row_ += ',';

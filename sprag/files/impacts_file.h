@@ -11,6 +11,9 @@
 
 namespace sprag {
 
+/// "impact", "closes" or "opens".
+const char* name(ContactEventKind kind);
+
 class ImpactsWriter {
  public:
   /// Creates or empties the file and writes the header; a failure shows in good().

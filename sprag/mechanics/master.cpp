@@ -26,12 +26,22 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 Master::Master(Model model, const State& start)
-    : flows_(std::move(model)), solver_(flows_, DependentContacts::refuse), start_(start) {
+    : Master(std::make_unique<const Flows>(std::move(model)), start) {}
+
+Master::Master(std::unique_ptr<const Flows> own, const State& start) : Master(*own, start, 0.0, 0) {
+  own_flows_ = std::move(own);
+}
+
+Master::Master(const Flows& flows, const State& start, double t, ContactSet closed)
+    : flows_(flows),
+      solver_(flows_, DependentContacts::refuse),
+      start_(start),
+      held_at_start_(closed) {
   const int m = flows_.dynamics().contacts();
   order_.assign(index(m), 0);
   completion_.assign(index(m), infinity);
   epsilon_.assign(index(m), 0.0);
-  solver_.start(start, at(0.0), motion_);
+  solver_.start(start, at(t), motion_);
 }
 
 void Master::fail(const std::string& what) const {
@@ -50,11 +60,15 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
   ContactSet closing = 0;
   ContactSet touched = 0;
   for (int i = 0; i < m; ++i) {
+    if (contains(held_at_start_, i)) {
+      touched |= bit(i);
+      continue;
+    }
     const Contact& contact = model.contacts[index(i)];
     const double scale = contact.w.cwiseAbs().dot(start_.q.cwiseAbs()) +
                          std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
-    const double g = gap(contact, start_.q, 0.0);
-    const double gamma = gap_velocity(contact, start_.u, 0.0);
+    const double g = gap(contact, start_.q, now());
+    const double gamma = gap_velocity(contact, start_.u, now());
     if (g > touching * scale) continue;
     if (g < -touching * scale) {
       penetrating_ |= bit(i);

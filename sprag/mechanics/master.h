@@ -11,6 +11,7 @@
 
 #include <array>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,9 @@ class Master {
   /// Starts at t = 0. A contact with g < 0 stays closed (gamma >= 0) until g rises through zero;
   /// the scene reader decides whether such a start is allowed. Throws ModelError.
   Master(Model model, const State& start);
+  /// Goes on from (q, u) at t >= 0 [s], the contacts `closed` held at g = 0. Their closing is told
+  /// once more, at t. `flows` must outlive this.
+  Master(const Flows& flows, const State& start, double t, ContactSet closed);
   Master(const Master&) = delete;
   Master& operator=(const Master&) = delete;
 
@@ -96,13 +100,17 @@ class Master {
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }
 
-  Flows flows_;
+  Master(std::unique_ptr<const Flows> own, const State& start);
+
+  std::unique_ptr<const Flows> own_flows_;  // null: another's
+  const Flows& flows_;
   ContactSolver solver_;
   EventSearch search_;
   Motion motion_;  // at the last event
   Motion here_;    // scratch for state()
   Motion before_;  // scratch for collide()
   State start_;
+  ContactSet held_at_start_ = 0;
   ContactSet closed_ = 0;       // chi
   ContactSet penetrating_ = 0;  // closed since the start, g < 0
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish

@@ -1,6 +1,7 @@
 // A live run gives what the same events give offline.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <map>
 #include <set>
@@ -9,6 +10,7 @@
 
 #include "lcmtypes/channel_log.h"
 #include "sprag/files/csv.h"
+#include "sprag/files/events_file.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -244,6 +246,38 @@ quantity = "velocity"
     std::cout << estimator << ": " << settled.size() << " settled ticks of 1281, " << provisional
               << " provisional messages, " << known << " finite sigmas\n";
   }
+}
+
+// Live the observer may predict once for all events that have settled.
+TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
+  const std::string ball = scene("bouncing_ball");
+  const Arguments how{"--predict", "2", "--predictions"};
+  run_live(ball, "4", "0.015625", how + Arguments{file("live_foreseen.csv")}, {}, ball);
+  replay(
+      ball, file("events.csv"),
+      Arguments{"--tick", "0.015625", "--duration", "4"} + how + Arguments{file("foreseen.csv")});
+  const std::vector<ContactEvent> events = read_events(file("events.csv"), 1).events;
+  for (const char* name : {"live_foreseen.csv", "foreseen.csv"}) {
+    SCOPED_TRACE(name);
+    std::istringstream rows(text(name));
+    std::string row;
+    std::getline(rows, row);
+    EXPECT_EQ(row, "made_at,certain_until,t,contact,kind,sigma_t");
+    int foreseen = 0;
+    while (std::getline(rows, row)) {
+      double made_at = 0.0, t = 0.0, sigma = 0.0;
+      if (std::sscanf(row.c_str(), "%lf,%*f,%lf,1,%*[a-z],%lf", &made_at, &t, &sigma) != 3)
+        continue;
+      EXPECT_LT(made_at, t);
+      if (t + 4.0 * sigma > 3.5) continue;  // it may be behind the last event
+      if (sigma < 1e-6) ++foreseen;
+      EXPECT_TRUE(std::any_of(events.begin(), events.end(), [&](const ContactEvent& event) {
+        return std::abs(event.t - t) < 4.0 * sigma + 1e-9;
+      })) << row;
+    }
+    if (name == std::string("foreseen.csv")) EXPECT_GT(foreseen, 0);
+  }
+  EXPECT_NE(text("run.lcmlog").find("SPRAG_PREDICTION"), std::string::npos);
 }
 
 // What is known behind is known before as well.

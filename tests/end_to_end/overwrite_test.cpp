@@ -62,6 +62,8 @@ TEST_F(OverwriteTest, TheObserverDestroysNothing) {
     expect_refused("observer", run + Arguments{option, beam_}, "SCENE", option);
     expect_refused("observer", run + Arguments{"--key", key_, option, key_}, "--key", option);
   }
+  expect_refused("observer", run + Arguments{"--predict", "1", "--predictions", events_},
+                 "--replay", "--predictions");
   const std::string out = file("out.csv");
   expect_refused("observer", run + Arguments{"--states", out, "--events", out}, "--states",
                  "--events");

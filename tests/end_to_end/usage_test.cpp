@@ -71,11 +71,19 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("observer", {beam_, "--stepper", "moreau", "--impacts", file("impacts.csv")},
                  "--impacts has nothing to say");
   const std::string recorded = simulate(beam_, "5", "0.1");
+  expect_refused("observer", {beam_, "--predictions", file("p.csv")}, "--predict");
+  expect_refused("observer", {beam_, "--predict", "-1"}, "--predict");
+  expect_refused("observer", {beam_, "--predict", "1", "--replay", recorded}, "--predictions");
+  expect_refused("observer", {beam_, "--predict", "1", "--stepper", "moreau"}, "--predict");
+  for (const char* estimator : {"replica", "adaptive"}) {
+    expect_refused("observer", {beam_, "--predict", "1", "--estimator", estimator}, "--predict");
+  }
   const Arguments smooth{beam_, "--replay", recorded, "--smooth"};
   const Arguments states{"--states", file("smooth.csv")};
   expect_refused("observer", {beam_, "--smooth", "--states", file("smooth.csv")}, "--replay");
   expect_refused("observer", smooth, "--states");
   expect_refused("observer", smooth + states + Arguments{"--impacts", file("i.csv")}, "--impacts");
+  expect_refused("observer", smooth + states + Arguments{"--predict", "1"}, "--predict");
   expect_refused("observer", smooth + states + Arguments{"--estimator", "adaptive"},
                  "leave --estimator");
   expect_refused("observer", smooth + states, "event times are exact");

@@ -1,0 +1,31 @@
+// Predictions CSV: the events that are foreseen (prediction.h), one a row, 17 significant digits. A
+// prediction of nothing is a row without an event: t, contact, kind and sigma_t are empty.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "sprag/estimation/prediction.h"
+#include "sprag/files/output_file.h"
+
+namespace sprag {
+
+class PredictionsWriter {
+ public:
+  /// Creates or empties the file and writes the header; a failure shows in good().
+  explicit PredictionsWriter(const std::filesystem::path& file);
+
+  /// Appends its rows. Failures are remembered.
+  void write(const Prediction& prediction) noexcept;
+
+  bool flush() noexcept { return file_.flush(); }
+  bool close() noexcept { return file_.close(); }
+  bool good() const noexcept { return file_.good(); }
+  std::string error() const { return file_.error(); }
+
+ private:
+  OutputFile file_;
+  std::string row_;
+};
+
+}  // namespace sprag
