@@ -20,7 +20,7 @@ namespace {
 
 constexpr int machines = 500;
 constexpr int files_of_a_machine = 20;
-constexpr double end = 2.0;
+constexpr double run_end = 2.0;
 
 /// One to four coordinates and contacts, whose directions often depend on each other.
 Scene random_scene(Random& random) {
@@ -58,7 +58,7 @@ std::vector<ContactEvent> any_events(Random& random, int contacts) {
   std::vector<ContactEvent> events;
   const double spacing = random.log_uniform(1e-3, 0.3);
   double t = random.chance(0.2) ? 0.0 : random.uniform(0.0, 0.1);
-  while (t < end && events.size() < 200) {
+  while (t < run_end && events.size() < 200) {
     const int kind = random.integer(1, 3);
     const int stranger = random.chance(0.01) ? 1 : 0;
     events.push_back(
@@ -97,7 +97,7 @@ void expect_numbers(const Scene& scene, std::span<const ContactEvent> events, bo
                     E& estimator, Recording& recording) {
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
-  run_time_line(estimator, scene, events, end, late, [&](const typename E::State& state) {
+  run_time_line(estimator, scene, events, run_end, late, [&](const typename E::State& state) {
     recording.add(estimator, state, scene.model.coordinates());
     const std::string what = not_a_number(estimator, state, confidence, q, u);
     ASSERT_EQ(what, "") << "is not a number at tick " << state.tick;

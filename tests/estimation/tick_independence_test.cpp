@@ -16,7 +16,7 @@ namespace sprag {
 namespace {
 
 constexpr double fine = 1e-3;
-constexpr std::int64_t ratio = 100;
+constexpr std::int64_t fine_in_coarse = 100;
 
 struct Estimate {
   Eigen::VectorXd q, u;
@@ -90,8 +90,8 @@ void expect_near(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double limi
 template <Estimator E>
 void expect_equal(const Scene& scene, const std::vector<ContactEvent>& events, double end,
                   bool inconsistent, double share_of_sigma) {
-  const auto a = estimates<E>(scene, events, fine, ratio, end);
-  const auto b = estimates<E>(scene, events, fine * ratio, 1, end);
+  const auto a = estimates<E>(scene, events, fine, fine_in_coarse, end);
+  const auto b = estimates<E>(scene, events, fine * fine_in_coarse, 1, end);
   ASSERT_EQ(a.size(), b.size());
   const double q = 1e-9 * largest(a, &Estimate::q);
   const double u = 1e-9 * largest(a, &Estimate::u);
@@ -163,7 +163,7 @@ std::vector<ContactEvent> events_of(const Case& c, const Scene& scene, double ji
   // 20 ms before a good one, both within a coarse tick.
   if (c.trouble == Trouble::spurious_before) {
     constexpr double before = 0.02;
-    const double tick = ratio * fine;
+    const double tick = fine_in_coarse * fine;
     const auto good = std::find_if(at_chosen + 1, events.end(), [&](const auto& event) {
       return std::floor((event.t - before) / tick) == std::floor(event.t / tick);
     });
