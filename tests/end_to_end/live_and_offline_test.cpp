@@ -275,7 +275,9 @@ TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
         return std::abs(event.t - t) < 4.0 * sigma + 1e-9;
       })) << row;
     }
-    if (name == std::string("foreseen.csv")) EXPECT_GT(foreseen, 0);
+    if (name == std::string("foreseen.csv")) {
+      EXPECT_GT(foreseen, 0);
+    }
   }
   EXPECT_NE(text("run.lcmlog").find("SPRAG_PREDICTION"), std::string::npos);
 }

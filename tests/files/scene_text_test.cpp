@@ -7,7 +7,7 @@
 namespace sprag {
 namespace {
 
-constexpr const char* text = R"(# A comment.
+constexpr const char* commented = R"(# A comment.
 name = "é"   # beyond ASCII
 [beam]
 damping = 0.17   # d [N s/m²]
@@ -29,18 +29,18 @@ q = [0.1,
 )";
 
 std::string with(const std::vector<SceneValue>& values) {
-  return with_values(text, values, "x.toml");
+  return with_values(commented, values, "x.toml");
 }
 
 std::string replaced(const std::string& what, const std::string& by) {
-  std::string expected = text;
+  std::string expected = commented;
   const auto at = expected.find(what);
   EXPECT_NE(at, std::string::npos);
   return expected.replace(at, what.size(), by);
 }
 
 TEST(SceneText, OnlyTheNumbersChange) {
-  EXPECT_EQ(with({}), text);
+  EXPECT_EQ(with({}), commented);
   EXPECT_EQ(with({{"beam.damping", {0.25}}}), replaced("0.17 ", "0.25 "));
   EXPECT_EQ(with({{"contact.2.position", {0.95}}}), replaced("0.9 ", "0.95 "));
   EXPECT_EQ(with({{"system.K.2.1", {-7}}}), replaced("[2.0, 3.0]", "[-7, 3.0]"));
@@ -58,7 +58,7 @@ TEST(SceneText, WhatIsNotThereIsAdded) {
   EXPECT_EQ(with({{"events.jitter", {1e-4}}}),
             replaced("[events]\n", "[events]\njitter = 1e-04\n"));
   EXPECT_EQ(with({{"replica.q", {1}, true}, {"replica.u", {0}, true}}),
-            std::string(text) + "\n[replica]\nq = [1]\nu = [0]\n");
+            std::string(commented) + "\n[replica]\nq = [1]\nu = [0]\n");
   EXPECT_THROW(with({{"contact.3.clearance", {1}}}), SceneError);
 }
 
@@ -75,7 +75,7 @@ TEST(SceneText, ManyAtOnce) {
   EXPECT_EQ(number_of(edited, "master.q.1", 0.0, "x"), 5.0);
   EXPECT_EQ(number_of(edited, "master.q.2", -1.0, "x"), -1.0);
   EXPECT_TRUE(has_key(edited, "contact.1.clearance", "x"));
-  EXPECT_FALSE(has_key(text, "contact.1.clearance", "x"));
+  EXPECT_FALSE(has_key(commented, "contact.1.clearance", "x"));
   EXPECT_NE(edited.find("# x_c"), std::string::npos);
 }
 

@@ -12,19 +12,19 @@ namespace {
 
 using namespace std::string_literals;
 
-PacketFault read(const std::string& bytes, Packet& packet) {
+PacketFault unpacked(const std::string& bytes, Packet& packet) {
   return read_packet({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, packet);
 }
 
 PacketFault fault_of(const std::string& bytes) {
   Packet packet;
-  return read(bytes, packet);
+  return unpacked(bytes, packet);
 }
 
 TEST(Packet, ReadsChannelAndMessage) {
   Packet packet;
   const std::string bytes = "LC02\0\0\0\7SPRAG_CONTACTS\0\1\2\0"s;
-  ASSERT_EQ(read(bytes, packet), PacketFault::none);
+  ASSERT_EQ(unpacked(bytes, packet), PacketFault::none);
   EXPECT_EQ(packet.channel, "SPRAG_CONTACTS");
   EXPECT_EQ(std::vector<int>(packet.data.begin(), packet.data.end()), (std::vector{1, 2, 0}));
 }
@@ -32,7 +32,7 @@ TEST(Packet, ReadsChannelAndMessage) {
 TEST(Packet, AMessageMayBeEmpty) {
   Packet packet;
   const std::string bytes = "LC02\0\0\0\0A\0"s;
-  ASSERT_EQ(read(bytes, packet), PacketFault::none);
+  ASSERT_EQ(unpacked(bytes, packet), PacketFault::none);
   EXPECT_EQ(packet.channel, "A");
   EXPECT_TRUE(packet.data.empty());
 }
@@ -59,7 +59,7 @@ TEST(Packet, RandomBytesStayWithinTheirBounds) {
     for (char& c : bytes) c = static_cast<char>(random.integer(0, random.chance(0.9) ? 255 : 1));
     if (random.chance(0.7)) bytes.replace(0, 4, random.chance(0.8) ? "LC02" : "LC03");
     Packet packet;
-    if (read(bytes, packet) != PacketFault::none) continue;
+    if (unpacked(bytes, packet) != PacketFault::none) continue;
     ++read_well;
     ASSERT_EQ(8 + packet.channel.size() + 1 + packet.data.size(), bytes.size());
     ASSERT_EQ(packet.channel.find('\0'), std::string_view::npos);
