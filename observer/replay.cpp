@@ -34,16 +34,16 @@ class Replay {
         last_(options.last()),
         duration_(options.duration) {
     if (!replay.events.empty()) events_.emplace(replay.events);
-    if (events_ && !events_->good()) throw std::runtime_error(events_->error());
+    if (events_) events_->require_good();
     if (!options.impacts.empty()) {
       impacts_file_.emplace(options.impacts);
-      if (!impacts_file_->good()) throw std::runtime_error(impacts_file_->error());
+      impacts_file_->require_good();
     }
     if (!options.predictions.empty()) {
       predictor_.emplace(scene.model);
       ahead_ = options.predict;
       predictions_file_.emplace(options.predictions);
-      if (!predictions_file_->good()) throw std::runtime_error(predictions_file_->error());
+      predictions_file_->require_good();
     }
     if (impacts_file_ || predictor_) estimation_.estimator.record_in(impacts_);
   }
@@ -127,13 +127,9 @@ class Replay {
     estimation_.to_json(report);
     settled_.sum_up(time_line_.events(), report);
     settled_.close();
-    if (events_ && !events_->close()) throw std::runtime_error(events_->error());
-    if (impacts_file_ && !impacts_file_->close()) {
-      throw std::runtime_error(impacts_file_->error());
-    }
-    if (predictions_file_ && !predictions_file_->close()) {
-      throw std::runtime_error(predictions_file_->error());
-    }
+    if (events_) events_->finish();
+    if (impacts_file_) impacts_file_->finish();
+    if (predictions_file_) predictions_file_->finish();
   }
 
  private:

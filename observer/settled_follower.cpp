@@ -1,7 +1,6 @@
 #include "observer/settled_follower.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "lcmtypes/impact_codec.h"
 #include "lcmtypes/prediction_codec.h"
@@ -24,12 +23,12 @@ SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& opti
   if (!options.impacts.empty()) {
     estimator_.record_in(impacts_);
     writer_.emplace(options.impacts);
-    if (!writer_->good()) throw std::runtime_error(writer_->error());
+    writer_->require_good();
   }
   if (ahead_ > 0.0) predictor_.emplace(scene.model);
   if (!options.predictions.empty()) {
     predictions_.emplace(options.predictions);
-    if (!predictions_->good()) throw std::runtime_error(predictions_->error());
+    predictions_->require_good();
   }
 }
 
@@ -136,8 +135,8 @@ void SettledFollower::tell() {
 }
 
 void SettledFollower::close() {
-  if (writer_ && !writer_->close()) throw std::runtime_error(writer_->error());
-  if (predictions_ && !predictions_->close()) throw std::runtime_error(predictions_->error());
+  if (writer_) writer_->finish();
+  if (predictions_) predictions_->finish();
 }
 
 }  // namespace sprag

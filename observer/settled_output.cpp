@@ -2,7 +2,6 @@
 
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 
 #include "observer/report.h"
 #include "sprag/files/confidence_columns.h"
@@ -16,7 +15,7 @@ SettledOutput::SettledOutput(const std::filesystem::path& states, const Estimate
   std::vector<std::string> columns = confidence_columns(empty.confidence, initial);
   for (std::string& name : output_columns(outputs_, true)) columns.push_back(std::move(name));
   states_.emplace(states, empty.q.size(), columns);
-  if (!states_->good()) throw std::runtime_error(states_->error());
+  states_->require_good();
 }
 
 void SettledOutput::note(const EstimateSample& settled) {
@@ -52,7 +51,7 @@ void SettledOutput::sum_up(const EventHistory& events, nlohmann::ordered_json& r
 }
 
 void SettledOutput::close() {
-  if (states_ && !states_->close()) throw std::runtime_error(states_->error());
+  if (states_) states_->finish();
 }
 
 }  // namespace sprag

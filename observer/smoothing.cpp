@@ -47,7 +47,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   if (recorded.events.empty()) throw UsageError("--smooth: " + name + " has no events");
   const double end = std::isinf(options.duration) ? recorded.events.back().t : options.duration;
   StatesWriter states(options.states, model.coordinates(), smoothed_columns(model));
-  if (!states.good()) throw std::runtime_error(states.error());
+  states.require_good();
   std::int64_t ticks = 0, smoothed_ticks = 0;
   std::vector<double> more;
   const auto write = [&](std::int64_t k, const Smoother::Estimate& estimate, bool smoothed) {
@@ -82,7 +82,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
     report["stretches"].push_back(entry);
   }
   std::cerr << "smoothed " << smoothed_ticks << " of " << ticks << " ticks\n";
-  if (!states.close()) throw std::runtime_error(states.error());
+  states.finish();
   return exit_done;
 }
 

@@ -80,11 +80,7 @@ class EventList {
 
 }  // namespace
 
-EventsWriter::EventsWriter(OutputFile file) : file_(std::move(file)) {
-  row_.reserve(64);
-  file_.write(events_header);
-  file_.write("\n");
-}
+EventsWriter::EventsWriter(OutputFile file) : CsvWriter(std::move(file), events_header, 64) {}
 
 void EventsWriter::write(const ContactEvent& event) noexcept {
   if (event.kind != ContactEventKind::opens) write_row(event.t, event.contact, '1');

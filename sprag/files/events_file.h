@@ -9,12 +9,12 @@
 #include <vector>
 
 #include "sprag/files/csv.h"
-#include "sprag/files/output_file.h"
+#include "sprag/files/csv_writer.h"
 #include "sprag/mechanics/contact_event.h"
 
 namespace sprag {
 
-class EventsWriter {
+class EventsWriter : public CsvWriter {
  public:
   /// Writes the header; a failure shows in good().
   explicit EventsWriter(OutputFile file);
@@ -24,16 +24,8 @@ class EventsWriter {
   /// Appends the event's row, or a pulse's two rows. Failures are remembered.
   void write(const ContactEvent& event) noexcept;
 
-  bool flush() noexcept { return file_.flush(); }
-  bool close() noexcept { return file_.close(); }
-  bool good() const noexcept { return file_.good(); }
-  std::string error() const { return file_.error(); }
-
  private:
   void write_row(double t, int contact, char closed) noexcept;
-
-  OutputFile file_;
-  std::string row_;
 };
 
 struct EventsFile {

@@ -9,7 +9,7 @@ constexpr const char* impacts_header =
     "t,contact,kind,from_filter,time,sigma_time,velocity_before,sigma_velocity_before,"
     "velocity_after,sigma_velocity_after,impulse,sigma_impulse,force_begin,sigma_force_begin,"
     "force_end,sigma_force_end,force_largest,sigma_force_largest,force_impulse,"
-    "sigma_force_impulse\n";
+    "sigma_force_impulse";
 
 }  // namespace
 
@@ -24,10 +24,8 @@ const char* name(ContactEventKind kind) {
   }
 }
 
-ImpactsWriter::ImpactsWriter(const std::filesystem::path& file) : file_(file) {
-  row_.reserve(512);
-  file_.write(impacts_header);
-}
+ImpactsWriter::ImpactsWriter(const std::filesystem::path& file)
+    : CsvWriter(OutputFile(file), impacts_header, 512) {}
 
 void ImpactsWriter::write(const ImpactRecord& record) noexcept {
   row_.clear();

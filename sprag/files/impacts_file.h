@@ -7,29 +7,20 @@
 #include <string>
 
 #include "sprag/estimation/impact_record.h"
-#include "sprag/files/output_file.h"
+#include "sprag/files/csv_writer.h"
 
 namespace sprag {
 
 /// "impact", "closes" or "opens".
 const char* name(ContactEventKind kind);
 
-class ImpactsWriter {
+class ImpactsWriter : public CsvWriter {
  public:
   /// Creates or empties the file and writes the header; a failure shows in good().
   explicit ImpactsWriter(const std::filesystem::path& file);
 
   /// Appends a row. Failures are remembered.
   void write(const ImpactRecord& record) noexcept;
-
-  bool flush() noexcept { return file_.flush(); }
-  bool close() noexcept { return file_.close(); }
-  bool good() const noexcept { return file_.good(); }
-  std::string error() const { return file_.error(); }
-
- private:
-  OutputFile file_;
-  std::string row_;
 };
 
 }  // namespace sprag

@@ -5,10 +5,8 @@
 
 namespace sprag {
 
-PredictionsWriter::PredictionsWriter(const std::filesystem::path& file) : file_(file) {
-  row_.reserve(160);
-  file_.write("made_at,certain_until,t,contact,kind,sigma_t\n");
-}
+PredictionsWriter::PredictionsWriter(const std::filesystem::path& file)
+    : CsvWriter(OutputFile(file), "made_at,certain_until,t,contact,kind,sigma_t", 160) {}
 
 void PredictionsWriter::write(const Prediction& prediction) noexcept {
   const auto begin = [&] {

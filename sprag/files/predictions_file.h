@@ -6,26 +6,17 @@
 #include <string>
 
 #include "sprag/estimation/prediction.h"
-#include "sprag/files/output_file.h"
+#include "sprag/files/csv_writer.h"
 
 namespace sprag {
 
-class PredictionsWriter {
+class PredictionsWriter : public CsvWriter {
  public:
   /// Creates or empties the file and writes the header; a failure shows in good().
   explicit PredictionsWriter(const std::filesystem::path& file);
 
   /// Appends its rows. Failures are remembered.
   void write(const Prediction& prediction) noexcept;
-
-  bool flush() noexcept { return file_.flush(); }
-  bool close() noexcept { return file_.close(); }
-  bool good() const noexcept { return file_.good(); }
-  std::string error() const { return file_.error(); }
-
- private:
-  OutputFile file_;
-  std::string row_;
 };
 
 }  // namespace sprag

@@ -4,7 +4,7 @@ namespace sprag {
 
 namespace {
 
-std::string header(Eigen::Index coordinates) {
+std::string header(Eigen::Index coordinates, const std::vector<std::string>& more = {}) {
   std::string text = "k,t";
   for (const char* name : {",q", ",u"}) {
     for (Eigen::Index i = 1; i <= coordinates; ++i) {
@@ -12,6 +12,7 @@ std::string header(Eigen::Index coordinates) {
       append_number(text, std::int64_t{i});
     }
   }
+  for (const std::string& name : more) text += ',' + name;
   return text;
 }
 
@@ -19,12 +20,8 @@ std::string header(Eigen::Index coordinates) {
 
 StatesWriter::StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates,
                            const std::vector<std::string>& more)
-    : file_(file) {
-  row_.reserve((static_cast<std::size_t>(2 * coordinates + 2) + more.size()) * 26);
-  file_.write(header(coordinates));
-  for (const std::string& name : more) file_.write("," + name);
-  file_.write("\n");
-}
+    : CsvWriter(OutputFile(file), header(coordinates, more),
+                (static_cast<std::size_t>(2 * coordinates + 2) + more.size()) * 26) {}
 
 void StatesWriter::write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
                          const Eigen::Ref<const Eigen::VectorXd>& u,

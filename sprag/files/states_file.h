@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "sprag/files/csv.h"
-#include "sprag/files/output_file.h"
+#include "sprag/files/csv_writer.h"
 
 namespace sprag {
 
-class StatesWriter {
+class StatesWriter : public CsvWriter {
  public:
   /// Creates or empties the file and writes the header for f = `coordinates`, with the names of the
   /// columns that follow; a failure shows in good().
@@ -28,15 +28,6 @@ class StatesWriter {
   void write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
              const Eigen::Ref<const Eigen::VectorXd>& u,
              std::span<const double> more = {}) noexcept;
-
-  bool flush() noexcept { return file_.flush(); }
-  bool close() noexcept { return file_.close(); }
-  bool good() const noexcept { return file_.good(); }
-  std::string error() const { return file_.error(); }
-
- private:
-  OutputFile file_;
-  std::string row_;
 };
 
 struct StateRow {

@@ -70,7 +70,7 @@ void fill(const Import& import, nlohmann::ordered_json& report) {
 void write_csv(const ImportRun& run, const std::vector<ContactEvent>& events) {
   EventsWriter writer(run.output.empty() ? OutputFile::standard_output() : OutputFile(run.output));
   for (const ContactEvent& event : events) writer.write(event);
-  if (!writer.close()) throw std::runtime_error(writer.error());
+  writer.finish();
 }
 
 void check_levels(const ImportRun& run, const std::vector<ContactColumns>& chosen) {

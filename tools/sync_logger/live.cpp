@@ -281,8 +281,8 @@ class Live {
   }
 
   void check_files() const {
-    if (!csv_.good()) throw std::runtime_error(csv_.error());
-    if (now_csv_ && !now_csv_->good()) throw std::runtime_error(now_csv_->error());
+    csv_.require_good();
+    if (now_csv_) now_csv_->require_good();
     if (record_ && !record_->good()) throw std::runtime_error(record_->error());
   }
 

@@ -76,7 +76,7 @@ int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ord
   report.update(to_json(pairing));
   const bool truth_damaged = truth.report_damage(report);
   const bool estimate_damaged = estimate.report_damage(report);
-  if (!csv.close()) throw std::runtime_error(csv.error());
+  csv.finish();
   if (truth_damaged || estimate_damaged) return exit_failed;
   if (pairing.figures().rows == 0 && !stop_requested())
     throw InputError(options.truth.string() + " and " + options.estimate.string() +

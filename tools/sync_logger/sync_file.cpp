@@ -4,29 +4,34 @@
 
 namespace sprag {
 
-SyncWriter::SyncWriter(const std::filesystem::path& file, Eigen::Index coordinates)
-    : file_(file.empty() ? OutputFile::standard_output() : OutputFile(file)) {
+namespace {
+
+std::string sync_header(Eigen::Index coordinates) {
   std::string header = "k,t,V";
   for (Eigen::Index i = 1; i <= coordinates; ++i) {
     header += ",V";
     append_number(header, std::int64_t{i});
   }
-  text_.reserve(static_cast<std::size_t>(coordinates + 3) * 26);
-  file_.write(header);
-  file_.write("\n");
+  return header;
 }
 
+}  // namespace
+
+SyncWriter::SyncWriter(const std::filesystem::path& file, Eigen::Index coordinates)
+    : CsvWriter(file.empty() ? OutputFile::standard_output() : OutputFile(file),
+                sync_header(coordinates), static_cast<std::size_t>(coordinates + 3) * 26) {}
+
 void SyncWriter::write(const SyncRow& row) noexcept {
-  text_.clear();
-  append_number(text_, row.k);
-  text_ += ',';
-  append_number(text_, row.t);
+  row_.clear();
+  append_number(row_, row.k);
+  row_ += ',';
+  append_number(row_, row.t);
   for (const double energy : row.energy) {
-    text_ += ',';
-    append_number(text_, energy);
+    row_ += ',';
+    append_number(row_, energy);
   }
-  text_ += '\n';
-  file_.write(text_);
+  row_ += '\n';
+  file_.write(row_);
 }
 
 }  // namespace sprag

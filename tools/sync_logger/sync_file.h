@@ -6,12 +6,12 @@
 #include <filesystem>
 #include <string>
 
-#include "sprag/files/output_file.h"
+#include "sprag/files/csv_writer.h"
 #include "tools/sync_logger/logger.h"
 
 namespace sprag {
 
-class SyncWriter {
+class SyncWriter : public CsvWriter {
  public:
   /// Creates or empties `file`, standard output if it is empty, and writes the header for
   /// f = `coordinates`; a failure shows in good().
@@ -19,15 +19,6 @@ class SyncWriter {
 
   /// Appends a row. Failures are remembered.
   void write(const SyncRow& row) noexcept;
-
-  bool flush() noexcept { return file_.flush(); }
-  bool close() noexcept { return file_.close(); }
-  bool good() const noexcept { return file_.good(); }
-  std::string error() const { return file_.error(); }
-
- private:
-  OutputFile file_;
-  std::string text_;
 };
 
 }  // namespace sprag
