@@ -57,14 +57,14 @@ class Lines {
 /// not closed. A quote doubled within quotes closes and opens, which ends at the same place.
 std::optional<std::size_t> field_length(std::string_view text, char separator) {
   const std::size_t first = text.find_first_not_of(' ');
-  bool quoted = false;
+  bool in_quotes = false;
   if (first == std::string_view::npos || text[first] != '"')
     return std::min(text.find(separator), text.size());
   for (std::size_t i = first; i < text.size(); ++i) {
-    if (text[i] == '"') quoted = !quoted;
-    if (text[i] == separator && !quoted) return i;
+    if (text[i] == '"') in_quotes = !in_quotes;
+    if (text[i] == separator && !in_quotes) return i;
   }
-  return quoted ? std::nullopt : std::optional(text.size());
+  return in_quotes ? std::nullopt : std::optional(text.size());
 }
 
 /// What stands in a field: without blanks and one pair of quotes around it.
@@ -107,6 +107,8 @@ std::string fields_text(std::size_t count) {
 }
 
 }  // namespace
+
+std::string quoted(const std::string& name) { return "'" + name + "'"; }
 
 std::string to_text(const RowProblem& problem) {
   const std::string line = std::to_string(problem.line) + ": ";

@@ -21,6 +21,9 @@ struct RowProblem {
 /// "line: column NAME: what" or "line: what".
 std::string to_text(const RowProblem& problem);
 
+/// 'NAME', for messages.
+std::string quoted(const std::string& name);
+
 struct Cell {
   std::size_t line;       ///< from 1
   std::string_view text;  ///< without quotes and blanks around it; never empty

@@ -12,8 +12,6 @@ namespace sprag {
 
 namespace {
 
-std::string quoted(const std::string& name) { return "'" + name + "'"; }
-
 bool begins_with_time(const std::string& name) {
   constexpr std::string_view word = "time";
   return name.size() >= word.size() &&

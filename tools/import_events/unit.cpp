@@ -59,8 +59,6 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
   return std::nullopt;
 }
 
-std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
-
 [[noreturn]] void ask(const std::string& why) {
   throw UsageError(why + "; say which it is: --unit s, ms, us, ns or a number of seconds");
 }
@@ -105,16 +103,16 @@ ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& co
       const auto of_column = unit_in(name);
       if (given) {
         if (!of_column || (of_column->seconds && same(*of_column->seconds, *given))) continue;
-        return {*given, file + ": column " + in_quotes(name) + " says " + of_column->text +
+        return {*given, file + ": column " + quoted(name) + " says " + of_column->text +
                             "; --unit says something else, and counts"};
       }
       if (of_column && !of_column->seconds)
-        ask(file + ": column " + in_quotes(name) + " is in " + of_column->text);
+        ask(file + ": column " + quoted(name) + " is in " + of_column->text);
       const bool agrees =
           first == nullptr || (of_column.has_value() == unit.has_value() &&
                                (!unit || same(*unit->seconds, *of_column->seconds)));
       if (!agrees)
-        ask(file + ": columns " + in_quotes(*first) + " and " + in_quotes(name) +
+        ask(file + ": columns " + quoted(*first) + " and " + quoted(name) +
             " do not say the same unit");
       if (first == nullptr) {
         first = &name;
@@ -125,7 +123,7 @@ ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& co
   if (given) return {*given, ""};
   if (!unit) return {};
   return {*unit->seconds,
-          file + ": times in " + unit->text + ", as column " + in_quotes(*first) + " says"};
+          file + ": times in " + unit->text + ", as column " + quoted(*first) + " says"};
 }
 
 }  // namespace sprag
