@@ -10,6 +10,7 @@
 #include "sprag/identification/drift.h"
 #include "sprag/identification/restitution_trend.h"
 #include "studies/identification/trial.h"
+#include "tests/identification/ball.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 
@@ -181,24 +182,9 @@ TEST(Identification, ReleasesOfSustainedContactsCount) {
 
 // Of a single mass a release tells all of the start.
 TEST(Identification, ABallOnAShakenTable) {
-  const Scene scene = parse_scene(R"(
-[system]
-M = [[1.0]]
-C = [[0.01]]
-K = [[0.0]]
-[[force]]
-direction = [1.0]
-constant = -9.81
-[impact]
-restitution = 0.3
-[[contact]]
-direction = [1.0]
-motion = { amplitude = 0.04, frequency = 18.0, phase = 0.4 }
-[master]
-q = [0.5]
-[replica]
-)",
-                                  "table.toml");
+  const Scene scene = test::ball("0.01", "restitution = 0.3",
+                                 "motion = { amplitude = 0.04, frequency = 18.0, phase = 0.4 }\n"
+                                 "[master]\nq = [0.5]\n[replica]\n");
   const auto events = events_of(scene, 10.0);
   IdentificationSettings settings;
   Scene wrong = scene;
@@ -310,23 +296,8 @@ TEST(Identification, TheFittedSceneIsTheMachine) {
 // eepsmedia/ping-pong-bounce (MIT license) to about 0.3 ms; T. Erickson, "Ping-Pong Bounces",
 // Mathematics Teacher: Learning and Teaching PK-12, 2020, doi 10.5951/MTLT.2019.0042.
 TEST(Identification, AMeasuredBall) {
-  const Scene scene = parse_scene(R"(
-[system]
-M = [[1.0]]
-C = [[0.1]]
-K = [[0.0]]
-[[force]]
-direction = [1.0]
-constant = -9.81
-[impact]
-law = "newton"
-restitution = 0.93
-[[contact]]
-direction = [1.0]
-[master]
-u = [0.9]
-)",
-                                  "ball.toml");
+  const Scene scene =
+      test::ball("0.1", "law = \"newton\"\nrestitution = 0.93", "[master]\nu = [0.9]\n");
   std::ifstream file(SPRAG_SOURCE_DIR "/data/ping_pong_bounces.csv");
   std::string line;
   std::getline(file, line);

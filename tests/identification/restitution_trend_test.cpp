@@ -5,30 +5,12 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/files/scene_file.h"
 #include "sprag/identification/drift.h"
 #include "studies/tolerance/random.h"
+#include "tests/identification/ball.h"
 
 namespace sprag {
 namespace {
-
-constexpr const char* ball = R"(
-[system]
-M = [[1.0]]
-C = [[0.0]]
-K = [[0.0]]
-[[force]]
-direction = [1.0]
-constant = -9.81
-[impact]
-law = "newton"
-restitution = 0.92
-[[contact]]
-direction = [1.0]
-[master]
-u = [3.0]
-[replica]
-)";
 
 // Bounces with epsilon(v) = epsilon + trend v, in closed form.
 std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed) {
@@ -50,7 +32,8 @@ struct Found {
 
 Found found_of(double trend, std::optional<double> told, int seed) {
   constexpr double jitter = 1e-5;
-  const Scene scene = parse_scene(ball, "ball.toml");
+  const Scene scene =
+      test::ball("0.0", "law = \"newton\"\nrestitution = 0.92", "[master]\nu = [3.0]\n[replica]\n");
   IdentificationSettings settings;
   settings.unknowns = {unknown_of(scene, "impact.restitution")};
   settings.jitter = told;
