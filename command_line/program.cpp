@@ -17,18 +17,26 @@ namespace sprag {
 
 namespace {
 
+// An option that takes what `read` makes a number of; `allowed` says what that is.
+template <class Read>
 CLI::Option* add_number(CLI::App& app, const std::string& name, double& value,
-                        const std::string& unit, const std::string& help, bool max_allowed) {
-  const auto store = [&value, name, max_allowed](const std::string& text) {
-    const auto number = max_allowed && text == "max"
-                            ? std::optional(std::numeric_limits<double>::infinity())
-                            : parse_double(text);
-    if (!number || !(*number > 0.0))
-      throw CLI::ValidationError(name, text + " is not allowed; must be a finite number > 0" +
-                                           (max_allowed ? " or max" : ""));
+                        const std::string& unit, const std::string& help, const char* allowed,
+                        Read read) {
+  const auto store = [&value, name, allowed, read](const std::string& text) {
+    const std::optional<double> number = read(text);
+    if (!number) throw CLI::ValidationError(name, text + " is not allowed; must be " + allowed);
     value = *number;
   };
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+}
+
+std::optional<double> positive(const std::string& text) {
+  const std::optional<double> number = parse_double(text);
+  return number && *number > 0.0 ? number : std::nullopt;
+}
+
+std::optional<double> positive_or_max(const std::string& text) {
+  return text == "max" ? std::optional(std::numeric_limits<double>::infinity()) : positive(text);
 }
 
 /// A log that the bus itself reads or writes, file://LOG?mode=w.
@@ -201,12 +209,12 @@ nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& r
 
 CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
                           const std::string& unit, const std::string& help) {
-  return add_number(app, name, value, unit, help, false);
+  return add_number(app, name, value, unit, help, "a finite number > 0", positive);
 }
 
 CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
                                  const std::string& unit, const std::string& help) {
-  return add_number(app, name, value, unit, help, true);
+  return add_number(app, name, value, unit, help, "a finite number > 0 or max", positive_or_max);
 }
 
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
@@ -239,13 +247,7 @@ CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string
 
 CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
                         const std::string& unit, const std::string& help) {
-  const auto store = [&value, name](const std::string& text) {
-    const auto number = parse_double(text);
-    if (!number)
-      throw CLI::ValidationError(name, text + " is not allowed; must be a finite number");
-    value = *number;
-  };
-  return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+  return add_number(app, name, value, unit, help, "a finite number", parse_double);
 }
 
 CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,

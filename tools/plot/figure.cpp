@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <map>
 #include <stdexcept>
 
@@ -188,7 +187,10 @@ struct RankedPanel {
 class Panels {
  public:
   Panels(const std::vector<Table>& tables, const Scene* scene, double end)
-      : tables_(tables), scene_(scene), colours_(tables), end_(end) {}
+      : tables_(tables),
+        scene_(scene),
+        colours_(tables),
+        contacts_(contacts_over_time(tables, end)) {}
 
   std::vector<RankedPanel> all() const {
     std::vector<RankedPanel> panels;
@@ -236,10 +238,9 @@ class Panels {
                 gap_over_time(states, scene_->model.contacts[i]),
                 states.column("sigma_" + panel.name), panel);
     });
-    const std::vector<Panel::Contacts> contacts = contacts_over_time(tables_, end_);
-    if (i < contacts.size()) {
-      panel.impacts = contacts[i].pulses;
-      for (const auto& [from, to] : contacts[i].closed) panel.impacts.push_back(from);
+    if (i < contacts_.size()) {
+      panel.impacts = contacts_[i].pulses;
+      for (const auto& [from, to] : contacts_[i].closed) panel.impacts.push_back(from);
       std::sort(panel.impacts.begin(), panel.impacts.end());
     }
     return panel;
@@ -258,7 +259,7 @@ class Panels {
 
   Panel of_contacts() const {
     Panel panel = named("contacts", "contact");
-    panel.contacts = contacts_over_time(tables_, end_);
+    panel.contacts = contacts_;
     return panel;
   }
 
@@ -292,8 +293,6 @@ class Panels {
     Panel panel = named("V", "error energy [J]");
     panel.logarithmic = true;
     panel.whole_run = true;
-    std::size_t of_energies = 0;
-    each(TableKind::energy, [&](const Table&) { ++of_energies; });
     const Table* first = nullptr;
     each(TableKind::energy, [&](const Table& energy) {
       panel.curves.push_back({"V of " + energy.label, colours_.of(energy),
@@ -338,7 +337,7 @@ class Panels {
   const std::vector<Table>& tables_;
   const Scene* scene_;
   Colours colours_;
-  double end_;
+  std::vector<Panel::Contacts> contacts_;
 };
 
 [[noreturn]] void unknown_panel(const std::string& name, const std::vector<RankedPanel>& panels) {
