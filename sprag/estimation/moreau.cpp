@@ -6,13 +6,12 @@
 
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
 constexpr double theta = 0.5;
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

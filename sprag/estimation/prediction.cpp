@@ -30,9 +30,7 @@ ContactSet surfacing(const Model& model, const State& start, double t, ContactSe
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     const Contact& contact = model.contacts[i];
     if (contains(closed, static_cast<int>(i))) continue;
-    const double scale = contact.w.cwiseAbs().dot(start.q.cwiseAbs()) +
-                         std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
-    if (!(gap(contact, start.q, t) < -inside_by * scale)) continue;
+    if (!(gap(contact, start.q, t) < -inside_by * gap_scale(contact, start.q))) continue;
     if (gap_velocity(contact, start.u, t) > 0.0) {
       leaving |= bit(static_cast<int>(i));
     } else {

@@ -13,8 +13,6 @@ namespace {
 // Clutch switchings within one interval before the rest of it is taken as it is.
 constexpr int max_switchings = 1000;
 
-std::size_t index_in_replica(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 Replica::Replica(Model model, double h) : Replica(std::make_shared<Flows>(std::move(model)), h) {}
@@ -26,7 +24,7 @@ Replica::Replica(std::shared_ptr<Flows> flows, double h)
       error_bound_(*flows_) {
   build_foreseeable(*flows_);
   flight_ = TickedFlight((*flows_)[0], h);
-  const auto m = index_in_replica(flows_->dynamics().contacts());
+  const auto m = index(flows_->dynamics().contacts());
   order_.assign(m, 0);
   epsilon_.assign(m, 0.0);
   watches_.reserve(m);
@@ -115,7 +113,7 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     state.chi = after(state.chi, event);
     if (event.kind == ContactEventKind::opens) continue;
     closing |= bit(event.contact);
-    if (event.kind == ContactEventKind::closes) epsilon_[index_in_replica(event.contact)] = 0.0;
+    if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
   }
   std::fill(order_.begin(), order_.end(), 0);
   error_bound_.event(before, closing, state.chi, epsilon_, state.motion, state.error_bound);
@@ -147,7 +145,7 @@ void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& st
   carried &= ~state.motion.flow->tied();
   const ContactSet parting = solver_.parting(carried, state.motion);
   const ContactSet closed = state.chi & ~(unlocking | parting);
-  for_each(unlocking | parting, [&](int i) { order_[index_in_replica(i)] = 2; });
+  for_each(unlocking | parting, [&](int i) { order_[index(i)] = 2; });
   if ((carried & ~parting) != 0 || solver_.pressed_in(closed & state.idle, state.motion) != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
     const Collision collision = solver_.collide(closed, epsilon_, closed, 0, state.motion);
@@ -194,9 +192,9 @@ void Replica::advance(Instant t, ReplicaState& state) {
     for (int i = 0; i < static_cast<int>(order_.size()); ++i) {
       if (!contains(state.chi & ~state.idle, i)) continue;
       if (contains(locked, i)) {
-        watches_.push_back({&motion.flow->force(i), 1.0, order_[index_in_replica(i)], i});
+        watches_.push_back({&motion.flow->force(i), 1.0, order_[index(i)], i});
       } else {
-        watches_.push_back({&motion.flow->gap_velocity(i), 1.0, order_[index_in_replica(i)], i});
+        watches_.push_back({&motion.flow->gap_velocity(i), 1.0, order_[index(i)], i});
       }
     }
     const double interval = t - motion.t;
@@ -223,7 +221,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
     // What is pressed in and not to be held is let be until something else happens.
     const ContactSet free = locking & ~motion.flow->locked();
     state.idle |= solver_.pressed_in(free, motion);
-    for_each(free & ~state.idle, [&](int i) { order_[index_in_replica(i)] = 1; });
+    for_each(free & ~state.idle, [&](int i) { order_[index(i)] = 1; });
     for (std::size_t i = 0; i < order_.size(); ++i) {
       if (contains(outcome.unloaded, static_cast<int>(i))) order_[i] = 1;
     }

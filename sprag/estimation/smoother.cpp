@@ -317,17 +317,13 @@ void Smoother::run_back() {
     impact.Lambda = L.topLeftCorner(n, n);
     const Eigen::Index c = impact.predicted.columns;
     const Eigen::Index f = n / 2;
+    const auto S_q = impact.predicted.S_q.leftCols(c);
+    const auto S_u = impact.predicted.S_u.leftCols(c);
+    const Eigen::VectorXd along =
+        S_q.transpose() * impact.lambda.head(f) + S_u.transpose() * impact.lambda.tail(f);
     impact.before.resize(n);
-    impact.before.head(f) =
-        impact.predicted.q +
-        impact.predicted.S_q.leftCols(c) *
-            (impact.predicted.S_q.leftCols(c).transpose() * impact.lambda.head(f) +
-             impact.predicted.S_u.leftCols(c).transpose() * impact.lambda.tail(f));
-    impact.before.tail(f) =
-        impact.predicted.u +
-        impact.predicted.S_u.leftCols(c) *
-            (impact.predicted.S_q.leftCols(c).transpose() * impact.lambda.head(f) +
-             impact.predicted.S_u.leftCols(c).transpose() * impact.lambda.tail(f));
+    impact.before.head(f) = impact.predicted.q + S_q * along;
+    impact.before.tail(f) = impact.predicted.u + S_u * along;
     const double off = impact.event.t - impact.s;
     const double moved = sigma2 * of_all[n];
     const double variance = sigma2 * std::max(1.0 - sigma2 * L(n, n), 0.0);

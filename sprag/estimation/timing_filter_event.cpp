@@ -25,8 +25,6 @@ constexpr double touching = 1e-12;
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
 
-std::size_t index_in_event(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingState& state) {
@@ -94,7 +92,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
       if (event.kind == ContactEventKind::opens) continue;
       const double epsilon = event.kind == ContactEventKind::closes
                                  ? 0.0
-                                 : model.contacts[index_in_event(event.contact)].restitution;
+                                 : model.contacts[index(event.contact)].restitution;
       closings_.push_back({event.contact, epsilon});
     }
     first = end;
@@ -195,7 +193,7 @@ void TimingFilter::add_sequence(std::span<const ContactEvent> events, ContactSet
   for (const ContactEvent& event : events) {
     if (event.kind == ContactEventKind::opens) continue;
     if (contains(state.inside | before, event.contact)) continue;
-    const Contact& contact = model.contacts[index_in_event(event.contact)];
+    const Contact& contact = model.contacts[index(event.contact)];
     const double gamma = gap_velocity(contact, u_sequence_, state.motion.t.hi);
     if (!(gamma < 0.0)) continue;
     const double epsilon = event.kind == ContactEventKind::closes ? 0.0 : contact.restitution;
@@ -229,7 +227,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                      : event.t - state.last_report[i] < unknown_time_->indistinct()
                          ? UncertainEvent::Kind::burst
                          : UncertainEvent::Kind::pulse;
-    state.terms.include(flows_->dynamics().model().contacts[index_in_event(i)], now_.q, now_.u);
+    state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
   } else {
     uncertain.held_for = event.t - state.last_report[i];
   }
@@ -294,14 +292,14 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
   const Model& model = flows_->dynamics().model();
   const double t = state.motion.t.hi;
   for (Closing& closing : closings_) {
-    closing.gamma = gap_velocity(model.contacts[index_in_event(closing.contact)], now_.u, t);
+    closing.gamma = gap_velocity(model.contacts[index(closing.contact)], now_.u, t);
     closing.gamma_rate = rate(state.motion.flow->gap_velocity(closing.contact), state.motion);
   }
   const Eigen::Index c = now_.columns;
   for (std::size_t k = 0; k < closings_.size(); ++k) {
     const Closing& closing = closings_[k];
-    const Contact& contact = model.contacts[index_in_event(closing.contact)];
-    const Functional& acceleration = acceleration_[index_in_event(closing.contact)];
+    const Contact& contact = model.contacts[index(closing.contact)];
+    const Functional& acceleration = acceleration_[index(closing.contact)];
     auto phi = phi_.head(c);
     phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
     const double speed2 = closing.gamma * closing.gamma + phi.squaredNorm();
@@ -375,8 +373,7 @@ void TimingFilter::strike(ContactSet staying, ContactSet leaving, TimingState& s
   before_impact_ = now_.u;
   impact_.add_jump(
       [&](Eigen::Index k) {
-        return gap_velocity(dynamics.model().contacts[index_in_event(contact(k))], before_impact_,
-                            t);
+        return gap_velocity(dynamics.model().contacts[index(contact(k))], before_impact_, t);
       },
       now_.u);
   const auto decision = impact_.decide(before_impact_, now_.u, t, on_u_);

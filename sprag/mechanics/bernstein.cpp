@@ -8,7 +8,6 @@
 namespace sprag::bernstein {
 namespace {
 
-constexpr std::size_t index(int i) { return static_cast<std::size_t>(i); }
 constexpr std::size_t top = index(degree);
 
 constexpr Coefficients inverses = [] {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
@@ -13,8 +15,6 @@ constexpr double zero_share = 1e-12;
 // Rounding of gamma, as a share of its terms, and what is clearly more.
 constexpr double rounding = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double pressed_share = 1e-9;
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 // The contacts whose rows, in ascending order of `contacts`, are in the set `rows`.
 ContactSet at_rows(ContactSet rows, ContactSet contacts) {

@@ -21,8 +21,6 @@ constexpr double resolvable_of_chatter = 1e-6;
 // A start closer to contact than this share of the gap's terms is at contact.
 constexpr double touching = 1e-12;
 
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 Master::Master(Model model, const State& start)
@@ -65,8 +63,7 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
       continue;
     }
     const Contact& contact = model.contacts[index(i)];
-    const double scale = contact.w.cwiseAbs().dot(start_.q.cwiseAbs()) +
-                         std::abs(contact.motion.amplitude) + std::abs(contact.clearance);
+    const double scale = gap_scale(contact, start_.q);
     const double g = gap(contact, start_.q, now());
     const double gamma = gap_velocity(contact, start_.u, now());
     if (g > touching * scale) continue;

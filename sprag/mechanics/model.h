@@ -115,6 +115,12 @@ inline Harmonic second_derivative(const Harmonic& harmonic) {
 inline double gap(const Contact& contact, const Eigen::VectorXd& q, double t) {
   return contact.w.dot(q) + value(contact.motion, t) + contact.clearance;
 }
+/// The largest that the absolute terms of g_i(q, t) sum up to at any t [m]: what rounding is a
+/// share of.
+inline double gap_scale(const Contact& contact, const Eigen::VectorXd& q) {
+  return contact.w.cwiseAbs().dot(q.cwiseAbs()) + std::abs(contact.motion.amplitude) +
+         std::abs(contact.clearance);
+}
 /// gamma_i(u, t) [m/s].
 inline double gap_velocity(const Contact& contact, const Eigen::VectorXd& u, double t) {
   return contact.w.dot(u) + rate(contact.motion, t);

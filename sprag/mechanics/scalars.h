@@ -1,6 +1,7 @@
-// What every unit needs of real numbers.
+// What every unit needs of numbers.
 #pragma once
 
+#include <cstddef>
 #include <limits>
 
 namespace sprag {
@@ -9,5 +10,8 @@ inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Not std::pow, which without optimization is not that product, and not the same in other units.
 constexpr double square(double x) { return x * x; }
+
+/// i >= 0, as standard containers count.
+constexpr std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace sprag
