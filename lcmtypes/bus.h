@@ -31,6 +31,7 @@ inline constexpr const char* parameters_channel = "SPRAG_PARAMETERS";
 inline constexpr const char* impacts_channel = "SPRAG_IMPACTS";
 inline constexpr const char* prediction_channel = "SPRAG_PREDICTION";
 inline constexpr const char* outputs_channel = "SPRAG_OUTPUTS";
+inline constexpr const char* health_channel = "SPRAG_HEALTH";
 
 /// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with
 /// the two lines that mend it.
@@ -44,6 +45,8 @@ struct BusCounts {
   std::int64_t other_host = 0;                       ///< with ttl=0: did not come from this host
   std::int64_t unauthenticated = 0;  ///< on a subscribed channel: not made with the key
   std::int64_t overflowed = 0;       ///< dropped by the kernel: the receive buffer was full
+
+  bool operator==(const BusCounts&) const = default;
 };
 
 class Bus {

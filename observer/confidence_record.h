@@ -21,6 +21,9 @@ class ConfidenceRecord {
   /// The confidence of the last settled tick so far, in full; `initial` is B(0).
   void conclude(const Confidence& confidence, double initial);
 
+  /// How often the filter did not fit the events, in all sessions.
+  std::int64_t inconsistencies() const { return inconsistencies_.total; }
+
   /// Adds "redundant_closings" and "refused_impacts" to a report, and "confidence" if there is
   /// anything to say.
   void to_json(nlohmann::ordered_json& report) const;

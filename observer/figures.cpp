@@ -24,16 +24,6 @@ Json quantiles(const Histogram& histogram, double unit) {
           {"max", value(histogram.largest())}};
 }
 
-Json all_refusals(const LiveFigures& figures) {
-  Json refused = refusals(figures.reception.refused, figures.reception.bus);
-  const auto add = [&refused](const char* cause, std::int64_t count) {
-    if (count > 0) refused[cause] = count;
-  };
-  add("other_machine", figures.reception.other_machine);
-  add("implausible", figures.messages.implausible);
-  return refused;
-}
-
 std::int64_t total(const Json& counts) {
   std::int64_t sum = 0;
   for (const auto& [cause, count] : counts.items()) sum += count.get<std::int64_t>();
@@ -50,6 +40,16 @@ void print_times(const char* what, const Histogram& histogram, std::ostream& out
 
 }  // namespace
 
+Json refused_by_cause(const ReceptionFigures& reception, const MessageCounts& messages) {
+  Json refused = refusals(reception.refused, reception.bus);
+  const auto add = [&refused](const char* cause, std::int64_t count) {
+    if (count > 0) refused[cause] = count;
+  };
+  add("other_machine", reception.other_machine);
+  add("implausible", messages.implausible);
+  return refused;
+}
+
 void to_json(const LiveFigures& figures, Json& report) {
   const IntegrationFigures& integration = figures.integration;
   const ReceptionFigures& reception = figures.reception;
@@ -61,11 +61,12 @@ void to_json(const LiveFigures& figures, Json& report) {
   report["lateness_s"] = quantiles(integration.lateness, nanosecond);
   report["execution_s"] = quantiles(integration.execution, nanosecond);
   report["event_latency_s"] = quantiles(integration.event_latency, nanosecond);
+  report["late_events"] = integration.late_events;
   report["real_time"] = {{"losses", integration.real_time_losses},
                          {"lost_s", nanosecond * static_cast<double>(integration.real_time_lost)}};
   report["estimates_dropped"] = integration.estimates_dropped;
   report["messages"] = {{"received", messages.received},
-                        {"refused", all_refusals(figures)},
+                        {"refused", refused_by_cause(reception, messages)},
                         {"lost", messages.lost},
                         {"repaired_events", integration.repaired_events},
                         {"doubled", messages.doubled},
@@ -93,8 +94,9 @@ void print(const LiveFigures& figures, std::ostream& out) {
   print_times("event latency", integration.event_latency, out);
   out << "messages " << messages.received << ": lost " << messages.lost << ", doubled "
       << messages.doubled << ", reordered " << messages.reordered << ", refused "
-      << total(all_refusals(figures)) << "; events repaired " << integration.repaired_events
-      << ", lost for good " << figures.events.lost_records << ", skipped "
+      << total(refused_by_cause(figures.reception, messages)) << "; events repaired "
+      << integration.repaired_events << ", lost for good " << figures.events.lost_records
+      << ", skipped "
       << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
                          std::int64_t{0})
       << '\n';

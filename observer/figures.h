@@ -25,6 +25,7 @@ struct IntegrationFigures {
   std::int64_t real_time_losses = 0;
   std::int64_t real_time_lost = 0;   ///< in all
   std::int64_t repaired_events = 0;  ///< that came by the repeats behind a lost message
+  std::int64_t late_events = 0;      ///< older than the estimate for now when they came
   std::int64_t estimates_dropped = 0;
   std::int64_t unsettled_ticks = 0;  ///< at the end
 };
@@ -35,6 +36,8 @@ struct ReceptionFigures {
   std::int64_t other_machine = 0;  ///< another number of contacts
   std::int64_t overflowed = 0;     ///< the integrating thread had no room
   BusCounts bus;
+
+  bool operator==(const ReceptionFigures&) const = default;
 };
 
 struct LiveFigures {
@@ -46,6 +49,10 @@ struct LiveFigures {
   std::int64_t ticks = 0;   ///< settled and published
   std::int64_t unsent = 0;  ///< estimates that could not be sent
 };
+
+/// Messages that were refused, by cause, as in the report.
+nlohmann::ordered_json refused_by_cause(const ReceptionFigures& reception,
+                                        const MessageCounts& messages);
 
 /// Adds to the report.
 void to_json(const LiveFigures& figures, nlohmann::ordered_json& report);

@@ -58,7 +58,7 @@ class LiveObserver {
         reception_(bus_, estimation_.contacts, inbox_, notices_),
         loop_(estimation_, options.last(),
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
-        publication_(bus_, inbox_, outbox_, notices_, settled_, options.duration,
+        publication_(bus_, inbox_, outbox_, notices_, settled_, reception_, options.duration,
                      scene.model.outputs) {
     if (Flows* flows = estimation_.estimator.flows()) flow_builder_.emplace(*flows);
     if (const MachineFamily* family = estimation_.estimator.family()) {

@@ -8,6 +8,7 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/arrival.h"
+#include "observer/health.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
 #include "sprag/estimation/contact_message.h"
@@ -57,10 +58,13 @@ struct Sample {
 struct Outbox {
   /// As many samples as go into a few MB. `empty` has room for all that an estimate holds.
   explicit Outbox(const EstimateSample& empty)
-      : samples(sample_slots(empty), Sample{false, empty}), announcements(64, Announcement{}) {}
+      : samples(sample_slots(empty), Sample{false, empty}),
+        announcements(64, Announcement{}),
+        statuses(8, IntegrationStatus{}) {}
 
   SpscQueue<Sample> samples;
   SpscQueue<Announcement> announcements;
+  SpscQueue<IntegrationStatus> statuses;
   Wake ready;
 
  private:

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "lcmtypes/health_codec.h"
 #include "lcmtypes/outputs_codec.h"
 #include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/wall_clock.h"
@@ -21,12 +22,14 @@ constexpr std::int64_t progress_period = 1'000'000'000;  // ns
 }  // namespace
 
 Publication::Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
-                         SettledOutput& settled, double duration, std::vector<Output> outputs)
+                         SettledOutput& settled, Reception& reception, double duration,
+                         std::vector<Output> outputs)
     : bus_(bus),
       inbox_(inbox),
       outbox_(outbox),
       notices_(notices),
       settled_(settled),
+      reception_(reception),
       duration_(duration),
       outputs_(std::move(outputs)) {}
 
@@ -44,11 +47,13 @@ void Publication::run(const std::function<bool()>& over) {
 
 void Publication::finish() {
   empty_outbox();
-  for (int i = 0; i < last_sample_repeats && !last_settled_.empty(); ++i) {
+  publish_health(reception_.figures(), true);
+  for (int i = 0; i < last_sample_repeats; ++i) {
     std::this_thread::sleep_for(10ms);
-    (void)bus_.publish(settled_channel, last_settled_);
+    if (!last_settled_.empty()) (void)bus_.publish(settled_channel, last_settled_);
     if (!last_outputs_.empty()) (void)bus_.publish(outputs_channel, last_outputs_);
     if (!parameters_.empty()) (void)bus_.publish(parameters_channel, parameters_);
+    (void)bus_.publish(health_channel, health_);
   }
   notices_.tell_rest(std::cerr);
 }
@@ -62,11 +67,30 @@ void Publication::empty_outbox() {
     publish(sample->estimate, sample->settled);
     outbox_.samples.pop();
   }
+  while (const IntegrationStatus* status = outbox_.statuses.front()) {
+    status_ = *status;
+    outbox_.statuses.pop();
+    if (status_.last) continue;  // finish() tells it
+    publish_health(reception_.told(), false);
+    status_.begin_period();
+  }
+}
+
+void Publication::publish_health(const ReceptionFigures& reception, bool last) {
+  Health health = health_of(status_, reception);
+  health.utime = wall_clock_us();
+  health.last = last;
+  health.estimate = whose_;
+  health.ticks = settled_.ticks();
+  health.inconsistencies = settled_.inconsistencies();
+  health.unsent = unsent_;
+  (void)bus_.publish(health_channel, encode(health, health_));
 }
 
 void Publication::publish(EstimateSample& estimate, bool settled) {
   estimate.utime = wall_clock_us();
   if (settled) settled_.take(estimate);
+  if (!settled) whose_ = whose(estimate.confidence);
   std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
   if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
     ++unsent_;

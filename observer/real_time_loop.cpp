@@ -41,18 +41,21 @@ void RealTimeLoop::identify_in(IdentificationThread& thread) {
 
 void RealTimeLoop::run(const std::atomic<bool>& stop) {
   bool in_time = true;
+  status_told_ = monotonic_now();
   try {
     while (!stop && !done_) turn(in_time);
   } catch (const Interrupted&) {  // a signal; nothing of the tick under way is handed out
   }
   figures_.unsettled_ticks = std::min(reached_, last_) - time_line_.handed_out();
   end_loss(monotonic_now());
-  outbox_.ready.signal();
+  status_.last = true;
+  tell_status(monotonic_now());
 }
 
 void RealTimeLoop::turn(bool& in_time) {
   if (in_time) wait();
   const std::int64_t begin = monotonic_now();
+  if (begin - status_told_ >= health_period) tell_status(begin);
   take_messages();
   if (!time_line_.started()) return;
   watch(begin);
@@ -171,6 +174,7 @@ void RealTimeLoop::tell_ignored(const Heard& heard, const MessageCounts& before)
 
 void RealTimeLoop::receive_events(const ContactMessage& message, bool behind_a_loss, bool resumed) {
   std::size_t known = time_line_.events().events().size();
+  const std::int64_t present = time_line_.now();
   const EventCounts before = time_line_.events().counts();
   const bool again = resumed ? time_line_.resume(message) : time_line_.receive(message);
   raise_skipped(time_line_.events(), before, notices_);
@@ -180,6 +184,9 @@ void RealTimeLoop::receive_events(const ContactMessage& message, bool behind_a_l
     reached_ = time_line_.now() - 1;
     first_heard_ = last_heard_;
     announce(Announcement::Kind::session);
+  }
+  for (std::size_t i = known; i < events.size(); ++i) {
+    if (first_tick_after(events[i].t, h_) <= present) ++figures_.late_events;
   }
   if (behind_a_loss) {
     figures_.repaired_events += static_cast<std::int64_t>(events.size() - known);
@@ -222,12 +229,14 @@ std::int64_t RealTimeLoop::tick_for_now(std::int64_t now) const {
 void RealTimeLoop::on_tick(const State& state) {
   if (state.tick > last_) return;
   reached_ = state.tick;
+  status_.simulated += h_;
   corrected_ = false;
   if (paced() && !at_end()) {
     const std::int64_t due = clock_.local(tick_instant(state.tick, h_).hi);
     if (due > first_heard_) {
       const std::int64_t late = monotonic_now() - due;
       figures_.lateness.add(late);
+      status_.lateness.add(late);
       const double tick = 1e9 * h_ / clock_.speed();
       if (static_cast<double>(late) > tick) ++figures_.missed;
     }
@@ -339,8 +348,42 @@ void RealTimeLoop::account(std::int64_t begin) {
   const std::int64_t rollbacks = time_line_.rollbacks().rollbacks;
   if (rollbacks > rollbacks_) figures_.rollback_cost.add(end - begin);
   rollbacks_ = rollbacks;
-  for (const std::int64_t due : new_events_due_) figures_.event_latency.add(end - due);
+  for (const std::int64_t due : new_events_due_) {
+    figures_.event_latency.add(end - due);
+    status_.event_latency.add(end - due);
+  }
   new_events_due_.clear();
+}
+
+// How the loop has fared since this was told last. Where there is no room it is told later.
+void RealTimeLoop::tell_status(std::int64_t now) {
+  IntegrationStatus* slot = outbox_.statuses.free_slot();
+  if (slot == nullptr) return;
+  const bool started = time_line_.started();
+  // What others send does not count here.
+  const bool silent = now - last_heard_ > silent_after;
+  status_.master = !started   ? Health::Master::awaited
+                   : at_end() ? Health::Master::ended
+                   : silent   ? Health::Master::silent
+                              : Health::Master::heard;
+  status_.session = sessions_.session();
+  status_.tick = reached_;
+  status_.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;
+  status_.speed = started ? clock_.speed() : 0.0;
+  status_.period = now - status_told_;
+  status_.deadlines = figures_.lateness.count();
+  status_.missed = figures_.missed;
+  status_.real_time_losses = figures_.real_time_losses;
+  status_.late_events = figures_.late_events;
+  status_.gaps = static_cast<std::int64_t>(time_line_.events().degraded().size());
+  status_.rollbacks = time_line_.rollbacks().rollbacks;
+  status_.events = time_line_.events().counts();
+  status_.messages = sessions_.counts();
+  *slot = status_;
+  outbox_.statuses.push();
+  outbox_.ready.signal();
+  status_told_ = now;
+  status_.begin_period();
 }
 
 // The publishing thread does it.

@@ -75,6 +75,7 @@ class RealTimeLoop {
   bool paced() const;
   bool at_end() const;
   void announce(Announcement::Kind kind);
+  void tell_status(std::int64_t now);
 
   Estimation& estimation_;
   TimeLine<AdaptiveEstimator>& time_line_;
@@ -103,6 +104,8 @@ class RealTimeLoop {
   bool asked_ = true;  // the thread has been told of it
   std::atomic<bool> done_{false};
   IntegrationFigures figures_;
+  IntegrationStatus status_;      // with what has been since the last one was told
+  std::int64_t status_told_ = 0;  // local time
 };
 
 }  // namespace sprag

@@ -62,7 +62,25 @@ void Reception::run(const std::atomic<bool>& stop) {
   while (!stop) {
     bus_.handle(50ms);
     tell_refused();
+    tell_figures();
   }
+}
+
+void Reception::tell_figures() {
+  ReceptionFigures* slot = telling_.free_slot();
+  if (slot == nullptr) return;
+  *slot = figures();
+  if (*slot == last_put_) return;
+  last_put_ = *slot;
+  telling_.push();
+}
+
+const ReceptionFigures& Reception::told() {
+  while (const ReceptionFigures* figures = telling_.front()) {
+    told_ = *figures;
+    telling_.pop();
+  }
+  return told_;
 }
 
 ReceptionFigures Reception::figures() const {

@@ -10,6 +10,7 @@
 #include "observer/figures.h"
 #include "observer/mailboxes.h"
 #include "observer/notices.h"
+#include "observer/spsc_queue.h"
 
 namespace sprag {
 
@@ -23,12 +24,16 @@ class Reception {
   /// Receives until `stop`. Throws BusError.
   void run(const std::atomic<bool>& stop);
 
+  /// The figures, at most some 50 ms old; for one other thread.
+  const ReceptionFigures& told();
+
   /// After run().
   ReceptionFigures figures() const;
 
  private:
   void hear(std::span<const std::uint8_t> data, std::int64_t utime);
   void tell_refused();
+  void tell_figures();
   bool tell_rise(Notice notice, std::int64_t count);
 
   Bus& bus_;
@@ -36,6 +41,9 @@ class Reception {
   Inbox& inbox_;
   Notices& notices_;
   ReceptionFigures figures_;
+  SpscQueue<ReceptionFigures> telling_{2, ReceptionFigures{}};
+  ReceptionFigures last_put_;  // into it
+  ReceptionFigures told_;      // the other thread's
   std::int64_t kernel_drops_ = 0;
   std::array<std::int64_t, notice_kinds> kept_away_{};  // by Notice
 };

@@ -34,6 +34,8 @@ class SettledOutput {
   /// What was taken is in the file.
   void flush();
 
+  /// How often the filter did not fit the events.
+  std::int64_t inconsistencies() const { return record_.inconsistencies(); }
   std::int64_t ticks() const { return ticks_; }  ///< how many were taken
   double t() const { return t_; }                ///< of the last one [s]
 

@@ -11,6 +11,7 @@
 
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/health_codec.h"
 #include "lcmtypes/packet.h"
 #include "lcmtypes/state_codec.h"
 #include "observer/master_clock.h"
@@ -132,6 +133,7 @@ void message(Input input) {
   std::int64_t next_settled = 0;
   StateSample state;
   EstimateSample estimate;
+  Health health;
   while (!reader.empty()) {
     arrival.monotonic += 1'000'000LL * reader.value<std::uint8_t>();
     arrival.wall += 1000LL * reader.value<std::uint8_t>();
@@ -140,6 +142,7 @@ void message(Input input) {
       const Input bytes = reader.bytes(reader.value<std::uint16_t>());
       (void)decode(bytes, state);
       (void)decode(bytes, estimate);
+      (void)decode(bytes, health);
       Packet packet;
       if (read_packet(bytes, packet) != PacketFault::none) continue;
       if (decode(packet.data, report) != Refusal::none) continue;

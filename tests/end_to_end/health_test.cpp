@@ -1,0 +1,225 @@
+// SPRAG_HEALTH of a live observer, against the report of the same run.
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/health_codec.h"
+#include "lcmtypes/key.h"
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+using namespace std::chrono_literals;
+using enum Health::Master;
+
+/// Hears SPRAG_HEALTH in a thread of its own.
+class HealthListener {
+ public:
+  HealthListener(const std::string& url, std::optional<Key> key) : bus_(url, std::move(key)) {
+    bus_.subscribe(health_channel, [this](std::string_view, std::span<const std::uint8_t> data,
+                                          std::int64_t) { hear(data); });
+    thread_ = std::thread([this] {
+      while (!stop_) bus_.handle(20ms);
+    });
+  }
+  ~HealthListener() {
+    stop_ = true;
+    thread_.join();
+  }
+  HealthListener(const HealthListener&) = delete;
+  HealthListener& operator=(const HealthListener&) = delete;
+
+  /// All so far, each once: the last word is repeated.
+  std::vector<Health> heard() const {
+    const std::lock_guard lock(mutex_);
+    std::vector<Health> all;
+    for (const auto& [utime, health] : heard_) all.push_back(health);
+    return all;
+  }
+  Health latest() const {
+    const std::lock_guard lock(mutex_);
+    return heard_.empty() ? Health{} : heard_.rbegin()->second;
+  }
+  int refused() const { return refused_; }
+
+ private:
+  void hear(std::span<const std::uint8_t> data) {
+    Health health;
+    if (decode(data, health) != Refusal::none) {
+      ++refused_;
+      return;
+    }
+    const std::lock_guard lock(mutex_);
+    heard_[health.utime] = health;
+  }
+
+  Bus bus_;
+  mutable std::mutex mutex_;
+  std::map<std::int64_t, Health> heard_;
+  std::atomic<int> refused_{0};
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+nlohmann::json refused_of(const Health& health) {
+  nlohmann::json refused = nlohmann::json::object();
+  for (const RefusedCount& one : health.refused) refused[one.cause] = one.count;
+  return refused;
+}
+
+class HealthTest : public EndToEnd {
+ protected:
+  std::string key_file(const std::string& name, char digit) {
+    std::ofstream(file(name)) << std::string(64, digit) << '\n';
+    return file(name);
+  }
+};
+
+TEST_F(HealthTest, SaysWhatTheReportSays) {
+  const std::string key = key_file("key", 'a');
+  const HealthListener listener(url(), Key(std::filesystem::path(key)));
+  const Arguments common{scene("paper_beam"), "--duration", "20", "--tick",
+                         "0.015625",          "--key",      key};
+  Process& observer = start_listening("observer", common + Arguments{"--report", file("o.json")});
+  ASSERT_TRUE(in_time([&] { return !listener.heard().empty(); }));
+  const Health before = listener.latest();
+  EXPECT_EQ(before.master, awaited);
+  EXPECT_EQ(before.estimate, Health::Estimate::none);
+  EXPECT_EQ(before.tick, -1);
+  EXPECT_EQ(before.t, -1.0);
+  EXPECT_EQ(before.session, 0);
+  EXPECT_EQ(before.speed, 0.0);
+  EXPECT_EQ(before.real_time_factor, 0.0);
+  EXPECT_GE(before.period, 1.0);
+  EXPECT_TRUE(before.refused.empty());
+
+  // Who has no key, another one, or another machine.
+  ContactMessage message;
+  message.contacts = 3;
+  EncodedContacts three;
+  encode(message, three);
+  Bus unsigned_bus(url());
+  Bus forger(url(), Key(std::filesystem::path(key_file("no", 'b'))));
+  Bus other(url(), Key(std::filesystem::path(key)));
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_TRUE(unsigned_bus.publish(contacts_channel, three));
+    EXPECT_TRUE(forger.publish(contacts_channel, three));
+    EXPECT_TRUE(other.publish(contacts_channel, three));
+    EXPECT_TRUE(other.publish(contacts_channel, std::span(three).first(100)));
+  }
+  const nlohmann::json expected{{"unauthenticated", 10}, {"other_machine", 5}, {"truncated", 5}};
+  EXPECT_TRUE(in_time([&] { return refused_of(listener.latest()) == expected; }))
+      << refused_of(listener.latest());
+  EXPECT_EQ(listener.latest().master, awaited);
+
+  Process& master = start_master(common + Arguments{"--speed", "6"});
+  EXPECT_EQ(end_of(master).code, 0);
+  EXPECT_EQ(end_of(observer).code, 0);
+  ASSERT_TRUE(in_time([&] { return listener.latest().last; }));
+
+  const std::vector<Health> all = listener.heard();
+  EXPECT_EQ(listener.refused(), 0);
+  ASSERT_GT(all.size(), 4U);
+  const Health& last = all.back();
+  const nlohmann::json report = json("o.json");
+  const nlohmann::json& messages = report["messages"];
+  EXPECT_EQ(refused_of(last), messages["refused"]);
+  EXPECT_EQ(last.ticks, report["ticks"]);
+  EXPECT_EQ(last.ticks, 1281);
+  EXPECT_EQ(last.tick, 1280);
+  EXPECT_EQ(last.t, 20.0);
+  EXPECT_EQ(last.deadlines, report["ticks_with_deadline"]);
+  EXPECT_EQ(last.missed_deadlines, report["missed_deadlines"]);
+  EXPECT_EQ(last.real_time_losses, report["real_time"]["losses"]);
+  EXPECT_EQ(last.events, report["events"]);
+  EXPECT_GT(last.events, 20);
+  EXPECT_EQ(last.late_events, report["late_events"]);
+  EXPECT_EQ(last.lost_events, report["lost_records"]);
+  EXPECT_EQ(last.gaps, report["degraded"].size());
+  EXPECT_EQ(last.skipped_events, 0);
+  EXPECT_EQ(last.rollbacks, report["rollbacks"]["count"]);
+  EXPECT_EQ(last.inconsistencies, report["confidence"]["inconsistencies"]);
+  EXPECT_EQ(last.messages, messages["received"]);
+  EXPECT_GT(last.messages, 100);
+  EXPECT_EQ(last.lost_messages, messages["lost"]);
+  EXPECT_EQ(last.doubled_messages, messages["doubled"]);
+  EXPECT_EQ(last.reordered_messages, messages["reordered"]);
+  EXPECT_EQ(last.other_masters, messages["of_other_masters"]);
+  EXPECT_EQ(last.stale, messages["stale"]);
+  EXPECT_EQ(last.overflowed, messages["overflowed"]);
+  EXPECT_EQ(last.unsent, messages["unsent"]);
+  EXPECT_EQ(last.sessions, 1);
+
+  // What is said of single seconds adds up.
+  double simulated = 0.0, longest_latency = 0.0, greatest_lateness = 0.0;
+  std::int64_t latencies = 0;
+  bool paced = false;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Health& health = all[i];
+    SCOPED_TRACE(i);
+    EXPECT_EQ(health.last, i + 1 == all.size());
+    EXPECT_LE(health.latency.p50, health.latency.p99);
+    EXPECT_LE(health.latency.p99, health.latency.max);
+    simulated += health.real_time_factor * health.period;
+    latencies += health.latencies;
+    longest_latency = std::max(longest_latency, health.latency.max);
+    greatest_lateness = std::max(greatest_lateness, health.lateness.max);
+    if (health.master == heard) {
+      paced = true;
+      EXPECT_EQ(health.speed, 6.0);
+      EXPECT_NE(health.estimate, Health::Estimate::none);
+      EXPECT_NE(health.estimate, Health::Estimate::adaptive);
+    }
+    if (i > 0) {
+      EXPECT_GE(health.events, all[i - 1].events);
+      EXPECT_GE(health.messages, all[i - 1].messages);
+      EXPECT_GE(health.tick, all[i - 1].tick);
+    }
+  }
+  EXPECT_TRUE(paced);
+  EXPECT_NEAR(simulated, 1281 * 0.015625, 1e-9);
+  EXPECT_EQ(latencies, report["event_latency_s"]["count"]);
+  EXPECT_DOUBLE_EQ(longest_latency, report["event_latency_s"]["max"]);
+  EXPECT_DOUBLE_EQ(greatest_lateness, report["lateness_s"]["max"]);
+}
+
+TEST_F(HealthTest, SaysWhetherTheMasterIsHeard) {
+  const HealthListener listener(url(), std::nullopt);
+  const auto comes_to = [&](Health::Master state) {
+    return in_time([&] { return listener.latest().master == state; });
+  };
+  Process& observer = start_listening(
+      "observer", {scene("paper_beam"), "--tick", "0.015625", "--estimator", "replica"});
+  EXPECT_TRUE(comes_to(awaited));
+  Process& killed = start_master({scene("paper_beam"), "--tick", "0.015625"});
+  EXPECT_TRUE(comes_to(heard));
+  const std::int64_t first = listener.latest().session;
+  killed.signal(SIGKILL);
+  EXPECT_TRUE(comes_to(silent));
+  const Health alone = listener.latest();
+  EXPECT_EQ(alone.session, first);
+  EXPECT_EQ(alone.estimate, Health::Estimate::replica);
+  // Nothing is late that nobody sends, and the estimate goes on.
+  EXPECT_TRUE(in_time([&] { return listener.latest().tick > alone.tick + 32; }));
+  Process& next = start_master({scene("paper_beam"), "--duration", "6", "--speed", "3"});
+  EXPECT_TRUE(comes_to(heard));
+  EXPECT_EQ(listener.latest().sessions, 2);
+  EXPECT_NE(listener.latest().session, first);
+  EXPECT_EQ(listener.latest().speed, 3.0);
+  EXPECT_TRUE(comes_to(ended));
+  EXPECT_EQ(end_of(next).code, 0);
+  EXPECT_FALSE(listener.latest().last);
+  observer.signal(SIGTERM);
+  EXPECT_EQ(end_of(observer).code, 0);
+  EXPECT_TRUE(in_time([&] { return listener.latest().last; }));
+  EXPECT_EQ(listener.latest().master, ended);
+}
+
+}  // namespace
+}  // namespace sprag::test

@@ -1,0 +1,62 @@
+// The real-time loop itself, from messages in its inbox to estimates and its status in the outbox.
+#include "observer/real_time_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <limits>
+
+#include "observer/estimation.h"
+#include "observer/mailboxes.h"
+#include "observer/notices.h"
+#include "tests/estimation/random_events.h"
+#include "tests/estimation/recorded_run.h"
+#include "tests/no_allocation/allocations.h"
+
+namespace sprag::test {
+namespace {
+
+TEST(RealTimeLoop, RunsAndTellsItsStatusWithoutAllocating) {
+  const Scene scene = cached_scene("paper_beam.toml");
+  ObserverOptions options;
+  options.duration = 4.0;
+  Estimation estimation(scene, options, 1000);
+  Inbox inbox;
+  Outbox outbox(estimation.empty_sample());
+  Notices notices;
+  const std::vector<ContactEvent> events = master_events(scene, options.duration);
+  const auto times = event_and_heartbeat_times(events, 1e-2, options.duration);
+  std::int64_t sequence = 0;
+  for (ContactMessage message : reports_at(times, events, 1)) {
+    message.speed = std::numeric_limits<double>::infinity();
+    message.session = 7;
+    message.sequence = sequence++;
+    Heard* slot = inbox.strangers.free_slot();
+    ASSERT_NE(slot, nullptr);
+    *slot = {message, {}};
+    inbox.strangers.push();
+  }
+  RealTimeLoop loop(estimation, options.last(), Freshness::any, inbox, outbox, notices);
+  const std::atomic<bool> stop{false};
+  EXPECT_EQ(allocations_of([&] { loop.run(stop); }), 0);
+  EXPECT_TRUE(loop.done());
+  std::int64_t settled = 0;
+  while (const Sample* sample = outbox.samples.front()) {
+    settled += sample->settled ? 1 : 0;
+    outbox.samples.pop();
+  }
+  EXPECT_EQ(settled, 4001);
+  const IntegrationStatus* status = outbox.statuses.front();
+  ASSERT_NE(status, nullptr);
+  while (!status->last) {
+    outbox.statuses.pop();
+    status = outbox.statuses.front();
+    ASSERT_NE(status, nullptr);
+  }
+  EXPECT_EQ(status->session, 7);
+  EXPECT_EQ(status->tick, 4000);
+  EXPECT_EQ(status->events.events, static_cast<std::int64_t>(events.size()));
+}
+
+}  // namespace
+}  // namespace sprag::test
