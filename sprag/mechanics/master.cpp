@@ -115,29 +115,49 @@ void Master::watch() {
   search_.begin(motion_, watches_);
 }
 
+void Master::begin(std::vector<ContactEvent>& events) {
+  if (started_) return;
+  started_ = true;
+  start_contacts(events);
+  watch();
+}
+
+// When the next instant is at which anything happens, if it is not after t.
+bool Master::find_next(Instant t, double& event) {
+  check_interrupt();
+  const double completion =
+      completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
+  search_.advance(std::min(t - motion_.t, completion - now()));
+  event = std::min(search_.found() ? now() + search_.tau() : infinity, completion);
+  return !(at(event) - t > 0.0) && !(search_.certified() == infinity && event == infinity);
+}
+
+void Master::take_next(double event, std::vector<ContactEvent>& events) {
+  check_progress(event);
+  const bool from_search = search_.found() && now() + search_.tau() <= event;
+  if (event > now()) std::fill(order_.begin(), order_.end(), 0);
+  motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
+  take_event(from_search, events);
+  watch();
+}
+
 bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough) {
   const std::size_t most = events.size() + std::min(enough, events.max_size() - events.size());
-  if (!started_) {
-    started_ = true;
-    start_contacts(events);
-    watch();
-  }
-  while (true) {
-    check_interrupt();
-    const double completion =
-        completion_.empty() ? infinity : *std::min_element(completion_.begin(), completion_.end());
-    search_.advance(std::min(t - motion_.t, completion - now()));
-    const double event = std::min(search_.found() ? now() + search_.tau() : infinity, completion);
-    if (at(event) - t > 0.0) return true;
-    if (search_.certified() == infinity && event == infinity) return true;
+  begin(events);
+  double event = infinity;
+  while (find_next(t, event)) {
     if (events.size() >= most) return false;
-    check_progress(event);
-    const bool from_search = search_.found() && now() + search_.tau() <= event;
-    if (event > now()) std::fill(order_.begin(), order_.end(), 0);
-    motion_.flow->propagate(motion_, at(std::max(event, now())), motion_);
-    take_event(from_search, events);
-    watch();
+    take_next(event, events);
   }
+  return true;
+}
+
+bool Master::advance_once(Instant t, std::vector<ContactEvent>& events) {
+  begin(events);
+  double event = infinity;
+  if (!find_next(t, event)) return false;
+  take_next(event, events);
+  return true;
 }
 
 void Master::check_progress(double event) {

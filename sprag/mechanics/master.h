@@ -47,6 +47,10 @@ class Master {
   bool advance(Instant t, std::vector<ContactEvent>& events,
                std::size_t enough = std::numeric_limits<std::size_t>::max());
 
+  /// Takes the next instant at which anything happens, told or not, if it is not after t; whether
+  /// there was one. The first call takes what happens at the start as well. Throws as advance().
+  bool advance_once(Instant t, std::vector<ContactEvent>& events);
+
   /// State at t, right-continuous; t between the last event and the next one, as after advance(t).
   /// q and u have f entries each.
   void state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
@@ -58,6 +62,8 @@ class Master {
   /// chi at the time of the last advance().
   ContactSet closed() const { return closed_; }
   const Flows& flows() const { return flows_; }
+  /// Where it is behind the last instant at which anything happened; its flow is the present one.
+  const Motion& motion() const { return motion_; }
 
   /// Work done so far.
   long impacts() const { return impacts_; }
@@ -81,6 +87,9 @@ class Master {
 
   void start_contacts(std::vector<ContactEvent>& events);
   void watch();
+  bool find_next(Instant t, double& event);
+  void take_next(double event, std::vector<ContactEvent>& events);
+  void begin(std::vector<ContactEvent>& events);
   void check_progress(double event);
   Due take_due(bool from_search);
   void take_event(bool from_search, std::vector<ContactEvent>& events);
