@@ -46,14 +46,14 @@ Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
 double spectral_radius(Eigen::MatrixXd A) {
   // A^(2^k) = e^log A.
   double log = 0.0;
-  Eigen::MatrixXd square(A.rows(), A.cols());
+  Eigen::MatrixXd squared(A.rows(), A.cols());
   for (int k = 0; k < squarings; ++k) {
     const double largest = A.cwiseAbs().maxCoeff();
     if (!(largest > 0.0) || !std::isfinite(largest)) return largest;
     A /= largest;
     log += std::ldexp(std::log(largest), -k);
-    square.noalias() = A.lazyProduct(A);
-    A.swap(square);
+    squared.noalias() = A.lazyProduct(A);
+    A.swap(squared);
   }
   return std::exp(log + std::ldexp(std::log(A.cwiseAbs().maxCoeff()), -squarings));
 }
