@@ -31,7 +31,8 @@ class CsvWriter {
   /// Writes the header line; rows have usually at most `room` bytes.
   CsvWriter(OutputFile file, std::string_view header, std::size_t room) : file_(std::move(file)) {
     row_.reserve(room);
-    file_.write(std::string(header) + '\n');
+    file_.write(header);
+    file_.write("\n");
   }
   CsvWriter(CsvWriter&&) = default;
   ~CsvWriter() = default;

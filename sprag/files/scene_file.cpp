@@ -93,11 +93,20 @@ void refuse_other(const TomlTable& table, const char* key, TomlKeys others) {
   }
 }
 
-// zeta_i of n modes, given by one number for all or one each.
-Eigen::VectorXd read_damping_ratio(const TomlTable& table, Eigen::Index n) {
-  Eigen::VectorXd zeta = one_or_each(table, "damping_ratio", n);
+// Under which of its two names a table has zeta; null: under neither.
+const char* damping_ratio_key(const TomlTable& table) {
+  if (!table.has("modal_damping")) return table.has("damping_ratio") ? "damping_ratio" : nullptr;
+  refuse_other(table, "modal_damping", {"damping_ratio"});
+  return "modal_damping";
+}
+
+// zeta_i of n modes, given by one number for all or one each. `others` say the damping as well.
+Eigen::VectorXd read_damping_ratio(const TomlTable& table, const char* key, TomlKeys others,
+                                   Eigen::Index n) {
+  refuse_other(table, key, others);
+  Eigen::VectorXd zeta = one_or_each(table, key, n);
   if (!(zeta.minCoeff() >= 0.0)) {
-    table.fail("damping_ratio", "has " + to_text(zeta.minCoeff()) + "; must be >= 0");
+    table.fail(key, "has " + to_text(zeta.minCoeff()) + "; must be >= 0");
   }
   return zeta;
 }
@@ -107,9 +116,8 @@ Beam read_beam_table(const TomlTable& table) {
             .length = table.number("length", positive),
             .bending_stiffness = table.number("bending_stiffness", positive),
             .mass_per_length = table.number("mass_per_length", positive)};
-  if (table.has("damping_ratio")) {
-    refuse_other(table, "damping_ratio", {"damping"});
-    beam.damping_ratio = read_damping_ratio(table, beam.modes);
+  if (const char* key = damping_ratio_key(table)) {
+    beam.damping_ratio = read_damping_ratio(table, key, {"damping"}, beam.modes);
   } else {
     beam.damping = table.number("damping", not_negative);
   }
@@ -251,9 +259,8 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   }
   const Eigen::Index f = model.M.rows();
   model.K = read_semidefinite(table, "K", f);
-  if (table.has("damping_ratio")) {
-    refuse_other(table, "damping_ratio", {"C", "rayleigh"});
-    model.C = damping_of_ratios(model, read_damping_ratio(table, f));
+  if (const char* key = damping_ratio_key(table)) {
+    model.C = damping_of_ratios(model, read_damping_ratio(table, key, {"C", "rayleigh"}, f));
   } else if (const auto rayleigh = table.table("rayleigh", {"alpha", "beta"})) {
     refuse_other(table, "rayleigh", {"C"});
     model.C = rayleigh->number("alpha", not_negative) * model.M +
@@ -511,8 +518,9 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
-                                        "damping", "damping_ratio"});
-  const auto system = root.table("system", {"M", "C", "K", "damping_ratio", "rayleigh"});
+                                        "damping", "damping_ratio", "modal_damping"});
+  const auto system =
+      root.table("system", {"M", "C", "K", "damping_ratio", "modal_damping", "rayleigh"});
   if (beam && system) system->fail_here("system and beam exclude each other; must be one of them");
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
   const std::vector<TomlTable> contacts =

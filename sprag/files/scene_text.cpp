@@ -174,8 +174,8 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
   };
   for (const auto& [table, keys] :
        std::initializer_list<std::pair<const char*, std::vector<std::string>>>{
-           {"beam", {"damping_ratio"}},
-           {"system", {"M", "C", "K", "damping_ratio"}},
+           {"beam", {"damping_ratio", "modal_damping"}},
+           {"system", {"M", "C", "K", "damping_ratio", "modal_damping"}},
            {"excitation", {"influence"}},
            {"force", {"direction"}},
            {"contact", {"direction"}},

@@ -265,9 +265,15 @@ TEST(Damping, RayleighAndRatiosAreTheSameCWrittenOut) {
             "x.toml:4:12: system.rayleigh and system.C exclude each other; must be one of them");
   EXPECT_EQ(error_of(replaced(system_text, C, "rayleigh = { alpha = -1, beta = 0 }")),
             "x.toml:3:22: system.rayleigh.alpha is -1; must be >= 0");
-  EXPECT_EQ(error_of(replaced(system_text, C, "modal_damping = 0.05")),
-            "x.toml:3:1: unknown key system.modal_damping; must be one of M, C, K, damping_ratio, "
-            "rayleigh");
+  EXPECT_EQ(parse(replaced(system_text, C, "modal_damping = 0.05")).model.C, D);
+  EXPECT_EQ(
+      error_of(replaced(system_text, C, "modal_damping = 0.05\ndamping_ratio = 0.05")),
+      "x.toml:3:17: system.modal_damping and system.damping_ratio exclude each other; must be one "
+      "of them");
+  EXPECT_EQ(error_of(replaced(system_text, C, "modal_damping = -0.05")),
+            "x.toml:3:17: system.modal_damping has -0.05; must be >= 0");
+  EXPECT_EQ(error_of(replaced(system_text, C, "modal_damp = 0.05")),
+            "x.toml:3:1: unknown key system.modal_damp; did you mean modal_damping?");
 }
 
 }  // namespace

@@ -97,7 +97,7 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
 TEST(SceneErrors, FirstUnknownKeyIsNamed) {
   EXPECT_EQ(error_of(replaced(beam_text, "[beam]\n", "[beam]\nzeta = 1\nalpha = 2\n")),
             "x.toml:2:1: unknown key beam.zeta; must be one of modes, length, bending_stiffness, "
-            "mass_per_length, damping, damping_ratio");
+            "mass_per_length, damping, damping_ratio, modal_damping");
 }
 
 TEST(SceneErrors, DampingRatiosThatCannotBe) {

@@ -54,6 +54,12 @@ void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
   }
 }
 
+// Under which of its two names `table` has zeta.
+std::string damping_ratio_path(const Text& text, const std::string& table) {
+  const std::string other = table + ".modal_damping";
+  return text.has(other) ? other : table + ".damping_ratio";
+}
+
 void set_damping_ratio(const std::string& path, double factor, const Eigen::VectorXd& ratios,
                        Text& text) {
   const double one = text.number(path, -1.0);
@@ -100,7 +106,8 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
         return;
       }
       if (scene.beam->damping_ratio.size() > 0) {
-        set_damping_ratio("beam.damping_ratio", of.value, fitted.beam->damping_ratio, text);
+        set_damping_ratio(damping_ratio_path(text, "beam"), of.value, fitted.beam->damping_ratio,
+                          text);
         return;
       }
       break;
@@ -159,16 +166,16 @@ void set_rayleigh(const Identification& fit, const std::string& file, Text& text
 
 // A system's damping ratios that give its fitted C with its fitted K.
 void set_system_ratio(const Identification& fit, const std::string& file, Text& text) {
+  const std::string path = damping_ratio_path(text, "system");
   double factor = 1.0;
   for (const FittedUnknown& of : fit.unknowns) {
     if (of.unknown.kind == Kind::damping) factor *= of.value;
     if (of.unknown.kind == Kind::stiffness) factor /= std::sqrt(of.value);
     if (of.unknown.kind == Kind::damping_entry || of.unknown.kind == Kind::stiffness_entry) {
-      throw SceneError(file, "system.damping_ratio cannot say a single entry; give system.C");
+      throw SceneError(file, path + " cannot say a single entry; give system.C");
     }
   }
   if (factor == 1.0) return;
-  const std::string path = "system.damping_ratio";
   if (text.is_file(path)) throw SceneError(file, path + " is a file; give its numbers in place");
   const double one = text.number(path, -1.0);
   if (one >= 0.0) {
@@ -212,7 +219,7 @@ std::string fitted_text(std::string_view given, const Scene& scene, const Identi
   const std::string text = with_files_from(given, from.parent_path(), to.parent_path(), file);
   Text out(text, file);
   for (const FittedUnknown& unknown : fit.unknowns) set_unknown(scene, fit.fitted, unknown, out);
-  if (!scene.beam && out.has("system.damping_ratio")) set_system_ratio(fit, file, out);
+  if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
   if (fit.start_t == begins) {
     out.set("replica.q", fit.start.q);
