@@ -1,19 +1,36 @@
-// An estimate's outputs, the quantities that a scene names, as sprag_outputs_t (SPRAG_OUTPUTS).
+// An estimate's outputs, the quantities that a scene names <-> sprag_outputs_t (SPRAG_OUTPUTS).
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "lcmtypes/named_values.h"
+#include "lcmtypes/refusal.h"
 #include "lcmtypes/state_codec.h"
 #include "sprag/mechanics/model.h"
 
 namespace sprag {
+
+/// The outputs of one tick, as a message has them.
+struct OutputsSample {
+  std::int64_t session = 0;  ///< the master's
+  std::int64_t utime = 0;    ///< wall clock at send [us]
+  std::int64_t tick = 0;     ///< k
+  double t = 0.0;            ///< simulated time of the tick [s]
+  bool settled = false;
+  bool from_filter = false;
+  NamedValues outputs;
+};
 
 /// `outputs` are those of the model that is estimated. The message lies in `buffer` and is valid
 /// until the buffer is used again.
 std::span<const std::uint8_t> encode_outputs(const EstimateSample& sample, bool settled,
                                              std::span<const Output> outputs,
                                              std::vector<std::uint8_t>& buffer);
+
+/// Fills `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
+/// then holds nothing of use.
+Refusal decode(std::span<const std::uint8_t> message, OutputsSample& sample);
 
 }  // namespace sprag

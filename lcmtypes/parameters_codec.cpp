@@ -1,5 +1,6 @@
 #include "lcmtypes/parameters_codec.h"
 
+#include <cmath>
 #include <sprag/parameters_t.hpp>
 
 #include "lcmtypes/big_endian.h"
@@ -28,6 +29,31 @@ std::span<const std::uint8_t> encode_parameters(const EstimateSample& sample,
   put(to, parameters.identifications);
   put(to, static_cast<std::int8_t>(sample.confidence.from_filter ? 1 : 0));
   return buffer;
+}
+
+Refusal decode(std::span<const std::uint8_t> message, ParametersSample& sample) {
+  constexpr std::size_t head = 5 * 8, tail = 3 * 8 + 1;
+  const std::uint8_t* from = message.data();
+  if (message.size() < sizeof(std::int64_t)) return Refusal::truncated;
+  if (take<std::int64_t>(from) != parameters_t::getHash()) return Refusal::wrong_type;
+  if (message.size() < head) return Refusal::truncated;
+  sample.session = take<std::int64_t>(from);
+  sample.utime = take<std::int64_t>(from);
+  sample.tick = take<std::int64_t>(from);
+  sample.t = take<double>(from);
+  if (!std::isfinite(sample.t) || sample.t < 0.0 || sample.tick < 0) return Refusal::bad_time;
+  std::span<const std::uint8_t> rest = message.subspan(head);
+  const Refusal refusal = take_named_values(rest, sample.parameters);
+  if (refusal != Refusal::none) return refusal;
+  if (rest.size() != tail) return rest.size() < tail ? Refusal::truncated : Refusal::oversized;
+  from = rest.data();
+  sample.accepted = take<double>(from);
+  sample.known = take<double>(from);
+  sample.identifications = take<std::int64_t>(from);
+  sample.from_filter = take<std::int8_t>(from) == 1;
+  const bool possible =
+      std::isfinite(sample.accepted) && std::isfinite(sample.known) && sample.identifications >= 0;
+  return possible ? Refusal::none : Refusal::bad_value;
 }
 
 }  // namespace sprag

@@ -12,7 +12,9 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/health_codec.h"
+#include "lcmtypes/outputs_codec.h"
 #include "lcmtypes/packet.h"
+#include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/state_codec.h"
 #include "observer/master_clock.h"
 #include "observer/session_tracker.h"
@@ -134,6 +136,8 @@ void message(Input input) {
   StateSample state;
   EstimateSample estimate;
   Health health;
+  OutputsSample outputs;
+  ParametersSample parameters;
   while (!reader.empty()) {
     arrival.monotonic += 1'000'000LL * reader.value<std::uint8_t>();
     arrival.wall += 1000LL * reader.value<std::uint8_t>();
@@ -143,6 +147,8 @@ void message(Input input) {
       (void)decode(bytes, state);
       (void)decode(bytes, estimate);
       (void)decode(bytes, health);
+      (void)decode(bytes, outputs);
+      (void)decode(bytes, parameters);
       Packet packet;
       if (read_packet(bytes, packet) != PacketFault::none) continue;
       if (decode(packet.data, report) != Refusal::none) continue;

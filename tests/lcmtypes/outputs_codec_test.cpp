@@ -36,6 +36,16 @@ TEST(OutputsCodec, LcmReadsWhatIsWritten) {
     EXPECT_EQ(read.name, (std::vector<std::string>{"tip", "v"}));
     EXPECT_EQ(read.value, (std::vector<double>{1.0, 2.0}));
     EXPECT_EQ(read.sigma, (std::vector<double>{0.5, infinity}));
+    OutputsSample own;
+    ASSERT_EQ(decode(message, own), Refusal::none);
+    EXPECT_EQ(own.session, -3);
+    EXPECT_EQ(own.tick, 7);
+    EXPECT_EQ(own.t, 0.25);
+    EXPECT_EQ(own.settled, settled);
+    EXPECT_TRUE(own.from_filter);
+    EXPECT_EQ(own.outputs.names, read.name);
+    EXPECT_EQ(own.outputs.values, read.value);
+    EXPECT_EQ(own.outputs.sigmas, read.sigma);
   }
   // Without a filter nothing is known.
   sample.confidence.sigma_outputs.resize(0);
@@ -43,6 +53,39 @@ TEST(OutputsCodec, LcmReadsWhatIsWritten) {
   outputs_t read;
   ASSERT_GT(read.decode(message.data(), 0, static_cast<int>(message.size())), 0);
   EXPECT_EQ(read.sigma, (std::vector<double>{infinity, infinity}));
+}
+
+TEST(OutputsCodec, WhatCannotBeIsRefused) {
+  EstimateSample sample;
+  sample.q = sample.u = Eigen::Vector2d(1.0, 2.0);
+  const std::vector<Output> outputs{{"tip", Eigen::Vector2d(3.0, -1.0)}};
+  std::vector<std::uint8_t> buffer;
+  const auto message = encode_outputs(sample, true, outputs, buffer);
+  const std::vector<std::uint8_t> good(message.begin(), message.end());
+  OutputsSample read;
+  ASSERT_EQ(decode(good, read), Refusal::none);
+  for (std::size_t size = 0; size < good.size(); ++size) {
+    EXPECT_NE(decode(std::span(good).first(size), read), Refusal::none) << size;
+  }
+  std::vector<std::uint8_t> longer = good;
+  longer.push_back(0);
+  EXPECT_EQ(decode(longer, read), Refusal::oversized);
+  constexpr std::size_t count = 42, name = 46;  // where n and the length of the first name stand
+  const auto with = [&](std::size_t at, std::initializer_list<std::uint8_t> bytes) {
+    std::vector<std::uint8_t> changed = good;
+    std::copy(bytes.begin(), bytes.end(), changed.begin() + static_cast<std::ptrdiff_t>(at));
+    return decode(changed, read);
+  };
+  EXPECT_EQ(with(0, {1, 2, 3}), Refusal::wrong_type);
+  EXPECT_EQ(with(count, {0xff, 0xff, 0xff, 0xff}), Refusal::bad_count);
+  EXPECT_EQ(with(count, {0x7f, 0xff, 0xff, 0xff}), Refusal::bad_count)
+      << "no memory is taken for it";
+  EXPECT_EQ(with(name, {0x7f, 0xff, 0xff, 0xff}), Refusal::bad_count);
+  EXPECT_EQ(with(name, {0, 0, 0, 0}), Refusal::bad_count);
+  EXPECT_EQ(with(name + 4 + 3, {'x'}), Refusal::bad_value) << "a name without its end";
+  EXPECT_EQ(with(good.size() - 16, {0x7f, 0xf8}), Refusal::bad_value) << "no number";
+  EXPECT_EQ(with(good.size() - 8, {0xbf, 0xf0}), Refusal::bad_value) << "a negative deviation";
+  EXPECT_EQ(with(32, {0xbf, 0xf0}), Refusal::bad_time);
 }
 
 }  // namespace

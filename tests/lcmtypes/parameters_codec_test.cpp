@@ -39,6 +39,17 @@ TEST(ParametersCodec, LcmReadsWhatIsWritten) {
   EXPECT_EQ(read.known, 16.5);
   EXPECT_EQ(read.identifications, 4);
   EXPECT_EQ(read.from_filter, 1);
+  ParametersSample own;
+  ASSERT_EQ(decode(message, own), Refusal::none);
+  EXPECT_EQ(own.session, -3);
+  EXPECT_EQ(own.tick, 7);
+  EXPECT_EQ(own.parameters.names, read.key);
+  EXPECT_EQ(own.parameters.values, read.value);
+  EXPECT_EQ(own.parameters.sigmas, read.sigma);
+  EXPECT_EQ(own.accepted, 15.25);
+  EXPECT_EQ(own.known, 16.5);
+  EXPECT_EQ(own.identifications, 4);
+  EXPECT_TRUE(own.from_filter);
 }
 
 }  // namespace

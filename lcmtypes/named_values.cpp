@@ -1,0 +1,58 @@
+#include "lcmtypes/named_values.h"
+
+#include <cmath>
+#include <cstddef>
+
+#include "lcmtypes/big_endian.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::int32_t most_names = 1000;
+constexpr std::int32_t longest_name = 256;  // with the zero behind it
+
+Refusal take_name(std::span<const std::uint8_t>& rest, std::string& name) {
+  if (rest.size() < 4) return Refusal::truncated;
+  const std::uint8_t* from = rest.data();
+  const auto size = take<std::int32_t>(from);
+  if (size < 1 || size > longest_name) return Refusal::bad_count;
+  const auto length = static_cast<std::size_t>(size) - 1;
+  if (rest.size() < 4 + length + 1) return Refusal::truncated;
+  if (from[length] != 0) return Refusal::bad_value;
+  name.assign(from, from + length);
+  rest = rest.subspan(4 + length + 1);
+  return Refusal::none;
+}
+
+}  // namespace
+
+Refusal take_named_values(std::span<const std::uint8_t>& rest, NamedValues& named) {
+  if (rest.size() < 4) return Refusal::truncated;
+  const std::uint8_t* from = rest.data();
+  const auto n = take<std::int32_t>(from);
+  if (n < 0 || n > most_names) return Refusal::bad_count;
+  rest = rest.subspan(4);
+  const auto count = static_cast<std::size_t>(n);
+  named.names.resize(count);
+  named.values.resize(count);
+  named.sigmas.resize(count);
+  for (std::string& name : named.names) {
+    const Refusal refusal = take_name(rest, name);
+    if (refusal != Refusal::none) return refusal;
+  }
+  if (rest.size() < 16 * count) return Refusal::truncated;
+  from = rest.data();
+  bool possible = true;
+  for (double& value : named.values) {
+    value = take<double>(from);
+    possible = possible && std::isfinite(value);
+  }
+  for (double& sigma : named.sigmas) {
+    sigma = take<double>(from);
+    possible = possible && sigma >= 0.0;
+  }
+  rest = rest.subspan(16 * count);
+  return possible ? Refusal::none : Refusal::bad_value;
+}
+
+}  // namespace sprag
