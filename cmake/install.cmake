@@ -26,6 +26,11 @@ install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/spr
 # Nothing that is called `observer` or `diagnose` belongs on a PATH: the command `sprag` runs them.
 if(SPRAG_PROGRAMS)
   set(programs master_sim observer sync_logger check_scene import_events diagnose identify reduce plot)
+  set(SPRAG_VIEW_SUMMARY)
+  if(TARGET view)
+    list(APPEND programs view)
+    set(SPRAG_VIEW_SUMMARY "\n  view           shows a run in a browser while it goes on")
+  endif()
   set(folder ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
   install(TARGETS ${programs} RUNTIME DESTINATION ${folder} COMPONENT runtime)
   file(RELATIVE_PATH SPRAG_PROGRAMS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${folder})

@@ -1,0 +1,448 @@
+// The page of `view`: what it shows is what the messages say, histories keep their peaks and their
+// memory, and nobody but the page itself is answered. Machines are not the paper's beam.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "sprag/estimation/message_builder.h"
+#include "sprag/estimation/observer.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/simulate.h"
+#include "tools/sync_logger/logger.h"
+#include "tools/view/client.h"
+#include "tools/view/gateway/rules.h"
+#include "tools/view/history.h"
+#include "tools/view/raster.h"
+#include "tools/view/watch.h"
+
+namespace sprag::view {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t memory = 1U << 20U;
+constexpr std::int64_t second = 1'000'000'000;
+
+TEST(History, EveryPixelKeepsLeastAndGreatestHoweverOldTheyAre) {
+  constexpr int rows = 300000;
+  constexpr int pixels = 200;
+  std::mt19937_64 generator(11);
+  std::normal_distribution<double> noise;
+  History history(2, memory);
+  std::vector<double> t, y;
+  for (int i = 0; i < rows; ++i) {
+    t.push_back(0.001 * i);
+    y.push_back(static_cast<float>(noise(generator)));
+    const std::array<double, 2> row{0.0, y.back()};
+    ASSERT_TRUE(history.add(t.back(), row));
+  }
+  const std::vector<History::Wanted> wanted{{1, Keep::both}};
+  for (const auto& [from, to] :
+       {std::pair(0.0, 300.0), {17.0, 203.0}, {299.5, 299.9}, {290.0, 400.0}}) {
+    const Rows kept = history.thinned({from, to, pixels}, wanted);
+    EXPECT_TRUE(std::is_sorted(kept.t.begin(), kept.t.end()));
+    EXPECT_LE(kept.t.size(), 2u * (pixels + 2));
+    double least = infinity, greatest = -infinity;
+    for (int i = 0; i < rows; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      if (t[k] < from || t[k] > to) continue;
+      least = std::min(least, y[k]);
+      greatest = std::max(greatest, y[k]);
+    }
+    // A row on either side may be outside.
+    EXPECT_LE(*std::min_element(kept.values[0].begin(), kept.values[0].end()), least) << from;
+    EXPECT_GE(*std::max_element(kept.values[0].begin(), kept.values[0].end()), greatest) << from;
+    EXPECT_LE(kept.t.front(), from + 0.2);
+    EXPECT_GE(kept.t.back(), std::min(to, t.back()) - 0.002) << "up to the newest row";
+  }
+}
+
+TEST(History, FewRowsAreThereAsTheyCame) {
+  History history(1, memory);
+  const std::vector<double> y{3.0, -1.0, 7.0, 2.0};
+  for (std::size_t i = 0; i < y.size(); ++i) history.add(static_cast<double>(i), {&y[i], 1});
+  const Rows rows =
+      history.thinned({0.0, 3.0, 1000}, std::vector<History::Wanted>{{0, Keep::both}});
+  EXPECT_EQ(rows.t, (std::vector<double>{0.0, 1.0, 2.0, 3.0}));
+  EXPECT_EQ(rows.values[0], y);
+  const double once_more = 9.0;
+  EXPECT_FALSE(history.add(3.0, {&once_more, 1})) << "time does not rise";
+}
+
+TEST(History, ABandKeepsItsOutsideAndGapsAreNoNumbers) {
+  History history(2, memory);
+  for (int i = 0; i < 1000; ++i) {
+    const bool known = i >= 500;
+    const std::array<double, 2> row{known ? -1.0 - i % 7 : infinity,
+                                    known ? 1.0 + i % 5 : infinity};
+    history.add(i, row);
+  }
+  const Rows rows = history.thinned(
+      {0.0, 999.0, 10}, std::vector<History::Wanted>{{0, Keep::least}, {1, Keep::greatest}});
+  EXPECT_TRUE(std::isnan(rows.values[0].front()));
+  EXPECT_EQ(rows.values[0].rbegin()[1], -7.0);
+  EXPECT_EQ(rows.values[1].rbegin()[1], 5.0);
+}
+
+TEST(History, ItsMemoryDoesNotGrowAndItReachesBackToTheStart) {
+  History history(1, memory);
+  // A week of ticks at 10 Hz.
+  const int rows = 6'000'000;
+  for (int i = 0; i < rows; ++i) {
+    const double y = i == 1234 ? 5.0 : 0.0;
+    history.add(0.1 * i, {&y, 1});
+  }
+  EXPECT_EQ(history.first_t(), 0.0);
+  const Rows all =
+      history.thinned({0.0, 0.1 * rows, 800}, std::vector<History::Wanted>{{0, Keep::both}});
+  EXPECT_LE(all.t.size(), 1700u);
+  EXPECT_EQ(*std::max_element(all.values[0].begin(), all.values[0].end()), 5.0) << "a single peak";
+}
+
+TEST(Raster, ClosuresThatCannotBeToldApartAreOne) {
+  using Kind = ContactEventKind;
+  Raster raster(2);
+  raster.add({1.0, 0, Kind::pulse});
+  raster.add({1.01, 0, Kind::pulse});
+  raster.add({2.0, 1, Kind::closes});
+  raster.add({5.0, 0, Kind::pulse});
+  raster.add({6.0, 1, Kind::opens});
+  raster.add({7.0, 1, Kind::closes});
+  const auto coarse = raster.thinned({0.0, 10.0, 100});
+  ASSERT_EQ(coarse[0].size(), 2u);
+  EXPECT_EQ(coarse[0][0].to, 1.01);
+  ASSERT_EQ(coarse[1].size(), 2u);
+  EXPECT_EQ(coarse[1][0].from, 2.0);
+  EXPECT_EQ(coarse[1][1].to, infinity) << "still closed";
+  EXPECT_EQ(raster.thinned({0.9, 1.1, 100})[0].size(), 2u);
+  EXPECT_EQ(raster.thinned({3.0, 4.0, 100})[1].size(), 1u) << "closed all the while";
+  EXPECT_TRUE(raster.closed(1));
+  EXPECT_EQ(raster.events(0), 3u);
+  Raster small(1, 10);
+  for (int i = 0; i < 1000; ++i) small.add({double(i), 0, Kind::pulse});
+  EXPECT_EQ(small.thinned({0.0, 2000.0, 100000})[0].size(), 10u);
+  EXPECT_EQ(small.events(0), 1000u);
+}
+
+// Two carriages, the second between springs and a stop; another machine than those of the scenes.
+Scene two_carriages() {
+  return parse_scene(R"(
+name = "two_carriages"
+[system]
+M = [[2.0, 0.0], [0.0, 1.0]]
+C = [[0.4, -0.1], [-0.1, 0.2]]
+K = [[9.0, -3.0], [-3.0, 5.0]]
+[[force]]
+direction = [1.0, 0.0]
+amplitude = 2.0
+frequency = 2.7
+[impact]
+restitution = 0.5
+[[contact]]
+direction = [0.0, 1.0]
+clearance = 0.1
+[master]
+q = [0.3, 0.4]
+[replica]
+q = [0.1, 0.2]
+uncertainty = [0.1, 0.1]
+)",
+                     "two_carriages.toml");
+}
+
+EstimateSample estimate_at(std::int64_t tick, double q, double sigma) {
+  EstimateSample sample;
+  sample.session = 5;
+  sample.tick = tick;
+  sample.t = 0.01 * static_cast<double>(tick);
+  sample.q = Eigen::Vector2d(-q, q);
+  sample.u = Eigen::Vector2d::Zero();
+  Confidence& confidence = sample.confidence;
+  confidence.has_replica = confidence.has_filter = confidence.from_filter = true;
+  confidence.sigma_q = confidence.sigma_u = Eigen::Vector2d::Constant(sigma);
+  confidence.sigma_g = Eigen::VectorXd::Constant(1, sigma);
+  return sample;
+}
+
+ContactMessage contacts_at(double horizon, std::int64_t sequence) {
+  ContactMessage message;
+  message.session = 5;
+  message.sequence = sequence;
+  message.horizon = horizon;
+  message.contacts = 1;
+  return message;
+}
+
+TEST(Watch, TheLastWordOnATickCounts) {
+  Watch watch(two_carriages());
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  watch.take_settled(estimate_at(1, 0.1, 0.01), {1, 0});
+  watch.take_estimate(estimate_at(2, 0.2, 0.01), {2, 0});
+  watch.take_estimate(estimate_at(3, 0.3, 0.01), {3, 0});
+  watch.take_estimate(estimate_at(3, 0.5, 0.01), {4, 0});
+  Frame frame = watch.frame(5);
+  ASSERT_TRUE(frame.now);
+  EXPECT_EQ(frame.now->q[1], 0.5);
+  EXPECT_EQ(frame.settled->q[1], 0.1);
+  const Window window{0.0, 1.0, 100};
+  EXPECT_EQ(watch.curves(0, window).estimate.t, (std::vector<double>{0.01, 0.02, 0.03}));
+  // c = 0.1: the gap, and two standard deviations to either side.
+  const Rows rows = watch.curves(0, window).estimate;
+  EXPECT_NEAR(rows.values[1][2], 0.6, 1e-6);
+  EXPECT_NEAR(rows.values[0][2], 0.58, 1e-6);
+  EXPECT_NEAR(rows.values[2][2], 0.62, 1e-6);
+
+  // What has settled takes the place of what was said before, and stays.
+  watch.take_settled(estimate_at(2, 0.7, 0.01), {6, 0});
+  watch.take_estimate(estimate_at(2, 9.0, 0.01), {7, 0});
+  watch.take_settled(estimate_at(2, 9.0, 0.01), {8, 0});
+  EXPECT_NEAR(watch.curves(0, window).estimate.values[1][1], 0.8, 1e-6);
+  EXPECT_EQ(watch.frame(9).settled->q[1], 0.7);
+}
+
+TEST(Watch, OfAReplicaNoDeviationsAreShown) {
+  Watch watch(two_carriages());
+  EstimateSample sample = estimate_at(1, 0.1, 0.01);
+  sample.confidence.from_filter = false;
+  watch.take_settled(sample, {1, 0});
+  const Frame frame = watch.frame(2);
+  EXPECT_EQ(frame.badge, Badge::replica);
+  EXPECT_TRUE(frame.sigma.empty());
+  EXPECT_FALSE(frame.contacts[0].sigma);
+  EXPECT_TRUE(std::isnan(watch.curves(0, {0.0, 1.0, 10}).estimate.values[0][0]));
+}
+
+TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
+  Watch watch(two_carriages());
+  EXPECT_EQ(watch.frame(0).badge, Badge::waiting);
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  watch.take_estimate(estimate_at(1, 0.1, 0.01), {0, 0});
+  EXPECT_EQ(watch.frame(second / 10).badge, Badge::filter);
+  EXPECT_EQ(watch.frame(second * 7 / 10).badge, Badge::free) << "no contacts are heard";
+  EXPECT_EQ(watch.frame(3 * second).badge, Badge::waiting) << "no estimates either";
+}
+
+TEST(Watch, AnotherMasterBeginsAnewAndStrangersAreNotHeard) {
+  Watch watch(two_carriages());
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  watch.take_settled(estimate_at(1, 0.1, 0.01), {0, 0});
+  EstimateSample stranger = estimate_at(2, 0.9, 0.01);
+  stranger.session = 6;
+  watch.take_settled(stranger, {1, 0});
+  EXPECT_EQ(watch.of_others(), 1);
+  EXPECT_EQ(watch.frame(1).settled->tick, 1);
+  for (int i = 0; i < 5; ++i) {
+    ContactMessage message = contacts_at(0.0, i);
+    message.session = 6;
+    watch.take(message, {second + i, 0});
+  }
+  EXPECT_FALSE(watch.frame(second + 9).settled);
+  watch.take_settled(stranger, {second + 9, 0});
+  EXPECT_EQ(watch.frame(second + 9).session, 6);
+  EXPECT_EQ(watch.frame(second + 9).settled->tick, 2);
+  StateSample other;
+  other.session = 6;
+  other.q = other.u = Eigen::VectorXd::Zero(3);
+  watch.take_truth(other, {second + 10, 0});
+  EXPECT_EQ(watch.misfits(), 1) << "a machine of three coordinates";
+}
+
+TEST(Watch, WhatDoesNotSettleStaysBoundedAndInSight) {
+  Watch watch(two_carriages());
+  for (int i = 1; i < 50000; ++i) watch.take_estimate(estimate_at(i, 0.1, 0.01), {i, 0});
+  const Curves curves = watch.curves(0, {0.0, 600.0, 100000});
+  EXPECT_LE(curves.estimate.t.size(), 4097u);
+  EXPECT_LT(curves.estimate.t.front(), 1.0);
+  EXPECT_EQ(curves.estimate.t.back(), 499.99);
+  double widest = 0.0;
+  for (std::size_t i = 1; i < curves.estimate.t.size(); ++i) {
+    widest = std::max(widest, curves.estimate.t[i] - curves.estimate.t[i - 1]);
+  }
+  EXPECT_LT(widest, 1.0) << "all of the time is there, only coarser";
+}
+
+TEST(Watch, EnergiesAreThoseOfTheLogger) {
+  const Scene scene = two_carriages();
+  constexpr double tick = 0.01;
+  const Simulation machine = simulate(scene.model, scene.master, 20.0, tick);
+  ASSERT_GT(machine.events.size(), 3u);
+  Observer observer(scene, {.tick = tick});
+  for (const ContactEvent& event : machine.events) observer.take(event);
+  observer.set_horizon(20.0);
+  Watch watch(scene);
+  Pairing logger(scene.model);
+  const SyncRow* row = nullptr;
+  int rows = 0;
+  for (const Estimate& estimate : observer.settle()) {
+    StateSample truth;
+    truth.session = 5;
+    truth.tick = estimate.tick;
+    truth.t = estimate.t;
+    truth.q = machine.q.row(estimate.tick);
+    truth.u = machine.u.row(estimate.tick);
+    EstimateSample sample;
+    static_cast<StateSample&>(sample) = truth;
+    sample.q = estimate.q;
+    sample.u = estimate.u;
+    sample.confidence.bound = estimate.bound;
+    watch.take_truth(truth, {rows, 0});
+    watch.take_settled(sample, {rows, 0});
+    logger.add_truth(truth);
+    row = logger.add_estimate(sample);
+    ASSERT_NE(row, nullptr);
+    ++rows;
+    const Frame frame = watch.frame(rows);
+    ASSERT_TRUE(frame.energy);
+    EXPECT_EQ(frame.energy->V, row->energy[0]);
+    EXPECT_EQ(frame.energy->k, row->k);
+    EXPECT_EQ(frame.bound, estimate.bound);
+  }
+  EXPECT_EQ(rows, 2001);
+  EXPECT_EQ(static_cast<float>(watch.curves(0, {0.0, 20.0, 5000}).energy.values[0].back()),
+            static_cast<float>(row->energy[0]));
+}
+
+TEST(Watch, EventsOfMessagesAreTakenOnceAndSuspectsAreKept) {
+  Watch watch(two_carriages());
+  MessageBuilder builder(5, 1.0, 1);
+  std::vector<ContactEvent> events;
+  for (int i = 1; i <= 5; ++i) events.push_back({0.1 * i, 0, ContactEventKind::pulse});
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    builder.add({&events[i], 1});
+    const ContactMessage& message = builder.next(events[i].t, 0);
+    watch.take(message, {static_cast<std::int64_t>(i), 0});
+    watch.take(message, {static_cast<std::int64_t>(i), 0});  // doubled
+  }
+  const Frame frame = watch.frame(9);
+  EXPECT_EQ(frame.contacts[0].events, 5u);
+  EXPECT_EQ(frame.contacts[0].last, 0.5);
+  EXPECT_FALSE(frame.suspect);
+  EstimateSample sample = estimate_at(60, 0.1, 0.01);
+  sample.confidence.inconsistencies = 1;
+  sample.confidence.last = {0.4, 0, Suspicion::spurious_event, 50.0};
+  watch.take_settled(sample, {10, 0});
+  ASSERT_TRUE(watch.frame(11).suspect);
+  EXPECT_EQ(watch.frame(11).suspect->t, 0.4);
+  const Curves curves = watch.curves(0, {0.0, 1.0, 100});
+  EXPECT_EQ(curves.closures[0].size(), 5u);
+  ASSERT_EQ(curves.suspects.size(), 1u);
+  EXPECT_EQ(curves.suspects[0].suspicion, Suspicion::spurious_event);
+}
+
+TEST(DrawnMachine, ABeamTouchesItsStopWhereTheGapIsZero) {
+  for (const char* name : {"two_stops_beam", "steel_ruler"}) {
+    const Scene scene = read_scene(std::string(SPRAG_SOURCE_DIR) + "/scenes/" + name + ".toml");
+    const DrawnMachine machine(scene);
+    ASSERT_TRUE(machine.is_beam());
+    std::mt19937_64 generator(3);
+    std::normal_distribution<double> value;
+    const double t = 0.37;
+    Eigen::VectorXd q(scene.model.coordinates());
+    for (double& q_i : q) q_i = 0.1 * value(generator);
+    const std::vector<double> shape = machine.shape(q, t);
+    EXPECT_EQ(shape.size(), machine.places().size());
+    EXPECT_NEAR(shape.front(), machine.base(t), 1e-12) << "clamped";
+    for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+      const double x = scene.positions[i];
+      const double height = mode_shapes(*scene.beam, x).dot(q) + machine.base(t);
+      const double distance = (height - machine.stop(i, t)) * -machine.stops()[i].side;
+      EXPECT_NEAR(distance, gap(scene.model.contacts[i], q, t), 1e-12) << name << ' ' << i;
+    }
+  }
+}
+
+TEST(Client, GetsTheNewestAndOnlyAsMuchAsItHasSeen) {
+  Watch watch(two_carriages());
+  watch.take_settled(estimate_at(1, 0.1, 0.01), {1, 0});
+  Client client;
+  const auto next = [&](std::int64_t at) {
+    return nlohmann::json::parse(client.next(watch, std::nullopt, at, at, false));
+  };
+  const nlohmann::json first = next(1);
+  EXPECT_EQ(first["n"], 1);
+  EXPECT_EQ(first["scene"]["name"], "two_carriages");
+  EXPECT_EQ(first["frame"]["settled"]["q"][1], 0.1);
+  EXPECT_EQ(first["frame"]["session"], "5");
+  EXPECT_TRUE(first["frame"]["bound"].is_null()) << "infinite";
+  EXPECT_TRUE(first.contains("curves"));
+  EXPECT_TRUE(client.wants());
+  EXPECT_FALSE(next(2).contains("scene"));
+  next(3);
+  EXPECT_FALSE(client.wants()) << "it has seen none of three";
+  for (const char* nonsense :
+       {"", "{", "[1]", "7", R"({"seen": "x"})", R"({"seen": -1})", R"({"seen": 1e99})",
+        R"({"view": 3})", R"({"view": {"from": 2, "to": 1}})"}) {
+    client.hear(nonsense);
+  }
+  EXPECT_FALSE(client.wants());
+  client.hear(
+      R"({"seen": 3, "view": {"from": 0.005, "to": 0.02, "pixels": 1e9, "quantity": "q2"}})");
+  EXPECT_TRUE(client.wants());
+  const nlohmann::json zoomed = next(4);
+  EXPECT_EQ(zoomed["curves"]["from"], 0.005);
+  EXPECT_EQ(zoomed["curves"]["quantity"], "q2");
+  EXPECT_NEAR(zoomed["curves"]["estimate"]["mean"][0].get<double>(), 0.1, 1e-6);
+  client.hear(R"({"view": {"window": 2}})");
+  EXPECT_EQ(next(5)["curves"]["to"], 0.01 + 2.0) << "it fills from the left";
+}
+
+constexpr std::array<unsigned char, 3> bytes{'a', 'b', 'c'};
+constexpr std::array<PageFile, 1> files{{{"/index.html", "text/html", bytes}}};
+
+int status(const Request& request) { return judge(request, {"127.0.0.1", 8080}, files).status; }
+
+TEST(Rules, OnlyThePageItselfIsAnswered) {
+  EXPECT_EQ(status({"GET", "/", "127.0.0.1:8080", {}}), 200);
+  EXPECT_EQ(status({"HEAD", "/index.html", "localhost:8080", {}}), 200);
+  // A name that somebody lets point here, or something that only begins right.
+  for (const char* host :
+       {"evil.example:8080", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8080.evil.example",
+        "localhost", "localhost:80800", "127.0.0.1:8080 ", ""}) {
+    EXPECT_EQ(status({"GET", "/", host, {}}), 403) << host;
+  }
+  EXPECT_EQ(status({"GET", "/", {}, {}}), 403) << "none, or more than one";
+  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "CONNECT", "get"}) {
+    EXPECT_EQ(status({method, "/", "127.0.0.1:8080", {}}), 405) << method;
+  }
+  for (const char* target :
+       {"/x", "//", "/../etc/passwd", "/index.html?x", "http://127.0.0.1:8080/", ""}) {
+    EXPECT_EQ(status({"GET", target, "127.0.0.1:8080", {}}), 404) << target;
+  }
+}
+
+TEST(Rules, TheStreamIsForThePageOfTheSameHost) {
+  EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080", true}), 101);
+  EXPECT_EQ(status({"GET", "/stream", "localhost:8080", "http://localhost:8080", true}), 101);
+  EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080"}), 426);
+  for (const char* origin :
+       {"http://evil.example", "http://127.0.0.1:8081", "https://127.0.0.1:8080", "null",
+        "http://localhost:8080", "http://127.0.0.1:8080/"}) {
+    EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", origin, true}), 403) << origin;
+  }
+  EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", {}, true}), 403) << "no browser is without";
+  EXPECT_EQ(status({"POST", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080", true}), 405);
+}
+
+TEST(Rules, AddressesAreReadAsPeopleGiveThem) {
+  const auto read = [](const char* text) {
+    const auto endpoint = endpoint_of(text);
+    return endpoint ? text_of(*endpoint) : "none";
+  };
+  EXPECT_EQ(read("127.0.0.1:8080"), "127.0.0.1:8080");
+  EXPECT_EQ(read("localhost:0"), "127.0.0.1:0");
+  EXPECT_EQ(read("9000"), "127.0.0.1:9000");
+  EXPECT_EQ(read(":9000"), "127.0.0.1:9000");
+  EXPECT_EQ(read("[::1]:80"), "[::1]:80");
+  for (const char* text :
+       {"", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "::1:80", "x"}) {
+    EXPECT_EQ(read(text), "none") << text;
+  }
+  EXPECT_TRUE(is_loopback({"127.0.0.1", 1}));
+  EXPECT_FALSE(is_loopback({"0.0.0.0", 1}));
+}
+
+}  // namespace
+}  // namespace sprag::view

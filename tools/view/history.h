@@ -1,0 +1,81 @@
+// What was said at rising times, for pictures of any window: days of it in memory that does not
+// grow. The last rows are there as they came; of older ones the least and the greatest of 4, 16,
+// ... rows, so that no peak is lost.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace sprag::view {
+
+/// What of a column a pixel keeps.
+enum class Keep { both, least, greatest };
+
+/// Rows of times that rise, a vector of values for each column that was asked for; NaN: nothing
+/// there.
+struct Rows {
+  std::vector<double> t;
+  std::vector<std::vector<double>> values;
+};
+
+struct Window {
+  double from = 0.0, to = 0.0;
+  int pixels = 1;
+};
+
+class History {
+ public:
+  /// For rows of `columns` values, in about `memory` bytes, all of which are taken at once.
+  History(std::size_t columns, std::size_t memory);
+
+  /// Takes a row; NaN and infinite values count as missing. False, and nothing taken, if t does not
+  /// rise.
+  bool add(double t, std::span<const double> values);
+
+  void clear();
+
+  bool empty() const { return rows_ == 0; }
+  double last_t() const { return last_t_; }  ///< of the last row; -infinity before the first one
+  double first_t() const;                    ///< of the oldest row that is kept in some form
+
+  struct Wanted {
+    std::size_t column;
+    Keep keep;
+  };
+
+  /// The rows from `from` to `to`, and one on either side; where several share one of the `pixels`
+  /// equal intervals, two rows with the least and the greatest of each column, or one of them
+  /// twice, as `wanted` says.
+  Rows thinned(const Window& window, std::span<const Wanted> wanted) const;
+
+ private:
+  struct Extremes {
+    float least, greatest;
+  };
+  // A ring of the last buckets, each of 4^level rows; all columns of a bucket lie together.
+  struct Level {
+    std::vector<double> first, last;  // times
+    std::vector<Extremes> values;
+    std::size_t begin = 0, size = 0;
+    // The bucket that is being filled.
+    std::vector<Extremes> open;
+    double open_first = 0.0;
+    std::size_t open_parts = 0;
+  };
+
+  std::size_t slot(const Level& level, std::size_t i) const {
+    return (level.begin + i) % capacity_;
+  }
+  void push(std::size_t level, double first, double last, std::span<const Extremes> values);
+
+  std::size_t columns_;
+  std::size_t capacity_;
+  std::vector<Level> levels_;
+  std::size_t rows_ = 0;
+  double last_t_ = -std::numeric_limits<double>::infinity();
+  std::vector<Extremes> row_;
+};
+
+}  // namespace sprag::view

@@ -1,0 +1,662 @@
+// The page of `view`: takes what the program sends, draws the newest of it, and says what it has drawn.
+// Everything drawn comes from the program; nothing is computed here but places on the screen.
+"use strict";
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const windows = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10000];
+  const longestPause = 5000; // ms between attempts to connect
+  const silence = 6000; // ms without a message: the connection is dead
+  const flash = 180; // ms that an impact lights its stop
+
+  // What tests and curious people read.
+  const sprag = (window.sprag = {
+    connected: false, received: 0, scene: null, frame: null, curves: null, health: null, over: false, paused: false,
+    view: { follow: true, window: 20, from: 0, to: 20, quantity: null },
+  });
+
+  const style = {};
+  function readStyle() {
+    const computed = getComputedStyle(document.documentElement);
+    for (const name of ["paper", "panel", "ink", "muted", "edge", "grid", "estimate", "replica", "suspect", "lit", "closed"]) {
+      style[name] = computed.getPropertyValue("--" + name).trim();
+    }
+    // A variable that stands for another one.
+    const named = document.documentElement.dataset.estimator;
+    const own = { replica: "--replica", timing: "--timing", adaptive: "--adaptive" }[named] || "--both";
+    style.estimate = computed.getPropertyValue(own).trim();
+  }
+
+  // ---- numbers for people ----
+  function short(value) {
+    if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+    if (value === 0) return "0";
+    const size = Math.abs(value);
+    if (size >= 1e5 || size < 1e-3) return value.toExponential(2).replace("+", "").replaceAll("-", "−");
+    return value.toPrecision(4).replace("-", "−");
+  }
+  const count = (value) => String(value);
+  function duration(seconds) {
+    if (seconds >= 1) return short(seconds) + " s";
+    return seconds >= 1e-3 ? (1e3 * seconds).toPrecision(3) + " ms" : (1e6 * seconds).toPrecision(3) + " µs";
+  }
+  function put(element, text, value) {
+    if (element.textContent !== text) element.textContent = text;
+    if (value !== undefined) element.dataset.value = value === null ? "" : String(value);
+  }
+
+  // ---- connection ----
+  let socket = null;
+  let pause = 500;
+  let heard = performance.now();
+  let pending = null;
+  let drawing = false;
+
+  function state(name, text) {
+    byId("connection").dataset.state = name;
+    document.body.dataset.connection = name;
+    put(byId("connection"), text);
+    sprag.connected = name === "connected";
+  }
+
+  function connect() {
+    heard = performance.now();
+    const mine = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/stream");
+    socket = mine;
+    mine.onopen = () => {
+      state("connected", "connected");
+      pending = null;
+      sendView();
+    };
+    mine.onmessage = (event) => {
+      heard = performance.now();
+      pause = 500;
+      pending = Object.assign(pending || {}, JSON.parse(event.data));
+      sprag.received += 1;
+      if (!drawing) {
+        drawing = true;
+        requestAnimationFrame(draw);
+      }
+    };
+    mine.onclose = () => {
+      if (socket !== mine) return;
+      socket = null;
+      state("lost", "not connected; trying again");
+      setTimeout(connect, pause);
+      pause = Math.min(2 * pause, longestPause);
+    };
+  }
+
+  function send(message) {
+    if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  }
+
+  setInterval(() => {
+    if (document.hidden || drawing) heard = performance.now();
+    if (socket && performance.now() - heard > silence) {
+      const dead = socket;
+      dead.close();
+      if (dead.onclose) dead.onclose();
+      dead.onclose = null;
+    }
+  }, 1000);
+
+  // ---- what is looked at ----
+  function plotPixels() {
+    return Math.max(50, Math.round(curveChart ? curveChart.getArea().w : byId("curve-chart").clientWidth));
+  }
+  function sendView() {
+    const view = sprag.view;
+    const said = { pixels: plotPixels() };
+    if (view.quantity) said.quantity = view.quantity;
+    if (view.follow) said.window = view.window;
+    else Object.assign(said, { from: view.from, to: view.to });
+    send({ view: said });
+  }
+  function pressed(id, on) { byId(id).setAttribute("aria-pressed", String(on)); }
+  function setPaused(paused) {
+    sprag.paused = paused;
+    pressed("pause", paused);
+    put(byId("pause"), paused ? "Resume" : "Pause");
+  }
+  function follow(length) {
+    sprag.view.follow = true;
+    if (length) sprag.view.window = length;
+    setPaused(false);
+    pressed("follow", true);
+    sendView();
+  }
+  function look(from, to) {
+    if (!(from < to)) return;
+    Object.assign(sprag.view, { follow: false, from, to });
+    pressed("follow", false);
+    sendView();
+    applyWindow();
+  }
+  function move(shift, stretch) {
+    const { from, to } = sprag.view;
+    const middle = (from + to) / 2 + shift * (to - from);
+    const half = stretch * (to - from) / 2;
+    look(middle - half, middle + half);
+  }
+
+  // ---- the machine ----
+  const machine = { canvas: byId("machine"), range: 0, middle: 0, events: [], litUntil: [] };
+
+  function context(canvas) {
+    const ratio = window.devicePixelRatio || 1;
+    const width = canvas.clientWidth, height = canvas.clientHeight;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
+    const c = canvas.getContext("2d");
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, width, height);
+    return { c, width, height };
+  }
+
+  function polyline(c, xs, ys) {
+    c.beginPath();
+    xs.forEach((x, i) => (i === 0 ? c.moveTo(x, ys[i]) : c.lineTo(x, ys[i])));
+  }
+
+  function lights(frame) {
+    const now = performance.now();
+    return frame.contacts.map((contact, i) => {
+      if (machine.events[i] !== undefined && contact.events > machine.events[i]) machine.litUntil[i] = now + flash;
+      machine.events[i] = contact.events;
+      return contact.closed || now < (machine.litUntil[i] || 0);
+    });
+  }
+
+  // Heights shown, so that they fit and the scale does not jump.
+  function fitHeights(frame) {
+    let low = frame.machine.base, high = frame.machine.base;
+    const take = (y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } };
+    (frame.machine.estimate || []).forEach(take);
+    (frame.machine.truth || []).forEach(take);
+    const reach = Math.max(high - frame.machine.base, frame.machine.base - low);
+    // Stops that are far off would make the motion invisible.
+    frame.contacts.forEach((contact) => {
+      if (contact.y !== null && Math.abs(contact.y) < 8 * Math.max(reach, machine.range)) take(contact.y);
+    });
+    const needed = Math.max(Math.abs(low), Math.abs(high)) * 1.25 || 1e-12;
+    machine.range = machine.range > needed && machine.range < 20 * needed
+      ? Math.max(needed, machine.range * 0.997) : needed;
+    return machine.range;
+  }
+
+  function drawStop(c, x, y, side, lit, size) {
+    c.beginPath();
+    c.moveTo(x, y);
+    c.lineTo(x - 0.6 * size, y - side * size);
+    c.lineTo(x + 0.6 * size, y - side * size);
+    c.closePath();
+    c.fillStyle = lit ? style.lit : style.panel;
+    c.fill();
+    c.lineWidth = lit ? 3 : 2;
+    c.strokeStyle = style.ink;
+    c.stroke();
+  }
+
+  function drawMachine(frame, lit) {
+    const scene = sprag.scene;
+    const { c, width, height } = context(machine.canvas);
+    const range = fitHeights(frame);
+    const beam = scene.machine === "beam";
+    const places = scene.places;
+    const left = beam ? 34 : 24, right = 24;
+    const first = beam ? places[0] : 0.5;
+    const last = beam ? places[places.length - 1] : places.length + 0.5;
+    const X = (x) => left + ((x - first) / (last - first)) * (width - left - right);
+    const Y = (y) => height / 2 - (y / range) * (height / 2 - 12);
+    const shown = frame.machine;
+
+    c.setLineDash([2, 4]);
+    c.lineWidth = 1;
+    c.strokeStyle = style.muted;
+    polyline(c, [left, width - right], [Y(shown.base), Y(shown.base)]);
+    c.stroke();
+    c.setLineDash([]);
+    if (beam) {
+      const y = Y(shown.base);
+      c.fillStyle = style.muted;
+      c.fillRect(left - 12, y - 34, 12, 68);
+    }
+
+    const size = Math.min(26, height / 9);
+    scene.stops.forEach((stop, i) => {
+      const contact = frame.contacts[i];
+      if (contact.y !== null) {
+        drawStop(c, X(stop.across), Math.min(Math.max(Y(contact.y), -size), height + size), stop.side, lit[i], size);
+      } else {
+        const y = height - 12, from = X(stop.across), to = X(stop.other);
+        c.strokeStyle = style.ink;
+        c.lineWidth = lit[i] ? 5 : 2;
+        polyline(c, [from, from, to, to], [y - 8, y, y, y - 8]);
+        c.stroke();
+        if (lit[i]) {
+          c.fillStyle = style.lit;
+          c.fillRect((from + to) / 2 - 6, y - 6, 12, 12);
+          c.strokeRect((from + to) / 2 - 6, y - 6, 12, 12);
+        }
+      }
+    });
+
+    const xs = places.map(X);
+    const few = places.length <= 40;
+    if (shown.estimate && shown.sigma) {
+      const up = shown.estimate.map((y, i) => Y(y + 2 * shown.sigma[i]));
+      const down = shown.estimate.map((y, i) => Y(y - 2 * shown.sigma[i]));
+      c.globalAlpha = 0.28;
+      c.fillStyle = c.strokeStyle = style.estimate;
+      if (beam || !few) {
+        polyline(c, xs.concat([...xs].reverse()), up.concat([...down].reverse()));
+        c.fill();
+      } else {
+        const half = Math.min(16, (width - left - right) / places.length / 3);
+        xs.forEach((x, i) => c.fillRect(x - half, up[i], 2 * half, down[i] - up[i]));
+      }
+      c.globalAlpha = 1;
+    }
+    if (shown.estimate) {
+      c.strokeStyle = c.fillStyle = style.estimate;
+      const ys = shown.estimate.map(Y);
+      c.lineWidth = beam ? 4 : 1.5;
+      polyline(c, xs, ys);
+      c.stroke();
+      if (!beam && few) xs.forEach((x, i) => { c.beginPath(); c.arc(x, ys[i], 7, 0, 7); c.fill(); });
+    }
+    if (shown.truth) {
+      c.strokeStyle = style.ink;
+      c.lineWidth = 2;
+      const ys = shown.truth.map(Y);
+      if (beam || !few) {
+        c.setLineDash([7, 5]);
+        polyline(c, xs, ys);
+        c.stroke();
+        c.setLineDash([]);
+      } else {
+        xs.forEach((x, i) => { polyline(c, [x - 14, x + 14], [ys[i], ys[i]]); c.setLineDash([6, 3]); c.stroke(); c.setLineDash([]); });
+      }
+    }
+    c.fillStyle = style.muted;
+    c.font = "12px DejaVu Sans, Verdana, sans-serif";
+    if (!beam && few) {
+      c.textAlign = "center";
+      xs.forEach((x, i) => c.fillText("q" + (i + 1), x, 14));
+    }
+    c.textAlign = "right";
+    c.fillText("± " + short(range), width - 4, height - 6);
+  }
+
+  // ---- curves ----
+  let curveChart = null, energyChart = null;
+  let frozen = false; // while somebody drags
+  let applying = false;
+
+  function logTicks(low, high, pixels) {
+    const from = Math.floor(Math.log10(low)), to = Math.ceil(Math.log10(high));
+    const step = Math.max(1, Math.ceil((to - from) / Math.max(2, pixels / 34)));
+    const ticks = [];
+    for (let k = Math.ceil(from / step) * step; k <= to; k += step) ticks.push({ v: Math.pow(10, k), label: ("1e" + k).replace("-", "−") });
+    return ticks;
+  }
+
+  function userMoved(chart) {
+    if (applying || frozen) return;
+    const [from, to] = chart.xAxisRange();
+    const view = sprag.view;
+    const small = 1e-6 * (view.to - view.from);
+    if (Math.abs(from - view.from) > small || Math.abs(to - view.to) > small) look(from, to);
+  }
+
+  function makeCharts() {
+    // Its legend sets styles in a way that the policy of this page forbids; there is another one below.
+    Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
+    const model = Object.assign({}, Dygraph.defaultInteractionModel, { dblclick: () => follow() });
+    const common = {
+      connectSeparatedPoints: true, interactionModel: model, animatedZooms: false,
+      highlightCircleSize: 0, rightGap: 8, xRangePad: 0, drawGapEdgePoints: false,
+      zoomCallback: (from, to) => { frozen = false; look(from, to); },
+      drawCallback: (chart, initial) => { if (!initial) userMoved(chart); },
+    };
+    const axes = (more) => ({
+      x: { axisLabelFormatter: (t) => String(Number(t.toPrecision(10))), pixelsPerLabel: 70 },
+      y: Object.assign({ axisLabelWidth: 62, axisLabelFormatter: (y) => String(Number(y.toPrecision(3))).replace("-", "−") }, more),
+    });
+    curveChart = new Dygraph(byId("curve-chart"), [[0, [null, null, null], [null, null, null]]], Object.assign({
+      labels: ["t", "estimate", "machine"], customBars: true, axes: axes({}), dateWindow: [0, 20],
+      series: { estimate: { strokeWidth: 2 }, machine: { strokeWidth: 1.6, strokePattern: [7, 4] } },
+    }, common));
+    energyChart = new Dygraph(byId("energy-chart"), [[0, null, null]], Object.assign({
+      labels: ["t", "V", "B"], logscale: true, dateWindow: [0, 20],
+      axes: axes({ ticker: (low, high, pixels) => logTicks(low, high, pixels) }), valueRange: [1e-3, 1],
+      series: { V: { strokeWidth: 2 }, B: { strokeWidth: 1.6, strokePattern: [7, 4] } },
+    }, common));
+    for (const id of ["curve-chart", "energy-chart"]) {
+      byId(id).addEventListener("pointerdown", () => { frozen = true; }, true);
+    }
+    for (const name of ["pointerup", "pointercancel"]) {
+      window.addEventListener(name, () => setTimeout(() => {
+        if (!frozen) return;
+        frozen = false;
+        userMoved(curveChart);
+        userMoved(energyChart);
+      }, 0), true);
+    }
+    recolour();
+  }
+
+  function recolour() {
+    readStyle();
+    if (!curveChart) return;
+    const common = { axisLineColor: style.muted, gridLineColor: style.grid };
+    applying = true;
+    curveChart.updateOptions(Object.assign({ colors: [style.estimate, style.ink], fillAlpha: 0.25 }, common), false);
+    energyChart.updateOptions(Object.assign({ colors: [style.estimate, style.replica] }, common), false);
+    applying = false;
+  }
+
+  // Rows of two lists of times, each in its own column, the other one empty.
+  function merged(a, b, rowOf) {
+    const rows = [];
+    let i = 0, j = 0;
+    while (i < a.t.length || j < b.t.length) {
+      const t = Math.min(i < a.t.length ? a.t[i] : Infinity, j < b.t.length ? b.t[j] : Infinity);
+      const ofA = i < a.t.length && a.t[i] === t ? i++ : -1;
+      const ofB = j < b.t.length && b.t[j] === t ? j++ : -1;
+      rows.push(rowOf(t, ofA, ofB));
+    }
+    return rows;
+  }
+
+  function windowOf(curves) {
+    const view = sprag.view;
+    if (view.follow) Object.assign(view, { from: curves.from, to: curves.to });
+    return [view.from, view.to];
+  }
+
+  function applyWindow() {
+    if (!curveChart) return;
+    applying = true;
+    const dateWindow = [sprag.view.from, sprag.view.to];
+    curveChart.updateOptions({ dateWindow });
+    energyChart.updateOptions({ dateWindow });
+    applying = false;
+    if (sprag.curves) drawRaster(sprag.curves);
+  }
+
+  function drawCurves(curves) {
+    const dateWindow = windowOf(curves);
+    const nothing = [null, null, null];
+    const { estimate, truth, energy, bound } = curves;
+    const band = (i) => {
+      const y = estimate.mean[i];
+      return [estimate.low[i] === null ? y : estimate.low[i], y, estimate.high[i] === null ? y : estimate.high[i]];
+    };
+    let rows = merged(estimate, truth, (t, i, j) =>
+      [t, i < 0 ? nothing : band(i), j < 0 ? nothing : [truth.value[j], truth.value[j], truth.value[j]]]);
+    if (rows.length === 0) rows = [[dateWindow[0], nothing, nothing]];
+    const positive = (y) => (y > 0 ? y : null);
+    let energies = merged(energy, bound, (t, i, j) =>
+      [t, i < 0 ? null : positive(energy.V[i]), j < 0 ? null : positive(bound.B[j])]);
+    let low = Infinity, high = 0;
+    for (const [, V, B] of energies) {
+      for (const y of [V, B]) if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); }
+    }
+    if (energies.length === 0) energies = [[dateWindow[0], null, null]];
+    const valueRange = high > 0 ? [low / 2, high * 3] : [1e-3, 1];
+    applying = true;
+    curveChart.updateOptions({ file: rows, dateWindow });
+    energyChart.updateOptions({ file: energies, dateWindow, valueRange });
+    applying = false;
+    drawRaster(curves);
+    document.querySelectorAll('[data-of="truth"]').forEach((e) => { e.hidden = truth.t.length === 0 && energy.t.length === 0; });
+  }
+
+  function drawRaster(curves) {
+    const canvas = byId("raster");
+    const contacts = curves.raster.length;
+    const row = contacts > 20 ? 10 : 22;
+    const height = 16 + row * contacts + "px";
+    if (canvas.style.height !== height) canvas.style.height = height;
+    const { c, width } = context(canvas);
+    const area = curveChart.getArea();
+    const { from, to } = sprag.view;
+    const X = (t) => area.x + ((t - from) / (to - from)) * area.w;
+    c.font = "12px DejaVu Sans, Verdana, sans-serif";
+    c.textAlign = "right";
+    c.textBaseline = "middle";
+    curves.raster.forEach((closures, i) => {
+      const y = 8 + row * i;
+      c.fillStyle = style.ink;
+      if (row > 10 || i % 5 === 0) c.fillText(String(i + 1), area.x - 6, y + row / 2);
+      c.fillStyle = style.grid;
+      c.fillRect(area.x, y + row - 1, area.w, 1);
+      for (let k = 0; k < closures.length; k += 2) {
+        const begin = Math.max(area.x, X(closures[k]));
+        const end = Math.min(area.x + area.w, closures[k + 1] === null ? X(curves.last) : X(closures[k + 1]));
+        if (end < area.x || begin > area.x + area.w) continue;
+        if (end - begin > 2) {
+          c.fillStyle = style.closed;
+          c.fillRect(begin, y + 0.25 * row, end - begin, 0.5 * row);
+        } else {
+          c.fillStyle = style.ink;
+          c.fillRect(begin - 0.75, y + 2, 1.5, row - 4);
+        }
+      }
+    });
+    for (const suspect of curves.suspects) {
+      const x = X(suspect.t), y = 8 + row * (suspect.contact - 0.5), r = Math.min(7, row / 2);
+      if (x < area.x || x > area.x + area.w) continue;
+      c.fillStyle = style.suspect;
+      c.strokeStyle = style.panel;
+      c.lineWidth = 1;
+      c.beginPath();
+      c.moveTo(x, y - r); c.lineTo(x + r, y); c.lineTo(x, y + r); c.lineTo(x - r, y);
+      c.closePath();
+      c.fill();
+      c.stroke();
+    }
+    c.strokeStyle = style.muted;
+    c.strokeRect(area.x + 0.5, 8.5, Math.min(area.w, width - area.x - 1), row * contacts - 1);
+  }
+
+  // ---- words and numbers ----
+  const whose = { filter: "the filter's estimate", replica: "the replica's estimate", waiting: "waiting for an estimate" };
+
+  function words(frame) {
+    let text = whose[frame.badge];
+    if (frame.badge === "free") text = "running free: no contacts are heard (" + (frame.from_filter ? "filter" : "replica") + ")";
+    if (sprag.over) text = "the recording is over";
+    put(byId("badge"), text);
+    byId("badge").dataset.badge = frame.badge;
+    const t = frame.machine.estimate || frame.machine.truth ? frame.machine.t : null;
+    put(byId("t"), t === null ? "–" : t.toFixed(3) + " s", t);
+    put(byId("V"), frame.energy ? short(frame.energy.V) : "no truth to compare with", frame.energy ? frame.energy.V : null);
+    put(byId("bound"), frame.bound === null ? "not known" : short(frame.bound), frame.bound);
+    put(byId("suspect"), frame.suspect
+      ? frame.suspect.suspicion + ", contact " + frame.suspect.contact + " at " + short(frame.suspect.t) + " s" : "none");
+    const main = byId("sprag").dataset;
+    main.session = frame.session || "";
+    main.badge = frame.badge;
+    if (frame.settled) {
+      main.tick = frame.settled.tick;
+      main.t = frame.settled.t;
+      main.q = JSON.stringify(frame.settled.q);
+    }
+    if (frame.energy) {
+      main.v = frame.energy.V;
+      main.vTick = frame.energy.k;
+    }
+    if (frame.estimator !== "unknown" && document.documentElement.dataset.estimator !== frame.estimator) {
+      document.documentElement.dataset.estimator = frame.estimator;
+      recolour();
+    }
+  }
+
+  function drawContacts(frame, lit) {
+    const list = byId("contacts");
+    while (list.children.length < frame.contacts.length) list.append(document.createElement("li"));
+    frame.contacts.forEach((contact, i) => {
+      const item = list.children[i];
+      const sigma = contact.sigma === null ? "" : " ± " + short(2 * contact.sigma);
+      put(item, "g" + (i + 1) + " " + short(contact.gap) + sigma + (contact.closed ? ", closed" : "") + ", " + contact.events + " events");
+      item.dataset.closed = contact.closed;
+      item.dataset.lit = lit[i];
+      item.dataset.events = contact.events;
+    });
+    const part = byId("parameters-part");
+    part.hidden = frame.parameters.length === 0;
+    if (!part.hidden) {
+      fill(byId("parameters"), frame.parameters.map((p) =>
+        ["parameter-" + p.key, p.key, short(p.value) + (p.sigma === null ? " (the scene's)" : " ± " + short(2 * p.sigma)), p.value, false]));
+    }
+  }
+
+  // Rows of a list of numbers: id, name, text, value, whether it is notable.
+  function fill(list, rows) {
+    const ids = rows.map((row) => row[0]).join(" ");
+    if (list.dataset.ids !== ids) {
+      list.dataset.ids = ids;
+      list.replaceChildren(...rows.map(([id, name]) => {
+        const row = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
+        dt.textContent = name;
+        dd.id = id;
+        row.append(dt, dd);
+        return row;
+      }));
+    }
+    rows.forEach(([, , text, value, notable], i) => {
+      const dd = list.children[i].lastChild;
+      put(dd, text, value);
+      list.children[i].className = notable ? "notable" : "";
+    });
+  }
+
+  function drawHealth(health) {
+    const o = health.observer;
+    if (!o) {
+      put(byId("health-words"), "No observer tells how it fares" + (health.here.messages > 0 ? "; contacts are heard." : ", and no contacts are heard."));
+      fill(byId("health"), [
+        ["health-here-messages", "messages of contacts heard here", count(health.here.messages), health.here.messages, false],
+        ["health-here-lost", "of them lost on the way here", count(health.here.lost_messages), health.here.lost_messages, health.here.lost_messages > 0],
+      ]);
+      return;
+    }
+    const said = [];
+    if (o.last) said.push("The observer has ended.");
+    else if (o.age > 3) said.push("The observer was last heard " + duration(o.age) + " ago.");
+    said.push({ awaited: "It waits for a master.", heard: "It hears its master.", silent: "Its master is silent; the estimate runs free.",
+      ended: "Its master's run is over; the estimate runs free." }[o.master]);
+    if (o.master === "heard" && o.speed !== null && o.speed > 0) {
+      const pace = o.real_time_factor / o.speed;
+      said.push(pace > 0.95 && pace < 1.05 ? "It keeps pace." : "It goes at " + short(pace) + " of the master's pace.");
+    }
+    if (o.latencies > 0) said.push("An event is in the estimate " + duration(o.latency.p50) + " after it happened.");
+    const troubles = o.lost_events + o.skipped_events + o.inconsistencies + o.real_time_losses;
+    said.push(troubles === 0 ? "Nothing is amiss." : "Marked numbers tell what went amiss.");
+    put(byId("health-words"), said.join(" "));
+    const rows = [];
+    const add = (name, label, text, value, notable) => rows.push(["health-" + name, label, text, value, Boolean(notable)]);
+    const counted = (name, label, amiss) => add(name.replaceAll("_", "-"), label, count(o[name]), o[name], amiss && o[name] > 0);
+    add("real-time-factor", "real-time factor", short(o.real_time_factor) + (o.speed === null ? " (unpaced)" : " of " + short(o.speed)), o.real_time_factor);
+    add("latency", "latency, half / 99 % / most", o.latencies > 0
+      ? duration(o.latency.p50) + " / " + duration(o.latency.p99) + " / " + duration(o.latency.max) : "no events", o.latencies > 0 ? o.latency.p50 : null);
+    add("lateness", "lateness of ticks", duration(o.lateness.p50) + " / " + duration(o.lateness.p99) + " / " + duration(o.lateness.max), o.lateness.p50);
+    counted("ticks", "ticks settled");
+    counted("missed_deadlines", "ticks that were late");
+    counted("real_time_losses", "times real time was lost", true);
+    counted("events", "events");
+    counted("late_events", "late events");
+    counted("rollbacks", "rollbacks");
+    counted("lost_events", "lost events", true);
+    counted("skipped_events", "impossible events", true);
+    counted("inconsistencies", "inconsistencies", true);
+    counted("messages", "messages");
+    counted("lost_messages", "lost messages");
+    add("reordered-messages", "doubled / reordered messages", o.doubled_messages + " / " + o.reordered_messages, o.reordered_messages);
+    add("other-masters", "messages of others", count(o.other_masters), o.other_masters, o.other_masters > 0);
+    const refused = Object.entries(o.refused);
+    const sum = refused.reduce((all, [, n]) => all + n, 0);
+    add("refused", "messages refused", sum === 0 ? "0" : refused.map(([cause, n]) => n + " " + cause.replaceAll("_", " ")).join(", "), sum, sum > 0);
+    fill(byId("health"), rows);
+  }
+
+  function setScene(scene) {
+    put(byId("scene"), scene.name + (scene.replay ? " (recording)" : ""));
+    document.title = "Sprag: " + scene.name;
+    const series = byId("series");
+    series.replaceChildren(...scene.quantities.map((quantity) => new Option(quantity.label, quantity.name)));
+    const known = scene.quantities.some((quantity) => quantity.name === sprag.view.quantity);
+    if (!known) sprag.view.quantity = scene.quantities[0].name;
+    series.value = sprag.view.quantity;
+    machine.events = [];
+    machine.range = 0;
+    byId("machine").setAttribute("aria-label", scene.machine === "beam" ? "The beam in motion, with its stops" : "The coordinates in motion, with their stops");
+    if (!curveChart) makeCharts();
+    sendView();
+  }
+
+  let session = null;
+  let waiting = null; // curves that came while somebody dragged
+
+  function draw() {
+    drawing = false;
+    const message = pending;
+    pending = null;
+    if (!message) return;
+    send({ seen: message.n });
+    if (message.scene) {
+      sprag.scene = message.scene;
+      setScene(message.scene);
+    }
+    sprag.over = message.over;
+    sprag.frame = message.frame;
+    if (message.health) {
+      sprag.health = message.health;
+      drawHealth(message.health);
+    }
+    if (!sprag.scene) return;
+    if (message.frame.session !== session) {
+      session = message.frame.session;
+      machine.events = [];
+      if (!sprag.view.follow) follow();
+    }
+    if (message.curves) waiting = message.curves;
+    const lit = lights(message.frame);
+    if (!sprag.paused) {
+      words(message.frame);
+      drawMachine(message.frame, lit);
+      drawContacts(message.frame, lit);
+    }
+    if (waiting && !frozen) {
+      sprag.curves = waiting;
+      waiting = null;
+      const chosen = sprag.scene.quantities.find((quantity) => quantity.name === sprag.curves.quantity);
+      put(byId("curve-title"), chosen ? chosen.label : "");
+      drawCurves(sprag.curves);
+    }
+  }
+
+  // ---- controls ----
+  byId("window").replaceChildren(...windows.map((length) => new Option(length + " s", String(length))));
+  byId("window").value = "20";
+  byId("window").addEventListener("change", () => follow(Number(byId("window").value)));
+  byId("series").addEventListener("change", () => { sprag.view.quantity = byId("series").value; sendView(); });
+  byId("follow").addEventListener("click", () => follow());
+  byId("pause").addEventListener("click", () => {
+    if (sprag.paused) { follow(); return; }
+    look(sprag.view.from, sprag.view.to);
+    setPaused(true);
+  });
+  byId("back").addEventListener("click", () => move(-0.5, 1));
+  byId("forth").addEventListener("click", () => move(0.5, 1));
+  byId("zoom-in").addEventListener("click", () => move(0, 0.5));
+  byId("zoom-out").addEventListener("click", () => move(0, 2));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
+  new ResizeObserver(() => { if (curveChart) sendView(); }).observe(byId("curve-chart"));
+  readStyle();
+  connect();
+})();

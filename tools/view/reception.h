@@ -1,0 +1,44 @@
+// Messages as they come, from the bus or from a recording, for the watch.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "lcmtypes/refusal.h"
+#include "observer/arrival.h"
+#include "tools/view/stage.h"
+
+namespace sprag::view {
+
+/// The channels that take() understands.
+std::span<const char* const> watched_channels();
+
+class Reception {
+ public:
+  explicit Reception(Stage& stage) : stage_(stage) {}
+
+  /// Takes a message of a channel; others than the watched ones are left alone.
+  void take(std::string_view channel, std::span<const std::uint8_t> data, const Arrival& arrival);
+
+  std::int64_t messages() const { return messages_; }
+  /// By Refusal.
+  const std::array<std::int64_t, refusal_kinds>& refused() const { return refused_; }
+
+ private:
+  template <class Message, class Take>
+  void decoded(std::span<const std::uint8_t> data, Message& message, Take take);
+
+  Stage& stage_;
+  std::int64_t messages_ = 0;
+  std::array<std::int64_t, refusal_kinds> refused_{};
+  ContactMessage contacts_;
+  EstimateSample estimate_;
+  StateSample state_;
+  OutputsSample outputs_;
+  ParametersSample parameters_;
+  Health health_;
+};
+
+}  // namespace sprag::view

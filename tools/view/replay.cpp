@@ -1,0 +1,237 @@
+#include "tools/view/replay.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "lcmtypes/contacts_codec.h"
+#include "observer/estimation.h"
+#include "observer/recording.h"
+#include "sprag/estimation/message_builder.h"
+#include "sprag/files/events_file.h"
+
+namespace sprag::view {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::int64_t microsecond = 1000;             // ns
+constexpr double nanoseconds = 1e9;                    // in a second
+constexpr double steps_a_second = 60.0;                // of an events file
+constexpr int steps_without_waiting = 1000;            // through all of it
+constexpr std::int64_t longest_pause = 3'600'000'000;  // of a log [us]: its clock was turned
+constexpr std::int64_t only_tick_kept = 1;             // a replay never goes back further
+
+// Lets the recording's time pass at the speed that is wanted.
+class Pace {
+ public:
+  Pace(double speed, Stage& stage) : speed_(speed), stage_(stage), start_(Clock::now()) {}
+
+  /// Waits until this time of the recording [ns from its beginning]; false if a stop was requested.
+  bool wait(double elapsed) {
+    while (std::isfinite(speed_) && !stop_requested()) {
+      const double now =
+          speed_ * std::chrono::duration<double, std::nano>(Clock::now() - start_).count();
+      stage_.now = static_cast<std::int64_t>(std::min(now, elapsed));
+      if (now >= elapsed) break;
+      const std::chrono::duration<double, std::nano> left((elapsed - now) / speed_);
+      std::this_thread::sleep_for(std::min<std::chrono::duration<double, std::nano>>(left, 20ms));
+    }
+    stage_.now = static_cast<std::int64_t>(elapsed);
+    return !stop_requested();
+  }
+
+ private:
+  double speed_;
+  Stage& stage_;
+  Clock::time_point start_;
+};
+
+// Observes contacts, as `observer --replay` does, and shows the watch what has settled.
+class OwnObserver {
+ public:
+  OwnObserver(const Scene& scene, double tick, Stage& stage)
+      : estimation_(scene, options_of(tick), only_tick_kept),
+        sessions_(Freshness::any, tick),
+        sample_(estimation_.empty_sample()),
+        stage_(stage) {}
+
+  void take(const ContactMessage& message, const Arrival& arrival) {
+    TimeLine<AdaptiveEstimator>& time_line = estimation_.time_line;
+    switch (sessions_.hear(message, arrival)) {
+      case SessionTracker::Verdict::ignored:
+        return;
+      case SessionTracker::Verdict::starts:
+        time_line.restart(message);
+        break;
+      case SessionTracker::Verdict::resumes:
+        time_line.resume(message);
+        break;
+      case SessionTracker::Verdict::continues:
+        time_line.receive(message);
+        break;
+    }
+    sample_.session = message.session;
+    sample_.utime = message.utime;
+    time_line.run(
+        0, [](const auto&) {},
+        [&](const Estimation::State& state) {
+          check_interrupt();
+          estimation_.describe(state, sample_);
+          sample_.settled_tick = state.tick;
+          const std::lock_guard lock(stage_.mutex);
+          stage_.watch.take_settled(sample_, arrival);
+          return true;
+        });
+  }
+
+ private:
+  static ObserverOptions options_of(double tick) {
+    ObserverOptions options;
+    options.tick = tick;
+    return options;
+  }
+
+  Estimation estimation_;
+  SessionTracker sessions_;
+  EstimateSample sample_;
+  Stage& stage_;
+};
+
+bool has_estimates(const std::filesystem::path& file) {
+  ChannelLogReader log(file);
+  ChannelRecord record;
+  while (log.next(record)) {
+    if (record.channel == settled_channel || record.channel == estimate_channel) return true;
+  }
+  return false;
+}
+
+class Player {
+ public:
+  Player(const Scene& scene, const ReplayOptions& options, const CommonOptions& common,
+         Stage& stage, Reception& reception, nlohmann::ordered_json& report)
+      : contacts_(static_cast<int>(scene.model.contacts.size())),
+        options_(options),
+        key_(key_of(common)),
+        stage_(stage),
+        reception_(reception),
+        report_(report),
+        observer_(scene, options.tick, stage) {}
+
+  bool play() {
+    InputFile file(options_.file);
+    return is_lcm_log(file) ? log(std::move(file)) : events(std::move(file));
+  }
+
+ private:
+  bool log(InputFile file) {
+    if (!std::filesystem::is_regular_file(options_.file)) {
+      throw InputError(options_.file.string() +
+                       ": must be a file; what it holds is looked at first");
+    }
+    const bool estimated = has_estimates(options_.file);
+    report_["observed_here"] = !estimated;
+    ChannelLogReader log(std::move(file));
+    ChannelRecord record;
+    Pace pace(options_.speed, stage_);
+    std::optional<std::int64_t> before;
+    std::int64_t elapsed = 0;  // us
+    std::int64_t unauthenticated = 0;
+    ContactMessage message;
+    while (log.next(record)) {
+      if (before) elapsed += std::clamp<std::int64_t>(record.utime - *before, 0, longest_pause);
+      before = record.utime;
+      if (!pace.wait(static_cast<double>(elapsed * microsecond))) break;
+      std::span<const std::uint8_t> data(record.data);
+      if (key_) {
+        if (!key_->verifies(record.channel, data)) {
+          ++unauthenticated;
+          continue;
+        }
+        data = data.first(data.size() - Key::tag_size);
+      }
+      const Arrival arrival{elapsed * microsecond, record.utime};
+      reception_.take(record.channel, data, arrival);
+      const bool observed = !estimated && record.channel == contacts_channel &&
+                            decode(data, message) == Refusal::none && message.contacts == contacts_;
+      if (observed) observer_.take(message, arrival);
+    }
+    if (key_) report_["unauthenticated"] = unauthenticated;
+    for (const LogDamage& damage : log.damages()) {
+      std::cerr << options_.file.string() << ": from byte " << damage.begin << ": " << damage.what
+                << "; the rest is used\n";
+      report_["damage"].push_back(
+          {{"from", damage.begin}, {"to", damage.end}, {"what", damage.what}});
+    }
+    return log.damages().empty();
+  }
+
+  bool events(InputFile file) {
+    const std::string name = options_.file.string();
+    const EventsFile recorded = read_events(std::move(file), contacts_);
+    report_["observed_here"] = true;
+    report_["skipped_rows"] = recorded.skipped.size();
+    for (const FileProblem& problem : recorded.skipped) {
+      std::cerr << name << ':' << problem.line << ": skipped: " << problem.what << '\n';
+    }
+    if (recorded.damage) {
+      std::cerr << name << ':' << recorded.damage->line << ": " << recorded.damage->what
+                << "; everything before is used\n";
+      report_["damage"] = {{"line", recorded.damage->line}, {"what", recorded.damage->what}};
+    }
+    const double end = recorded.events.empty() ? 0.0 : recorded.events.back().t;
+    const bool waits = std::isfinite(options_.speed);
+    const double step = waits ? options_.speed / steps_a_second : end / steps_without_waiting;
+    MessageBuilder builder(1, options_.speed, contacts_);
+    Pace pace(options_.speed, stage_);
+    auto event = recorded.events.begin();
+    for (std::int64_t k = 1; event != recorded.events.end(); ++k) {
+      const double horizon = std::min(static_cast<double>(k) * step, end);
+      if (!pace.wait(nanoseconds * horizon)) break;
+      const auto first = event;
+      while (event != recorded.events.end() && event->t <= horizon) ++event;
+      builder.add({first, event});
+      do {
+        take(builder.next(horizon, 0), horizon);
+      } while (builder.pending());
+    }
+    return !recorded.damage;
+  }
+
+  void take(const ContactMessage& message, double t) {
+    const Arrival arrival{static_cast<std::int64_t>(nanoseconds * t), 0};
+    {
+      const std::lock_guard lock(stage_.mutex);
+      stage_.watch.take(message, arrival);
+    }
+    observer_.take(message, arrival);
+  }
+
+  int contacts_;
+  const ReplayOptions& options_;
+  std::optional<Key> key_;
+  Stage& stage_;
+  Reception& reception_;
+  nlohmann::ordered_json& report_;
+  OwnObserver observer_;
+};
+
+}  // namespace
+
+bool replay(const Scene& scene, const ReplayOptions& options, const CommonOptions& common,
+            Stage& stage, Reception& reception, nlohmann::ordered_json& report) {
+  bool whole = true;
+  try {
+    whole = Player(scene, options, common, stage, reception, report).play();
+  } catch (const Interrupted&) {
+  }
+  return whole;
+}
+
+}  // namespace sprag::view

@@ -1,0 +1,470 @@
+#include "tools/view/watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+namespace sprag::view {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t usual_events = 4096;
+constexpr std::size_t most_provisional = 4096;
+constexpr std::size_t most_truth = 512;
+constexpr std::size_t most_suspects = 1000;
+constexpr Eigen::Index most_coordinates = 12;  // that have curves
+constexpr std::size_t history_memory = 24U << 20U;
+constexpr std::int64_t second = 1'000'000'000;  // ns
+constexpr std::int64_t contacts_silence = second / 2;
+constexpr std::int64_t estimate_silence = second;
+constexpr std::int64_t truth_silence = second / 2;
+constexpr std::int64_t another_estimate = second / 4;  // an observer that was restarted
+constexpr double near = 100.0;  // s: a session that is first heard later began elsewhere
+
+std::vector<Quantity> quantities_of(const Model& model) {
+  std::vector<Quantity> quantities;
+  const auto add = [&](Quantity::Kind kind, std::size_t i, std::string name, std::string label) {
+    quantities.push_back({kind, i, std::move(name), std::move(label)});
+  };
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const std::string& name = model.outputs[i].name;
+    add(Quantity::Kind::output, i, name, name);
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const std::string number = std::to_string(i + 1);
+    add(Quantity::Kind::gap, i, "g" + number, "gap g" + number + " [m]");
+  }
+  for (Eigen::Index i = 0; i < model.coordinates(); ++i) {
+    if (model.coordinates() > most_coordinates && !quantities.empty()) break;
+    const std::string number = std::to_string(i + 1);
+    add(Quantity::Kind::coordinate, static_cast<std::size_t>(i), "q" + number,
+        "coordinate q" + number);
+  }
+  return quantities;
+}
+
+std::size_t without_outputs(const std::vector<Quantity>& quantities) {
+  return static_cast<std::size_t>(std::count_if(
+      quantities.begin(), quantities.end(),
+      [](const Quantity& quantity) { return quantity.kind != Quantity::Kind::output; }));
+}
+
+// Unpaired samples to keep, of f coordinates: at most 16 MiB.
+std::size_t pairing_window(Eigen::Index coordinates) {
+  const auto bytes = static_cast<std::size_t>(16 * coordinates + 160);
+  return std::clamp<std::size_t>((16U << 20U) / bytes, 1000, 20000);
+}
+
+Shown shown(const StateSample& sample) { return {sample.tick, sample.t, sample.q, sample.u}; }
+
+double sigma_at(const Eigen::VectorXd& sigmas, std::size_t i) {
+  const auto at = static_cast<Eigen::Index>(i);
+  return at < sigmas.size() ? sigmas[at] : std::numeric_limits<double>::infinity();
+}
+
+// low, mean and high: two standard deviations to either side, where they are known.
+void put_band(double mean, double sigma, double* to) {
+  const bool known = std::isfinite(sigma);
+  to[0] = known ? mean - 2.0 * sigma : nan;
+  to[1] = mean;
+  to[2] = known ? mean + 2.0 * sigma : nan;
+}
+
+void append(Rows& rows, double t, std::span<const double> values) {
+  rows.t.push_back(t);
+  for (std::size_t c = 0; c < values.size(); ++c) rows.values[c].push_back(values[c]);
+}
+
+}  // namespace
+
+Watch::Watch(const Scene& scene, Freshness freshness)
+    : scene_(scene),
+      machine_(scene),
+      quantities_(quantities_of(scene.model)),
+      f_(scene.model.coordinates()),
+      tracker_(freshness),
+      freshness_(freshness),
+      events_(static_cast<int>(scene.model.contacts.size()), usual_events),
+      raster_(scene.model.contacts.size()),
+      pairing_(scene.model, pairing_window(f_)),
+      estimates_(3 * without_outputs(quantities_), history_memory),
+      outputs_(3 * scene.model.outputs.size(), history_memory),
+      truths_(quantities_.size(), history_memory),
+      bounds_(1, history_memory),
+      energies_(1, history_memory) {}
+
+bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arrival) {
+  if (session_ == session) return true;
+  // Contacts tell whose run it is; what comes before them counts until they do.
+  const bool any_contacts = tracker_.counts().sessions > 0;
+  if (session_ || any_contacts || !freshness_.allows(utime, arrival.wall)) {
+    ++of_others_;
+    return false;
+  }
+  freshness_.note(utime);
+  begin(session);
+  return true;
+}
+
+void Watch::begin(std::int64_t session) {
+  session_ = session;
+  for (History* history : {&estimates_, &outputs_, &truths_, &bounds_, &energies_}) {
+    history->clear();
+  }
+  raster_.clear();
+  suspects_.clear();
+  provisional_.clear();
+  truth_.clear();
+  settled_.reset();
+  latest_.reset();
+  energy_.reset();
+  parameters_.reset();
+  inconsistencies_ = 0;
+  estimate_arrival_ = truth_arrival_ = never;
+}
+
+void Watch::take(const ContactMessage& message, const Arrival& arrival) {
+  if (message.contacts != static_cast<int>(scene_.model.contacts.size())) {
+    ++misfits_;
+    return;
+  }
+  const SessionTracker::Verdict verdict = tracker_.hear(message, arrival);
+  if (verdict == SessionTracker::Verdict::ignored) return;
+  contacts_arrival_ = arrival.monotonic;
+  if (verdict == SessionTracker::Verdict::starts) {
+    if (session_ != message.session) begin(message.session);
+    events_.restart(0, 0, no_horizon);
+    if (message.records_total > message.records || message.horizon > near) {
+      events_.restart(message.records_total, message.closed, message.horizon);
+      raster_.correct(message.closed, message.horizon);
+    }
+  }
+  const bool back =
+      message.horizon < events_.horizon() || message.records_total < events_.next_record();
+  if (verdict == SessionTracker::Verdict::resumes && back) {
+    events_.restart(message.records_total, message.closed, message.horizon);
+    raster_.correct(message.closed, message.horizon);
+  }
+  events_.add(message);
+  for (const ContactEvent& event : events_.events()) raster_.add(event);
+  events_.drop(events_.events().size());
+}
+
+bool Watch::fits(const StateSample& sample, bool whole) {
+  const bool fit =
+      sample.u.size() == sample.q.size() && (whole ? sample.q.size() == f_ : sample.q.size() <= f_);
+  if (!fit) ++misfits_;
+  return fit;
+}
+
+double Watch::value_of(const Quantity& quantity, const Eigen::VectorXd& q, const Eigen::VectorXd& u,
+                       double t) const {
+  const auto i = static_cast<Eigen::Index>(quantity.index);
+  const Eigen::Index n = q.size();
+  switch (quantity.kind) {
+    case Quantity::Kind::gap: {
+      const Contact& contact = scene_.model.contacts[quantity.index];
+      return contact.w.head(n).dot(q) + value(contact.motion, t) + contact.clearance;
+    }
+    case Quantity::Kind::coordinate:
+      return i < n ? q[i] : 0.0;
+    case Quantity::Kind::output: {
+      const Output& output = scene_.model.outputs[quantity.index];
+      return output.direction.head(n).dot(output.velocity ? u : q);
+    }
+  }
+  return nan;
+}
+
+std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
+  const Confidence& confidence = sample.confidence;
+  std::vector<double> row(3 * without_outputs(quantities_));
+  double* to = row.data();
+  for (const Quantity& quantity : quantities_) {
+    if (quantity.kind == Quantity::Kind::output) continue;
+    const bool is_gap = quantity.kind == Quantity::Kind::gap;
+    // Deviations are the filter's.
+    const double sigma =
+        confidence.from_filter
+            ? sigma_at(is_gap ? confidence.sigma_g : confidence.sigma_q, quantity.index)
+            : nan;
+    put_band(value_of(quantity, sample.q, sample.u, sample.t), sigma, to);
+    to += 3;
+  }
+  return row;
+}
+
+void Watch::take_estimate(const EstimateSample& sample, const Arrival& arrival) {
+  if (!fits(sample, false) || !follows(sample.session, sample.utime, arrival)) return;
+  const bool newer = !latest_ || sample.t >= latest_->t ||
+                     arrival.monotonic - estimate_arrival_ > another_estimate;
+  if (newer) {
+    latest_ = sample;
+    estimate_arrival_ = arrival.monotonic;
+  }
+  if (sample.t > estimates_.last_t()) keep_provisional(sample);
+}
+
+// Where nothing settles for long they become sparse, so that all of that time stays in sight.
+void Watch::keep_provisional(const EstimateSample& sample) {
+  if (provisional_.size() < most_provisional / 4) spacing_ = 0.0;
+  if (provisional_.size() > 1 && sample.t > provisional_.rbegin()->first) {
+    const auto last = std::prev(provisional_.end());
+    if (last->first - std::prev(last)->first < spacing_) provisional_.erase(last);
+  }
+  provisional_.insert_or_assign(sample.t, sample);
+  if (provisional_.size() <= most_provisional) return;
+  bool drop = false;
+  std::erase_if(provisional_, [&drop](const auto&) { return std::exchange(drop, !drop); });
+  spacing_ = 2.0 * (provisional_.rbegin()->first - provisional_.begin()->first) / most_provisional;
+}
+
+void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
+  if (!fits(sample, false) || !follows(sample.session, sample.utime, arrival)) return;
+  estimate_arrival_ = std::max(estimate_arrival_, arrival.monotonic);
+  if (!estimates_.add(sample.t, estimate_row(sample))) return;
+  const double bound = sample.confidence.bound;
+  bounds_.add(sample.t, std::span(&bound, 1));
+  const Eigen::VectorXd& sigmas = sample.confidence.sigma_outputs;
+  if (sigmas.size() > 0) {
+    std::vector<double> values;
+    for (const Output& output : scene_.model.outputs) {
+      values.push_back(value(output, sample.q, sample.u));
+    }
+    add_outputs(sample.t, values, std::span(sigmas.data(), values.size()));
+  }
+  settled_ = sample;
+  provisional_.erase(provisional_.begin(), provisional_.upper_bound(sample.t));
+  const Inconsistency& last = sample.confidence.last;
+  inconsistencies_ = sample.confidence.inconsistencies;
+  if (last.t >= 0.0 && (suspects_.empty() || suspects_.back().t != last.t)) {
+    suspects_.push_back({last.t, last.contact, last.suspicion});
+    if (suspects_.size() > most_suspects) suspects_.pop_front();
+  }
+  add_energy(pairing_.add_estimate(sample));
+}
+
+void Watch::add_outputs(double t, std::span<const double> values, std::span<const double> sigmas) {
+  std::vector<double> row(3 * values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) put_band(values[i], sigmas[i], &row[3 * i]);
+  outputs_.add(t, row);
+}
+
+void Watch::take_truth(const StateSample& sample, const Arrival& arrival) {
+  if (!fits(sample, true) || !follows(sample.session, sample.utime, arrival)) return;
+  truth_arrival_ = arrival.monotonic;
+  std::vector<double> row;
+  row.reserve(quantities_.size());
+  for (const Quantity& quantity : quantities_) {
+    row.push_back(value_of(quantity, sample.q, sample.u, sample.t));
+  }
+  if (truths_.add(sample.t, row)) {
+    truth_.push_back(sample);
+    if (truth_.size() > most_truth) truth_.pop_front();
+  }
+  add_energy(pairing_.add_truth(sample));
+}
+
+void Watch::add_energy(const SyncRow* row) {
+  if (row == nullptr) return;
+  energy_ = Energy{row->k, row->t, row->energy[0]};
+  energies_.add(row->t, std::span(&row->energy[0], 1));
+}
+
+void Watch::take(const OutputsSample& sample, const Arrival& arrival) {
+  const std::vector<Output>& outputs = scene_.model.outputs;
+  const bool same = std::equal(
+      outputs.begin(), outputs.end(), sample.outputs.names.begin(), sample.outputs.names.end(),
+      [](const Output& output, const std::string& name) { return output.name == name; });
+  if (!same) {
+    ++misfits_;
+    return;
+  }
+  if (!sample.settled || !follows(sample.session, sample.utime, arrival)) return;
+  add_outputs(sample.t, sample.outputs.values, sample.outputs.sigmas);
+}
+
+void Watch::take(const ParametersSample& sample, const Arrival& arrival) {
+  if (follows(sample.session, sample.utime, arrival)) parameters_ = sample;
+}
+
+void Watch::take(const Health& health, const Arrival& arrival) {
+  health_ = health;
+  health_arrival_ = arrival.monotonic;
+}
+
+// Of the instant of the machine's last state, so that both are drawn at the same time.
+const EstimateSample* Watch::shown_estimate() const {
+  const EstimateSample* settled = settled_ ? &*settled_ : nullptr;
+  const EstimateSample* latest = latest_ ? &*latest_ : settled;
+  if (latest != nullptr && settled != nullptr && settled->t > latest->t) latest = settled;
+  if (truth_.empty() || latest == nullptr || latest->t <= truth_.back().t) return latest;
+  const auto behind = provisional_.upper_bound(truth_.back().t);
+  if (behind != provisional_.begin()) return &std::prev(behind)->second;
+  return settled != nullptr ? settled : latest;
+}
+
+const StateSample* Watch::nearest_truth(double t) const {
+  if (truth_.empty()) return nullptr;
+  const StateSample* nearest = &truth_.back();
+  for (const StateSample& state : truth_) {
+    if (std::abs(state.t - t) < std::abs(nearest->t - t)) nearest = &state;
+  }
+  const double tick = truth_.size() > 1 ? truth_.back().t - truth_[truth_.size() - 2].t : 0.0;
+  return std::abs(nearest->t - t) <= 3.0 * tick + 1e-9 * t ? nearest : nullptr;
+}
+
+Frame Watch::frame(std::int64_t now) const {
+  Frame frame;
+  frame.session = session_;
+  if (settled_) frame.settled = shown(*settled_);
+  if (settled_) frame.bound = settled_->confidence.bound;
+  if (latest_) frame.now = shown(*latest_);
+  if (!truth_.empty()) frame.truth = shown(truth_.back());
+  frame.energy = energy_;
+  frame.inconsistencies = inconsistencies_;
+  if (!suspects_.empty()) frame.suspect = suspects_.back();
+  if (parameters_) {
+    const NamedValues& named = parameters_->parameters;
+    for (std::size_t i = 0; i < named.names.size(); ++i) {
+      frame.parameters.push_back({named.names[i], named.values[i], named.sigmas[i]});
+    }
+  }
+
+  const EstimateSample* estimate = nullptr;
+  const bool truth_lives = now - truth_arrival_ <= truth_silence;
+  if (truth_lives) {
+    estimate = shown_estimate();
+  } else {
+    estimate = latest_ ? &*latest_ : settled_ ? &*settled_ : nullptr;
+  }
+  const StateSample* truth = nullptr;
+  if (truth_lives) truth = estimate != nullptr ? nearest_truth(estimate->t) : &truth_.back();
+  if (estimate != nullptr) {
+    const Confidence& confidence = estimate->confidence;
+    frame.from_filter = confidence.from_filter;
+    frame.estimator = parameters_                                       ? EstimatorShown::adaptive
+                      : confidence.has_replica && confidence.has_filter ? EstimatorShown::both
+                      : confidence.has_filter                           ? EstimatorShown::timing
+                                                                        : EstimatorShown::replica;
+    frame.t = estimate->t;
+    frame.estimate = machine_.shape(estimate->q, estimate->t);
+    if (confidence.from_filter && confidence.sigma_q.allFinite() && confidence.sigma_q.size() > 0) {
+      frame.sigma = machine_.sigma(confidence.sigma_q);
+    }
+    const bool estimated = now - estimate_arrival_ <= estimate_silence;
+    const bool contacts_silent =
+        tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence;
+    frame.badge = !estimated               ? Badge::waiting
+                  : contacts_silent        ? Badge::free
+                  : confidence.from_filter ? Badge::filter
+                                           : Badge::replica;
+  } else if (truth != nullptr) {
+    frame.t = truth->t;
+  }
+  frame.base = machine_.base(frame.t);
+  if (truth != nullptr) frame.truth_shape = machine_.shape(truth->q, truth->t);
+
+  const std::size_t contacts = scene_.model.contacts.size();
+  for (std::size_t i = 0; i < contacts; ++i) {
+    ContactShown contact;
+    const Quantity gap{Quantity::Kind::gap, i, {}, {}};
+    if (estimate != nullptr) {
+      contact.gap = value_of(gap, estimate->q, estimate->u, estimate->t);
+      const double sigma = sigma_at(estimate->confidence.sigma_g, i);
+      if (estimate->confidence.from_filter && std::isfinite(sigma)) contact.sigma = sigma;
+    }
+    if (truth != nullptr) contact.truth = value_of(gap, truth->q, truth->u, truth->t);
+    if (machine_.stops()[i].has_height) contact.height = machine_.stop(i, frame.t);
+    contact.closed = raster_.closed(i);
+    contact.events = raster_.events(i);
+    contact.last = raster_.last(i);
+    frame.contacts.push_back(contact);
+  }
+  return frame;
+}
+
+Curves Watch::curves(std::size_t quantity, const Window& window) const {
+  Curves curves;
+  curves.window = window;
+  curves.quantity = std::min(quantity, quantities_.size() - 1);
+  const Quantity& of = quantities_[curves.quantity];
+  const bool is_output = of.kind == Quantity::Kind::output;
+  const std::size_t outputs = scene_.model.outputs.size();
+  const std::size_t column = 3 * (is_output ? of.index : curves.quantity - outputs);
+  using Wanted = History::Wanted;
+  const std::vector<Wanted> band{
+      {column, Keep::least}, {column + 1, Keep::both}, {column + 2, Keep::greatest}};
+  const std::vector<Wanted> first{{0, Keep::both}}, own{{curves.quantity, Keep::both}};
+  const History& history = is_output ? outputs_ : estimates_;
+  curves.estimate = history.thinned(window, band);
+  curves.truth = truths_.thinned(window, own);
+  curves.energy = energies_.thinned(window, first);
+  curves.bound = bounds_.thinned(window, first);
+
+  // What has not settled yet goes on from there.
+  const std::size_t stride =
+      1 + provisional_.size() / static_cast<std::size_t>(2 * std::max(window.pixels, 1));
+  std::size_t i = 0;
+  for (const auto& [t, sample] : provisional_) {
+    if (t <= history.last_t() || t < window.from || i++ % stride != 0) continue;
+    if (t > window.to) break;
+    if (is_output) {
+      append(curves.estimate, t,
+             std::vector<double>{nan, value_of(of, sample.q, sample.u, t), nan});
+    } else {
+      const std::vector<double> row = estimate_row(sample);
+      append(curves.estimate, t, std::span(row).subspan(column, 3));
+    }
+  }
+  curves.closures = raster_.thinned(window);
+  for (const Suspect& suspect : suspects_) {
+    if (suspect.t >= window.from && suspect.t <= window.to) curves.suspects.push_back(suspect);
+  }
+  return curves;
+}
+
+std::pair<double, double> Watch::extent() const {
+  double from = std::numeric_limits<double>::infinity(), to = -from;
+  for (const History* history : {&estimates_, &truths_}) {
+    if (history->empty()) continue;
+    from = std::min(from, history->first_t());
+    to = std::max(to, history->last_t());
+  }
+  if (!provisional_.empty()) {
+    from = std::min(from, provisional_.begin()->first);
+    to = std::max(to, provisional_.rbegin()->first);
+  }
+  return from <= to ? std::pair(from, to) : std::pair(0.0, 0.0);
+}
+
+const char* name(Badge badge) {
+  switch (badge) {
+    case Badge::free:
+      return "free";
+    case Badge::replica:
+      return "replica";
+    case Badge::filter:
+      return "filter";
+    default:
+      return "waiting";
+  }
+}
+
+const char* name(EstimatorShown estimator) {
+  switch (estimator) {
+    case EstimatorShown::replica:
+      return "replica";
+    case EstimatorShown::timing:
+      return "timing";
+    case EstimatorShown::both:
+      return "both";
+    case EstimatorShown::adaptive:
+      return "adaptive";
+    default:
+      return "unknown";
+  }
+}
+
+}  // namespace sprag::view
