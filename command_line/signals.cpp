@@ -72,6 +72,7 @@ Signals::Signals(const std::string& program) {
   handle(SIGTERM, ask_to_stop);
   if (!ignored(SIGHUP)) handle(SIGHUP, ask_to_stop);
   std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write that fails, and is reported
+  std::signal(SIGXFSZ, SIG_IGN);  // so is a file at its limit (ulimit -f)
 }
 
 Signals::~Signals() {
