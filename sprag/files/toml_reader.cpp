@@ -155,6 +155,10 @@ TomlDocument::TomlDocument(std::string_view text, TomlSource source) : source_(s
   }
 }
 
+void TomlDocument::fail(const toml::source_position& position, const std::string& message) const {
+  throw error_at(source_.file, position, message);
+}
+
 std::vector<std::filesystem::path> TomlDocument::files() const {
   std::vector<std::filesystem::path> files;
   add_files(table_, source_.folder, files);
@@ -200,6 +204,13 @@ int TomlTable::integer(std::string_view key, int low, int high) const {
                   std::to_string(high));
   }
   return static_cast<int>(value);
+}
+
+bool TomlTable::boolean_or(std::string_view key, bool fallback) const {
+  if (!has(key)) return fallback;
+  const toml::node& node = required(key);
+  if (!node.is_boolean()) fail(key, must_be(node, "true or false").substr(1));
+  return node.as_boolean()->get();
 }
 
 std::string TomlTable::string_or(std::string_view key, const std::string& fallback) const {

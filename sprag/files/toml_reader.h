@@ -55,6 +55,7 @@ class TomlTable {
   double number(std::string_view key, const Limits& limits) const;
   double number_or(std::string_view key, double fallback, const Limits& limits) const;
   int integer(std::string_view key, int low, int high) const;
+  bool boolean_or(std::string_view key, bool fallback) const;
   std::string required_string(std::string_view key) const;
   std::string string_or(std::string_view key, const std::string& fallback) const;
   /// One of `options`; the first if the key is absent.
@@ -106,6 +107,13 @@ class TomlDocument {
  public:
   TomlDocument(std::string_view text, TomlSource source);
   TomlTable root(TomlKeys keys) { return {table_, "", source_, keys}; }
+  /// A table of this document, whose dotted path is `path`.
+  TomlTable at(const toml::table& table, const std::string& path, TomlKeys keys) {
+    return {table, path, source_, keys};
+  }
+  const toml::table& table() const { return table_; }
+  /// Throws "file:line:column: `message`".
+  [[noreturn]] void fail(const toml::source_position& position, const std::string& message) const;
   const std::vector<std::string>& remarks() const { return source_.remarks; }
   /// The files there are by the names of its strings, whichever of them will be read; a `name` is
   /// no file's.

@@ -1,0 +1,193 @@
+#include "tools/study/design.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "sprag/analysis/reduction.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/files/scene_text.h"
+#include "sprag/mechanics/energy.h"
+#include "tools/study/random.h"
+
+namespace sprag::study {
+namespace {
+
+// A share of the observer's becomes its value.
+double observed_value(const Study& study, const std::vector<double>& values, const Axis& axis,
+                      double share) {
+  double base = axis.base;
+  for (std::size_t i = 0; i < study.axes.size(); ++i) {
+    const Axis& other = study.axes[i];
+    if (other.target == Target::scene && other.key == axis.key) base = values[i];
+  }
+  return base * (1.0 + share);
+}
+
+double drawn(const Axis& axis, Random& random) {
+  const double x = random.uniform();
+  if (axis.logarithmic) return axis.low * std::pow(axis.high / axis.low, x);
+  return axis.low + (axis.high - axis.low) * x;
+}
+
+Scene scene_with(const Study& study, const std::vector<SceneValue>& values) {
+  if (values.empty()) return study.scene;
+  const std::string file = study.scene_file.string();
+  return parse_scene(with_values(study.scene_text, values, file), file);
+}
+
+// In the `modes` lowest of its natural modes; 0: all.
+Scene in_modes(const Scene& scene, int modes) {
+  const ModalMachine machine = modal_machine(scene);
+  std::vector<Eigen::Index> kept = by_frequency(machine);
+  if (modes > 0) kept.resize(std::min(kept.size(), static_cast<std::size_t>(modes)));
+  return reduced_scene(scene, reduced(machine, kept));
+}
+
+// A state off by the energy, in a direction that is drawn: ||.||^2 of (23) is uniform on a sphere.
+State drawn_offset(const Model& model, double energy, Random& random) {
+  const NaturalModes modes = natural_modes(model);
+  const Eigen::Index f = model.coordinates();
+  Eigen::VectorXd eta = Eigen::VectorXd::Zero(f), eta_dot(f);
+  double squares = 0.0;
+  for (Eigen::Index i = 0; i < f; ++i) {
+    const double of_q = random.normal();
+    const double of_u = random.normal();
+    // A rigid motion has no energy of position.
+    if (modes.stiffness[i] > 0.0) {
+      eta[i] = of_q / std::sqrt(modes.stiffness[i]);
+      squares += of_q * of_q;
+    }
+    eta_dot[i] = of_u / std::sqrt(modes.mass[i]);
+    squares += of_u * of_u;
+  }
+  const double scale = std::sqrt(2.0 * energy / squares);
+  return {scale * (modes.Phi * eta), scale * (modes.Phi * eta_dot)};
+}
+
+bool outside(const Scene& scene) {
+  return std::all_of(
+      scene.model.contacts.begin(), scene.model.contacts.end(),
+      [&](const Contact& contact) { return gap(contact, scene.master.q, 0.0) >= 0.0; });
+}
+
+}  // namespace
+
+std::vector<double> values_at(const Study& study, std::int64_t index) {
+  std::int64_t rest = point_of(study, index);
+  std::vector<std::int64_t> place(study.group_size.size());
+  for (std::size_t g = place.size(); g-- > 0;) {
+    place[g] = rest % study.group_size[g];
+    rest /= study.group_size[g];
+  }
+  Random random(study.seed, stream_of(study, index), Purpose::axes);
+  std::vector<double> values;
+  for (const Axis& axis : study.axes) {
+    values.push_back(axis.values.empty()
+                         ? drawn(axis, random)
+                         : axis.values[static_cast<std::size_t>(place[axis.group])]);
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const Axis& axis = study.axes[i];
+    if (axis.relative) values[i] = observed_value(study, values, axis, values[i]);
+  }
+  return values;
+}
+
+Setting setting_of(const Study& study, const std::vector<double>& values) {
+  Setting setting;
+  setting.disturbance = study.disturbance;
+  setting.start_replica = study.start_replica;
+  setting.start_machine = study.start_machine;
+  setting.duration = study.duration;
+  setting.tick = study.tick;
+  std::vector<SceneValue> of_machine, of_observer;
+  int modes = 0;
+  bool jitter_given = study.jitter_given;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const Axis& axis = study.axes[i];
+    const double value = values[i];
+    switch (axis.target) {
+      case Target::scene:
+        of_machine.push_back({axis.key, {value}});
+        break;
+      case Target::observer:
+        of_observer.push_back({axis.key, {value}});
+        break;
+      case Target::modes:
+        modes = static_cast<int>(value);
+        break;
+      case Target::jitter:
+        setting.disturbance.jitter = value;
+        jitter_given = true;
+        break;
+      case Target::offset:
+        setting.disturbance.offset = value;
+        break;
+      case Target::lost:
+        setting.disturbance.lost = value;
+        break;
+      case Target::spurious:
+        setting.disturbance.spurious = value;
+        break;
+      case Target::start_replica:
+        setting.start_replica = value;
+        break;
+      case Target::start_machine:
+        setting.start_machine = value;
+        break;
+      case Target::duration:
+        setting.duration = value;
+        break;
+      case Target::tick:
+        setting.tick = value;
+        break;
+    }
+  }
+  setting.machine = scene_with(study, of_machine);
+  if (of_observer.empty()) {
+    setting.told = setting.machine;
+  } else {
+    // The observer's own key counts where both are varied.
+    std::erase_if(of_machine, [&](const SceneValue& value) {
+      return std::any_of(of_observer.begin(), of_observer.end(),
+                         [&](const SceneValue& own) { return own.path == value.path; });
+    });
+    of_machine.insert(of_machine.end(), of_observer.begin(), of_observer.end());
+    setting.told = scene_with(study, of_machine);
+  }
+  if (!jitter_given) setting.disturbance.jitter = setting.machine.jitter;
+  if (modes > 0) {
+    setting.told = in_modes(setting.told, modes);
+    setting.machine = in_modes(setting.machine, 0);
+  }
+  return setting;
+}
+
+void draw_starts(const Study& study, std::uint64_t stream, Setting& setting) {
+  Scene& machine = setting.machine;
+  if (setting.start_machine > 0.0) {
+    const State center = machine.master;
+    constexpr int attempts = 1000;
+    Random random(study.seed, stream, Purpose::start_of_machine);
+    for (int attempt = 0;; ++attempt) {
+      if (attempt == attempts)
+        throw Error("no start of the machine outside its supports was drawn");
+      const State offset = drawn_offset(machine.model, setting.start_machine, random);
+      machine.master = {center.q + offset.q, center.u + offset.u};
+      if (machine.release_penetration || outside(machine)) break;
+    }
+    machine.has_master = true;
+  }
+  if (setting.start_replica) {
+    Random random(study.seed, stream, Purpose::start_of_replica);
+    const State offset = drawn_offset(machine.model, *setting.start_replica, random);
+    const Eigen::Index f = setting.told.model.coordinates();
+    setting.told.replica = {(machine.master.q + offset.q).head(f),
+                            (machine.master.u + offset.u).head(f)};
+  }
+  setting.told.master = {machine.master.q.head(setting.told.model.coordinates()),
+                         machine.master.u.head(setting.told.model.coordinates())};
+}
+
+}  // namespace sprag::study

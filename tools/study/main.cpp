@@ -1,0 +1,30 @@
+// study: many runs of a scene, by threads, shards or MPI ranks. What is recorded: docs/studies.md.
+#include "command_line/program.h"
+#include "tools/study/run.h"
+
+int main(int argc, char** argv) {
+  const auto app = sprag::command_line(
+      "Runs the study of a study file: a scene of which keys, disturbances of the events and "
+      "starts "
+      "vary. Rows go to DIR/rows.csv. A study that was ended goes on where it was when it is "
+      "started "
+      "again. Under mpirun all ranks compute; without it, threads.",
+      "study");
+  sprag::CommonOptions common;
+  sprag::study::StudyRun run;
+  sprag::add_common_options(*app, common);
+  sprag::add_file(*app, common, "STUDY", sprag::NamedFile::Use::read, run.study, "",
+                  "Study file (TOML)");
+  sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output, "DIR",
+                  "Folder of the results [the study's name]");
+  sprag::add_text(*app, "--shard", run.shard, "i/n",
+                  "Run the i-th of n equal parts alone, with files of its own");
+  sprag::add_count(*app, "--jobs", run.jobs, "n", "Threads [the machine's cores]");
+  sprag::add_count(*app, "--chunk", run.chunk, "n",
+                   "Hand out and write so many runs together [what takes a second]");
+
+  sprag::study::Ranks ranks;
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    return sprag::study::run_study(run, ranks, common, report);
+  });
+}

@@ -1,0 +1,109 @@
+// A study file (TOML): a scene, what of it varies, what befalls its events, and what is recorded of
+// each run. docs/studies.md has the format.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sprag/estimation/estimators.h"
+#include "sprag/mechanics/scene.h"
+#include "tools/study/disturbance.h"
+
+namespace sprag::study {
+
+/// What an axis varies.
+enum class Target {
+  scene,     ///< a key of the scene, for the machine and its observer
+  observer,  ///< a key of the scene, for the observer's model alone
+  modes,     ///< that the observer keeps, the lowest ones
+  jitter,
+  offset,
+  lost,
+  spurious,
+  start_replica,
+  start_machine,
+  duration,
+  tick
+};
+
+struct Axis {
+  std::string path;  ///< as the study file has it, the name of its column
+  Target target = Target::scene;
+  std::string key;             ///< of the scene
+  std::vector<double> values;  ///< on the grid; empty: drawn for each run, between low and high
+  double low = 0.0, high = 0.0;
+  bool logarithmic = false;  ///< drawn uniformly in the logarithm
+  /// Values are shares by which the observer's is off the machine's, which the scene has as `base`.
+  bool relative = false;
+  double base = 0.0;
+  std::size_t group = 0;  ///< axes of one group go on together
+};
+
+/// What is recorded, of each estimator and of the machine.
+struct Record {
+  bool V_floor = false, V_max = false, rate = false, time_below = false;
+  bool nees = false, beyond_3_sigma = false, trusted = false;
+  bool impacts = false;
+  bool poincare = false, impacts_per_period = false, lyapunov = false, attractor = false;
+
+  bool of_errors() const { return V_floor || V_max || rate || time_below; }
+  bool of_filter() const { return nees || beyond_3_sigma || trusted; }
+  bool of_estimators() const { return of_errors() || of_filter(); }
+  bool of_recurrence() const { return poincare || impacts_per_period || lyapunov || attractor; }
+};
+
+/// How the machine alone is looked at.
+struct Stroboscope {
+  double period = 0.0;                        ///< [s]; 0: that of the excitation
+  int transient = 300;                        ///< periods before anything is recorded
+  int periods = 200;                          ///< that are recorded
+  int longest = 32;                           ///< cycle that is looked for, in periods
+  std::vector<int> coordinates;               ///< of the state (q, u), from 0
+  std::vector<std::string> coordinate_names;  ///< q1, u1, ...
+};
+
+struct Study {
+  std::string name;
+  std::string file, text;
+  std::filesystem::path scene_file;
+  std::string scene_text;
+  Scene scene;                                ///< as it is, nothing varied
+  std::vector<std::filesystem::path> inputs;  ///< the study file, the scene, and the files it names
+  std::uint64_t hash = 0;                     ///< of all that the inputs hold
+
+  std::uint64_t seed = 1;
+  bool common_draws = false;          ///< run r of every point draws the same
+  std::int64_t runs = 1;              ///< of a point
+  double duration = 0.0, tick = 0.0;  ///< [s]; tick 0: the interval of samples
+  int samples = 1000;
+  double threshold = 0.0;  ///< of V; 0: 1e-4 of V at the start
+  std::vector<EstimatorKind> estimators;
+  Record record;
+  Stroboscope stroboscope;
+  Disturbance disturbance;
+  bool jitter_given = false;  ///< else the machine's scene says it
+  std::optional<double> start_replica;
+  double start_machine = 0.0;
+  std::vector<Axis> axes;                ///< in the order of the file
+  std::vector<std::int64_t> group_size;  ///< points of each group of axes; the last runs fastest
+  std::int64_t points = 1;
+
+  std::int64_t indices() const { return points * runs; }
+  bool varies(Target target) const;
+};
+
+/// The estimator's name, as study files and columns have it.
+const char* name(EstimatorKind kind);
+
+/// Reads and checks a study and its scene. `names` is told the files that they name before anything
+/// else in them can be wrong. Throws SceneError, with the place in the study file, InputError, and
+/// what `names` throws.
+Study read_study(const std::filesystem::path& file,
+                 const std::function<void(const std::filesystem::path&)>& names = {});
+
+}  // namespace sprag::study

@@ -1,0 +1,137 @@
+#include "tools/study/trial.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/master.h"
+
+namespace sprag::study {
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
+constexpr double usual_threshold = 1e-4;  // of V at the start
+constexpr double near_floor = 10.0;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return undefined;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  const double above = *middle;
+  return 0.5 * (*std::max_element(values.begin(), middle) + above);
+}
+
+// Squares of errors over the standard deviations that go with them. A deviation of infinity says
+// that nothing is known: it is left out.
+struct NormalizedSquares {
+  double sum = 0.0;
+  std::int64_t count = 0, beyond = 0;
+
+  void add(double error, double sigma) {
+    if (!std::isfinite(sigma)) return;
+    const double z = error / sigma;
+    sum += z * z;
+    ++count;
+    if (!(std::abs(z) <= 3.0)) ++beyond;
+  }
+};
+
+}  // namespace
+
+Truth run_machine(const Scene& machine, double duration, double tick, int samples) {
+  Truth truth{machine.model, {}, tick, 1, {}, {}};
+  std::int64_t count = samples;
+  if (tick > 0.0) {
+    const std::int64_t ticks = last_tick(duration, tick);
+    truth.stride = std::max<std::int64_t>(ticks / samples, 1);
+    count = ticks / truth.stride;
+  } else {
+    truth.tick = duration / samples;
+  }
+  if (count < 2) throw Error("the duration has fewer than two ticks");
+  truth.q.resize(machine.model.coordinates(), count + 1);
+  truth.u.resize(machine.model.coordinates(), count + 1);
+  Master master(machine.model, machine.master);
+  for (Eigen::Index i = 0; i <= count; ++i) {
+    const Instant t = tick_instant(i * truth.stride, truth.tick);
+    master.advance(t, truth.events);
+    master.state(t, truth.q.col(i), truth.u.col(i));
+  }
+  master.advance(at(duration), truth.events);
+  return truth;
+}
+
+Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
+               const Truth& truth, double threshold) {
+  AnyEstimator estimator(told, truth.tick, kind);
+  const bool filter = kind != EstimatorKind::replica;
+  const ErrorEnergy energy(truth.model);
+  AnyEstimator::State state;
+  estimator.start(told.replica, 0, 0, state);
+  Confidence confidence = estimator.no_confidence();
+  const Eigen::Index f = told.model.coordinates();
+  Eigen::VectorXd q(f), u(f);
+
+  auto next = events.begin();
+  const auto up_to = [&](std::int64_t k) {
+    const auto first = next;
+    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
+    return std::span<const ContactEvent>(first, next);
+  };
+  if (const auto at_start = up_to(0); !at_start.empty()) estimator.apply(at_start, state);
+
+  std::vector<double> V;
+  NormalizedSquares squares;
+  std::int64_t trusted = 0;
+  const auto sample = [&](Eigen::Index i) {
+    estimator.output(state, q, u);
+    const double now = energy(truth.q.col(i), truth.u.col(i), q, u)[0];
+    V.push_back(std::isfinite(now) ? now : infinite);
+    if (!filter) return;
+    estimator.confidence(state, infinite, confidence);
+    if (i > 0 && confidence.from_filter) ++trusted;
+    if (2 * i <= truth.samples()) return;
+    for (Eigen::Index j = 0; j < f; ++j) {
+      squares.add(q[j] - truth.q(j, i), confidence.sigma_q[j]);
+      squares.add(u[j] - truth.u(j, i), confidence.sigma_u[j]);
+    }
+  };
+  sample(0);
+  const std::int64_t last = truth.samples() * truth.stride;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    check_interrupt();
+    estimator.tick(up_to(k), state);
+    if (k % truth.stride == 0) sample(k / truth.stride);
+  }
+
+  Figures figures;
+  const auto settled = V.begin() + static_cast<std::ptrdiff_t>(truth.samples() / 2 + 1);
+  figures.V_floor = median({settled, V.end()});
+  figures.V_max = *std::max_element(settled, V.end());
+  const auto time_of = [&](std::vector<double>::const_iterator at_sample) {
+    return static_cast<double>(at_sample - V.begin()) * truth.interval();
+  };
+  const double limit = threshold > 0.0 ? threshold : usual_threshold * V.front();
+  const auto below =
+      std::find_if(V.cbegin(), V.cend(), [&](double value) { return value < limit; });
+  figures.time_below = below == V.cend() ? infinite : time_of(below);
+  auto landed = std::find_if(V.cbegin() + 1, V.cend(),
+                             [&](double value) { return value <= near_floor * figures.V_floor; });
+  if (landed == V.cend()) --landed;
+  figures.rate = std::log(V.front() / *landed) / time_of(landed);
+  if (filter) {
+    const auto count = static_cast<double>(squares.count);
+    figures.nees = squares.sum / count;
+    figures.beyond_3_sigma = static_cast<double>(squares.beyond) / count;
+    figures.trusted = static_cast<double>(trusted) / static_cast<double>(truth.samples());
+  } else {
+    figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
+  }
+  return figures;
+}
+
+}  // namespace sprag::study
