@@ -1,15 +1,11 @@
 #include "tools/plot/gnuplot.h"
 
-#include <sys/wait.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
-#include <memory>
-#include <stdexcept>
 
 #include "sprag/files/csv.h"
+#include "tools/plot/script_text.h"
 #include "tools/plot/thinning.h"
 
 namespace sprag::plot {
@@ -20,28 +16,6 @@ constexpr int pixels_across = 1000, pixels_across_of_two = 620;
 constexpr int panel_height = 250, contact_height = 40, least_height = 110, least_picture = 420;
 constexpr int above = 46, above_without_title = 16, below = 58, between = 20, to_the_left = 84;
 constexpr double letter = 7.4, room_of_sample = 70.0;
-
-std::string rgb(Colour colour) {
-  switch (colour) {
-    case Colour::black:
-      return "'#000000'";
-    case Colour::vermilion:
-      return "'#D55E00'";
-    case Colour::purple:
-      return "'#CC79A7'";
-    case Colour::sky:
-      return "'#56B4E9'";
-    case Colour::blue:
-      return "'#0072B2'";
-    case Colour::green:
-      return "'#009E73'";
-    case Colour::orange:
-      return "'#E69F00'";
-    case Colour::grey:
-      return "'#7F7F7F'";
-  }
-  return {};
-}
 
 // Widths and dashes tell lines apart where a printer has no colours.
 std::string style(Line line) {
@@ -58,18 +32,6 @@ std::string style(Line line) {
       return "lw 2 dt (2,4)";
   }
   return {};
-}
-
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
-  return result + "'";
-}
-
-std::string number(double value) {
-  std::string text;
-  append_number(text, value);
-  return text;
 }
 
 bool reaches(const std::vector<double>& t, Figure::Zoom axis) {
@@ -122,19 +84,6 @@ double longest_title(const Figure& figure) {
     for (const Band& band : panel.bands) longest = std::max(longest, band.title.size());
   }
   return static_cast<double>(longest);
-}
-
-std::string terminal(const std::filesystem::path& output, double width, double height) {
-  const std::string extension = output.extension().string();
-  const std::string size = number(width) + "," + number(height);
-  const std::string font = " enhanced font 'DejaVu Sans,11' background '#ffffff'";
-  if (extension == ".png") return "pngcairo size " + size + font;
-  if (extension == ".svg") return "svg size " + size + font;
-  // Inches; 96 pixels in each.
-  if (extension == ".pdf") {
-    return "pdfcairo size " + number(width / 96.0) + "in," + number(height / 96.0) + "in" + font;
-  }
-  throw std::invalid_argument(output.string() + " is not allowed; must end in .png, .svg or .pdf");
 }
 
 Script::Script(const Figure& figure, const std::filesystem::path& output) {
@@ -332,17 +281,6 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
 
 std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output) {
   return Script(figure, output).text();
-}
-
-void run_gnuplot(const std::string& script) {
-  std::FILE* pipe = popen("gnuplot", "w");
-  if (pipe == nullptr) throw std::runtime_error("gnuplot cannot be started");
-  const bool written = std::fwrite(script.data(), 1, script.size(), pipe) == script.size();
-  const int status = pclose(pipe);
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) {
-    throw std::runtime_error("gnuplot is not there (Debian's package gnuplot-nox)");
-  }
-  if (!written || status != 0) throw std::runtime_error("gnuplot has failed");
 }
 
 }  // namespace sprag::plot

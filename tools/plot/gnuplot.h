@@ -14,7 +14,4 @@ namespace sprag::plot {
 /// another extension.
 std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output);
 
-/// Runs it. Throws std::runtime_error: gnuplot is not there or fails.
-void run_gnuplot(const std::string& script);
-
 }  // namespace sprag::plot

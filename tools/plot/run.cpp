@@ -10,6 +10,7 @@
 #include "sprag/files/csv.h"
 #include "sprag/mechanics/scene.h"
 #include "tools/plot/gnuplot.h"
+#include "tools/plot/script_text.h"
 
 namespace sprag::plot {
 namespace {
@@ -25,9 +26,53 @@ Figure::Zoom zoom_of(const std::string& text) {
   return {*from, *to};
 }
 
+void note_damage(const std::filesystem::path& file, const FileProblem& damage,
+                 nlohmann::ordered_json& report) {
+  const std::string what = file.string() + ":" + std::to_string(damage.line) + ": " + damage.what;
+  std::cerr << what << "; everything before it is shown\n";
+  report["damage"].push_back(what);
+}
+
+// Manifests are read without being named.
+void keep_manifest(const std::filesystem::path& manifest, const CommonOptions& common) {
+  std::vector<NamedFile> files{{"the manifest of FILE", manifest, NamedFile::Use::read}};
+  for (const auto& file : common.files) files.push_back(file());
+  if (const std::string clash = overwritten(files); !clash.empty()) throw OverwriteError(clash);
+}
+
+int plot_study(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
+  std::vector<std::filesystem::path> files;
+  for (const std::string& text : run.files) {
+    files.push_back(file_of(text));
+    if (!is_study(files.back())) {
+      throw UsageError(text + " holds no rows of a study; a picture is of a study or of runs");
+    }
+    keep_manifest(manifest_of(files.back()), common);
+  }
+  const StudyTable table = read_study_table(files);
+  if (table.damage) note_damage(files.back(), *table.damage, report);
+  StudyOptions options = run.study;
+  options.title = run.figure.title;
+  options.show = run.figure.show;
+  std::string script;
+  try {
+    const StudyFigure figure = make_study_figure(table, options);
+    script = study_script(figure, run.output);
+    for (const StudyPanel& panel : figure.panels) report["panels"].push_back(panel.name);
+  } catch (const std::invalid_argument& e) {
+    throw UsageError(e.what());
+  }
+  run_gnuplot(script);
+  return table.damage ? exit_failed : exit_done;
+}
+
 }  // namespace
 
 int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
+  if (std::any_of(run.files.begin(), run.files.end(),
+                  [](const std::string& text) { return is_study(file_of(text)); })) {
+    return plot_study(run, common, report);
+  }
   std::optional<Scene> scene;
   std::vector<Table> tables;
   bool whole = true;
@@ -44,10 +89,7 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
     const std::filesystem::path file = file_of(text);
     tables.push_back(read_table(text));
     if (const auto& damage = tables.back().damage) {
-      const std::string what =
-          file.string() + ":" + std::to_string(damage->line) + ": " + damage->what;
-      std::cerr << what << "; everything before it is shown\n";
-      report["damage"].push_back(what);
+      note_damage(file, *damage, report);
       whole = false;
     }
   }

@@ -8,14 +8,17 @@
 
 #include "command_line/program.h"
 #include "tools/plot/figure.h"
+#include "tools/plot/study_figure.h"
 
 namespace sprag::plot {
 
 struct PlotRun {
-  std::vector<std::string> files;  ///< [LABEL=]FILE.csv, in any order, and at most one SCENE.toml
+  std::vector<std::string> files;  ///< [LABEL=]FILE.csv, in any order, and at most one SCENE.toml;
+                                   ///< or the rows of one study
   std::filesystem::path output;    ///< .png, .svg or .pdf
   FigureOptions figure;
-  std::string zoom;  ///< FROM:TO; empty: none
+  std::string zoom;    ///< FROM:TO; empty: none
+  StudyOptions study;  ///< of the rows of a study; title and show are the figure's
 };
 
 /// Draws, says on stderr which panels were left out and which files are damaged, and returns the

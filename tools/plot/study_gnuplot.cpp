@@ -1,0 +1,413 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <set>
+
+#include "sprag/files/csv.h"
+#include "tools/plot/script_text.h"
+#include "tools/plot/study_figure.h"
+
+namespace sprag::plot {
+namespace {
+
+// In points of the picture.
+constexpr double across = 860.0, left = 96.0, above_title = 46.0, above_nothing = 16.0;
+constexpr double below_axis = 58.0, below_plane = 76.0, between_panels = 22.0;
+constexpr double of_points = 420.0, of_bands = 260.0, of_map = 480.0;
+constexpr double letter_width = 7.4, beside_map = 170.0, beside_points = 30.0;
+
+// Cividis (Nunez, Anderton & Renslow, PLoS ONE 13, 2018): even steps of lightness, for all eyes and
+// in grey.
+constexpr const char* cividis =
+    "set palette defined (0 '#00224e', 1 '#123570', 2 '#3b496c', 3 '#575d6d', 4 '#707173', "
+    "5 '#8a8678', 6 '#a59c74', 7 '#c3b369', 8 '#e1cc55', 9 '#fee838')";
+
+// What no attractor has been found for, then the labels; what comes behind them all shares the
+// last.
+constexpr std::array<unsigned, 9> label_colours{0xd9d9d9, 0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7,
+                                                0x56b4e9, 0xd55e00, 0xf0e442, 0x000000};
+constexpr std::size_t labels_told = label_colours.size() - 1;
+
+std::size_t colour_number(double label) {
+  return std::min(static_cast<std::size_t>(label), labels_told);
+}
+
+double height_of_study(const StudyPanel& panel) {
+  switch (panel.kind) {
+    case StudyPanel::Kind::points:
+      return of_points;
+    case StudyPanel::Kind::bands:
+      return of_bands;
+    default:
+      return of_map;
+  }
+}
+
+bool in_plane(const StudyPanel& panel) {
+  return panel.kind == StudyPanel::Kind::map || panel.kind == StudyPanel::Kind::labels;
+}
+
+double shown(const Axis& axis, double value) {
+  return axis.logarithmic ? std::log10(value) : value;
+}
+
+// The borders of cells around values, in the axis's own scale.
+struct Cells {
+  std::vector<double> centres;
+  bool even = true;  ///< all of one width
+  double low(std::size_t i) const {
+    return i == 0 ? centres[0] - 0.5 * width(0) : 0.5 * (centres[i - 1] + centres[i]);
+  }
+  double high(std::size_t i) const {
+    const std::size_t last = centres.size() - 1;
+    return i == last ? centres[last] + 0.5 * width(last - (last > 0 ? 1 : 0))
+                     : 0.5 * (centres[i] + centres[i + 1]);
+  }
+  double width(std::size_t i) const {
+    return centres.size() < 2 ? 1.0 : centres[i + 1] - centres[i];
+  }
+};
+
+Cells cells_of(const Axis& axis) {
+  Cells cells;
+  for (const double value : axis.values) cells.centres.push_back(shown(axis, value));
+  if (cells.centres.size() < 2) return cells;
+  const double mean = (cells.centres.back() - cells.centres.front()) /
+                      static_cast<double>(cells.centres.size() - 1);
+  for (std::size_t i = 0; i + 1 < cells.centres.size(); ++i) {
+    cells.even = cells.even && std::abs(cells.width(i) - mean) <= 1e-3 * mean;
+  }
+  return cells;
+}
+
+class StudyScript {
+ public:
+  StudyScript(const StudyFigure& figure, const std::filesystem::path& output);
+  std::string text() && { return std::move(text_); }
+
+ private:
+  struct Place {
+    double right, top, bottom;
+  };
+
+  void line(const std::string& of) { text_ += of + '\n'; }
+  double screen_x(double x) const { return x / width_; }
+  double screen_y(double y) const { return 1.0 - y / height_; }
+  std::string data(const std::vector<std::vector<double>>& columns);
+  void frame(const StudyPanel& panel, const Place& place, bool lowest);
+  void range(char axis, double low, double high);
+  void range_of_constant(const std::vector<double>& values);
+  void ticks(char name, const Axis& axis, bool labels);
+  void draw_points(const StudyPanel& panel, const Place& place);
+  void draw_bands(const StudyPanel& panel);
+  void draw_plane(const StudyPanel& panel);
+  void plot(const std::vector<std::string>& parts);
+  bool on_grid(const StudyPanel& panel) const;
+
+  const StudyFigure& figure_;
+  std::string text_;
+  double width_ = 0.0, height_ = 0.0;
+  int blocks_ = 0;
+};
+
+StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path& output)
+    : figure_(figure) {
+  const double above = figure.title.empty() ? above_nothing : above_title;
+  double beside = beside_points;
+  height_ = above + below_axis - between_panels;
+  for (const StudyPanel& panel : figure.panels) {
+    height_ += height_of_study(panel) + between_panels;
+    if (in_plane(panel)) {
+      beside = std::max(beside, beside_map);
+      height_ += &panel == &figure.panels.back() ? 0.0 : below_plane - between_panels;
+    }
+    std::size_t longest = 0;
+    for (const Curve& curve : panel.curves) {
+      if (curve.title != panel.name) longest = std::max(longest, curve.title.size());
+    }
+    for (const Band& band : panel.bands) longest = std::max(longest, band.title.size());
+    if (longest > 0) {
+      beside = std::max(beside, letter_width * static_cast<double>(longest) + 70.0);
+    }
+  }
+  width_ = left + across + beside;
+
+  line("set terminal " + terminal(output, width_, height_));
+  line("set output " + quoted(output.string()));
+  line("set encoding utf8");
+  line("set border 3 lw 1 lc rgb '#404040'");
+  line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
+  line(cividis);
+  line("set multiplot");
+  if (!figure.title.empty()) {
+    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(left)) +
+         ", screen " + number(screen_y(24.0)) + " left noenhanced font ',14'");
+  }
+  double y = above;
+  for (const StudyPanel& panel : figure.panels) {
+    const bool lowest = &panel == &figure.panels.back();
+    const Place place{left + across, y, y + height_of_study(panel)};
+    frame(panel, place, lowest || in_plane(panel));
+    switch (panel.kind) {
+      case StudyPanel::Kind::points:
+        draw_points(panel, place);
+        break;
+      case StudyPanel::Kind::bands:
+        draw_bands(panel);
+        break;
+      default:
+        draw_plane(panel);
+        break;
+    }
+    line("unset label 1");
+    y = place.bottom + (in_plane(panel) ? below_plane : between_panels);
+  }
+  line("unset multiplot");
+}
+
+std::string StudyScript::data(const std::vector<std::vector<double>>& columns) {
+  const std::string name = "$d" + std::to_string(++blocks_);
+  text_ += name + " << EOD\n";
+  for (std::size_t i = 0; i < columns.front().size(); ++i) {
+    const bool there = std::all_of(columns.begin(), columns.end(),
+                                   [&](const auto& column) { return std::isfinite(column[i]); });
+    if (there) {
+      for (const auto& column : columns) {
+        append_number(text_, column[i]);
+        text_ += ' ';
+      }
+    }
+    text_ += '\n';
+  }
+  text_ += "EOD\n";
+  return name;
+}
+
+void StudyScript::plot(const std::vector<std::string>& parts) {
+  text_ += "plot ";
+  for (std::size_t i = 0; i < parts.size(); ++i) text_ += (i > 0 ? ", \\\n  " : "") + parts[i];
+  text_ += '\n';
+}
+
+void StudyScript::range(char axis, double low, double high) {
+  line(std::string("set ") + axis + "range [" + number(low) + ":" + number(high) + "]");
+}
+
+// What stays as it is has no range of its own.
+void StudyScript::range_of_constant(const std::vector<double>& values) {
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    least = std::min(least, value);
+    most = std::max(most, value);
+  }
+  if (!(least >= most)) return;
+  const double around = least == 0.0 || !std::isfinite(least) ? 1.0 : 0.1 * std::abs(least);
+  const double middle = std::isfinite(least) ? least : 0.0;
+  range('y', middle - around, middle + around);
+}
+
+// Decades where the axis is logarithmic: it is drawn in logarithms, which images can do.
+void StudyScript::ticks(char name, const Axis& axis, bool labels) {
+  const std::string which = std::string(1, name) + "tics";
+  if (!axis.logarithmic) {
+    line("set " + which + " autofreq");
+    line(std::string("set format ") + name + (labels ? " '%g'" : " ''"));
+    return;
+  }
+  const int first = static_cast<int>(std::floor(std::log10(axis.values.front())));
+  const int last = static_cast<int>(std::ceil(std::log10(axis.values.back())));
+  std::string list;
+  for (int decade = first; decade <= last; ++decade) {
+    list += (list.empty() ? "" : ", ") +
+            std::string(labels ? "'10^{" + std::to_string(decade) + "}' " : "'' ") +
+            std::to_string(decade);
+  }
+  line("set " + which + " (" + list + ")");
+}
+
+void StudyScript::frame(const StudyPanel& panel, const Place& place, bool lowest) {
+  line("set lmargin at screen " + number(screen_x(left)));
+  line("set rmargin at screen " + number(screen_x(place.right)));
+  line("set tmargin at screen " + number(screen_y(place.top)));
+  line("set bmargin at screen " + number(screen_y(place.bottom)));
+  line("set key at screen " + number(screen_x(place.right + 12.0)) + ", screen " +
+       number(screen_y(place.top)) +
+       " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
+  const Axis& x = figure_.axes.front();
+  line(lowest ? "set xlabel " + quoted(x.name) + " noenhanced" : "unset xlabel");
+  const Cells cells = cells_of(x);
+  const bool plane = in_plane(panel);
+  const double least = plane ? cells.low(0) : cells.centres.front();
+  const double most = plane ? cells.high(cells.centres.size() - 1) : cells.centres.back();
+  range('x', least, most > least ? most : least + 1.0);
+  ticks('x', x, lowest);
+  const std::string y_name = plane ? figure_.axes.back().name : panel.name;
+  line("set label 2 " + quoted(y_name) + " at screen " + number(screen_x(16.0)) + ", screen " +
+       number(screen_y((place.top + place.bottom) / 2.0)) + " center rotate by 90 noenhanced");
+  line(plane ? "unset grid" : "set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'");
+  line(!plane && panel.logarithmic ? "set logscale y" : "unset logscale y");
+  line("set ytics autofreq");
+  line(!plane && panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
+  line("set yrange [*:*]");
+  line("unset logscale cb");
+}
+
+// One of the points in a pixel is enough.
+void StudyScript::draw_points(const StudyPanel& panel, const Place& place) {
+  const Axis& axis = figure_.axes.front();
+  const auto [least, most] = std::minmax_element(panel.y.begin(), panel.y.end());
+  const double rows = place.bottom - place.top;
+  const double height = *most > *least ? *most - *least : 1.0;
+  const double first = shown(axis, axis.values.front());
+  const double last = shown(axis, axis.values.back());
+  const double length = last > first ? last - first : 1.0;
+  range_of_constant(panel.y);
+  std::set<std::pair<long, long>> taken;
+  std::vector<double> x, y;
+  for (std::size_t i = 0; i < panel.x.size(); ++i) {
+    const double at = shown(axis, panel.x[i]);
+    // Twice as fine as the picture: dots are drawn between its pixels.
+    const std::pair pixel{std::lround((at - first) / length * 2.0 * across),
+                          std::lround((panel.y[i] - *least) / height * 2.0 * rows)};
+    if (!taken.insert(pixel).second) continue;
+    x.push_back(at);
+    y.push_back(panel.y[i]);
+  }
+  plot({data({x, y}) + " using 1:2 with points pt 7 ps 0.16 lc rgb " + rgb(Colour::black) +
+        " notitle"});
+}
+
+void StudyScript::draw_bands(const StudyPanel& panel) {
+  const Axis& axis = figure_.axes.front();
+  std::vector<std::string> parts;
+  const auto of_axis = [&](std::vector<double> t) {
+    for (double& value : t) value = shown(axis, value);
+    return t;
+  };
+  const auto positive = [&](std::vector<double> y) {
+    if (!panel.logarithmic) return y;
+    for (double& value : y) value = value > 0.0 ? value : std::nan("");
+    return y;
+  };
+  bool negative = false, others = false;
+  std::vector<double> heights;
+  for (const Curve& curve : panel.curves) {
+    for (const double y : curve.y) (y < 0.0 ? negative : others) = true;
+    heights.insert(heights.end(), curve.y.begin(), curve.y.end());
+  }
+  for (const Band& band : panel.bands) {
+    heights.insert(heights.end(), band.low.begin(), band.low.end());
+    heights.insert(heights.end(), band.high.begin(), band.high.end());
+  }
+  range_of_constant(heights);
+  for (const Band& band : panel.bands) {
+    parts.push_back(data({of_axis(band.t), positive(band.low), positive(band.high)}) +
+                    " using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
+                    rgb(band.colour) + " title " + quoted(band.title));
+  }
+  for (const Curve& curve : panel.curves) {
+    // A single curve with the name of its panel needs no legend.
+    const bool told = curve.title != panel.name;
+    parts.push_back(data({of_axis(curve.t), positive(curve.y)}) +
+                    " using 1:2 with linespoints pt 7 ps 0.3 lw 1.4 lc rgb " + rgb(curve.colour) +
+                    (told ? " title " + quoted(curve.title) : " notitle"));
+  }
+  // Stable and unstable are told by the sign.
+  if (negative && others) parts.push_back("0 with lines lw 1 lc rgb '#404040' notitle");
+  plot(parts);
+}
+
+// Whether every pair of values occurs, as in a grid and not in random starts.
+bool StudyScript::on_grid(const StudyPanel& panel) const {
+  return panel.x.size() <= figure_.axes[0].values.size() * figure_.axes[1].values.size() &&
+         2 * panel.x.size() >= figure_.axes[0].values.size() * figure_.axes[1].values.size();
+}
+
+void StudyScript::draw_plane(const StudyPanel& panel) {
+  const Axis& x_axis = figure_.axes[0];
+  const Axis& y_axis = figure_.axes[1];
+  const Cells x_cells = cells_of(x_axis);
+  const Cells y_cells = cells_of(y_axis);
+  range('y', y_cells.low(0), y_cells.high(y_cells.centres.size() - 1));
+  ticks('y', y_axis, true);
+  const bool labels = panel.kind == StudyPanel::Kind::labels;
+  std::vector<double> x, y, z, red, green, blue, packed;
+  std::vector<double> x_low, x_high, y_low, y_high;
+  const auto place = [](const std::vector<double>& values, double value) {
+    return static_cast<std::size_t>(std::lower_bound(values.begin(), values.end(), value) -
+                                    values.begin());
+  };
+  // Neighbours that only touch would let the background through.
+  const auto overlap = [](const Cells& cells, double pixels) {
+    return (cells.high(cells.centres.size() - 1) - cells.low(0)) / pixels;
+  };
+  const double x_overlap = overlap(x_cells, across);
+  const double y_overlap = overlap(y_cells, of_map);
+  for (std::size_t i = 0; i < panel.x.size(); ++i) {
+    if (!std::isfinite(panel.z[i])) continue;
+    if (!labels && panel.logarithmic && !(panel.z[i] > 0.0)) continue;
+    const std::size_t column = place(x_axis.values, panel.x[i]);
+    const std::size_t row = place(y_axis.values, panel.y[i]);
+    x.push_back(x_cells.centres[column]);
+    y.push_back(y_cells.centres[row]);
+    x_low.push_back(x_cells.low(column));
+    x_high.push_back(x_cells.high(column) + x_overlap);
+    y_low.push_back(y_cells.low(row));
+    y_high.push_back(y_cells.high(row) + y_overlap);
+    z.push_back(panel.z[i]);
+    if (!labels) continue;
+    const unsigned colour = label_colours[colour_number(panel.z[i])];
+    packed.push_back(colour);
+    red.push_back(colour >> 16);
+    green.push_back((colour >> 8) & 0xff);
+    blue.push_back(colour & 0xff);
+  }
+  std::vector<std::string> parts;
+  if (x.empty()) {
+    parts.emplace_back("NaN notitle");
+  } else if (!on_grid(panel)) {
+    parts.push_back(data({x, y, labels ? packed : z}) + " using 1:2:3 with points pt 7 ps 0.5 lc " +
+                    (labels ? "rgb variable" : "palette") + " notitle");
+  } else if (x_cells.even && y_cells.even && labels) {
+    parts.push_back(data({x, y, red, green, blue}) + " using 1:2:3:4:5 with rgbimage notitle");
+  } else if (x_cells.even && y_cells.even) {
+    parts.push_back(data({x, y, z}) + " using 1:2:3 with image notitle");
+  } else {
+    parts.push_back(data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
+                    " using 1:2:3:4:5:6:7 with boxxyerror fs solid noborder fc " +
+                    (labels ? "rgb variable" : "palette") + " notitle");
+  }
+  if (labels) {
+    line("unset colorbox");
+    for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_told + 1); ++label) {
+      const bool occurs = std::any_of(panel.z.begin(), panel.z.end(),
+                                      [&](double of) { return colour_number(of) == label; });
+      if (!occurs) continue;
+      const bool others = label == labels_told && panel.titles.size() > labels_told + 1;
+      char colour[16];
+      std::snprintf(colour, sizeof colour, "'#%06x'", label_colours[label]);
+      parts.push_back(std::string("NaN with points pt 5 ps 1.6 lc rgb ") + colour + " title " +
+                      quoted(others ? std::to_string(label) + " and on" : panel.titles[label]));
+    }
+  } else {
+    if (panel.logarithmic) line("set logscale cb");
+    line(panel.logarithmic ? "set format cb '10^{%T}'" : "set format cb '%g'");
+    line(panel.most > panel.least
+             ? "set cbrange [" + number(panel.least) + ":" + number(panel.most) + "]"
+             : std::string("set cbrange [*:*]"));
+    line("set cblabel " + quoted(panel.name) + " noenhanced offset 1");
+    line("set colorbox");
+  }
+  plot(parts);
+}
+
+}  // namespace
+
+std::string study_script(const StudyFigure& figure, const std::filesystem::path& output) {
+  return StudyScript(figure, output).text();
+}
+
+}  // namespace sprag::plot
