@@ -66,6 +66,9 @@ struct Frame {
   std::int64_t inconsistencies = 0;
   std::optional<Suspect> suspect;  ///< the last one
 
+  /// Simulated seconds per second, as the machine's messages say; infinite: as fast as it can.
+  double speed = 1.0;
+
   /// The picture of the machine, of one instant.
   double t = 0.0;
   double base = 0.0;

@@ -146,6 +146,7 @@ void put_frame(const Frame& frame, JsonText& to) {
     to.null();
   }
   to.member("bound", frame.bound);
+  to.member("speed", frame.speed);
   to.member("inconsistencies", frame.inconsistencies);
   to.key("suspect");
   if (frame.suspect) {

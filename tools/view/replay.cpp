@@ -188,7 +188,7 @@ class Player {
     const double end = recorded.events.empty() ? 0.0 : recorded.events.back().t;
     const bool waits = std::isfinite(options_.speed);
     const double step = waits ? options_.speed / steps_a_second : end / steps_without_waiting;
-    MessageBuilder builder(1, options_.speed, contacts_);
+    MessageBuilder builder(1, 1.0, contacts_);
     Pace pace(options_.speed, stage_);
     auto event = recorded.events.begin();
     for (std::int64_t k = 1; event != recorded.events.end(); ++k) {

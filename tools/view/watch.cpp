@@ -132,6 +132,7 @@ void Watch::take(const ContactMessage& message, const Arrival& arrival) {
   const SessionTracker::Verdict verdict = tracker_.hear(message, arrival);
   if (verdict == SessionTracker::Verdict::ignored) return;
   contacts_arrival_ = arrival.monotonic;
+  speed_ = message.speed;
   if (verdict == SessionTracker::Verdict::starts) {
     if (session_ != message.session) begin(message.session);
     events_.restart(0, 0, no_horizon);
@@ -323,6 +324,7 @@ Frame Watch::frame(std::int64_t now) const {
   if (latest_) frame.now = shown(*latest_);
   if (!truth_.empty()) frame.truth = shown(truth_.back());
   frame.energy = energy_;
+  frame.speed = speed_;
   frame.inconsistencies = inconsistencies_;
   if (!suspects_.empty()) frame.suspect = suspects_.back();
   if (parameters_) {

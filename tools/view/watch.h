@@ -106,6 +106,7 @@ class Watch {
   std::optional<ParametersSample> parameters_;
   std::optional<Health> health_;
   std::int64_t inconsistencies_ = 0;
+  double speed_ = 1.0;  // of the master
 
   static constexpr std::int64_t never = std::numeric_limits<std::int64_t>::min() / 2;
   std::int64_t contacts_arrival_ = never, estimate_arrival_ = never, truth_arrival_ = never,

@@ -3,7 +3,8 @@
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
-  const windows = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10000];
+  const windows = [-3, -2, -1, 0, 1, 2, 3, 4].flatMap((k) => [1, 2, 5].map((n) => Number(n + "e" + k)));
+  const usualWindow = 20; // s of whoever looks on
   const longestPause = 5000; // ms between attempts to connect
   const silence = 6000; // ms without a message: the connection is dead
   const flash = 180; // ms that an impact lights its stop
@@ -112,6 +113,17 @@
     else Object.assign(said, { from: view.from, to: view.to });
     send({ view: said });
   }
+  // Until somebody chooses: as long on the screen, however fast the machine's time goes.
+  let chosen = false;
+  function fitWindow(speed) {
+    const wanted = usualWindow * (speed === null ? 10 : speed);
+    const off = (length) => Math.abs(Math.log(length / wanted));
+    const length = windows.reduce((best, each) => (off(each) < off(best) ? each : best));
+    if (chosen || length === sprag.view.window) return;
+    sprag.view.window = length;
+    byId("window").value = String(length);
+    if (sprag.view.follow) sendView();
+  }
   function pressed(id, on) { byId(id).setAttribute("aria-pressed", String(on)); }
   function setPaused(paused) {
     sprag.paused = paused;
@@ -120,7 +132,10 @@
   }
   function follow(length) {
     sprag.view.follow = true;
-    if (length) sprag.view.window = length;
+    if (length) {
+      chosen = true;
+      sprag.view.window = length;
+    }
     setPaused(false);
     pressed("follow", true);
     sendView();
@@ -224,25 +239,6 @@
       c.fillRect(left - 12, y - 34, 12, 68);
     }
 
-    const size = Math.min(26, height / 9);
-    scene.stops.forEach((stop, i) => {
-      const contact = frame.contacts[i];
-      if (contact.y !== null) {
-        drawStop(c, X(stop.across), Math.min(Math.max(Y(contact.y), -size), height + size), stop.side, lit[i], size);
-      } else {
-        const y = height - 12, from = X(stop.across), to = X(stop.other);
-        c.strokeStyle = style.ink;
-        c.lineWidth = lit[i] ? 5 : 2;
-        polyline(c, [from, from, to, to], [y - 8, y, y, y - 8]);
-        c.stroke();
-        if (lit[i]) {
-          c.fillStyle = style.lit;
-          c.fillRect((from + to) / 2 - 6, y - 6, 12, 12);
-          c.strokeRect((from + to) / 2 - 6, y - 6, 12, 12);
-        }
-      }
-    });
-
     const xs = places.map(X);
     const few = places.length <= 40;
     if (shown.estimate && shown.sigma) {
@@ -259,6 +255,26 @@
       }
       c.globalAlpha = 1;
     }
+    const size = Math.min(26, height / 9);
+    scene.stops.forEach((stop, i) => {
+      const contact = frame.contacts[i];
+      if (contact.y !== null) {
+        drawStop(c, X(stop.across), Math.min(Math.max(Y(contact.y), -size), height + size), stop.side, lit[i], size);
+      } else {
+        const y = height - 12, from = X(stop.across), to = X(stop.other);
+        c.strokeStyle = style.ink;
+        c.lineWidth = lit[i] ? 5 : 2;
+        polyline(c, [from, from, to, to], [y - 8, y, y, y - 8]);
+        c.stroke();
+        if (lit[i]) {
+          c.fillStyle = style.lit;
+          c.lineWidth = 2;
+          c.fillRect((from + to) / 2 - 9, y - 9, 18, 18);
+          c.strokeRect((from + to) / 2 - 9, y - 9, 18, 18);
+        }
+      }
+    });
+
     if (shown.estimate) {
       c.strokeStyle = c.fillStyle = style.estimate;
       const ys = shown.estimate.map(Y);
@@ -303,12 +319,15 @@
     return ticks;
   }
 
+  function moved(from, to) {
+    const view = sprag.view;
+    const small = 1e-6 * (view.to - view.from);
+    return Math.abs(from - view.from) > small || Math.abs(to - view.to) > small;
+  }
   function userMoved(chart) {
     if (applying || frozen) return;
     const [from, to] = chart.xAxisRange();
-    const view = sprag.view;
-    const small = 1e-6 * (view.to - view.from);
-    if (Math.abs(from - view.from) > small || Math.abs(to - view.to) > small) look(from, to);
+    if (moved(from, to)) look(from, to);
   }
 
   function makeCharts() {
@@ -318,7 +337,7 @@
     const common = {
       connectSeparatedPoints: true, interactionModel: model, animatedZooms: false,
       highlightCircleSize: 0, rightGap: 8, xRangePad: 0, drawGapEdgePoints: false,
-      zoomCallback: (from, to) => { frozen = false; look(from, to); },
+      zoomCallback: (from, to) => { frozen = false; if (moved(from, to)) look(from, to); },
       drawCallback: (chart, initial) => { if (!initial) userMoved(chart); },
     };
     const axes = (more) => ({
@@ -387,6 +406,21 @@
     if (sprag.curves) drawRaster(sprag.curves);
   }
 
+  // What is drawn, and of the band as much as leaves the curves legible.
+  function heightsOf({ estimate, truth }) {
+    let low = Infinity, high = -Infinity, lowest = Infinity, highest = -Infinity;
+    const take = (y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } };
+    estimate.mean.forEach(take);
+    truth.value.forEach(take);
+    if (low > high) return [-1, 1];
+    estimate.low.forEach((y) => { if (y !== null) lowest = Math.min(lowest, y); });
+    estimate.high.forEach((y) => { if (y !== null) highest = Math.max(highest, y); });
+    const room = high - low || Math.abs(high) || 1;
+    const bottom = Math.max(Math.min(low, lowest), low - 0.5 * room);
+    const top = Math.min(Math.max(high, highest), high + 0.5 * room);
+    return [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
+  }
+
   function drawCurves(curves) {
     const dateWindow = windowOf(curves);
     const nothing = [null, null, null];
@@ -398,6 +432,7 @@
     let rows = merged(estimate, truth, (t, i, j) =>
       [t, i < 0 ? nothing : band(i), j < 0 ? nothing : [truth.value[j], truth.value[j], truth.value[j]]]);
     if (rows.length === 0) rows = [[dateWindow[0], nothing, nothing]];
+    const heights = heightsOf(curves);
     const positive = (y) => (y > 0 ? y : null);
     let energies = merged(energy, bound, (t, i, j) =>
       [t, i < 0 ? null : positive(energy.V[i]), j < 0 ? null : positive(bound.B[j])]);
@@ -408,11 +443,12 @@
     if (energies.length === 0) energies = [[dateWindow[0], null, null]];
     const valueRange = high > 0 ? [low / 2, high * 3] : [1e-3, 1];
     applying = true;
-    curveChart.updateOptions({ file: rows, dateWindow });
+    curveChart.updateOptions({ file: rows, dateWindow, valueRange: heights });
     energyChart.updateOptions({ file: energies, dateWindow, valueRange });
     applying = false;
     drawRaster(curves);
     document.querySelectorAll('[data-of="truth"]').forEach((e) => { e.hidden = truth.t.length === 0 && energy.t.length === 0; });
+    document.querySelector('[data-of="bound"]').hidden = !bound.B.some((B) => B !== null);
   }
 
   function drawRaster(curves) {
@@ -546,15 +582,19 @@
       return;
     }
     const said = [];
+    const lives = !o.last && o.age <= 3;
     if (o.last) said.push("The observer has ended.");
-    else if (o.age > 3) said.push("The observer was last heard " + duration(o.age) + " ago.");
-    said.push({ awaited: "It waits for a master.", heard: "It hears its master.", silent: "Its master is silent; the estimate runs free.",
-      ended: "Its master's run is over; the estimate runs free." }[o.master]);
-    if (o.master === "heard" && o.speed !== null && o.speed > 0) {
+    else if (!lives) said.push("The observer was last heard " + duration(o.age) + " ago.");
+    if (lives) {
+      said.push({ awaited: "The observer waits for a master.", heard: "The observer hears its master.",
+        silent: "The observer's master is silent; the estimate runs free.",
+        ended: "The machine's run is over; the estimate runs free." }[o.master]);
+    }
+    if (lives && o.master === "heard" && o.speed !== null && o.speed > 0) {
       const pace = o.real_time_factor / o.speed;
       said.push(pace > 0.95 && pace < 1.05 ? "It keeps pace." : "It goes at " + short(pace) + " of the master's pace.");
     }
-    if (o.latencies > 0) said.push("An event is in the estimate " + duration(o.latency.p50) + " after it happened.");
+    if (lives && o.latencies > 0) said.push("An event is in the estimate " + duration(o.latency.p50) + " after it happened.");
     const troubles = o.lost_events + o.skipped_events + o.inconsistencies + o.real_time_losses;
     said.push(troubles === 0 ? "Nothing is amiss." : "Marked numbers tell what went amiss.");
     put(byId("health-words"), said.join(" "));
@@ -619,6 +659,8 @@
       drawHealth(message.health);
     }
     if (!sprag.scene) return;
+    const faster = sprag.scene.replay ? sprag.scene.speed : 1;
+    fitWindow(faster === null || message.frame.speed === null ? null : faster * message.frame.speed);
     if (message.frame.session !== session) {
       session = message.frame.session;
       machine.events = [];
