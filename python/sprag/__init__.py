@@ -38,6 +38,7 @@ from ._core import (
 )
 from ._errors import BusError, Error, InputError, ModelError, SceneError, SimulationError
 from ._events import ContactEventKind, pulses
+from ._studies import Study, read_study
 
 __all__ = [
     "Assessment",
@@ -65,6 +66,7 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "State",
+    "Study",
     "beam_contact",
     "beam_model",
     "check",
@@ -75,5 +77,6 @@ __all__ = [
     "pulses",
     "read_events",
     "read_scene",
+    "read_study",
     "simulate",
 ]

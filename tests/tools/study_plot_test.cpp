@@ -95,10 +95,10 @@ TEST_F(StudyPlotTest, OverOneKeyMedianAndBandOfEachEstimator) {
 TEST_F(StudyPlotTest, PointsOfTheStroboscopeMakeABifurcationDiagram) {
   Rows rows;
   for (int k = 0; k < 3; ++k) {
-    for (int n = 1; n <= 4; ++n) rows.push_back({2.0 + k, 1.0 * n, 0.1 * n, 7.0, -1.0 * k});
+    for (int n = 1; n <= 4; ++n) rows.push_back({2.0 + k, 1.0 * n, -1.0 * k, 0.1 * n, 7.0});
   }
   const StudyFigure of =
-      figure(write("b", {"force.1.frequency"}, {"n", "q1", "u1", "lyapunov"}, rows));
+      figure(write("b", {"force.1.frequency"}, {"n", "lyapunov", "q1", "u1"}, rows));
   ASSERT_EQ(of.panels.size(), 2U);
   EXPECT_EQ(of.panels[0].kind, StudyPanel::Kind::points);
   EXPECT_EQ(of.panels[0].name, "q1");

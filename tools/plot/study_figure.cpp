@@ -178,12 +178,15 @@ class Maker {
         return {all.begin(), all.begin() + (all.empty() ? 0 : 1)};
       }
       std::erase(all, "attractor");
-      std::vector<std::string> shown(all.begin(), all.begin() + std::min<long>(2, std::ssize(all)));
-      if (table_.column("n") != nullptr) {
-        shown.resize(1);
+      const auto point = std::find_if(all.begin(), all.end(), [this](const std::string& name) {
+        return of_the_stroboscope(name);
+      });
+      if (point != all.end()) {
+        std::vector<std::string> shown{*point};
         if (has("lyapunov")) shown.emplace_back("lyapunov");
+        return shown;
       }
-      return shown;
+      return {all.begin(), all.begin() + std::min<long>(2, std::ssize(all))};
     }
     for (const std::string& name : options_.show) {
       const bool there = std::find(all.begin(), all.end(), name) != all.end() ||
