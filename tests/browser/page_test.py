@@ -1,0 +1,425 @@
+"""`view` and its page, as a browser, and who is none, meet them."""
+
+import json
+import os
+import signal
+import socket
+import time
+
+from support import (BrowserCase, LiveCase, ask, estimates, free_url, last_health, main, open_stream,
+                     resident_kb, rows, scene, text_message, upgrade, wait_for)
+
+
+class GatewayTest(LiveCase):
+    def test_only_its_own_page_is_served(self):
+        address = self.start_view().address
+        port = address[1]
+        for target in ("/", "/page.css", "/page.js", "/dygraph.js", "/dygraph.css", "/icon.svg"):
+            with self.subTest(target=target):
+                status, headers, body = ask(address, target=target)
+                self.assertEqual(status, 200)
+                self.assertGreater(len(body), 100)
+                policy = headers["content-security-policy"]
+                self.assertIn("default-src 'none'", policy)
+                for loose in ("unsafe-eval", "*", "http:", "https:", "data:"):
+                    self.assertNotIn(loose, policy)
+                self.assertNotIn("'unsafe-inline'", policy.split("script-src")[1].split(";")[0])
+                self.assertIn("frame-ancestors 'none'", policy)
+                self.assertEqual(headers["x-content-type-options"], "nosniff")
+                self.assertNotIn("access-control-allow-origin", headers)
+        self.assertEqual(ask(address, "HEAD")[0], 200)
+        self.assertEqual(ask(address, "HEAD")[2], b"")
+        self.assertEqual(ask(address, host=f"localhost:{port}")[0], 200)
+        for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}",
+                     f"127.0.0.1:{port}.evil.example", f"localhost.evil.example:{port}", "127.0.0.1",
+                     f"127.0.0.1:{port + 1}", f"127.0.0.2:{port}", f"user@127.0.0.1:{port}"):
+            with self.subTest(host=host):
+                self.assertEqual(ask(address, host=host)[0], 403)
+        self.assertIn(ask(address, host=False)[0], (400, 403))
+        here = f"127.0.0.1:{port}"
+        self.assertIn(ask(address, headers=[f"Host: {here}"])[0], (400, 403))  # a second one
+        for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
+            with self.subTest(method=method):
+                status, headers, _ = ask(address, method)
+                self.assertEqual(status, 405)
+                self.assertNotIn("access-control-allow-origin", headers)
+        for target in ("/../../etc/passwd", "/%2e%2e/etc/passwd", "/index.html~", "/page.js/", "//", "/etc/passwd"):
+            with self.subTest(target=target):
+                status, _, body = ask(address, target=target)
+                self.assertEqual(status, 404)
+                self.assertNotIn(b"root:", body)
+
+    def test_only_its_own_page_gets_the_stream(self):
+        address = self.start_view().address
+        here = "127.0.0.1:{}".format(address[1])
+        self.assertEqual(ask(address, target="/stream", headers=upgrade(f"http://{here}"))[0], 101)
+        for origin in (None, "null", "http://evil.example", f"http://evil.example:{address[1]}",
+                       f"https://{here}", "http://127.0.0.1", f"http://{here}.evil.example",
+                       f"http://{here}/", f"http://127.0.0.1:{address[1] + 1}"):
+            with self.subTest(origin=origin):
+                self.assertEqual(ask(address, target="/stream", headers=upgrade(origin))[0], 403)
+        self.assertEqual(
+            ask(address, target="/stream", host="evil.example", headers=upgrade("http://evil.example"))[0], 403)
+        self.assertNotEqual(ask(address, target="/", headers=upgrade(f"http://{here}"))[0], 101)
+        self.assertNotEqual(ask(address, "POST", "/stream", headers=upgrade(f"http://{here}"))[0], 101)
+        self.assertEqual(ask(address, target="/stream")[0], 426)
+
+    def test_what_is_wrong_is_refused_and_harms_nobody(self):
+        view = self.start_view()
+        for rubbish in (b"\0" * 5000, b"GET\r\n\r\n", b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
+                        b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n", b"", b"\x16\x03\x01\x02\x00"):
+            with socket.create_connection(view.address) as connection:
+                try:
+                    connection.sendall(rubbish)
+                except OSError:
+                    pass  # refused before all of it was there
+        # What is no message of the page changes nothing; what is too long ends the stream.
+        stream = open_stream(view.address)
+        for text in ("", "{", "[]", "null", '{"seen":"x"}', '{"seen":-1}', '{"seen":1e300}', '{"view":3}',
+                     '{"view":{"from":1,"to":0}}', '{"view":{"from":"a","to":null}}',
+                     '{"view":{"window":-1}}', '{"view":{"window":1e308,"pixels":1e308}}',
+                     '{"view":{"pixels":0}}', '{"view":{"quantity":"nothing"}}', "[" * 3000):
+            stream.sendall(text_message(text))
+        self.assertTrue(stream.recv(10))
+        stream.close()
+        with open_stream(view.address) as stream:
+            try:
+                stream.sendall(text_message("x" * 10_000_000))
+                while stream.recv(65536):
+                    pass
+            except OSError:
+                pass
+        with open_stream(view.address) as stream:  # not masked, and of a length that cannot be
+            stream.sendall(bytes([0x81, 127]) + b"\xff" * 8)
+        self.assertIsNone(view.poll(), view.said())
+        self.assertEqual(ask(view.address)[0], 200)
+
+    def test_clients_that_do_not_read_cost_nothing(self):
+        view = self.start_view()
+        self.start_run(speed="1")
+        reader = open_stream(view.address)
+        reader.settimeout(0.5)
+        read = bytearray()
+
+        def take(seconds):
+            """Reads and acknowledges everything; how many bytes came."""
+            end = time.monotonic() + seconds
+            before = len(read)
+            while time.monotonic() < end:
+                try:
+                    read.extend(reader.recv(1 << 20))
+                    reader.sendall(text_message('{"seen":999999999}'))
+                except socket.timeout:
+                    pass
+            return len(read) - before
+
+        wait_for("an estimate", lambda: take(0.2) and b'"settled":{' in read)
+        take(1.0)
+        before = resident_kb(view)
+        slow = [open_stream(view.address, receive_buffer=4096) for _ in range(8)]
+        # Half of them ask for ever more, and take nothing.
+        for _ in range(100):
+            for stream in slow[::2]:
+                stream.sendall(text_message('{"seen":999999999,"view":{"window":20,"pixels":4000}}'))
+            self.assertGreater(take(0.02), -1)
+        self.assertGreater(take(1.0), 10_000)
+        self.assertLess(resident_kb(view) - before, 8_000)
+        for stream in slow:
+            stream.close()
+        reader.close()
+        self.assertEqual(self.end(view), 0)
+
+    def test_a_signal_ends_it(self):
+        view = self.start_view("--report", self.file("view.json"))
+        stream = open_stream(view.address)
+        self.addCleanup(stream.close)
+        began = time.monotonic()
+        self.assertEqual(self.end(view), 0)
+        self.assertLess(time.monotonic() - began, 5.0)
+        with open(self.file("view.json")) as report:
+            self.assertEqual(json.load(report)["clients"], 1)
+        # The port is free again, and two cannot have it.
+        second = self.start_view(http="127.0.0.1:{}".format(view.address[1]))
+        third = self.start("VIEW", scene(), "--http", "127.0.0.1:{}".format(view.address[1]))
+        self.assertEqual(third.wait(10), 1)
+        self.assertIn("ddress already in use", third.said())
+        self.assertIsNone(second.poll())
+
+
+SHOWN = "({tick: '', vTick: '', ...document.getElementById('sprag').dataset, now: sprag.frame.now})"
+
+
+class PageTest(BrowserCase):
+    def expect_quiet(self, page):
+        self.assertEqual(page.complaints(), [])
+
+    def check(self, shown, settled, now, energies):
+        """What the page shows is in the recording, to the last digit."""
+        if shown["tick"]:
+            t, q = settled[int(shown["tick"])][-1]
+            self.assertEqual(float(shown["t"]), t)
+            self.assertEqual(json.loads(shown["q"]), q)
+        if shown["now"]:
+            said = (shown["now"]["t"], shown["now"]["q"])
+            self.assertIn(said, now[shown["now"]["tick"]] + settled.get(shown["now"]["tick"], []))
+        if shown["vTick"]:
+            self.assertEqual(float(shown["v"]), energies[int(shown["vTick"])])
+
+    def test_values_are_those_of_the_recording(self):
+        view = self.start_view()
+        page = self.open_page(view.address)
+        self.assertEqual(page.js("sprag.frame.badge"), "waiting")
+        self.start_run(duration="6", speed="1.5", record=True)
+        samples = []
+        wait_for("the last tick", lambda: samples.append(page.js(SHOWN)) or samples[-1]["tick"] == "1200")
+        wait_for("the last V", lambda: page.js(SHOWN)["vTick"] == "1200")
+        self.end_run()
+        page.wait("the observer's last word", "sprag.health.observer && sprag.health.observer.last")
+        samples.append(page.js(SHOWN))
+
+        settled = estimates(self.file("run.lcmlog"), "SPRAG_SETTLED")
+        now = estimates(self.file("run.lcmlog"), "SPRAG_ESTIMATE")
+        energies = {int(row["k"]): float(row["V"]) for row in rows(self.file("V.csv"))}
+        self.assertEqual(len(energies), 1201)
+        for shown in samples:
+            self.check(shown, settled, now, energies)
+        self.assertGreater(len({shown["tick"] for shown in samples}), 10)
+        self.assertGreater(len({shown["vTick"] for shown in samples}), 10)
+        # The curves are thinned: what is left of V are values of V, and the extremes are among them.
+        curve = page.js("sprag.curves.energy")
+        self.assertGreater(len(curve["t"]), 100)
+        by_time = {float(row["t"]): float(row["V"]) for row in rows(self.file("V.csv"))}
+        inside = [v for t, v in by_time.items() if t >= page.js("sprag.curves.from")]
+        for value in (min(inside), max(inside)):
+            self.assertTrue(any(abs(v - value) <= 1e-5 * value for v in curve["V"] if v is not None))
+        # Health.
+        counts, refused = last_health(self.file("run.lcmlog"))
+        shown = page.js("sprag.health.observer")
+        for name, count in counts.items():
+            self.assertEqual(shown[name], count, name)
+        self.assertEqual(shown["refused"], refused)
+        self.assertEqual(counts["ticks"], 1201)
+        texts = page.js("""Object.fromEntries([...document.querySelectorAll('#health dd')]
+            .map((e) => [e.id, e.dataset.value]))""")
+        for name in ("events", "late_events", "lost_events", "rollbacks", "inconsistencies", "messages"):
+            self.assertEqual(texts["health-" + name.replace("_", "-")], str(counts[name]))
+        self.expect_quiet(page)
+
+    def test_a_recording_is_shown(self):
+        self.start_run(duration="8", speed="4", record=True)
+        self.end_run()
+        settled = estimates(self.file("run.lcmlog"), "SPRAG_SETTLED")
+        now = estimates(self.file("run.lcmlog"), "SPRAG_ESTIMATE")
+        energies = {int(row["k"]): float(row["V"]) for row in rows(self.file("V.csv"))}
+        view = self.start_view("--replay", self.file("run.lcmlog"), "--speed", "8", bus=False)
+        page = self.open_page(view.address)
+        samples = []
+        wait_for("the end", lambda: samples.append(page.js(SHOWN)) or page.js("sprag.over"))
+        samples.append(page.js(SHOWN))
+        for shown in samples:
+            self.check(shown, settled, now, energies)
+        self.assertEqual(samples[-1]["tick"], "1600")
+        self.assertEqual(samples[-1]["vTick"], "1600")
+        self.expect_quiet(page)
+        self.assertIsNone(view.poll())
+
+    def test_what_is_refused_is_shown_by_cause(self):
+        secret, other = self.file("key"), self.file("other")
+        for file, digit in ((secret, "a"), (other, "b")):
+            with open(file, "w") as key:
+                key.write(64 * digit)
+        view = self.start_view("--key", secret)
+        page = self.open_page(view.address)
+        observer = self.start_listening("OBSERVER", scene(), "--key", secret)
+        page.wait("health without a master", "sprag.health.observer && sprag.health.observer.master === 'awaited'")
+        self.start("MASTER_SIM", scene(), "--key", other)
+        page.wait("the refused messages", "sprag.health.observer.refused.unauthenticated > 20")
+        page.wait("their cause in words",
+                  "document.getElementById('health-refused').textContent.includes('unauthenticated')")
+        self.assertEqual(page.js("sprag.frame.badge"), "waiting")
+        self.assertIsNone(observer.poll())
+        self.start("MASTER_SIM", scene(), "--key", secret)
+        page.wait("the right master", "sprag.health.observer.master === 'heard' && sprag.frame.badge !== 'waiting'")
+        self.expect_quiet(page)
+
+    def test_the_page_comes_back_when_the_program_does(self):
+        view = self.start_view()
+        page = self.open_page(view.address)
+        self.start_run()
+        page.wait("an estimate", "sprag.frame.settled && sprag.frame.settled.tick > 100")
+        self.end(view, signal.SIGKILL)
+        page.wait("the loss on the page", "document.getElementById('connection').dataset.state === 'lost'")
+        before = page.js("sprag.frame.settled.tick")
+        self.assertFalse(page.js("sprag.connected"))
+        time.sleep(0.7)  # an attempt that fails
+        self.start_view(http="127.0.0.1:{}".format(view.address[1]))
+        page.wait("the connection", "sprag.connected")
+        page.wait("later estimates", "sprag.frame.settled && sprag.frame.settled.tick > arguments[0] + 200", before)
+        page.wait("the curves", "sprag.curves.to > sprag.curves.from && sprag.curves.estimate.t.length > 20")
+        self.assertEqual(page.js("document.getElementById('connection').dataset.state"), "connected")
+        # The observer goes, and comes back.
+        self.end(self.observer, signal.SIGKILL)
+        page.wait("the observer's silence", "sprag.health.observer.age > 1.5")
+        self.start("OBSERVER", scene(), "--tick", "0.005")
+        page.wait("its return", "sprag.health.observer.age < 1.2 && sprag.health.observer.ticks > 50")
+        for said in page.complaints():
+            self.assertIn("WebSocket connection to", said)
+
+    def test_looking_about_while_it_streams(self):
+        view = self.start_view()
+        page = self.open_page(view.address)
+        self.start_run(speed="3")
+        page.wait("some curves", "sprag.curves && sprag.curves.estimate.t.length > 50 && sprag.curves.last > 3")
+
+        def streams():
+            tick = page.js("sprag.frame.now.tick")
+            page.wait("later frames", "sprag.frame.now.tick > arguments[0] + 100", tick)
+
+        page.choose("window", "5")
+        page.wait("a window of 5 s", "Math.abs(sprag.curves.to - sprag.curves.from - 5) < 1e-9")
+        page.wait("that follows", "sprag.curves.to > 6 && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9")
+
+        # Zoomed by the button and by the mouse: the window stays, the stream goes on.
+        page.click("zoom-in")
+        page.wait("half of it", "Math.abs(sprag.curves.to - sprag.curves.from - 2.5) < 1e-9")
+        self.assertEqual(page.js("document.getElementById('follow').getAttribute('aria-pressed')"), "false")
+        held = page.js("[sprag.curves.from, sprag.curves.to]")
+        streams()
+        self.assertEqual(page.js("[sprag.curves.from, sprag.curves.to]"), held)
+        from selenium.webdriver import ActionChains
+        chart = page.driver.find_element("id", "curve-chart")
+        for shift in range(3):
+            ActionChains(page.driver, duration=50).move_to_element_with_offset(chart, -100 + 20 * shift, 0) \
+                .click_and_hold().move_by_offset(150, 0).release().perform()
+            page.wait("a smaller window", "sprag.curves.to - sprag.curves.from < arguments[0] && !sprag.view.follow",
+                      0.6 * (held[1] - held[0]))
+            inner = page.js("[sprag.curves.from, sprag.curves.to]")
+            self.assertGreaterEqual(inner[0], held[0])
+            self.assertLessEqual(inner[1], held[1])
+            held = inner
+            streams()
+            self.assertEqual(page.js("[sprag.curves.from, sprag.curves.to]"), held)
+        page.click("zoom-out")
+        page.wait("twice that", "Math.abs((sprag.curves.to - sprag.curves.from) / arguments[0] - 2) < 1e-6",
+                  held[1] - held[0])
+
+        page.click("follow")
+        page.wait("the newest again", "sprag.view.follow && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9")
+        self.assertAlmostEqual(page.js("sprag.curves.to - sprag.curves.from"), 5.0)
+
+        page.click("pause")
+        page.wait("a pause", "sprag.paused")
+        stopped = page.js("[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]")
+        streams()
+        self.assertEqual(
+            page.js("[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]"), stopped)
+        page.click("pause")
+        page.wait("going on", """!sprag.paused && sprag.view.follow
+            && document.getElementById('t').textContent !== arguments[0]""", stopped[0])
+
+        names = page.js("sprag.scene.quantities.map(q => q.name)")
+        self.assertGreater(len(names), 1)
+        page.choose("series", names[-1])
+        page.wait("another quantity", "sprag.curves.quantity === arguments[0]", names[-1])
+        self.expect_quiet(page)
+
+    def watch_stops(self, page):
+        # At every picture: whether the list says so, and how much of the machine is in the colour of a contact.
+        page.driver.execute_script("""
+            const copy = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+            window.seen = [];
+            const look = () => {
+              const canvas = document.getElementById('machine');
+              copy.canvas.width = canvas.width;
+              copy.canvas.height = canvas.height;
+              copy.drawImage(canvas, 0, 0);
+              const data = copy.getImageData(0, 0, canvas.width, canvas.height).data;
+              let lit = 0;
+              for (let i = 0; i < data.length; i += 4) {
+                if (data[i] === 0xf0 && data[i + 1] === 0xe4 && data[i + 2] === 0x42) ++lit;
+              }
+              const item = document.querySelector('#contacts li');
+              if (item) seen.push([item.dataset.lit === 'true', lit, sprag.frame.contacts[0].closed]);
+              setTimeout(() => requestAnimationFrame(look), 60);
+            };
+            look();""")
+
+    def test_stops_light_up(self):
+        # A beam that only knocks, and a ball that comes to rest.
+        view = self.start_view()
+        page = self.open_page(view.address)
+        self.watch_stops(page)
+        self.start_run(speed="2")
+        page.wait("impacts", "sprag.frame.contacts[0].events > 8")
+        seen = page.js("seen")
+        lit = [area for on, area, _ in seen if on]
+        dark = [area for on, area, _ in seen if not on]
+        self.assertGreater(len(lit), 2)
+        self.assertGreater(len(dark), 2)
+        self.assertGreater(min(lit), 50)
+        self.assertEqual(max(dark), 0)
+        self.assertEqual([], [closed for _, _, closed in seen if closed])
+        self.assertGreater(page.js("sprag.curves.raster[0].length"), 4)
+
+        self.url = free_url()
+        page.open(self.start_view(name="bouncing_ball").address)
+        page.wait("the stream", "window.sprag && sprag.connected && sprag.received > 2")
+        self.watch_stops(page)
+        self.start_run(speed="2", name="bouncing_ball")
+        page.wait("rest", "seen.filter(([, , closed]) => closed).length > 5")
+        for on, area, closed in page.js("seen"):
+            if closed:
+                self.assertTrue(on)
+                self.assertGreater(area, 50)
+        self.assertFalse(page.js("seen[0]")[0])
+        self.expect_quiet(page)
+
+    def test_a_phone_and_the_dark(self):
+        view = self.start_view()
+        page = self.open_page(view.address)
+        self.start_run(speed="2")
+        page.wait("some curves", "sprag.curves && sprag.curves.estimate.t.length > 50")
+        page.wait("health", "sprag.health.observer && sprag.health.observer.master === 'heard'")
+        colours = """(() => {
+          const luminance = (colour) => {
+            const [r, g, b] = colour.match(/[\\d.]+/g).map((x) => x / 255)
+              .map((x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4));
+            return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+          };
+          const ground = (e) => {
+            while (e && getComputedStyle(e).backgroundColor === 'rgba(0, 0, 0, 0)') e = e.parentElement;
+            return luminance(getComputedStyle(e || document.documentElement).backgroundColor);
+          };
+          const kinds = 'h1, h1 span, h2, h3, p, dt, dd, li, button, select, .dygraph-axis-label';
+          const texts = [...document.querySelectorAll(kinds)]
+            .filter((e) => e.textContent.trim() && e.getClientRects().length);
+          const ratios = texts.map((e) => {
+            const a = luminance(getComputedStyle(e).color), b = ground(e);
+            return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), e.id || e.className || e.tagName];
+          });
+          return {ground: ground(document.body), worst: ratios.sort((a, b) => a[0] - b[0])[0]};
+        })()"""
+        for scheme, dark in (("dark", True), ("light", False), ("dark", True)):
+            page.cdp("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+            page.wait(scheme, "matchMedia('(prefers-color-scheme: dark)').matches === arguments[0]", dark)
+            found = page.js(colours)
+            with self.subTest(scheme=scheme):
+                self.assertEqual(found["ground"] < 0.2, dark)
+                self.assertGreater(found["worst"][0], 4.5, found["worst"][1])
+        for width, height in ((390, 844), (844, 390), (320, 568)):
+            page.cdp("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=3, mobile=True)
+            page.wait("the width", "innerWidth === arguments[0] || document.body.scrollWidth > arguments[0]", width)
+            tick = page.js("sprag.frame.now.tick")
+            page.wait("frames", "sprag.frame.now.tick > arguments[0] + 50", tick)
+            with self.subTest(width=width):
+                self.assertLessEqual(page.js("document.documentElement.scrollWidth"), width)
+                wide = page.js("""[...document.querySelectorAll('body *')].filter((e) => e.getClientRects().length)
+                    .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5 && !e.closest('.chart'))
+                    .map((e) => e.tagName + '#' + e.id)""")
+                self.assertEqual(wide, [])
+                self.assertGreater(page.js("document.getElementById('machine').clientWidth"), 0.8 * width - 40)
+        self.expect_quiet(page)
+
+
+if __name__ == "__main__":
+    main()

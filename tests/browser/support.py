@@ -1,0 +1,335 @@
+"""What the tests of `view` share: programs on a port of a test's own, plain HTTP and WebSockets, what a
+recording says, and Debian's chromium driven by Debian's python3-selenium."""
+
+import base64
+import csv
+import os
+import re
+import secrets
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from http.client import HTTPResponse
+from pathlib import Path
+
+SOURCE = Path(os.environ["SPRAG_SOURCE_DIR"])
+PATIENCE = 15.0  # s, for what has to come; more than it ever takes
+
+
+def scene(name="paper_beam"):
+    return str(SOURCE / "scenes" / f"{name}.toml")
+
+
+def free_url():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return f"udpm://239.255.76.67:{probe.getsockname()[1]}?ttl=0"
+
+
+def wait_for(what, condition, patience=PATIENCE):
+    """The first value of condition() that is true."""
+    end = time.monotonic() + patience
+    while True:
+        value = condition()
+        if value:
+            return value
+        if time.monotonic() > end:
+            raise AssertionError(f"{what}: not within {patience:g} s")
+        time.sleep(0.02)
+
+
+def what_is_missing():
+    """Why no browser can be driven here; empty: nothing is missing."""
+    missing = [name for name in ("chromium", "chromedriver") if not shutil.which(name)]
+    try:
+        import selenium  # noqa: F401
+    except ImportError:
+        missing.append("selenium")
+    if not missing:
+        return ""
+    return f"no {', '.join(missing)}: scripts/install_packages --browser"
+
+
+class LiveCase(unittest.TestCase):
+    """Programs on an LCM port of the test's own, in a folder of its own."""
+
+    def setUp(self):
+        self.url = free_url()
+        self.folder = Path(tempfile.mkdtemp(prefix="sprag_browser_"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.programs = 0
+
+    def file(self, name):
+        return str(self.folder / name)
+
+    def start(self, program, *arguments, bus=True):
+        """A process of the build tree; `said()` of it is its stderr so far."""
+        self.programs += 1
+        log = self.folder / f"{self.programs}_{program.lower()}.err"
+        command = [os.environ[program], *arguments, *(["--url", self.url] if bus else [])]
+        with log.open("wb") as stderr:
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr)
+        process.said = lambda: log.read_text(errors="replace")
+        self.addCleanup(self.end, process)
+        return process
+
+    def end(self, process, number=signal.SIGTERM):
+        """Ends it if it still runs; returns its exit code."""
+        if process.poll() is None:
+            process.send_signal(number)
+        try:
+            return process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            raise
+
+    def start_listening(self, program, *arguments):
+        """An observer or a logger that hears the bus already."""
+        port = f":{int(self.url.split(':')[2].split('?')[0]):04X}"
+        before = listeners(port)
+        process = self.start(program, *arguments)
+        since = time.monotonic()
+        # Its probe of multicast hears the port for a moment, too.
+        while time.monotonic() < since + 0.3:
+            self.assertIsNone(process.poll(), process.said())
+            if listeners(port) <= before:
+                since = time.monotonic()
+            time.sleep(0.01)
+        return process
+
+    def start_view(self, *arguments, http="127.0.0.1:0", name="paper_beam", bus=True):
+        """The process; its `address` is (host, port)."""
+        view = self.start("VIEW", scene(name), "--http", http, *arguments, bus=bus)
+
+        def address():
+            self.assertIsNone(view.poll(), view.said())
+            return re.search(r"http://([\d.]+):(\d+)/", view.said())
+
+        found = wait_for("the page's address", address)
+        view.address = (found[1], int(found[2]))
+        return view
+
+    def start_run(self, *, duration=None, speed="1", tick="0.005", name="paper_beam", record=False,
+                  estimator="both", key=()):
+        """Observer and, if it is recorded, logger, then a master."""
+        until = ["--duration", duration] if duration else []
+        common = [scene(name), *until, "--tick", tick, *key]
+        if record:
+            self.logger = self.start_listening("SYNC_LOGGER", scene(name), *key, "--csv", self.file("V.csv"),
+                                               "--record", self.file("run.lcmlog"))
+        self.observer = self.start_listening("OBSERVER", *common, "--estimator", estimator)
+        self.master = self.start("MASTER_SIM", *common, "--speed", speed)
+
+    def end_run(self):
+        """Waits for the end of a run that has one; then the recording is whole."""
+        for process in (self.master, self.observer):
+            self.assertEqual(process.wait(PATIENCE), 0, process.said())
+        time.sleep(0.3)  # what they said last is on its way
+        self.assertEqual(self.end(self.logger), 0, self.logger.said())
+
+
+def listeners(port):
+    table = Path("/proc/net/udp").read_text().splitlines()[1:]
+    return sum(row.split()[1].endswith(port) for row in table)
+
+
+def resident_kb(process):
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    return int(re.search(r"^VmRSS:\s+(\d+)", status, re.MULTILINE)[1])
+
+
+# ---- HTTP and WebSockets, by hand: clients that behave as no browser does ----
+
+
+def ask(address, method="GET", target="/", host=None, headers=()):
+    """An HTTP request; returns status, headers (names in small letters) and body."""
+    lines = [f"{method} {target} HTTP/1.1", *headers, "Connection: close"]
+    if host is not False:
+        lines.insert(1, f"Host: {host or ':'.join(map(str, address))}")
+    with socket.create_connection(address, timeout=PATIENCE) as connection:
+        connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+        answer = HTTPResponse(connection, method=method)
+        answer.begin()
+        body = b"" if answer.status == 101 else answer.read()
+        return answer.status, {name.lower(): value for name, value in answer.getheaders()}, body
+
+
+def upgrade(origin):
+    """Headers that ask for the stream."""
+    key = base64.b64encode(secrets.token_bytes(16)).decode()
+    more = [f"Origin: {origin}"] if origin is not None else []
+    return ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+            f"Sec-WebSocket-Key: {key}", *more]
+
+
+def open_stream(address, receive_buffer=None):
+    """A socket to the stream behind its handshake; nothing is read from it."""
+    connection = socket.socket()
+    if receive_buffer:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+    connection.settimeout(PATIENCE)
+    connection.connect(address)
+    here = ":".join(map(str, address))
+    lines = ["GET /stream HTTP/1.1", f"Host: {here}", *upgrade(f"http://{here}")]
+    connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+    said = b""
+    while not said.endswith(b"\r\n\r\n"):
+        part = connection.recv(1)
+        if not part:
+            raise AssertionError(f"no stream: {said!r}")
+        said += part
+    if not said.startswith(b"HTTP/1.1 101 "):
+        raise AssertionError(f"no stream: {said!r}")
+    return connection
+
+
+def text_message(text):
+    """A client's frame: masked, as the protocol wants it."""
+    data = text.encode()
+    size = len(data)
+    head = bytes([0x81])
+    if size < 126:
+        head += bytes([0x80 | size])
+    elif size < 65536:
+        head += bytes([0x80 | 126]) + struct.pack(">H", size)
+    else:
+        head += bytes([0x80 | 127]) + struct.pack(">Q", size)
+    mask = secrets.token_bytes(4)
+    return head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data))
+
+
+# ---- what was recorded ----
+
+
+def read_log(file):
+    """(channel, message) of an LCM log."""
+    data = Path(file).read_bytes()
+    at = 0
+    while at + 28 <= len(data):
+        sync, _, _, name, size = struct.unpack_from(">IqqII", data, at)
+        if sync != 0xEDA1DA01 or at + 28 + name + size > len(data):
+            break
+        at += 28
+        yield data[at:at + name].decode(), data[at + name:at + name + size]
+        at += name + size
+
+
+def estimates(file, channel):
+    """Tick -> [q, ...] of SPRAG_SETTLED or SPRAG_ESTIMATE, where a tick may come again."""
+    found = {}
+    for name, message in read_log(file):
+        if name != channel:
+            continue
+        _, _, _, tick, t, f = struct.unpack_from(">qqqqdi", message)
+        q = list(struct.unpack_from(f">{f}d", message, 44))
+        found.setdefault(tick, []).append((t, q))
+    return found
+
+
+def last_health(file):
+    """The counts of the last SPRAG_HEALTH, and what was refused."""
+    message = [message for name, message in read_log(file) if name == "SPRAG_HEALTH"][-1]
+    names = ("sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
+             "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
+             "reordered_messages other_masters stale overflowed unsent").split()
+    at = 8 * 5 + 3 + 8 * 10
+    counts = dict(zip(names, struct.unpack_from(f">{len(names)}q", message, at)))
+    at += 8 * len(names)
+    (causes,) = struct.unpack_from(">i", message, at)
+    at += 4
+    said = []
+    for _ in range(causes):
+        (size,) = struct.unpack_from(">i", message, at)
+        said.append(message[at + 4:at + 4 + size - 1].decode())
+        at += 4 + size
+    return counts, dict(zip(said, struct.unpack_from(f">{causes}q", message, at)))
+
+
+def rows(file):
+    with open(file, newline="") as table:
+        return list(csv.DictReader(table))
+
+
+# ---- the browser ----
+
+
+class Page:
+    """Chromium with a page of `view` open."""
+
+    def __init__(self, width=1280, height=1000):
+        from selenium import webdriver
+        from selenium.webdriver.chrome.options import Options
+        from selenium.webdriver.chrome.service import Service
+
+        options = Options()
+        options.binary_location = shutil.which("chromium")
+        for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+                         "--disable-extensions", "--hide-scrollbars", f"--window-size={width},{height}"):
+            options.add_argument(argument)
+        if os.geteuid() == 0:
+            options.add_argument("--no-sandbox")
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+        self.driver.set_script_timeout(PATIENCE)
+        self.said = []
+
+    def open(self, address):
+        self.driver.get("http://{}:{}/".format(*address))
+
+    def close(self):
+        self.driver.quit()
+
+    def js(self, expression, *arguments):
+        return self.driver.execute_script(f"return ({expression});", *arguments)
+
+    def wait(self, what, expression, *arguments):
+        """The first true value of a JavaScript expression."""
+        return wait_for(what, lambda: self.js(expression, *arguments))
+
+    def cdp(self, command, **arguments):
+        return self.driver.execute_cdp_cmd(command, arguments)
+
+    def click(self, name):
+        self.driver.find_element("id", name).click()
+
+    def choose(self, name, value):
+        """An option of a <select>, by its value."""
+        from selenium.webdriver.support.select import Select
+
+        Select(self.driver.find_element("id", name)).select_by_value(value)
+
+    def complaints(self):
+        """What the browser's console has said, but for chatter."""
+        self.said += self.driver.get_log("browser")
+        return [entry["message"] for entry in self.said if entry["level"] in ("SEVERE", "WARNING")]
+
+
+class BrowserCase(LiveCase):
+    def setUp(self):
+        missing = what_is_missing()
+        if missing:
+            self.skipTest(missing)
+        super().setUp()
+
+    def open_page(self, address, **size):
+        page = Page(**size)
+        self.addCleanup(page.close)
+        page.open(address)
+        page.wait("the stream", "window.sprag && sprag.connected && sprag.received > 2")
+        return page
+
+
+def main():
+    """Runs the named tests; exit code 77 with the reason, as GoogleTest says it, if they were skipped."""
+    result = unittest.main(exit=False, verbosity=2).result
+    if result.wasSuccessful() and result.skipped:
+        print(f"{sys.argv[0]}:1: Skipped\n{result.skipped[0][1]}")
+        sys.exit(77)
+    sys.exit(0 if result.wasSuccessful() else 1)
