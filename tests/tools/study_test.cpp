@@ -154,12 +154,15 @@ TEST_F(StudyTest, AnObserversKeyIsItsOwn) {
 impact.restitution = [0.5, 0.7]
 observer.impact.restitution = { relative = [-0.1, 0.0] }
 observer.system.K.1.1 = [1810.0]
+system.K.1.2 = [-610.0]
 )");
   const std::vector<double> values = values_at(study, 2);
   EXPECT_DOUBLE_EQ(values[1], 0.63);  // of the machine's as it is varied
   const Setting setting = setting_of(study, values);
   EXPECT_EQ(setting.machine.model.contacts[0].restitution, 0.7);
   EXPECT_DOUBLE_EQ(setting.told.model.contacts[0].restitution, 0.63);
+  EXPECT_EQ(setting.machine.model.K(1, 0), -610.0);
+  EXPECT_EQ(setting.told.model.K(0, 1), -610.0);
   EXPECT_EQ(setting.machine.model.K(0, 0), 1800.0);
   EXPECT_EQ(setting.told.model.K(0, 0), 1810.0);
 }
@@ -204,8 +207,10 @@ TEST_F(StudyTest, ErrorsSayWhereWhatAndWhatIsAllowed) {
        "3:17: vary.events.jitter is relative; must be a number that " SPRAG_SOURCE_DIR
        "/scenes/lab_rig.toml gives"},
       {"[vary]\ndisturbance.jiter = [0.1]",
-       "3:21: vary.disturbance.jiter is not known; must be one of disturbance.jitter, "
-       "disturbance.offset, disturbance.lost, disturbance.spurious"},
+       "3:21: vary.disturbance.jiter is not known; did you mean disturbance.jitter?"},
+      {"[vary]\ncontact.2.clearance = [0.1]",
+       "3:23: vary.contact.2.clearance = 0.1: " SPRAG_SOURCE_DIR
+       "/scenes/lab_rig.toml: has no contact.2.clearance"},
       {"[vary]\nobserver.modes = [1, 3]",
        "3:18: vary.observer.modes has 3; must be whole numbers in 1..2"},
       {"[vary]\nduration = { linear = [1, 2], points = 2, zip = \"a\" }\ntick = { linear = [0.1, "

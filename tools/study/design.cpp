@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 
 #include "sprag/analysis/reduction.h"
@@ -28,6 +29,19 @@ double drawn(const Axis& axis, Random& random) {
   const double x = random.uniform();
   if (axis.logarithmic) return axis.low * std::pow(axis.high / axis.low, x);
   return axis.low + (axis.high - axis.low) * x;
+}
+
+// An entry of a symmetric matrix, system.K.1.2, is two.
+void add_value(const std::string& key, double value, std::vector<SceneValue>& values) {
+  values.push_back({key, {value}});
+  int row = 0, column = 0, length = 0;
+  char matrix = 0;
+  if (std::sscanf(key.c_str(), "system.%c.%d.%d%n", &matrix, &row, &column, &length) == 3 &&
+      length == static_cast<int>(key.size()) && row != column) {
+    const std::string mirrored =
+        std::string("system.") + matrix + "." + std::to_string(column) + "." + std::to_string(row);
+    values.push_back({mirrored, {value}});
+  }
 }
 
 Scene scene_with(const Study& study, const std::vector<SceneValue>& values) {
@@ -109,10 +123,10 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
     const double value = values[i];
     switch (axis.target) {
       case Target::scene:
-        of_machine.push_back({axis.key, {value}});
+        add_value(axis.key, value, of_machine);
         break;
       case Target::observer:
-        of_observer.push_back({axis.key, {value}});
+        add_value(axis.key, value, of_observer);
         break;
       case Target::modes:
         modes = static_cast<int>(value);

@@ -230,11 +230,13 @@ void merge_rows(const std::vector<RowSource>& sources, const Layout& layout,
       }
     }
     close();
+    output.close();
   } catch (...) {
     close();
+    std::error_code ignored;
+    std::filesystem::remove(partly, ignored);
     throw;
   }
-  output.close();
   std::filesystem::rename(partly, file);
 }
 

@@ -66,7 +66,9 @@ Files files_of(const path& folder, const Shard& shard, bool whole) {
 
 void refuse_overwriting(const Study& study, const Files& files, const CommonOptions& common) {
   std::vector<NamedFile> named;
-  for (const path& input : study.inputs) named.push_back({"STUDY", input, NamedFile::Use::read});
+  named.push_back({"STUDY", study.file, NamedFile::Use::read});
+  for (const path& input : study.inputs)
+    named.push_back({"a file of STUDY", input, NamedFile::Use::read});
   for (const path& file : {files.rows, files.partly, files.manifest}) {
     named.push_back({"--output", file, NamedFile::Use::written});
   }

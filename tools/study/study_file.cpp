@@ -146,7 +146,10 @@ class Reader {
     for (const Knob& knob : knobs) words.emplace_back(knob.path);
     const auto refuse = [&](std::string_view prefix) {
       std::erase_if(words, [&](std::string_view word) { return !word.starts_with(prefix); });
-      fail(leaf, "is not known; must be one of " + one_of(words));
+      const auto suggestion = nearest_word(axis.path, words);
+      fail(leaf, suggestion
+                     ? "is not known; did you mean " + std::string(*suggestion) + "?"
+                     : "is not known; must be a key of the scene or one of " + one_of(words));
     };
     for (const char* prefix : {"disturbance.", "start."}) {
       if (axis.path.starts_with(prefix)) refuse(prefix);
@@ -461,25 +464,28 @@ const char* name(EstimatorKind kind) {
 
 Study read_study(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names) {
+  return parse_study(read_whole(file), file, names);
+}
+
+Study parse_study(const std::string& text, const std::filesystem::path& file,
+                  const std::function<void(const std::filesystem::path&)>& names) {
   Study study;
   study.file = file.string();
-  study.text = read_whole(file);
-  study.inputs.push_back(file);
+  study.text = text;
   TomlDocument document(study.text, {study.file, file.parent_path()});
   const TomlTable root = document.root({"name", "scene", "seed", "draws", "runs", "duration",
                                         "tick", "samples", "estimators", "threshold", "record",
                                         "machine", "disturbance", "start", "vary"});
   study.name = root.string_or("name", file.stem().string());
   study.scene_file = file.parent_path() / root.required_string("scene");
+  if (!std::filesystem::is_regular_file(study.scene_file)) {
+    root.fail("scene", "is \"" + root.required_string("scene") +
+                           "\"; must be a scene file, seen from the study's folder");
+  }
   const auto tell = [&](const std::filesystem::path& named) {
     study.inputs.push_back(named);
     if (names) names(named);
   };
-  if (!std::filesystem::is_regular_file(study.scene_file)) {
-    root.fail("scene", "is \"" + root.required_string("scene") +
-                           "\"; must be a scene file, seen "
-                           "from the study's folder");
-  }
   tell(study.scene_file);
   study.scene_text = read_whole(study.scene_file);
   study.scene = read_scene(study.scene_file, tell);
@@ -502,7 +508,7 @@ Study read_study(const std::filesystem::path& file,
   Reader(document, study).read_vary();
   check_completeness(root, study);
 
-  study.hash = 0xcbf29ce484222325U;
+  study.hash = hash_of(study.text, 0xcbf29ce484222325U);
   for (const std::filesystem::path& input : study.inputs) {
     study.hash = hash_of(read_whole(input), study.hash);
   }

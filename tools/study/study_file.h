@@ -73,7 +73,7 @@ struct Study {
   std::filesystem::path scene_file;
   std::string scene_text;
   Scene scene;                                ///< as it is, nothing varied
-  std::vector<std::filesystem::path> inputs;  ///< the study file, the scene, and the files it names
+  std::vector<std::filesystem::path> inputs;  ///< the scene, and the files that it names
   std::uint64_t hash = 0;                     ///< of all that the inputs hold
 
   std::uint64_t seed = 1;
@@ -105,5 +105,10 @@ const char* name(EstimatorKind kind);
 /// what `names` throws.
 Study read_study(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names = {});
+
+/// The same from text; `file` is the name that errors carry, and its folder is that from which the
+/// scene is seen.
+Study parse_study(const std::string& text, const std::filesystem::path& file,
+                  const std::function<void(const std::filesystem::path&)>& names = {});
 
 }  // namespace sprag::study
