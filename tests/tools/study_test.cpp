@@ -339,6 +339,18 @@ TEST(StudyFigures, AreThoseOfAnObserversEstimates) {
   }
 }
 
+TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
+  Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/bouncing_ball.toml");
+  scene.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  scene.replica = {Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Zero(1)};
+  const Truth truth = run_machine(scene, 4.0, 0.0, 40);
+  ASSERT_EQ(truth.events.size(), 1U);
+  ASSERT_EQ(truth.events[0].t, 0.0);
+  // The replica falls, and stays where it lands.
+  EXPECT_LT(follow(EstimatorKind::replica, scene, truth.events, truth, 0.0).V_max, 1e-20);
+  EXPECT_GT(follow(EstimatorKind::replica, scene, {}, truth, 0.0).V_max, 1.0);
+}
+
 TEST_F(StudyTest, AllModesAreTheMachineItself) {
   const std::string common = R"(
 duration = 20.0
@@ -383,8 +395,8 @@ class RowFileTest : public testing::Test {
 TEST_F(RowFileTest, IsCutBehindItsLastWholeRun) {
   const std::string header = layout_.header + "\n";
   const std::string whole = header + "4,1,0.5,\n4,2,0.5,\n5,0,nan,too fast\n2,1,0,\n2,2,0,\n";
-  for (const std::string cut :
-       {"", "3,1,0.25,\n", "3,1,0.25,\n3,2,0.", "3", "3,1,0.25,\n3,2,0.5,"}) {
+  for (const std::string cut : {"", "3,1,0.25,\n", "3,1,0.25,\n3,2,0.", "3", "3,1,0.25,\n3,2,0.5,",
+                                "3,1,0.2500000000000000000000000,\n3,2"}) {
     const Contents contents = read(whole + cut);
     EXPECT_EQ(contents.end, whole.size()) << cut;
     EXPECT_EQ(contents.failures, 1);

@@ -32,7 +32,7 @@ struct Chunk {
   double seconds = 0.0;  ///< of computing
 };
 
-/// Appends the rows of a run; false where it has failed. Throws Interrupted.
+/// Appends the rows of a run; false where it has failed. Throws Interrupted, having appended none.
 using Compute = std::function<bool(std::int64_t index, std::string& text)>;
 
 /// Computes a range; of what is interrupted, the runs that are done.
