@@ -10,13 +10,13 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/tolerance/machines.h"
-#include "studies/tolerance/random.h"
+#include "studies/robustness/machines.h"
+#include "studies/robustness/random.h"
 
 namespace sprag::calibration {
 namespace {
 
-using tolerance::Random;
+using robustness::Random;
 
 constexpr double usual_periods = 120.0;
 constexpr double of_first_energy = 3.0;  // uncertainty over V(0)
@@ -250,8 +250,8 @@ std::vector<Scene> machines(const std::string& name) {
   if (name.starts_with(of_modes)) {
     const std::uint64_t modes = number(name.substr(of_modes.size()), name);
     if (modes > 200) throw std::invalid_argument(name + ": must have 1 to 200 modes");
-    const Scene beam = tolerance::read_paper_beam(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
-    scenes.push_back(tolerance::with_modes(beam, static_cast<int>(modes)));
+    const Scene beam = robustness::read_paper_beam(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
+    scenes.push_back(robustness::with_modes(beam, static_cast<int>(modes)));
     scenes.back().name = name;
   } else if (name.starts_with(of_random) || name.starts_with(of_chatter)) {
     const Kind kind = name.starts_with(of_random) ? Kind::hit : Kind::chattering;

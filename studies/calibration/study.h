@@ -9,7 +9,7 @@
 #include "sprag/estimation/estimators.h"
 #include "sprag/mechanics/scene.h"
 #include "studies/calibration/statistics.h"
-#include "studies/tolerance/disturbance.h"
+#include "studies/robustness/disturbance.h"
 
 namespace sprag::calibration {
 

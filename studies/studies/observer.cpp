@@ -10,8 +10,8 @@
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
-#include "studies/tolerance/disturbance.h"
-#include "studies/tolerance/statistics.h"
+#include "studies/robustness/disturbance.h"
+#include "studies/robustness/statistics.h"
 
 namespace sprag::studies {
 namespace {
@@ -118,7 +118,7 @@ double median_V(const ErrorEnergy& energy, const std::vector<State>& truth,
   for (std::size_t i = 0; i < truth.size(); ++i) {
     V.push_back(energy(truth[i].q, truth[i].u, estimates[i].q, estimates[i].u)[0]);
   }
-  return tolerance::quantile(std::move(V), 0.5);
+  return robustness::quantile(std::move(V), 0.5);
 }
 
 }  // namespace
@@ -131,7 +131,7 @@ void observer(Table& table) {
 
   for (const double jitter : {0.0, 1e-4}) {
     scene.jitter = jitter;
-    const Events events = tolerance::disturb(exact, {.jitter = jitter}, 1, T, 1);
+    const Events events = robustness::disturb(exact, {.jitter = jitter}, 1, T, 1);
     for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
       const States truth = true_ends(scene, h);
       const auto measure = [&](const char* method, const auto& run) {

@@ -14,7 +14,7 @@
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"
-#include "studies/tolerance/random.h"
+#include "studies/robustness/random.h"
 #include "tests/support/process.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
@@ -30,7 +30,7 @@ constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
   constexpr int n = 200000;
   for (const double boast : {1.0, 2.0}) {
-    tolerance::Random random(1);
+    robustness::Random random(1);
     NormalizedErrors errors;
     for (int i = 0; i < n; ++i) {
       const double sigma = std::pow(10.0, -3.0 * random.uniform());
@@ -102,7 +102,7 @@ TEST(CalibrationStatistics, TrialsAreSummarized) {
 }
 
 TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
-  tolerance::Random random(1);
+  robustness::Random random(1);
   NormalizedErrors honest, sure, rough;
   for (int i = 0; i < 100000; ++i) {
     const double z = random.normal();

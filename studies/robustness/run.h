@@ -10,7 +10,7 @@
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 /// V is sampled in the second half of a run.
 struct Sampling {
@@ -69,4 +69,4 @@ std::vector<std::vector<double>> replica_energies(std::span<const Told> runs,
                                                   std::span<const Truth> truths,
                                                   const Sampling& sampling);
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

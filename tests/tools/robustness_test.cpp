@@ -5,12 +5,12 @@
 #include <iostream>
 
 #include "sprag/mechanics/scalars.h"
-#include "studies/tolerance/machines.h"
-#include "studies/tolerance/studies.h"
+#include "studies/robustness/machines.h"
+#include "studies/robustness/studies.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 const Scene& beam() {
@@ -224,4 +224,4 @@ TEST(Tolerance, BothAreNeverMuchWorseThanTheReplica) {
 }
 
 }  // namespace
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

@@ -1,4 +1,4 @@
-#include "studies/tolerance/tables.h"
+#include "studies/robustness/tables.h"
 
 #include <cmath>
 #include <cstdio>
@@ -6,7 +6,7 @@
 
 #include "sprag/files/output_file.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 std::string text(double value) {
@@ -63,4 +63,4 @@ void write_tables(const std::filesystem::path& folder, const std::vector<Measure
   close(worse);
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

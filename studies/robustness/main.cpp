@@ -1,20 +1,20 @@
-// tolerance: measures how the estimators bear disturbed events and wrong machines, and writes CSV
-// files for scripts/tolerance to draw.
+// robustness: measures how the estimators bear disturbed events and wrong machines, and writes CSV
+// files for scripts/robustness to draw.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 
-#include "studies/tolerance/machines.h"
-#include "studies/tolerance/tables.h"
+#include "studies/robustness/machines.h"
+#include "studies/robustness/tables.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Measures how the estimators bear disturbed events and wrong machines.",
-               "tolerance");
+               "robustness");
   std::filesystem::path folder;
   std::vector<std::string> only;
-  sprag::tolerance::Options options;
+  sprag::robustness::Options options;
   app.add_option("FOLDER", folder, "Where the CSV files go")
       ->required()
       ->check(CLI::ExistingDirectory);
@@ -25,7 +25,7 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
-  using namespace sprag::tolerance;
+  using namespace sprag::robustness;
   try {
     const sprag::Scene scene = read_paper_beam(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
     std::vector<Measured> all;
@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
     }
     write_tables(folder, all);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "tolerance: %s\n", error.what());
+    std::fprintf(stderr, "robustness: %s\n", error.what());
     return 1;
   }
   return 0;

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "studies/tolerance/disturbance.h"
-#include "studies/tolerance/run.h"
-#include "studies/tolerance/statistics.h"
+#include "studies/robustness/disturbance.h"
+#include "studies/robustness/run.h"
+#include "studies/robustness/statistics.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 /// What becomes of one run.
 struct Setting {
@@ -70,4 +70,4 @@ Slope slope(const Study& study, const std::vector<Point>& points, std::size_t me
 Threshold tolerance(const std::vector<Point>& points, std::size_t method);
 inline constexpr double tolerable = 1e-4;
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

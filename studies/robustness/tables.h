@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "studies/tolerance/studies.h"
+#include "studies/robustness/studies.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 struct Measured {
   Study study;
@@ -17,4 +17,4 @@ struct Measured {
 /// everything could be written.
 void write_tables(const std::filesystem::path& folder, const std::vector<Measured>& all);
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

@@ -1,12 +1,12 @@
-#include "studies/tolerance/disturbance.h"
+#include "studies/robustness/disturbance.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "studies/tolerance/random.h"
+#include "studies/robustness/random.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
@@ -62,4 +62,4 @@ void drop_contradicting(std::vector<ContactEvent>& events) {
   });
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

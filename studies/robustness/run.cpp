@@ -1,4 +1,4 @@
-#include "studies/tolerance/run.h"
+#include "studies/robustness/run.h"
 
 #include <cmath>
 #include <limits>
@@ -7,9 +7,9 @@
 #include "sprag/estimation/replica_sweep.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/tolerance/forced_replica.h"
+#include "studies/robustness/forced_replica.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 double or_infinity(double V) {
@@ -144,4 +144,4 @@ std::vector<std::vector<double>> replica_energies(std::span<const Told> runs,
   return V;
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

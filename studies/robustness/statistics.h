@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 /// The p-quantile, p in [0, 1], linear between the values; +infinity is a value like any other.
 double quantile(std::vector<double> values, double p);
@@ -28,4 +28,4 @@ struct Threshold {
 /// The first crossing, interpolated in the logarithms. x ascending, > 0.
 Threshold stays_below(double limit, std::span<const double> x, std::span<const double> y);
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

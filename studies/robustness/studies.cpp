@@ -1,4 +1,4 @@
-#include "studies/tolerance/studies.h"
+#include "studies/robustness/studies.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,10 +6,10 @@
 #include <mutex>
 
 #include "sprag/estimation/replica_sweep.h"
-#include "studies/tolerance/in_parallel.h"
-#include "studies/tolerance/machines.h"
+#include "studies/robustness/in_parallel.h"
+#include "studies/robustness/machines.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 constexpr double rounding = 1e-20;  // of V
@@ -209,4 +209,4 @@ Threshold tolerance(const std::vector<Point>& points, std::size_t method) {
   return stays_below(tolerable, x, y);
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

@@ -1,6 +1,6 @@
-#include "studies/tolerance/forced_replica.h"
+#include "studies/robustness/forced_replica.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 void ForcedReplica::start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state) {
   state.tick = k;
@@ -39,4 +39,4 @@ void ForcedReplica::output(const State& state, Eigen::Ref<Eigen::VectorXd> q,
   state.motion.flow->state(state.motion, q, u);
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

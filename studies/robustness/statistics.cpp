@@ -1,9 +1,9 @@
-#include "studies/tolerance/statistics.h"
+#include "studies/robustness/statistics.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 double quantile(std::vector<double> values, double p) {
   std::sort(values.begin(), values.end());
@@ -48,4 +48,4 @@ Threshold stays_below(double limit, std::span<const double> x, std::span<const d
   return {x.back(), true};
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

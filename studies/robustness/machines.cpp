@@ -1,13 +1,13 @@
-#include "studies/tolerance/machines.h"
+#include "studies/robustness/machines.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "sprag/estimation/parameters.h"
 #include "sprag/files/scene_file.h"
-#include "studies/tolerance/random.h"
+#include "studies/robustness/random.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 namespace {
 
 Quantity quantity(Wrong wrong) {
@@ -86,4 +86,4 @@ Scene with_wrong(Scene scene, Wrong wrong, double deviation) {
   return scene;
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

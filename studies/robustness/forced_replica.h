@@ -11,7 +11,7 @@
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/flows.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 class ForcedReplica {
  public:
@@ -38,4 +38,4 @@ class ForcedReplica {
   double h_;
 };
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness

@@ -7,7 +7,7 @@
 
 #include "sprag/files/scene_file.h"
 
-namespace sprag::tolerance {
+namespace sprag::robustness {
 
 /// Where the beam meets its support, which a Scene does not keep [m].
 inline constexpr double contact_position = 0.868;
@@ -30,4 +30,4 @@ enum class Wrong { restitution, damping, stiffness, position, clearance, amplitu
 /// and [rad] for the phase.
 Scene with_wrong(Scene scene, Wrong wrong, double deviation);
 
-}  // namespace sprag::tolerance
+}  // namespace sprag::robustness
