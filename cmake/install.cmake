@@ -25,7 +25,7 @@ install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/spr
 
 # Nothing that is called `observer` or `diagnose` belongs on a PATH: the command `sprag` runs them.
 if(SPRAG_PROGRAMS)
-  set(programs master_sim observer sync_logger check_scene import_events diagnose identify reduce plot study)
+  set(programs master_sim observer sync_logger check_scene import_events diagnose identify reduce plot study tolerance)
   set(SPRAG_VIEW_SUMMARY)
   if(TARGET view)
     list(APPEND programs view)

@@ -1,0 +1,35 @@
+// Independent pieces of work, by a few threads.
+#pragma once
+
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace sprag::tolerance {
+
+/// work(i) for i = 0, ..., count - 1, by as many threads. Throws what one of them throws, once all
+/// have ended.
+template <typename Work>
+void in_parallel(int threads, int count, const Work& work) {
+  std::atomic<int> next = 0;
+  std::exception_ptr failure;
+  std::mutex mutex;
+  const auto take = [&] {
+    try {
+      for (int i = next++; i < count; i = next++) work(i);
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      failure = std::current_exception();
+      next = count;
+    }
+  };
+  std::vector<std::thread> others;
+  for (int i = 1; i < threads; ++i) others.emplace_back(take);
+  take();
+  for (std::thread& other : others) other.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace sprag::tolerance

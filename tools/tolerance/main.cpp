@@ -1,0 +1,39 @@
+// tolerance: how much may be off about a machine for its observer to be good enough.
+#include "command_line/program.h"
+#include "tools/tolerance/run.h"
+
+int main(int argc, char** argv) {
+  const auto app = sprag::command_line(
+      "Tells how much may be off for V, the energy of the error, to stay below a target: jitter "
+      "and "
+      "offset of event times, lost and false events, and every parameter of the scene. The "
+      "observers are run on the scene's machine with one of these off at a time.",
+      "tolerance");
+  sprag::CommonOptions common;
+  sprag::tolerance::ToleranceRun run;
+  sprag::add_common_options(*app, common);
+  sprag::add_scene(*app, common, run.scene);
+  sprag::add_positive(*app, "--target", run.settings.target, "V",
+                      "Largest V that is good enough, in the scene's unit of energy [1e-4 of the "
+                      "energy of the machine's motion]");
+  sprag::add_names(*app, "--estimator", run.estimators, "replica, timing, both [all of them]");
+  sprag::add_flag(*app, "--modes", run.modes,
+                  "In place of that: how few modes an observer needs, without and with a "
+                  "correction for the others");
+  sprag::add_positive(*app, "--jitter", run.settings.jitter, "SIGMA",
+                      "Standard deviation of event times beside what is off [the scene's] [s]");
+  sprag::add_count(*app, "--runs", run.settings.runs, "n", "Runs of each amount [7]");
+  sprag::add_positive(*app, "--duration", run.settings.duration, "T",
+                      "Of a run [twice what the replica needs, and 200 closings] [s]");
+  sprag::add_file(
+      *app, common, "--output", sprag::NamedFile::Use::written, run.output, "F",
+      "Draw V against every amount, or the error against the modes: .png, .svg or .pdf");
+  sprag::add_file(*app, common, "--csv", sprag::NamedFile::Use::written, run.csv, "F.csv",
+                  "Write all that was tried");
+  sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
+  sprag::add_count(*app, "--jobs", run.jobs, "n", "Threads [the machine's cores]");
+
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
+    return sprag::tolerance::run_tolerance(run, common, report);
+  });
+}

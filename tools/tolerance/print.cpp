@@ -1,0 +1,172 @@
+#include "tools/tolerance/print.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "sprag/files/csv.h"
+#include "tools/tolerance/words.h"
+
+namespace sprag::tolerance {
+namespace {
+
+std::string description(const Deviation& deviation) {
+  switch (deviation.kind) {
+    case Deviation::Kind::jitter:
+      return "event times jitter";
+    case Deviation::Kind::offset:
+      return "clocks differ";
+    case Deviation::Kind::lost:
+      return "events get lost";
+    case Deviation::Kind::spurious:
+      return "events that were none";
+    case Deviation::Kind::parameter:
+      break;
+  }
+  return deviation.name;
+}
+
+// "both bears event times to 0.3 ms, 2 % of the events lost, ..."
+std::string plain_words(const Tolerances& tolerances, const std::string& estimator, std::size_t e) {
+  std::string borne, not_borne;
+  const auto add = [](const std::string& words, std::string& list) {
+    if (!list.empty()) list += ", ";
+    list += words;
+  };
+  for (const Found& found : tolerances.found) {
+    const Limit& limit = found.limits[e];
+    if (limit.kind == Limit::Kind::never) {
+      return "With " + estimator + " V does not come below it even where nothing is off.\n";
+    }
+    if (limit.kind == Limit::Kind::below_all) {
+      add(in_words(found.deviation, limit.amount), not_borne);
+    } else {
+      add(in_words(found.deviation, limit.amount), borne);
+      if (limit.kind == Limit::Kind::beyond_all) borne += " or worse";
+    }
+  }
+  std::string text;
+  if (!borne.empty()) text += "It is enough for " + estimator + " to have " + borne + ".\n";
+  if (!not_borne.empty()) text += "It is not enough to have " + not_borne + ".\n";
+  return text;
+}
+
+const char* kind_name(Limit::Kind kind) {
+  switch (kind) {
+    case Limit::Kind::within:
+      return "within";
+    case Limit::Kind::beyond_all:
+      return "beyond_all";
+    case Limit::Kind::below_all:
+      return "below_all";
+    case Limit::Kind::never:
+      break;
+  }
+  return "never";
+}
+
+}  // namespace
+
+std::string limit_text(const Deviation& deviation, const Limit& limit) {
+  switch (limit.kind) {
+    case Limit::Kind::within:
+      return amount_text(deviation, limit.amount);
+    case Limit::Kind::beyond_all:
+      return "> " + amount_text(deviation, limit.amount);
+    case Limit::Kind::below_all:
+      return "< " + amount_text(deviation, limit.amount);
+    case Limit::Kind::never:
+      break;
+  }
+  return "-";
+}
+
+std::string to_text(const Bench& bench, const Tolerances& tolerances) {
+  const Settings& settings = bench.settings();
+  std::string text =
+      bench.scene().name + ": how much may be off for V < " + short_number(bench.target()) + ", " +
+      short_number(bench.target() / bench.motion_energy()) + " of the energy of the motion\n\n";
+  std::size_t widest = 22;
+  for (const Found& found : tolerances.found)
+    widest = std::max(widest, description(found.deviation).size());
+  std::vector<std::string> cells = {"what is off"};
+  for (const EstimatorKind kind : settings.estimators) cells.emplace_back(study::name(kind));
+  add_line(cells, widest, 22, text);
+  cells = {"nothing: V is"};
+  for (const Spread& V : tolerances.undisturbed.V) cells.push_back(short_number(V.median));
+  add_line(cells, widest, 22, text);
+  for (const Found& found : tolerances.found) {
+    cells = {description(found.deviation)};
+    for (const Limit& limit : found.limits) cells.push_back(limit_text(found.deviation, limit));
+    add_line(cells, widest, 22, text);
+  }
+  text += '\n';
+  for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
+    text += wrapped(plain_words(tolerances, study::name(settings.estimators[e]), e));
+  }
+  text +=
+      '\n' + wrapped("V: the median of the second half of a run, then of " +
+                     std::to_string(settings.runs) + " runs of " + short_number(bench.duration()) +
+                     " s, " + short_number(bench.duration() * bench.closings_per_time()) +
+                     " closings each. One thing is off at a time; event times jitter by " +
+                     short_number(bench.scene().jitter) + " s beside it.\n");
+  return text;
+}
+
+void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object) {
+  const Settings& settings = bench.settings();
+  const auto spreads = [&](const Point& point) {
+    nlohmann::ordered_json of;
+    for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
+      of[study::name(settings.estimators[e])] = to_json(point.V[e]);
+    }
+    return of;
+  };
+  object["scene"] = bench.scene().name;
+  object["target"] = bench.target();
+  object["motion_energy"] = bench.motion_energy();
+  object["duration"] = bench.duration();
+  object["runs"] = settings.runs;
+  object["closings_per_time"] = bench.closings_per_time();
+  object["jitter"] = bench.scene().jitter;
+  object["undisturbed"] = spreads(tolerances.undisturbed);
+  object["disturbances"] = nlohmann::ordered_json::array();
+  for (const Found& found : tolerances.found) {
+    nlohmann::ordered_json of = {{"what", found.deviation.name},
+                                 {"unit", found.deviation.unit},
+                                 {"share", found.deviation.share}};
+    for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
+      const Limit& limit = found.limits[e];
+      nlohmann::ordered_json& entry = of["tolerance"][study::name(settings.estimators[e])];
+      entry["kind"] = kind_name(limit.kind);
+      if (limit.kind != Limit::Kind::never) entry["amount"] = limit.amount;
+      entry["text"] = limit_text(found.deviation, limit);
+    }
+    for (const Point& point : found.points) {
+      of["points"].push_back({{"amount", point.amount}, {"V", spreads(point)}});
+    }
+    object["disturbances"].push_back(std::move(of));
+  }
+}
+
+std::string to_csv(const Bench& bench, const Tolerances& tolerances) {
+  const auto& estimators = bench.settings().estimators;
+  std::string text = "what,unit,amount,estimator,median,low,high\n";
+  const auto add = [&](const std::string& what, const std::string& unit, const Point& point) {
+    for (std::size_t e = 0; e < estimators.size(); ++e) {
+      text += what + ',' + unit + ',';
+      append_number(text, point.amount);
+      text += std::string(",") + study::name(estimators[e]);
+      append_spread(point.V[e], text);
+      text += '\n';
+    }
+  };
+  add("nothing", "", tolerances.undisturbed);
+  for (const Found& found : tolerances.found) {
+    for (const Point& point : found.points) add(found.deviation.name, found.deviation.unit, point);
+  }
+  return text;
+}
+
+}  // namespace sprag::tolerance

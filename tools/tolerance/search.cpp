@@ -1,0 +1,123 @@
+#include "tools/tolerance/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <set>
+
+#include "tools/tolerance/in_parallel.h"
+
+namespace sprag::tolerance {
+namespace {
+
+// One amount of one deviation; null: nothing is off.
+struct Trial {
+  const Deviation* deviation = nullptr;
+  double amount = 0.0;
+};
+
+std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int threads,
+                       const std::function<void(double)>& tell) {
+  const int runs = bench.settings().runs;
+  const std::size_t estimators = bench.settings().estimators.size();
+  const int count = runs * static_cast<int>(trials.size());
+  std::vector<std::vector<double>> floors(static_cast<std::size_t>(count));
+  std::mutex mutex;
+  int done = 0;
+  in_parallel(threads, count, [&](int i) {
+    const Trial& trial = trials[static_cast<std::size_t>(i / runs)];
+    floors[static_cast<std::size_t>(i)] = bench.floors(trial.deviation, trial.amount, i % runs);
+    const std::lock_guard lock(mutex);
+    tell(static_cast<double>(++done) / count);
+  });
+  std::vector<Point> points;
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    Point point{trials[t].amount, {}};
+    for (std::size_t e = 0; e < estimators; ++e) {
+      std::vector<double> values;
+      for (std::size_t r = 0; r < static_cast<std::size_t>(runs); ++r)
+        values.push_back(floors[t * static_cast<std::size_t>(runs) + r][e]);
+      point.V.push_back(spread_of(std::move(values)));
+    }
+    points.push_back(std::move(point));
+  }
+  return points;
+}
+
+// The first point at which this estimator's median is not below the target; points.size(): none.
+std::size_t first_above(const std::vector<Point>& points, std::size_t estimator, double target) {
+  const auto above = std::find_if(points.begin(), points.end(), [&](const Point& point) {
+    return !(point.V[estimator].median < target);
+  });
+  return static_cast<std::size_t>(above - points.begin());
+}
+
+Limit limit_of(const Point& undisturbed, const std::vector<Point>& points, std::size_t estimator,
+               double target) {
+  if (!(undisturbed.V[estimator].median < target)) return {};
+  const std::size_t above = first_above(points, estimator, target);
+  if (above == points.size()) return {Limit::Kind::beyond_all, points.back().amount};
+  if (above == 0) return {Limit::Kind::below_all, points.front().amount};
+  const Point &low = points[above - 1], &high = points[above];
+  const double V_low = low.V[estimator].median, V_high = high.V[estimator].median;
+  if (!std::isfinite(V_high) || !(V_low > 0.0)) return {Limit::Kind::within, low.amount};
+  const double part = std::log(target / V_low) / std::log(V_high / V_low);
+  return {Limit::Kind::within, low.amount * std::pow(high.amount / low.amount, part)};
+}
+
+}  // namespace
+
+Spread spread_of(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return {0.5 * (values[(n - 1) / 2] + values[n / 2]), values.front(), values.back()};
+}
+
+Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,
+                  const std::function<void(int round, double done)>& tell) {
+  const std::size_t estimators = bench.settings().estimators.size();
+  Tolerances result;
+  for (Deviation& deviation : deviations) result.found.push_back({std::move(deviation), {}, {}});
+
+  std::vector<Trial> coarse = {{}};
+  for (const Found& found : result.found) {
+    for (const double amount : amounts(found.deviation, true))
+      coarse.push_back({&found.deviation, amount});
+  }
+  std::vector<Point> points = run(bench, coarse, threads, [&](double done) { tell(1, done); });
+  result.undisturbed = std::move(points.front());
+  for (std::size_t t = 1; t < coarse.size(); ++t) {
+    const auto of = std::find_if(result.found.begin(), result.found.end(), [&](const Found& found) {
+      return &found.deviation == coarse[t].deviation;
+    });
+    of->points.push_back(std::move(points[t]));
+  }
+
+  // Between the last power of ten that is borne and the first that is not.
+  std::vector<Trial> fine;
+  for (const Found& found : result.found) {
+    std::set<double> wanted;
+    for (std::size_t e = 0; e < estimators; ++e) {
+      const std::size_t above = first_above(found.points, e, bench.target());
+      const double from = above == 0 ? 0.0 : found.points[above - 1].amount;
+      const double to =
+          above == found.points.size() ? found.deviation.most + 1e-9 : found.points[above].amount;
+      for (const double amount : amounts(found.deviation, false))
+        if (amount > from && amount < to) wanted.insert(amount);
+    }
+    for (const Point& point : found.points) wanted.erase(point.amount);
+    for (const double amount : wanted) fine.push_back({&found.deviation, amount});
+  }
+  points = run(bench, fine, threads, [&](double done) { tell(2, done); });
+  for (Found& found : result.found) {
+    for (std::size_t t = 0; t < fine.size(); ++t)
+      if (fine[t].deviation == &found.deviation) found.points.push_back(points[t]);
+    std::sort(found.points.begin(), found.points.end(),
+              [](const Point& a, const Point& b) { return a.amount < b.amount; });
+    for (std::size_t e = 0; e < estimators; ++e)
+      found.limits.push_back(limit_of(result.undisturbed, found.points, e, bench.target()));
+  }
+  return result;
+}
+
+}  // namespace sprag::tolerance

@@ -1,0 +1,83 @@
+#include "tools/tolerance/words.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "sprag/files/csv.h"
+
+namespace sprag::tolerance {
+namespace {
+
+void append_padded(const std::string& cell, std::size_t width, std::string& line) {
+  line += cell;
+  if (cell.size() < width) line.append(width - cell.size(), ' ');
+}
+
+// JSON has no infinity.
+nlohmann::ordered_json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+}
+
+}  // namespace
+
+std::string short_number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.2g", value);
+  return text.data();
+}
+
+void add_line(const std::vector<std::string>& cells, std::size_t first, std::size_t other,
+              std::string& text) {
+  std::string line;
+  append_padded(cells.front(), first, line);
+  for (std::size_t i = 1; i < cells.size(); ++i) {
+    line += "  ";
+    append_padded(cells[i], other, line);
+  }
+  line.erase(line.find_last_not_of(' ') + 1);
+  text += line;
+  text += '\n';
+}
+
+std::string wrapped(const std::string& text) {
+  constexpr std::size_t width = 100;
+  std::string result;
+  std::size_t line = 0;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find_first_of(" \n", begin), text.size());
+    const std::size_t length = end - begin;
+    if (line > 0 && line + 1 + length > width) {
+      result += '\n';
+      line = 0;
+    } else if (line > 0) {
+      result += ' ';
+      ++line;
+    }
+    result += text.substr(begin, length);
+    line += length;
+    if (end < text.size() && text[end] == '\n') {
+      result += '\n';
+      line = 0;
+    }
+    begin = end + 1;
+  }
+  return result;
+}
+
+nlohmann::ordered_json to_json(const Spread& spread) {
+  return {{"median", number_or_null(spread.median)},
+          {"low", number_or_null(spread.low)},
+          {"high", number_or_null(spread.high)}};
+}
+
+void append_spread(const Spread& spread, std::string& text) {
+  for (const double value : {spread.median, spread.low, spread.high}) {
+    text += ',';
+    append_number(text, value);
+  }
+}
+
+}  // namespace sprag::tolerance
