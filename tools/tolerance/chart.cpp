@@ -211,7 +211,7 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
 std::string chart_script(const Bench& bench, const std::vector<FewerModes>& table,
                          const std::filesystem::path& output) {
   const auto& estimators = bench.settings().estimators;
-  constexpr double width = 760.0, height = 470.0;
+  constexpr double width = 940.0, height = 470.0;
   const double motion = observed_motion(bench);
   std::string text = beginning(output, width, height,
                                bench.scene().name + ": error against the modes that are kept");
