@@ -223,6 +223,17 @@ TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
   EXPECT_EQ(watch.frame(second / 10).badge, Badge::filter);
   EXPECT_EQ(watch.frame(second * 7 / 10).badge, Badge::free) << "no contacts are heard";
   EXPECT_EQ(watch.frame(3 * second).badge, Badge::waiting) << "no estimates either";
+
+  watch.take(contacts_at(4.0, 2), {4 * second, 0});
+  watch.take_estimate(estimate_at(400, 0.1, 0.01), {4 * second, 0});
+  Health health;
+  health.session = 6;
+  health.master = Health::Master::silent;
+  watch.take(health, {4 * second, 0});
+  EXPECT_EQ(watch.frame(4 * second).badge, Badge::filter) << "of another run";
+  health.session = 5;
+  watch.take(health, {4 * second, 0});
+  EXPECT_EQ(watch.frame(4 * second).badge, Badge::free) << "the observer does not hear them";
 }
 
 TEST(Watch, AnotherMasterBeginsAnewAndStrangersAreNotHeard) {

@@ -19,6 +19,7 @@ constexpr std::int64_t second = 1'000'000'000;  // ns
 constexpr std::int64_t contacts_silence = second / 2;
 constexpr std::int64_t estimate_silence = second;
 constexpr std::int64_t truth_silence = second / 2;
+constexpr std::int64_t health_silence = 3 * second;
 constexpr std::int64_t another_estimate = second / 4;  // an observer that was restarted
 constexpr double near = 100.0;  // s: a session that is first heard later began elsewhere
 
@@ -316,6 +317,15 @@ const StateSample* Watch::nearest_truth(double t) const {
   return std::abs(nearest->t - t) <= 3.0 * tick + 1e-9 * t ? nearest : nullptr;
 }
 
+// Nobody hears contacts: neither this nor, as it says itself, the observer.
+bool Watch::runs_free(std::int64_t now) const {
+  if (tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence) return true;
+  const bool told = health_ && !health_->last && health_->session == session_ &&
+                    now - health_arrival_ <= health_silence;
+  return told &&
+         (health_->master == Health::Master::silent || health_->master == Health::Master::ended);
+}
+
 Frame Watch::frame(std::int64_t now) const {
   Frame frame;
   frame.session = session_;
@@ -356,10 +366,8 @@ Frame Watch::frame(std::int64_t now) const {
       frame.sigma = machine_.sigma(confidence.sigma_q);
     }
     const bool estimated = now - estimate_arrival_ <= estimate_silence;
-    const bool contacts_silent =
-        tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence;
     frame.badge = !estimated               ? Badge::waiting
-                  : contacts_silent        ? Badge::free
+                  : runs_free(now)         ? Badge::free
                   : confidence.from_filter ? Badge::filter
                                            : Badge::replica;
   } else if (truth != nullptr) {

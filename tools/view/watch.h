@@ -76,6 +76,7 @@ class Watch {
   void add_energy(const SyncRow* row);
   const EstimateSample* shown_estimate() const;
   const StateSample* nearest_truth(double t) const;
+  bool runs_free(std::int64_t now) const;
 
   Scene scene_;
   DrawnMachine machine_;
