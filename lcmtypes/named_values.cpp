@@ -9,13 +9,13 @@ namespace sprag {
 namespace {
 
 constexpr std::int32_t most_names = 1000;
-constexpr std::int32_t longest_name = 256;  // with the zero behind it
+constexpr std::int32_t longest_named = 256;  // with the zero behind it
 
 Refusal take_name(std::span<const std::uint8_t>& rest, std::string& name) {
   if (rest.size() < 4) return Refusal::truncated;
   const std::uint8_t* from = rest.data();
   const auto size = take<std::int32_t>(from);
-  if (size < 1 || size > longest_name) return Refusal::bad_count;
+  if (size < 1 || size > longest_named) return Refusal::bad_count;
   const auto length = static_cast<std::size_t>(size) - 1;
   if (rest.size() < 4 + length + 1) return Refusal::truncated;
   if (from[length] != 0) return Refusal::bad_value;

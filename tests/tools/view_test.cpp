@@ -400,10 +400,12 @@ TEST(Client, GetsTheNewestAndOnlyAsMuchAsItHasSeen) {
   EXPECT_EQ(next(5)["curves"]["to"], 0.01 + 2.0) << "it fills from the left";
 }
 
-constexpr std::array<unsigned char, 3> bytes{'a', 'b', 'c'};
-constexpr std::array<PageFile, 1> files{{{"/index.html", "text/html", bytes}}};
+constexpr std::array<unsigned char, 3> page_bytes{'a', 'b', 'c'};
+constexpr std::array<PageFile, 1> page_files_here{{{"/index.html", "text/html", page_bytes}}};
 
-int status(const Request& request) { return judge(request, {"127.0.0.1", 8080}, files).status; }
+int status(const Request& request) {
+  return judge(request, {"127.0.0.1", 8080}, page_files_here).status;
+}
 
 TEST(Rules, OnlyThePageItselfIsAnswered) {
   EXPECT_EQ(status({"GET", "/", "127.0.0.1:8080", {}}), 200);
