@@ -21,7 +21,7 @@ namespace websocket = beast::websocket;
 using tcp = asio::ip::tcp;
 using namespace std::chrono_literals;
 
-constexpr std::int64_t most_connections = 64;
+constexpr std::int64_t most_connections = 32;
 constexpr std::uint32_t longest_header = 8192;        // bytes
 constexpr std::uint64_t longest_body = 65536;         // of a request that is refused for its method
 constexpr std::size_t longest_client_message = 4096;  // bytes
