@@ -13,8 +13,6 @@
 namespace sprag::plot {
 namespace {
 
-constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-
 // As the study's columns name them, with what the rest of the name means.
 const std::vector<std::string> estimators{"replica", "timing", "both", "adaptive"};
 
@@ -326,10 +324,10 @@ class Maker {
     const std::vector<double>& x = key(axes_[0].name);
     const std::vector<double>& y = key(axes_[1].name);
     const std::vector<double>& period = key("attractor.period");
-    const auto coordinates = [&](char letter) {
+    const auto coordinates = [&](char q_or_u) {
       std::vector<const std::vector<double>*> columns;
       for (const std::string& name : table_.names) {
-        if (name.starts_with(std::string("attractor.") + letter)) {
+        if (name.starts_with(std::string("attractor.") + q_or_u)) {
           columns.push_back(table_.column(name));
         }
       }

@@ -13,7 +13,7 @@ namespace sprag::plot {
 namespace {
 
 // In points of the picture.
-constexpr double across = 860.0, left = 96.0, above_title = 46.0, above_nothing = 16.0;
+constexpr double across = 860.0, to_plane = 96.0, above_title = 46.0, above_nothing = 16.0;
 constexpr double below_axis = 58.0, below_plane = 76.0, between_panels = 22.0;
 constexpr double of_points = 420.0, of_bands = 260.0, of_map = 480.0;
 constexpr double letter_width = 7.4, beside_map = 170.0, beside_points = 30.0;
@@ -132,7 +132,7 @@ StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path&
       beside = std::max(beside, letter_width * static_cast<double>(longest) + 70.0);
     }
   }
-  width_ = left + across + beside;
+  width_ = to_plane + across + beside;
 
   line("set terminal " + terminal(output, width_, height_));
   line("set output " + quoted(output.string()));
@@ -142,13 +142,13 @@ StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path&
   line(cividis);
   line("set multiplot");
   if (!figure.title.empty()) {
-    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(left)) +
+    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(to_plane)) +
          ", screen " + number(screen_y(24.0)) + " left noenhanced font ',14'");
   }
   double y = above;
   for (const StudyPanel& panel : figure.panels) {
     const bool lowest = &panel == &figure.panels.back();
-    const Place place{left + across, y, y + height_of_study(panel)};
+    const Place place{to_plane + across, y, y + height_of_study(panel)};
     frame(panel, place, lowest || in_plane(panel));
     switch (panel.kind) {
       case StudyPanel::Kind::points:
@@ -229,7 +229,7 @@ void StudyScript::ticks(char name, const Axis& axis, bool labels) {
 }
 
 void StudyScript::frame(const StudyPanel& panel, const Place& place, bool lowest) {
-  line("set lmargin at screen " + number(screen_x(left)));
+  line("set lmargin at screen " + number(screen_x(to_plane)));
   line("set rmargin at screen " + number(screen_x(place.right)));
   line("set tmargin at screen " + number(screen_y(place.top)));
   line("set bmargin at screen " + number(screen_y(place.bottom)));

@@ -12,7 +12,7 @@
 namespace sprag::plot {
 namespace {
 
-constexpr std::string_view begins = "index,point,run";
+constexpr std::string_view study_header = "index,point,run";
 
 double number_or_nan(std::string_view field) {
   double value = 0.0;
@@ -88,9 +88,9 @@ std::filesystem::path manifest_of(const std::filesystem::path& rows) {
 
 bool is_study(const std::filesystem::path& file) {
   std::ifstream stream(file);
-  std::string header(begins.size(), '\0');
+  std::string header(study_header.size(), '\0');
   return stream.read(header.data(), static_cast<std::streamsize>(header.size())) &&
-         header == begins;
+         header == study_header;
 }
 
 StudyTable read_study_table(const std::vector<std::filesystem::path>& files) {
