@@ -301,6 +301,9 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
   std::optional<Session> session;
   try {
     study.emplace(read_study(run.study));
+    for (const std::string& remark : study->scene.remarks) {
+      std::fprintf(stderr, "%s\n", remark.c_str());
+    }
     const Shard shard = run.shard.empty() ? Shard{} : parse_shard(run.shard);
     session.emplace(*study, run, common,
                     Origin{.version = report.at("version"),
