@@ -79,7 +79,7 @@ std::optional<Range> Coordinator::take() {
     // The first chunks are single runs: nothing is known of their cost. At the end chunks shrink,
     // so that all workers end together.
     const double of_time = seconds_per_run_ > 0.0 ? usual_chunk_seconds / seconds_per_run_ : 1.0;
-    const std::int64_t share = left_ / (4 * options_.workers);
+    const std::int64_t share = left_ / (std::int64_t{4} * options_.workers);
     size = std::min({static_cast<std::int64_t>(std::min(of_time, 1e9)), share, options_.longest});
   }
   Range& next = missing_.back();
@@ -177,6 +177,7 @@ void run_threads(Coordinator& coordinator, int threads,
                  const std::function<Compute()>& make_compute,
                  const std::function<void()>& on_wait) {
   std::vector<std::thread> workers;
+  workers.reserve(static_cast<std::size_t>(threads));
   for (int i = 0; i < threads; ++i) {
     workers.emplace_back([&] {
       try {

@@ -71,6 +71,7 @@ std::vector<Value> named_values(const TomlTable& root, const char* key,
   std::vector<Value> values;
   if (!root.has(key)) return values;
   std::vector<std::string_view> words;
+  words.reserve(names.size());
   for (const auto& [word, value] : names) words.emplace_back(word);
   const std::vector<std::string> given = root.strings(key);
   for (std::size_t i = 0; i < given.size(); ++i) {
@@ -143,6 +144,7 @@ class Reader {
       return &knob;
     }
     std::vector<std::string_view> words;
+    words.reserve(knobs.size());
     for (const Knob& knob : knobs) words.emplace_back(knob.path);
     const auto refuse = [&](std::string_view prefix) {
       std::erase_if(words, [&](std::string_view word) { return !word.starts_with(prefix); });
