@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -189,6 +190,26 @@ TEST_F(StudyPlotTest, GnuplotDrawsAllKinds) {
   for (const char* text : {"1: period 1", "2: period 2", "attractor"}) {
     EXPECT_EQ(svg.find(text) != std::string::npos, std::string(text) != "attractor") << text;
   }
+}
+
+// A single value of a key, a value that is not finite, or none that is.
+TEST_F(StudyPlotTest, LittleIsDrawnAsWell) {
+  const double inf = std::numeric_limits<double>::infinity();
+  const std::string file =
+      write("f", {"x", "y"}, {"attractor.period", "attractor.q1", "rate", "V"},
+            {{1.0, 1.0, 1.0, 4.0, -inf, 2.0}, {1.0, 2.0, 2.0, 3.0, -inf, inf}});
+  for (const test::Arguments& of :
+       {test::Arguments{"--show", "attractor"}, test::Arguments{"--show", "V"},
+        test::Arguments{"--over", "y", "--show", "V,rate"}}) {
+    test::Arguments arguments{file, "--output", path("f.png")};
+    if (of[0] != "--over") arguments.insert(arguments.end(), {"--over", "x,y"});
+    arguments.insert(arguments.end(), of.begin(), of.end());
+    const auto ended = run(PLOT, arguments);
+    EXPECT_EQ(ended.code, 0);
+    EXPECT_EQ(ended.err, "") << of[1];
+  }
+  EXPECT_EQ(run(PLOT, {file, "--over", "y", "--show", "rate", "--output", path("g.png")}).code, 2)
+      << "nothing to show";
 }
 
 TEST_F(StudyPlotTest, DamagedRowsAndBadUsage) {

@@ -273,8 +273,11 @@ class Maker {
         all.insert(all.end(), of_runs.begin(), of_runs.end());
       }
       if (!several) curve.title = estimator.empty() ? quantity : estimator;
+      const bool shown = std::any_of(curve.y.begin(), curve.y.end(),
+                                     [](double value) { return std::isfinite(value); });
+      if (!shown) continue;
       if (several) panel.bands.push_back(std::move(band));
-      if (!curve.t.empty()) panel.curves.push_back(std::move(curve));
+      panel.curves.push_back(std::move(curve));
     }
     panel.logarithmic = wide(all);
     if (!panel.curves.empty()) figure.panels.push_back(std::move(panel));

@@ -365,15 +365,18 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
     green.push_back((colour >> 8) & 0xff);
     blue.push_back(colour & 0xff);
   }
+  // gnuplot's images are of 2 x 2 values at least.
+  const bool image =
+      x_cells.even && y_cells.even && x_cells.centres.size() > 1 && y_cells.centres.size() > 1;
   std::vector<std::string> parts;
   if (x.empty()) {
     parts.emplace_back("NaN notitle");
   } else if (!on_grid(panel)) {
     parts.push_back(data({x, y, labels ? packed : z}) + " using 1:2:3 with points pt 7 ps 0.5 lc " +
                     (labels ? "rgb variable" : "palette") + " notitle");
-  } else if (x_cells.even && y_cells.even && labels) {
+  } else if (image && labels) {
     parts.push_back(data({x, y, red, green, blue}) + " using 1:2:3:4:5 with rgbimage notitle");
-  } else if (x_cells.even && y_cells.even) {
+  } else if (image) {
     parts.push_back(data({x, y, z}) + " using 1:2:3 with image notitle");
   } else {
     parts.push_back(data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
