@@ -352,7 +352,7 @@ TEST(Recurrence, FindsTheSmallestPeriodOfPoints) {
 }
 
 TEST(Attractors, HaveLabelsWhateverTheirOrder) {
-  constexpr int n = 400;
+  constexpr std::size_t n = 400;
   Random random(5);
   std::printf("seed 5\n");
   std::vector<int> periods(n), expected(n);
@@ -360,15 +360,16 @@ TEST(Attractors, HaveLabelsWhateverTheirOrder) {
   const Eigen::Matrix<double, 4, 2, Eigen::RowMajor> of_attractor{
       {-0.3, 2.0}, {0.4, -1.0}, {0.4, 1.0}, {-0.2, 0.0}};
   const int period_of[] = {1, 1, 1, 2};
-  for (int i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
     const int which = random.integer(0, 4);
     expected[i] = which;
     periods[i] = which == 0 ? 0 : period_of[which - 1];
-    points.row(i).setConstant(std::nan(""));
+    points.row(row).setConstant(std::nan(""));
     if (which == 0) continue;
-    points.row(i) = of_attractor.row(which - 1);
-    points(i, 0) += random.uniform(-1e-5, 1e-5);
-    points(i, 1) += random.uniform(-1e-5, 1e-5);
+    points.row(row) = of_attractor.row(which - 1);
+    points(row, 0) += random.uniform(-1e-5, 1e-5);
+    points(row, 1) += random.uniform(-1e-5, 1e-5);
   }
   EXPECT_EQ(label_attractors(periods, points), expected);
 }
