@@ -154,7 +154,7 @@ Scene told_of(const Scene& scene, double jitter, const Options& options, int see
 }
 
 robustness::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
-                                   std::size_t contacts) {
+                                    std::size_t contacts) {
   robustness::Disturbance all;
   all.jitter = jitter;
   if (trouble == Trouble::missing || trouble == Trouble::mixed) all.missed = troubled_share;

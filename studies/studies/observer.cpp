@@ -9,9 +9,9 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/studies/study.h"
 #include "studies/robustness/disturbance.h"
 #include "studies/robustness/statistics.h"
+#include "studies/studies/study.h"
 
 namespace sprag::studies {
 namespace {

@@ -14,10 +14,10 @@
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/master.h"
-#include "studies/studies/study.h"
 #include "studies/robustness/disturbance.h"
 #include "studies/robustness/random.h"
 #include "studies/robustness/statistics.h"
+#include "studies/studies/study.h"
 
 namespace sprag::studies {
 namespace {
