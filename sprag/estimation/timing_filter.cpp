@@ -301,7 +301,7 @@ void TimingFilter::load(const Covariance& from, Instant t) {
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                               Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
-  if (state.unknown || scale_is_open_) {
+  if (state.unknown || state.inside != 0 || scale_is_open_) {
     q.setConstant(infinity);
     u.setConstant(infinity);
     gap.setConstant(infinity);
@@ -492,7 +492,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
 void TimingFilter::output_deviations(const TimingState& state,
                                      Eigen::Ref<Eigen::VectorXd> outputs) {
   if (outputs.size() == 0) return;
-  if (state.unknown || scale_is_open_) {
+  if (state.unknown || state.inside != 0 || scale_is_open_) {
     outputs.setConstant(infinity);
     return;
   }

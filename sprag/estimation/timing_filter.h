@@ -64,7 +64,7 @@ struct Consistency {
 struct TimingState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
-  ContactSet inside = 0;  ///< closed since t = 0: the machine may have started inside the support
+  ContactSet inside = 0;  ///< closed since t = 0, where the machine may have started inside
   Motion motion;          ///< of the mean; t as in ReplicaState
   TickedFlight::Anchor anchor;
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs

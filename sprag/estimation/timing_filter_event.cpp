@@ -52,13 +52,18 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   event_ = {};
   ContactSet leaving = 0;
   for (const ContactEvent& event : events) {
-    if (event.kind == ContactEventKind::closes && event.t == 0.0)
+    if (uncertainty_.may_start_inside && event.kind == ContactEventKind::closes && event.t == 0.0)
       state.inside |= bit(event.contact);
     if (event.kind == ContactEventKind::opens && contains(state.inside, event.contact)) {
       leaving |= bit(event.contact);
     }
   }
-  if (leaving != 0) set_start(uncertainty_, now_);  // what happened until then is not in the model
+  // What happened until then is not in the model.
+  if (leaving != 0) {
+    now_.q = start_.q;
+    now_.u = start_.u;
+    set_start(uncertainty_, now_);
+  }
   if (unknown_time_) {
     take_uncertain(events.front(), before, state);
   } else {

@@ -40,7 +40,8 @@ Uncertainty uncertainty_of(const Scene& scene) {
                           modes.Phi * of_u(energy).asDiagonal(),
                           scene.jitter,
                           {},
-                          {}};
+                          {},
+                          scene.release_penetration};
   if (scene.sigma) {
     uncertainty.q = scene.sigma->q.asDiagonal();
     uncertainty.u = scene.sigma->u.asDiagonal();

@@ -13,12 +13,15 @@ struct Uncertainty {
   Eigen::MatrixXd q, u;              ///< f x f
   double jitter = 0.0;               ///< sigma, standard deviation of event times [s]
   Eigen::MatrixXd drift_q, drift_u;  ///< of what the model lacks per unit of time; or empty
+  /// What closes at t = 0 may be inside its support. Otherwise it rests on it.
+  bool may_start_inside = false;
 };
 
 /// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
 /// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
 /// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
-/// largest length. Or the standard deviations that it gives in place of the first.
+/// largest length. Or the standard deviations that it gives in place of the first. A scene whose
+/// master may start inside a support is told by its penetration = "release".
 Uncertainty uncertainty_of(const Scene& scene);
 
 }  // namespace sprag

@@ -102,6 +102,34 @@ TEST(TimingFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
   }
 }
 
+// A ball that lies on its table from the start on is a measurement like any other, with exact times
+// and with jitter; only where the scene lets machines start inside is nothing known until it opens.
+TEST(TimingFilter, WhatIsClosedFromTheStartOnRests) {
+  Scene scene = cached_scene("table_tennis_ball.toml");
+  const std::vector<ContactEvent> events = {{0.0, 0, ContactEventKind::closes}};
+  for (const double jitter : {0.0, 1e-4}) {
+    for (const bool inside : {false, true}) {
+      scene.jitter = jitter;
+      scene.release_penetration = inside;
+      TimingFilter filter(scene.model, 0.1, uncertainty_of(scene));
+      TimingState state;
+      filter.start(scene.replica, 0, 0, state);
+      filter.apply(events, state);
+      for (int k = 0; k < 30; ++k) filter.tick({}, state);
+      Eigen::VectorXd q(1), u(1), sigma_q(1), sigma_u(1), sigma_g(1);
+      filter.output(state, q, u);
+      filter.deviations(state, sigma_q, sigma_u, sigma_g);
+      if (inside) {
+        EXPECT_TRUE(std::isinf(sigma_q[0]) && std::isinf(sigma_u[0])) << sigma_q << ' ' << sigma_u;
+        continue;
+      }
+      EXPECT_LE(std::abs(q[0]), 3.0 * sigma_q[0]) << jitter;
+      EXPECT_LE(std::abs(u[0]), 3.0 * sigma_u[0]) << jitter;
+      EXPECT_LT(sigma_q[0], 1e-3) << jitter;
+    }
+  }
+}
+
 // In a time line: events that come late, one by one, and rollbacks for no reason.
 TEST(TimingFilter, RollbacksDoNotShow) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
