@@ -21,6 +21,7 @@ std::vector<Bytes> inputs(const std::string& target) {
   const std::filesystem::path source = SPRAG_SOURCE_DIR;
   const auto add = [&files](const std::filesystem::path& directory) {
     for (const auto& entry : std::filesystem::directory_iterator(directory)) {
+      if (!entry.is_regular_file()) continue;
       files.push_back(entry.path());
     }
   };
