@@ -153,7 +153,8 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
     for (const Point& point : found.points)
       for (const Spread& spread : point.V) V.take(std::min(spread.median, highest));
   }
-  const double lowest = std::max(V.low / 3.0, 1e-24 * bench.motion_energy());
+  // Far below the target all is well.
+  const double lowest = std::max(V.low / 3.0, 1e-10 * bench.target());
 
   std::string text = beginning(output, width, height,
                                bench.scene().name + ": V that is left, against what is off");
