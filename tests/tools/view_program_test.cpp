@@ -6,10 +6,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <charconv>
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <regex>
 
 #include "sprag/files/states_file.h"
 #include "tests/support/program_test.h"
@@ -20,6 +20,17 @@ namespace {
 using namespace std::chrono_literals;
 using test::Arguments;
 using test::Process;
+
+/// The number behind the first of these words that has one; nothing: there is none.
+std::optional<unsigned> number_behind(const std::string& text, std::string_view words) {
+  const std::size_t place = text.find(words);
+  if (place == std::string::npos) return std::nullopt;
+  unsigned number = 0;
+  const char* begin = text.data() + place + words.size();
+  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), number);
+  return error == std::errc{} && end != text.data() + text.size() ? std::optional(number)
+                                                                  : std::nullopt;
+}
 
 /// A connection to a port of this host; every read ends after a while.
 class Socket {
@@ -105,16 +116,17 @@ class ViewProgramTest : public test::ProgramTest {
     Arguments command{VIEW, scene, "--http", "127.0.0.1:0", "--report", path("report.json")};
     command.insert(command.end(), more.begin(), more.end());
     view_.emplace(command, path(""), "view");
-    std::smatch match;
+    std::optional<unsigned> port;
     std::string said;
     ASSERT_TRUE(test::eventually(
         [&] {
           said = view_->err();
-          return std::regex_search(said, match, std::regex("http://127\\.0\\.0\\.1:(\\d+)/\n"));
+          port = number_behind(said, "http://127.0.0.1:");
+          return port.has_value();
         },
         60s))
         << said;
-    port_ = std::stoi(match[1]);
+    port_ = static_cast<int>(*port);
     host_ = "127.0.0.1:" + std::to_string(port_);
   }
   void serve_bus() { serve({"--url", "memq://"}); }
@@ -125,12 +137,9 @@ class ViewProgramTest : public test::ProgramTest {
     EXPECT_TRUE(socket.connected());
     socket.send(request);
     const std::string head = socket.until("\r\n\r\n");
-    std::smatch match;
     std::string body;
     if (request.starts_with("HEAD")) return {head, body};
-    if (std::regex_search(head, match, std::regex("Content-Length: (\\d+)"))) {
-      body = socket.take(std::stoul(match[1]));
-    }
+    if (const auto length = number_behind(head, "Content-Length: ")) body = socket.take(*length);
     return {head, body};
   }
   int status(const std::string& request) {
