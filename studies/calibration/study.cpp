@@ -4,12 +4,12 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "command_line/in_parallel.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/calibration/machines.h"
-#include "studies/robustness/in_parallel.h"
 #include "studies/robustness/random.h"
 #include "studies/robustness/statistics.h"
 
@@ -224,7 +224,7 @@ void study(const Scene& scene, const std::vector<double>& jitters,
   for (const double jitter : jitters) {
     std::vector<std::vector<Trial>> trials(estimators.size(),
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
-    robustness::in_parallel(options.threads, seeds, [&](int i) {
+    in_parallel(options.threads, seeds, [&](int i) {
       const Scene told = told_of(scene, jitter, options, i + 1);
       const auto events = robustness::disturb(
           truth.events, disturbance(jitter, options.trouble, truth, scene.model.contacts.size()),

@@ -5,8 +5,8 @@
 #include <limits>
 #include <mutex>
 
+#include "command_line/in_parallel.h"
 #include "sprag/estimation/replica_sweep.h"
-#include "studies/robustness/in_parallel.h"
 #include "studies/robustness/machines.h"
 
 namespace sprag::robustness {

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "command_line/in_parallel.h"
 #include "sprag/analysis/trial.h"
 #include "sprag/mechanics/energy.h"
 #include "tools/study/design.h"
-#include "tools/tolerance/in_parallel.h"
 
 namespace sprag::tolerance {
 namespace {

@@ -9,10 +9,10 @@
 #include <optional>
 #include <stdexcept>
 
+#include "command_line/in_parallel.h"
 #include "sprag/files/csv.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
-#include "tools/tolerance/in_parallel.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {

@@ -5,7 +5,7 @@
 #include <mutex>
 #include <set>
 
-#include "tools/tolerance/in_parallel.h"
+#include "command_line/in_parallel.h"
 
 namespace sprag::tolerance {
 namespace {

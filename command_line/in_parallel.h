@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-namespace sprag::tolerance {
+namespace sprag {
 
 /// work(i) for i = 0, ..., count - 1, by as many threads. Throws what one of them throws, once all
 /// have ended.
@@ -32,4 +32,4 @@ void in_parallel(int threads, int count, const Work& work) {
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace sprag::tolerance
+}  // namespace sprag
