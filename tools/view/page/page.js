@@ -330,6 +330,22 @@
     if (moved(from, to)) look(from, to);
   }
 
+  // One shape; dygraphs' own plotter closes one for each step, and a browser takes the square of their number.
+  function plotBand({ drawingContext: c, plotArea: area, points, color, setName }) {
+    if (setName !== "estimate") return;
+    const known = points.filter((point) => point.yval !== null);
+    const y = (share) => area.y + share * area.h;
+    c.beginPath();
+    for (const point of known) c.lineTo(point.canvasx, y(point.y_top));
+    for (const point of known.reverse()) c.lineTo(point.canvasx, y(point.y_bottom));
+    c.closePath();
+    c.save();
+    c.globalAlpha = 0.25;
+    c.fillStyle = color;
+    c.fill();
+    c.restore();
+  }
+
   function makeCharts() {
     // Its legend sets styles in a way that the policy of this page forbids; there is another one below.
     Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
@@ -346,6 +362,7 @@
     });
     curveChart = new Dygraph(byId("curve-chart"), [[0, [null, null, null], [null, null, null]]], Object.assign({
       labels: ["t", "estimate", "machine"], customBars: true, axes: axes({}), dateWindow: [0, 20],
+      plotter: [plotBand, Dygraph.Plotters.linePlotter],
       series: { estimate: { strokeWidth: 2 }, machine: { strokeWidth: 1.6, strokePattern: [7, 4] } },
     }, common));
     energyChart = new Dygraph(byId("energy-chart"), [[0, null, null]], Object.assign({
@@ -372,7 +389,7 @@
     if (!curveChart) return;
     const common = { axisLineColor: style.muted, gridLineColor: style.grid };
     applying = true;
-    curveChart.updateOptions(Object.assign({ colors: [style.estimate, style.ink], fillAlpha: 0.25 }, common), false);
+    curveChart.updateOptions(Object.assign({ colors: [style.estimate, style.ink] }, common), false);
     energyChart.updateOptions(Object.assign({ colors: [style.estimate, style.replica] }, common), false);
     applying = false;
   }
