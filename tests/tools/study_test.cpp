@@ -182,7 +182,14 @@ TEST_F(StudyTest, ErrorsSayWhereWhatAndWhatIsAllowed) {
       {"estimators = [\"replica\"]\nrecord = [\"nees\"]\nduration = 1.0",
        "3:10: record has nees, beyond_3_sigma or trusted, which a replica does not tell; must go "
        "with "
-       "the estimator timing or both"},
+       "the estimator timing, both or adaptive"},
+      {"estimators = [\"both\"]\nrecord = [\"worse\"]\nduration = 1.0",
+       "3:10: record has worse, which is against the replica; must go with the estimators replica "
+       "and timing, both or adaptive"},
+      {"estimators = [\"adaptive\"]\nrecord = [\"V_floor\"]\nduration = 1.0\n[vary]\n"
+       "observer.modes = [1]",
+       "2:14: estimators has adaptive, which seeks keys of the scene; must be without it where "
+       "observer.modes varies"},
       {"[machine]\ncoordinates = [\"q3\"]",
        "3:16: machine.coordinates[1] is \"q3\"; must be one of q1, q2, u1, u2"},
       {"[disturbance]\nlost = 1.5", "3:8: disturbance.lost is 1.5; must be in [0, 1]"},
@@ -218,6 +225,13 @@ TEST_F(StudyTest, ErrorsSayWhereWhatAndWhatIsAllowed) {
        "points = 3, zip = \"a\" }",
        "4:8: vary.tick has 3 points; must have 2, as others of zip \"a\""}};
   for (const auto& [text, expected] : cases) EXPECT_EQ(error(text), expected) << text;
+  EXPECT_EQ(error("estimators = [\"adaptive\"]\nrecord = [\"V_floor\"]\nduration = 1.0",
+                  "non_proportional"),
+            "2:14: estimators has adaptive: system.C couples the modes of M and K; an adaptive "
+            "estimator needs damping that does not, as C = a M + b K");
+  EXPECT_EQ(error("[vary]\nobserver.beam.modes = [5]", "paper_beam"),
+            "3:23: vary.observer.beam.modes = 5: the observer has more coordinates than the "
+            "machine; must be as many at most");
 }
 
 TEST_F(StudyTest, StartsHaveTheirEnergyAndAreOutsideOfSupports) {
@@ -349,6 +363,90 @@ TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
   // The replica falls, and stays where it lands.
   EXPECT_LT(follow(EstimatorKind::replica, scene, truth.events, truth, 0.0).V_max, 1e-20);
   EXPECT_GT(follow(EstimatorKind::replica, scene, {}, truth, 0.0).V_max, 1.0);
+}
+
+TEST(StudyFigures, CountWhatIsFarAboveTheReplica) {
+  const std::vector<EstimatorKind> kinds = {EstimatorKind::timing, EstimatorKind::replica,
+                                            EstimatorKind::both};
+  std::vector<Figures> figures(3);
+  // Three samples on the way and four settled ones; rounding is 1e-20 of 1.
+  figures[0].V = {1.0, 5.0, 5.0, 5.0, 1.1e-5, 0.9e-5, 1e-20, 1.1e-20};
+  figures[1].V = {1.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 0.0, 0.0};
+  figures[2].V = figures[1].V;
+  add_worse(kinds, figures);
+  EXPECT_EQ(figures[0].worse, 0.5);
+  EXPECT_EQ(figures[2].worse, 0.0);
+  EXPECT_TRUE(std::isnan(figures[1].worse));
+  std::vector<Figures> alone(1, figures[0]);
+  alone[0].worse = std::numeric_limits<double>::quiet_NaN();
+  add_worse(std::span(kinds).first(1), alone);
+  EXPECT_TRUE(std::isnan(alone[0].worse)) << "there is no replica";
+}
+
+// What docs/robustness.md says of the paper's beam: where the filter alone runs away both is not
+// much worse than the replica.
+TEST_F(StudyTest, BothIsNeverMuchWorseThanTheReplica) {
+  const std::string common = R"(
+duration = 120.0
+runs = 6
+estimators = ["replica", "both"]
+record = ["V_floor", "worse"]
+[start]
+machine = 5e-3
+[vary]
+events.jitter = [1e-4]
+)";
+  for (const char* trouble :
+       {"disturbance.lost = [0.05]", "disturbance.spurious = [0.1]",
+        "observer.beam.bending_stiffness = [1.03]", "observer.contact.1.clearance = [0.01]"}) {
+    const Study study = read(common + trouble + "\n", "paper_beam");
+    std::vector<double> V, V_replica, worse;
+    for (std::int64_t index = 0; index < study.runs; ++index) {
+      Setting setting = setting_of(study, values_at(study, index));
+      draw_starts(study, stream_of(study, index), setting);
+      const Truth truth = run_machine(setting.machine, 120.0, 0.0, study.samples);
+      const auto events =
+          disturb(truth.events, setting.disturbance, 1, 120.0, study.seed, stream_of(study, index));
+      std::vector<Figures> figures;
+      for (const EstimatorKind kind : study.estimators)
+        figures.push_back(follow(kind, setting.told, events, truth, 0.0));
+      add_worse(study.estimators, figures);
+      V_replica.push_back(figures[0].V_floor);
+      V.push_back(figures[1].V_floor);
+      worse.push_back(figures[1].worse);
+    }
+    const auto middle = [](std::vector<double>& values) {
+      std::sort(values.begin(), values.end());
+      return values[values.size() / 2];
+    };
+    EXPECT_LE(middle(V), 10.0 * middle(V_replica)) << trouble;
+    EXPECT_LE(std::accumulate(worse.begin(), worse.end(), 0.0) / 6.0, 0.05) << trouble;
+  }
+}
+
+TEST_F(StudyTest, AnAdaptiveObserverFindsWhatIsWrong) {
+  const Study study = read(R"(
+duration = 100.0
+estimators = ["replica", "adaptive"]
+record = ["V_floor", "trusted", "nees", "worse"]
+[vary]
+events.jitter = [1e-4]
+observer.impact.restitution = { relative = [-0.1] }
+)",
+                           "paper_beam");
+  EXPECT_EQ(columns(study),
+            (std::vector<std::string>{"index", "point", "run", "events.jitter",
+                                      "observer.impact.restitution", "replica.V_floor",
+                                      "adaptive.V_floor", "adaptive.nees", "adaptive.trusted",
+                                      "adaptive.worse", "failure"}));
+  const Setting setting = setting_of(study, values_at(study, 0));
+  const Truth truth = run_machine(setting.machine, 100.0, 0.0, 1000);
+  const auto events = disturb(truth.events, setting.disturbance, 1, 100.0, 1, 0);
+  const Figures replica = follow(EstimatorKind::replica, setting.told, events, truth, 0.0);
+  const Figures adaptive = follow(EstimatorKind::adaptive, setting.told, events, truth, 0.0);
+  EXPECT_LT(adaptive.V_floor, 1e-3 * replica.V_floor);
+  EXPECT_GT(adaptive.trusted, 0.5);
+  EXPECT_LT(adaptive.nees, 10.0);
 }
 
 TEST_F(StudyTest, AllModesAreTheMachineItself) {

@@ -29,7 +29,7 @@ Deviation named(const Bench& bench, const std::string& name) {
 double median_floor(const Bench& bench, const Deviation& deviation, double amount, std::size_t e) {
   std::vector<double> values;
   for (int run = 0; run < bench.settings().runs; ++run)
-    values.push_back(bench.floors(&deviation, amount, run)[e]);
+    values.push_back(bench.figures(&deviation, amount, run)[e].V_floor);
   std::sort(values.begin(), values.end());
   return values[values.size() / 2];
 }
@@ -118,6 +118,32 @@ TEST(Tolerance, SaysWhereNothingHelps) {
   EXPECT_NE(to_text(bench, found).find("even where nothing is off"), std::string::npos);
 }
 
+TEST(Tolerance, ADriftIsToldToFiltersAlone) {
+  const Settings settings{.duration = 20.0,
+                          .jitter = 1e-4,
+                          .runs = 1,
+                          .estimators = {EstimatorKind::replica, EstimatorKind::timing}};
+  Settings drifting = settings;
+  drifting.drift = 1e-3;
+  const Bench plain(rig(), settings, 1), told(rig(), drifting, 1);
+  const auto before = plain.figures(nullptr, 0.0, 0), after = told.figures(nullptr, 0.0, 0);
+  EXPECT_EQ(after[0].V_floor, before[0].V_floor);
+  EXPECT_LT(after[1].nees, 0.5 * before[1].nees);
+}
+
+TEST(Tolerance, AnAdaptiveObserverBearsWhatItFinds) {
+  const Bench bench(read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml"),
+                    {.duration = 100.0,
+                     .jitter = 1e-4,
+                     .runs = 1,
+                     .estimators = {EstimatorKind::replica, EstimatorKind::adaptive}},
+                    1);
+  const Deviation stiffness = named(bench, "beam.bending_stiffness");
+  const auto figures = bench.figures(&stiffness, 0.05, 0);
+  EXPECT_LT(figures[1].V_floor, 1e-3 * figures[0].V_floor);
+  EXPECT_EQ(figures[1].worse, 0.0);
+}
+
 // The rig has two modes, so that one and the static vector of its contact are the whole machine.
 TEST(FewerModes, AllModesAreRightAndACorrectionStandsInForTheOthers) {
   const Bench bench(in_modes(rig()),
@@ -143,7 +169,8 @@ TEST_F(ToleranceProgramTest, WritesATableItsRowsAndAPicture) {
                       "--output", path("t.svg"), "--report", path("r.json")});
   ASSERT_EQ(ended.code, 0) << ended.err;
   EXPECT_NE(ended.out.find("event times to"), std::string::npos) << ended.out;
-  EXPECT_TRUE(read_text(path("t.csv")).starts_with("what,unit,amount,estimator,median,low,high\n"));
+  EXPECT_TRUE(
+      read_text(path("t.csv")).starts_with("what,unit,amount,estimator,median,low,high,worse\n"));
   EXPECT_NE(read_text(path("t.svg")).find("</svg>"), std::string::npos);
   const auto report = nlohmann::json::parse(read_text(path("r.json")));
   EXPECT_EQ(report.at("target"), 1e-5);
@@ -160,7 +187,10 @@ TEST_F(ToleranceProgramTest, RefusesWhatItCannotDo) {
     EXPECT_EQ(ended.code, 2) << ended.out;
     EXPECT_NE(ended.err.find(why), std::string::npos) << ended.err;
   };
-  refuses({scene, "--estimator", "kalman"}, "kalman; choose replica, timing or both");
+  refuses({scene, "--estimator", "kalman"}, "kalman; choose replica, timing, both or adaptive");
+  refuses({scene, "--estimator", "adaptive", "--modes"}, "--modes: adaptive");
+  refuses({SPRAG_SOURCE_DIR "/scenes/non_proportional.toml", "--estimator", "adaptive"},
+          "couples the modes");
   refuses({scene, "--output", path("t.gif")}, "must end in .png, .svg or .pdf");
   refuses({scene, "--csv", path("x.csv"), "--output", path("x.csv")}, "x.csv");
   refuses({scene, "--target", "-1"}, "--target");

@@ -170,6 +170,9 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
     of_machine.insert(of_machine.end(), of_observer.begin(), of_observer.end());
     setting.told = scene_with(study, of_machine);
   }
+  if (setting.told.model.coordinates() > setting.machine.model.coordinates()) {
+    throw Error("the observer has more coordinates than the machine; must be as many at most");
+  }
   if (!jitter_given) setting.disturbance.jitter = setting.machine.jitter;
   if (modes > 0) {
     setting.told = in_modes(setting.told, modes);

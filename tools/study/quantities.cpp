@@ -18,23 +18,24 @@ struct OfEstimator {
   const char* name;
   bool Record::*recorded;
   double Figures::*value;
-  bool of_filter;
+  bool of_replica;  // too
 };
 constexpr OfEstimator of_estimators[] = {
-    {"V_floor", &Record::V_floor, &Figures::V_floor, false},
-    {"V_max", &Record::V_max, &Figures::V_max, false},
-    {"rate", &Record::rate, &Figures::rate, false},
-    {"time_below", &Record::time_below, &Figures::time_below, false},
-    {"nees", &Record::nees, &Figures::nees, true},
-    {"beyond_3_sigma", &Record::beyond_3_sigma, &Figures::beyond_3_sigma, true},
-    {"trusted", &Record::trusted, &Figures::trusted, true}};
+    {"V_floor", &Record::V_floor, &Figures::V_floor, true},
+    {"V_max", &Record::V_max, &Figures::V_max, true},
+    {"rate", &Record::rate, &Figures::rate, true},
+    {"time_below", &Record::time_below, &Figures::time_below, true},
+    {"nees", &Record::nees, &Figures::nees, false},
+    {"beyond_3_sigma", &Record::beyond_3_sigma, &Figures::beyond_3_sigma, false},
+    {"trusted", &Record::trusted, &Figures::trusted, false},
+    {"worse", &Record::worse, &Figures::worse, false}};
 
 // visit(quantity) for those that are recorded of this estimator.
 template <typename Visit>
 void for_each_of(EstimatorKind kind, const Record& record, const Visit& visit) {
   for (const OfEstimator& quantity : of_estimators) {
     if (!(record.*quantity.recorded)) continue;
-    if (quantity.of_filter && kind == EstimatorKind::replica) continue;
+    if (!quantity.of_replica && kind == EstimatorKind::replica) continue;
     visit(quantity);
   }
 }
@@ -118,10 +119,13 @@ void Measurement::append(const Setting& setting, std::uint64_t stream,
   const auto arrived = disturb(truth.events, setting.disturbance,
                                static_cast<int>(setting.machine.model.contacts.size()),
                                setting.duration, study_.seed, stream);
-  for (const EstimatorKind kind : study_.estimators) {
-    const Figures figures = follow(kind, setting.told, arrived, truth, study_.threshold);
-    for_each_of(kind, record,
-                [&](const OfEstimator& quantity) { row.push_back(figures.*quantity.value); });
+  std::vector<Figures> figures;
+  for (const EstimatorKind kind : study_.estimators)
+    figures.push_back(follow(kind, setting.told, arrived, truth, study_.threshold));
+  if (record.worse) add_worse(study_.estimators, figures);
+  for (std::size_t e = 0; e < figures.size(); ++e) {
+    for_each_of(study_.estimators[e], record,
+                [&](const OfEstimator& quantity) { row.push_back(figures[e].*quantity.value); });
   }
   if (record.impacts) row.push_back(static_cast<double>(closings(truth.events)));
 }

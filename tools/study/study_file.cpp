@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/files/input_file.h"
 #include "sprag/files/nearest_word.h"
@@ -25,15 +26,23 @@ constexpr int most_points = 10'000'000;  // of an axis
 const std::vector<std::pair<const char*, EstimatorKind>> estimator_names = {
     {"replica", EstimatorKind::replica},
     {"timing", EstimatorKind::timing},
-    {"both", EstimatorKind::both}};
+    {"both", EstimatorKind::both},
+    {"adaptive", EstimatorKind::adaptive}};
 
 const std::vector<std::pair<const char*, bool Record::*>> record_names = {
-    {"V_floor", &Record::V_floor},   {"V_max", &Record::V_max},
-    {"rate", &Record::rate},         {"time_below", &Record::time_below},
-    {"nees", &Record::nees},         {"beyond_3_sigma", &Record::beyond_3_sigma},
-    {"trusted", &Record::trusted},   {"impacts", &Record::impacts},
-    {"poincare", &Record::poincare}, {"impacts_per_period", &Record::impacts_per_period},
-    {"lyapunov", &Record::lyapunov}, {"attractor", &Record::attractor}};
+    {"V_floor", &Record::V_floor},
+    {"V_max", &Record::V_max},
+    {"rate", &Record::rate},
+    {"time_below", &Record::time_below},
+    {"nees", &Record::nees},
+    {"beyond_3_sigma", &Record::beyond_3_sigma},
+    {"trusted", &Record::trusted},
+    {"worse", &Record::worse},
+    {"impacts", &Record::impacts},
+    {"poincare", &Record::poincare},
+    {"impacts_per_period", &Record::impacts_per_period},
+    {"lyapunov", &Record::lyapunov},
+    {"attractor", &Record::attractor}};
 
 // Paths of what is no key of a scene, and the values that each accepts.
 struct Knob {
@@ -427,12 +436,32 @@ void check_completeness(const TomlTable& root, const Study& study) {
   if (record.of_filter() && !filter) {
     root.fail("record",
               "has nees, beyond_3_sigma or trusted, which a replica does not tell; must "
-              "go with the estimator timing or both");
+              "go with the estimator timing, both or adaptive");
+  }
+  const auto& estimators = study.estimators;
+  if (record.worse && (!filter || std::find(estimators.begin(), estimators.end(),
+                                            EstimatorKind::replica) == estimators.end())) {
+    root.fail("record",
+              "has worse, which is against the replica; must go with the estimators replica and "
+              "timing, both or adaptive");
+  }
+  if (std::find(estimators.begin(), estimators.end(), EstimatorKind::adaptive) !=
+      estimators.end()) {
+    if (study.varies(Target::modes)) {
+      root.fail("estimators",
+                "has adaptive, which seeks keys of the scene; must be without it where "
+                "observer.modes varies");
+    }
+    try {
+      const AdaptiveEstimator possible(study.scene, 1.0, EstimatorKind::adaptive);
+    } catch (const ModelError& error) {
+      root.fail("estimators", std::string("has adaptive: ") + error.what());
+    }
   }
   if (!record.of_estimators() && !study.estimators.empty()) {
     root.fail("estimators",
               "has nothing that is recorded of them; must be left out, or record one "
-              "of V_floor, V_max, rate, time_below, nees, beyond_3_sigma, trusted");
+              "of V_floor, V_max, rate, time_below, nees, beyond_3_sigma, trusted, worse");
   }
   const bool needs_duration = record.of_estimators() || record.impacts;
   if (needs_duration && !(study.duration > 0.0) && !study.varies(Target::duration)) {
@@ -461,7 +490,7 @@ const char* name(EstimatorKind kind) {
   for (const auto& [word, value] : estimator_names) {
     if (value == kind) return word;
   }
-  return "adaptive";
+  return "";
 }
 
 Study read_study(const std::filesystem::path& file,

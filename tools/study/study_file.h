@@ -48,12 +48,13 @@ struct Axis {
 struct Record {
   bool V_floor = false, V_max = false, rate = false, time_below = false;
   bool nees = false, beyond_3_sigma = false, trusted = false;
+  bool worse = false;
   bool impacts = false;
   bool poincare = false, impacts_per_period = false, lyapunov = false, attractor = false;
 
   bool of_errors() const { return V_floor || V_max || rate || time_below; }
   bool of_filter() const { return nees || beyond_3_sigma || trusted; }
-  bool of_estimators() const { return of_errors() || of_filter(); }
+  bool of_estimators() const { return of_errors() || of_filter() || worse; }
   bool of_recurrence() const { return poincare || impacts_per_period || lyapunov || attractor; }
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
@@ -15,6 +16,8 @@ constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double usual_threshold = 1e-4;  // of V at the start
 constexpr double near_floor = 10.0;
+constexpr double much_worse = 10.0;
+constexpr double rounding = 1e-20;  // of V at the start
 
 double median(std::vector<double> values) {
   if (values.empty()) return undefined;
@@ -23,6 +26,11 @@ double median(std::vector<double> values) {
   if (values.size() % 2 == 1) return *middle;
   const double above = *middle;
   return 0.5 * (*std::max_element(values.begin(), middle) + above);
+}
+
+// The second half of the run, of V at all samples.
+std::vector<double>::const_iterator settled(const std::vector<double>& V) {
+  return V.begin() + static_cast<std::ptrdiff_t>((V.size() - 1) / 2 + 1);
 }
 
 // Squares of errors over the standard deviations that go with them. A deviation of infinity says
@@ -67,10 +75,11 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
 
 Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold) {
-  AnyEstimator estimator(told, truth.tick, kind);
+  AdaptiveEstimator estimator(told, truth.tick, kind);
   const bool filter = kind != EstimatorKind::replica;
   const ErrorEnergy energy(truth.model);
-  AnyEstimator::State state;
+  AdaptiveEstimator::State state;
+  AdaptationResult result;
   estimator.start(told.replica, 0, 0, state);
   Confidence confidence = estimator.no_confidence();
   const Eigen::Index f = told.model.coordinates();
@@ -84,7 +93,8 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   };
   if (const auto at_start = up_to(0); !at_start.empty()) estimator.apply(at_start, state);
 
-  std::vector<double> V;
+  Figures figures;
+  std::vector<double>& V = figures.V;
   NormalizedSquares squares;
   std::int64_t trusted = 0;
   const auto sample = [&](Eigen::Index i) {
@@ -104,14 +114,13 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   const std::int64_t last = truth.samples() * truth.stride;
   for (std::int64_t k = 1; k <= last; ++k) {
     check_interrupt();
+    identify_now(estimator, state, result);
     estimator.tick(up_to(k), state);
     if (k % truth.stride == 0) sample(k / truth.stride);
   }
 
-  Figures figures;
-  const auto settled = V.begin() + static_cast<std::ptrdiff_t>(truth.samples() / 2 + 1);
-  figures.V_floor = median({settled, V.end()});
-  figures.V_max = *std::max_element(settled, V.end());
+  figures.V_floor = median({settled(V), V.cend()});
+  figures.V_max = *std::max_element(settled(V), V.cend());
   const auto time_of = [&](std::vector<double>::const_iterator at_sample) {
     return static_cast<double>(at_sample - V.begin()) * truth.interval();
   };
@@ -132,6 +141,24 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
     figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
   }
   return figures;
+}
+
+void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures) {
+  const auto replica = std::find(kinds.begin(), kinds.end(), EstimatorKind::replica);
+  if (replica == kinds.end()) return;
+  const auto of_replica = static_cast<std::size_t>(replica - kinds.begin());
+  const std::vector<double>& V_replica = figures[of_replica].V;
+  const double least = rounding * V_replica.front();
+  for (std::size_t e = 0; e < figures.size(); ++e) {
+    if (e == of_replica) continue;
+    const std::vector<double>& V = figures[e].V;
+    std::ptrdiff_t worse = 0;
+    const auto first = settled(V) - V.begin();
+    for (std::size_t i = static_cast<std::size_t>(first); i < V.size(); ++i) {
+      if (V[i] > least && V[i] > much_worse * V_replica[i]) ++worse;
+    }
+    figures[e].worse = static_cast<double>(worse) / static_cast<double>(V.cend() - settled(V));
+  }
 }
 
 }  // namespace sprag::study

@@ -41,12 +41,20 @@ struct Figures {
   double nees = 0.0;        ///< mean of (error / sigma)^2 of all q and u, settled; NaN: no filter
   double beyond_3_sigma = 0.0;  ///< share of them beyond 3 sigma; NaN: no filter
   double trusted = 0.0;         ///< share of samples that are the filter's; NaN: no filter
+  double worse = std::numeric_limits<double>::quiet_NaN();  ///< see add_worse()
+  std::vector<double> V;  ///< at the samples, from the start on; infinity where it is not finite
 };
 
 /// `told` is the machine as the estimator knows it, with the start of its estimate; it may have
 /// fewer coordinates than the machine: what they lack counts as zero. `events` as they arrive.
-/// threshold 0: 1e-4 of V at the start. Throws ModelError or Interrupted.
+/// threshold 0: 1e-4 of V at the start. What the adaptive estimator wants identified is, at once.
+/// Throws as AdaptiveEstimator's constructor, or Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
+
+/// Of all but the replica: the share of settled samples at which V is more than ten times the
+/// replica's, and above rounding, 1e-20 of V at the start. Without a replica in `kinds` it stays
+/// NaN. `figures` are those of `kinds` in one run.
+void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures);
 
 }  // namespace sprag::study

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "command_line/in_parallel.h"
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/analysis/trial.h"
 #include "sprag/mechanics/energy.h"
 #include "tools/study/design.h"
@@ -67,6 +68,10 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
     : scene_(scene), settings_(settings) {
   if (!scene_.has_master) scene_.master = scene_.replica;
   if (settings.jitter > 0.0) scene_.jitter = settings.jitter;
+  if (settings.drift > 0.0) scene_.drift = settings.drift;
+  for (const EstimatorKind kind : settings.estimators) {
+    if (kind == EstimatorKind::adaptive) const AdaptiveEstimator possible(scene_, 1.0, kind);
+  }
   closings_per_time_ = look_at_closings(scene_);
   duration_ = settings.duration > 0.0 ? settings.duration : enough_closings / closings_per_time_;
   study::Truth first = study::run_machine(scene_, duration_, 0.0, samples);
@@ -106,11 +111,15 @@ std::vector<ContactEvent> Bench::arrived(const study::Disturbance& disturbance, 
                         static_cast<std::uint64_t>(run));
 }
 
-std::vector<double> Bench::floors(const Deviation* deviation, double amount, int run) const {
+std::vector<study::Figures> Bench::figures(const Deviation* deviation, double amount,
+                                           int run) const {
   using Kind = Deviation::Kind;
   study::Disturbance disturbance{.jitter = scene_.jitter};
   Scene told = scene_;
-  std::vector<double> values(settings_.estimators.size(), std::numeric_limits<double>::infinity());
+  study::Figures none;
+  none.V_floor = std::numeric_limits<double>::infinity();
+  none.V.assign(static_cast<std::size_t>(truth(run).q.cols()), none.V_floor);
+  std::vector<study::Figures> figures(settings_.estimators.size(), none);
   if (deviation != nullptr) {
     const bool other_way = run % 2 == 1;
     switch (deviation->kind) {
@@ -130,20 +139,21 @@ std::vector<double> Bench::floors(const Deviation* deviation, double amount, int
         try {
           told = with_wrong_parameter(scene_, *deviation, amount, other_way);
         } catch (const ModelError&) {
-          return values;
+          return figures;
         }
         break;
     }
   }
   const std::vector<ContactEvent> events = arrived(disturbance, run);
-  for (std::size_t e = 0; e < values.size(); ++e) {
+  for (std::size_t e = 0; e < figures.size(); ++e) {
     try {
-      values[e] = study::follow(settings_.estimators[e], told, events, truth(run), target_).V_floor;
+      figures[e] = study::follow(settings_.estimators[e], told, events, truth(run), target_);
     } catch (const ModelError&) {
       // There is no such observer: it tells nothing.
     }
   }
-  return values;
+  study::add_worse(settings_.estimators, figures);
+  return figures;
 }
 
 }  // namespace sprag::tolerance

@@ -17,6 +17,7 @@ struct Settings {
   double target = 0.0;    ///< of V; 0: usual_target of the energy of the machine's motion
   double duration = 0.0;  ///< of a run [s]; 0: chosen by what the replica needs
   double jitter = 0.0;    ///< of event times in all runs but those of jitter [s]; 0: the scene's
+  double drift = 0.0;     ///< that filters are told, energy per unit of time; 0: the scene's
   int runs = 7;           ///< of each amount
   std::vector<EstimatorKind> estimators = {EstimatorKind::replica, EstimatorKind::timing,
                                            EstimatorKind::both};
@@ -28,7 +29,8 @@ inline constexpr double usual_target = 1e-4;
 /// others off by a tenth of the energy of the motion, in directions that are drawn.
 class Bench {
  public:
-  /// Throws Error where contacts do not close, ModelError, SimulationError or Interrupted.
+  /// Throws Error where contacts do not close, ModelError, also where there is no adaptive
+  /// estimator, SimulationError or Interrupted.
   Bench(const Scene& scene, const Settings& settings, int threads);
 
   const Scene& scene() const { return scene_; }
@@ -43,9 +45,9 @@ class Bench {
   /// The run's events as they arrive, disturbed.
   std::vector<ContactEvent> arrived(const study::Disturbance& disturbance, int run) const;
 
-  /// The median of V in the second half of run `run`, of each estimator: infinity where the
-  /// observer's model does not exist. Null: nothing is off. Throws Interrupted.
-  std::vector<double> floors(const Deviation* deviation, double amount, int run) const;
+  /// What comes of each estimator in run `run`: V_floor is infinite where the observer's model does
+  /// not exist. Null: nothing is off. Throws Interrupted.
+  std::vector<study::Figures> figures(const Deviation* deviation, double amount, int run) const;
 
  private:
   Scene scene_;

@@ -28,8 +28,9 @@ const char* colour_of(EstimatorKind kind) {
       return "#d55e00";
     case EstimatorKind::timing:
       return "#cc79a7";
-    case EstimatorKind::both:
     case EstimatorKind::adaptive:
+      return "#009e73";
+    case EstimatorKind::both:
       break;
   }
   return "#0072b2";
@@ -42,8 +43,9 @@ const char* style_of(EstimatorKind kind) {
       return "lw 4";
     case EstimatorKind::timing:
       return "lw 2";
-    case EstimatorKind::both:
     case EstimatorKind::adaptive:
+      return "lw 2.4 dt (2,3)";
+    case EstimatorKind::both:
       break;
   }
   return "lw 2.4 dt (8,4)";

@@ -16,12 +16,15 @@ int main(int argc, char** argv) {
   sprag::add_positive(*app, "--target", run.settings.target, "V",
                       "Largest V that is good enough, in the scene's unit of energy [1e-4 of the "
                       "energy of the machine's motion]");
-  sprag::add_names(*app, "--estimator", run.estimators, "replica, timing, both [all of them]");
+  sprag::add_names(*app, "--estimator", run.estimators, "replica, timing, both [these], adaptive");
   sprag::add_flag(*app, "--modes", run.modes,
                   "In place of that: how few modes an observer needs, without and with a "
                   "correction for the others");
   sprag::add_positive(*app, "--jitter", run.settings.jitter, "SIGMA",
                       "Standard deviation of event times beside what is off [the scene's] [s]");
+  sprag::add_positive(*app, "--drift", run.settings.drift, "D",
+                      "Energy by which filters take their model to depart from the machine, per "
+                      "unit of time [the scene's]");
   sprag::add_count(*app, "--runs", run.settings.runs, "n", "Runs of each amount [7]");
   sprag::add_positive(*app, "--duration", run.settings.duration, "T",
                       "Of a run [twice what the replica needs, and 200 closings] [s]");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -110,7 +111,11 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
                      std::to_string(settings.runs) + " runs of " + short_number(bench.duration()) +
                      " s, " + short_number(bench.duration() * bench.closings_per_time()) +
                      " closings each. One thing is off at a time; event times jitter by " +
-                     short_number(bench.scene().jitter) + " s beside it.\n");
+                     short_number(bench.scene().jitter) + " s beside it" +
+                     (bench.scene().drift > 0.0 ? ", and filters are told a drift of " +
+                                                      short_number(bench.scene().drift) + " per s"
+                                                : std::string()) +
+                     ".\n");
   return text;
 }
 
@@ -119,7 +124,9 @@ void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered
   const auto spreads = [&](const Point& point) {
     nlohmann::ordered_json of;
     for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
-      of[study::name(settings.estimators[e])] = to_json(point.V[e]);
+      nlohmann::ordered_json& entry = of[study::name(settings.estimators[e])];
+      entry = to_json(point.V[e]);
+      if (!std::isnan(point.worse[e])) entry["worse"] = point.worse[e];
     }
     return of;
   };
@@ -130,6 +137,7 @@ void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered
   object["runs"] = settings.runs;
   object["closings_per_time"] = bench.closings_per_time();
   object["jitter"] = bench.scene().jitter;
+  object["drift"] = bench.scene().drift;
   object["undisturbed"] = spreads(tolerances.undisturbed);
   object["disturbances"] = nlohmann::ordered_json::array();
   for (const Found& found : tolerances.found) {
@@ -152,13 +160,19 @@ void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered
 
 std::string to_csv(const Bench& bench, const Tolerances& tolerances) {
   const auto& estimators = bench.settings().estimators;
-  std::string text = "what,unit,amount,estimator,median,low,high\n";
+  std::string text = "what,unit,amount,estimator,median,low,high,worse\n";
   const auto add = [&](const std::string& what, const std::string& unit, const Point& point) {
     for (std::size_t e = 0; e < estimators.size(); ++e) {
       text += what + ',' + unit + ',';
       append_number(text, point.amount);
       text += std::string(",") + study::name(estimators[e]);
       append_spread(point.V[e], text);
+      text += ',';
+      if (std::isnan(point.worse[e])) {
+        text += "nan";  // without a sign
+      } else {
+        append_number(text, point.worse[e]);
+      }
       text += '\n';
     }
   };

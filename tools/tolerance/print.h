@@ -16,7 +16,7 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances);
 void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object);
 
 /// One row for each amount that was tried, and estimator:
-/// what,unit,amount,estimator,median,low,high. The first rows are of nothing that is off.
+/// what,unit,amount,estimator,median,low,high,worse. The first rows are of nothing that is off.
 std::string to_csv(const Bench& bench, const Tolerances& tolerances);
 
 }  // namespace sprag::tolerance

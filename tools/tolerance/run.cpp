@@ -20,7 +20,9 @@ namespace sprag::tolerance {
 namespace {
 
 std::vector<EstimatorKind> estimators_named(const std::vector<std::string>& names) {
-  const std::vector<EstimatorKind> all = Settings{}.estimators;
+  const std::vector<EstimatorKind> usual = Settings{}.estimators;
+  std::vector<EstimatorKind> all = usual;
+  all.push_back(EstimatorKind::adaptive);
   std::vector<EstimatorKind> kinds;
   for (const std::string& name : names) {
     const auto found = std::find_if(all.begin(), all.end(),
@@ -32,7 +34,7 @@ std::vector<EstimatorKind> estimators_named(const std::vector<std::string>& name
     }
     kinds.push_back(*found);
   }
-  return kinds.empty() ? all : kinds;
+  return kinds.empty() ? usual : kinds;
 }
 
 // On a terminal alone; `part` of all is done.
@@ -49,6 +51,12 @@ void tell_progress(double part) {
 int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
   run.settings.estimators = estimators_named(run.estimators);
+  const auto& chosen = run.settings.estimators;
+  if (run.modes &&
+      std::find(chosen.begin(), chosen.end(), EstimatorKind::adaptive) != chosen.end()) {
+    throw UsageError(
+        "--modes: adaptive seeks keys of the whole scene; choose replica, timing or both");
+  }
   if (!run.output.empty()) check_picture(run.output);
   std::optional<OutputFile> csv;
   if (!run.csv.empty()) csv.emplace(run.csv);

@@ -21,23 +21,32 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
   const int runs = bench.settings().runs;
   const std::size_t estimators = bench.settings().estimators.size();
   const int count = runs * static_cast<int>(trials.size());
-  std::vector<std::vector<double>> floors(static_cast<std::size_t>(count));
+  struct Left {
+    double V = 0.0, worse = 0.0;
+  };
+  std::vector<std::vector<Left>> left(static_cast<std::size_t>(count));
   std::mutex mutex;
   int done = 0;
   in_parallel(threads, count, [&](int i) {
     const Trial& trial = trials[static_cast<std::size_t>(i / runs)];
-    floors[static_cast<std::size_t>(i)] = bench.floors(trial.deviation, trial.amount, i % runs);
+    for (const study::Figures& of : bench.figures(trial.deviation, trial.amount, i % runs))
+      left[static_cast<std::size_t>(i)].push_back({of.V_floor, of.worse});
     const std::lock_guard lock(mutex);
     tell(static_cast<double>(++done) / count);
   });
   std::vector<Point> points;
   for (std::size_t t = 0; t < trials.size(); ++t) {
-    Point point{trials[t].amount, {}};
+    Point point{trials[t].amount, {}, {}};
     for (std::size_t e = 0; e < estimators; ++e) {
       std::vector<double> values;
-      for (std::size_t r = 0; r < static_cast<std::size_t>(runs); ++r)
-        values.push_back(floors[t * static_cast<std::size_t>(runs) + r][e]);
+      double worse = 0.0;
+      for (std::size_t r = 0; r < static_cast<std::size_t>(runs); ++r) {
+        const Left& of = left[t * static_cast<std::size_t>(runs) + r][e];
+        values.push_back(of.V);
+        worse += of.worse;
+      }
       point.V.push_back(spread_of(std::move(values)));
+      point.worse.push_back(worse / runs);
     }
     points.push_back(std::move(point));
   }

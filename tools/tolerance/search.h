@@ -19,6 +19,9 @@ Spread spread_of(std::vector<double> values);
 struct Point {
   double amount = 0.0;
   std::vector<Spread> V;  ///< of each estimator
+  /// Of each estimator, the mean of the runs: how often it is far above the replica (add_worse() of
+  /// tools/study/trial.h). NaN of the replica, and without it.
+  std::vector<double> worse;
 };
 
 /// Up to which amount the median of V stays below the target; interpolated between the amounts that
