@@ -6,6 +6,7 @@
 
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -54,7 +55,7 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
       keys(keys_of(family.unknowns())) {
   const Eigen::Index n = family.n();
   const Uncertainty uncertainty = uncertainty_of(scene);
-  to_y = family.V().transpose() * scene.model.M;
+  to_y = product(family.V().transpose(), scene.model.M);
   V = family.V();
   outputs.setZero(2 * n, std::ssize(scene.model.outputs));
   for (Eigen::Index k = 0; k < outputs.cols(); ++k) {
@@ -63,8 +64,8 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   }
   stiffness = family.at(family.nominal()).K;
   start.setZero(2 * n, 2 * n);
-  start.topLeftCorner(n, n) = to_y * uncertainty.q;
-  start.bottomRightCorner(n, n) = to_y * uncertainty.u;
+  start.topLeftCorner(n, n) = product(to_y, uncertainty.q);
+  start.bottomRightCorner(n, n) = product(to_y, uncertainty.u);
   next = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   beliefs.resize(std::clamp(kept_bytes / bytes, fewest_kept, kept), Belief{-1, next});

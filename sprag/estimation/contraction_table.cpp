@@ -37,7 +37,7 @@ struct Propagator {
     const Eigen::Index n = A.rows();
     E.setIdentity(n, n);
     for (int k = terms; k > 0; --k) {
-      E = tau / k * (A * E);
+      E = tau / k * product(A, E);
       E.diagonal().array() += 1.0;
     }
     error = rounding();
@@ -45,15 +45,15 @@ struct Propagator {
 
   /// To twice the time. |X|, of the exact one, is at most 1.
   void square() {
-    const double product = rounding();
-    E = (E * E).eval();
-    error = error * (2.0 + error) + product;
+    const double of_product = rounding();
+    E = product(E, E);
+    error = error * (2.0 + error) + of_product;
   }
 
   /// Upper bound on the norm of the exact one.
   double norm() const {
     const double n = static_cast<double>(E.rows());
-    const double largest = eigenvalues(E.transpose() * E)[E.rows() - 1];
+    const double largest = eigenvalues(product(E.transpose(), E))[E.rows() - 1];
     const double square = largest + 8.0 * n * epsilon * E.squaredNorm();
     return std::sqrt(square) + error;
   }

@@ -27,7 +27,7 @@ MoreauReplica::MoreauReplica(Model model, double h) : dynamics_(std::move(model)
     inverse_hat_ = factor.solve(Eigen::MatrixXd::Identity(M_hat.rows(), M_hat.cols()));
     minv_hat_W_ = factor.solve(dynamics_.W());
   }
-  G_hat_ = dynamics_.W().transpose() * minv_hat_W_;
+  G_hat_ = product(dynamics_.W().transpose(), minv_hat_W_);
   force_.setZero(dynamics_.coordinates());
   u_new_.setZero(dynamics_.coordinates());
   product_.setZero(dynamics_.coordinates());

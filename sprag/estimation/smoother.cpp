@@ -309,10 +309,9 @@ void Smoother::run_back() {
     // Through the impact and what was heard of it.
     const Eigen::MatrixXd I_KH =
         Eigen::MatrixXd::Identity(n + 1, n + 1) - impact.K * impact.H.transpose();
-    const Eigen::MatrixXd back = impact.F * I_KH;
+    const Eigen::MatrixXd back = product(impact.F, I_KH);
     const Eigen::VectorXd of_all = impact.H * (impact.y / impact.v) + back.transpose() * lambda;
-    const Eigen::MatrixXd L =
-        impact.H * impact.H.transpose() / impact.v + back.transpose() * Lambda * back;
+    const Eigen::MatrixXd L = impact.H * impact.H.transpose() / impact.v + congruent(back, Lambda);
     impact.lambda = of_all.head(n);
     impact.Lambda = L.topLeftCorner(n, n);
     const Eigen::Index c = impact.predicted.columns;
@@ -333,7 +332,7 @@ void Smoother::run_back() {
     squares += square(moved) / sigma2;
     free += 1.0 - variance / sigma2;
     lambda = impact.Phi.transpose() * impact.lambda;
-    Lambda = impact.Phi.transpose() * impact.Lambda * impact.Phi;
+    Lambda = congruent(impact.Phi, impact.Lambda);
   }
   misfit_ = free > 0.0 ? squares / std::max(free, 1.0) : 0.0;
 }
@@ -376,9 +375,9 @@ void Smoother::at(Instant t, Estimate& estimate) {
   Eigen::MatrixXd kept = Eigen::MatrixXd::Identity(c, c);
   if (next < impacts_.size()) {
     const Impact& coming = impacts_[next];
-    const Eigen::MatrixXd seen = transition(sprag::at(coming.s) - t) * S;
+    const Eigen::MatrixXd seen = product(transition(sprag::at(coming.s) - t), S);
     x += S * (seen.transpose() * coming.lambda);
-    kept -= seen.transpose() * coming.Lambda * seen;
+    kept -= congruent(seen, coming.Lambda);
   }
   // What is left of large deviations that cancel is known to their rounding.
   const auto deviation = [&](const Eigen::RowVectorXd& row, double unseen) {

@@ -550,7 +550,7 @@ Eigen::MatrixXd TimingFilter::covariance(const TimingState& state) {
   if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   Eigen::MatrixXd S(2 * f(), now_.columns);
   S << now_.S_q.leftCols(now_.columns), now_.S_u.leftCols(now_.columns);
-  return S * S.transpose();
+  return product(S, S.transpose());
 }
 
 Confidence TimingFilter::no_confidence() const {

@@ -8,6 +8,7 @@
 #include "sprag/identification/free_flight.h"
 #include "sprag/identification/mending.h"
 #include "sprag/identification/search.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -244,8 +245,8 @@ void Identifier::put_start(const Attempt& best, Identification& result) const {
   result.start_t = t;
   result.start = {V * y, V * u};
   const Eigen::MatrixXd& covariance = solution.x0_covariance.front();
-  const Eigen::MatrixXd of_q = V * covariance.topLeftCorner(n, n) * V.transpose();
-  const Eigen::MatrixXd of_u = V * covariance.bottomRightCorner(n, n) * V.transpose();
+  const Eigen::MatrixXd of_q = congruent(V.transpose(), covariance.topLeftCorner(n, n));
+  const Eigen::MatrixXd of_u = congruent(V.transpose(), covariance.bottomRightCorner(n, n));
   result.start_sigma = {best.jitter * of_q.diagonal().cwiseMax(0.0).cwiseSqrt(),
                         best.jitter * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
 }

@@ -57,9 +57,9 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
   } else {
     V_ = eigenpairs(model.K, model.M).vectors;
   }
-  V_inverse_ = V_.transpose() * model.M;
-  C_ = V_.transpose() * model.C * V_;
-  K_ = V_.transpose() * model.K * V_;
+  V_inverse_ = product(V_.transpose(), model.M);
+  C_ = congruent(V_, model.C);
+  K_ = congruent(V_, model.K);
   const bool entries = std::any_of(unknowns_.begin(), unknowns_.end(), [](const Unknown& unknown) {
     return unknown.kind == Kind::damping_entry || unknown.kind == Kind::stiffness_entry;
   });
@@ -156,7 +156,7 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n(), n());
     change(unknown.row, unknown.column) = change(unknown.column, unknown.row) =
         values[static_cast<Eigen::Index>(k)] - unknown.nominal;
-    (unknown.kind == Kind::damping_entry ? machine.C : machine.K) += V_.transpose() * change * V_;
+    (unknown.kind == Kind::damping_entry ? machine.C : machine.K) += congruent(V_, change);
   }
 }
 

@@ -292,12 +292,12 @@ void Maximization::finish() {
   for (const Block& block : blocks_) {
     const Eigen::Index rank = block.qr.rank();
     states += rank;
-    const Eigen::MatrixXd own =
-        block.Q2.topRows(n2) * block.qr.solve_rotated(Eigen::MatrixXd::Identity(rank, rank));
+    const Eigen::MatrixXd own = product(
+        block.Q2.topRows(n2), block.qr.solve_rotated(Eigen::MatrixXd::Identity(rank, rank)));
     const Eigen::MatrixXd by_unknowns =
-        block.step_rate.topRows(n2) - block.Q2.topRows(n2) * block.qr.solve(block.eJ);
+        block.step_rate.topRows(n2) - product(block.Q2.topRows(n2), block.qr.solve(block.eJ));
     const Eigen::MatrixXd covariance =
-        own * own.transpose() + by_unknowns * at_.covariance * by_unknowns.transpose();
+        product(own, own.transpose()) + congruent(by_unknowns.transpose(), at_.covariance);
     const Eigen::VectorXd unit = block.scale.cwiseInverse();
     at_.x0_covariance.emplace_back(unit.asDiagonal() * covariance * unit.asDiagonal());
   }

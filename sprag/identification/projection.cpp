@@ -174,7 +174,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     Eigen::MatrixXd X(rows_of(s), n2);
     Eigen::MatrixXd I(X.rows(), zetas + 1);
     X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
-    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * (of.A.rightCols(E.rows()) * E);
+    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * product(of.A.rightCols(E.rows()), E);
     I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known);
     if (normalized) {
       const Eigen::RowVectorXd mean = normalization_ * of.Gamma.colwise().mean();
@@ -185,7 +185,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     if (stretches_[s].released >= 0) {
       const RowMatrix release = weighted_release(machine_, s);
       X.bottomRows(2) = release.leftCols(n2);
-      I.bottomLeftCorner(2, zetas) = release.rightCols(E.rows()) * E;
+      I.bottomLeftCorner(2, zetas) = product(release.rightCols(E.rows()), E);
       I.col(zetas).tail(2) = release.rightCols(E.rows()) * known;
     }
     input_squares += I.leftCols(zetas).colwise().squaredNorm();
@@ -315,7 +315,7 @@ PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
     check_interrupt();
     const Eigen::MatrixXd J = jacobian(best);
     const Eigen::VectorXd gradient = J.transpose() * residual_;
-    const Eigen::MatrixXd normal = J.transpose() * J;
+    const Eigen::MatrixXd normal = product(J.transpose(), J);
     const double before = objective();
     if (!std::isfinite(before)) break;
     bool better = false;

@@ -103,7 +103,7 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     if (!factor.exists()) throw ModelError("M must be positive definite");
     MinvW_ = factor.solve(W_) / unit;
   }
-  G_ = W_.transpose() * MinvW_;
+  G_ = product(W_.transpose(), MinvW_);
 }
 
 Functional Dynamics::gap(int contact) const {

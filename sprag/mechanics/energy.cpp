@@ -17,6 +17,11 @@ Eigen::VectorXd difference(const Eigen::Ref<const Eigen::VectorXd>& master,
   return result;
 }
 
+// Phi^-1 = diag(1 / mass) Phi^T M.
+Eigen::MatrixXd to_modes(const NaturalModes& modes, const Model& model) {
+  return modes.mass.cwiseInverse().asDiagonal() * product(modes.Phi.transpose(), model.M);
+}
+
 }  // namespace
 
 NaturalModes natural_modes(const Model& model) {
@@ -45,17 +50,16 @@ Eigen::MatrixXd damping_of_ratios(const Model& model, const Eigen::VectorXd& zet
   const Eigen::VectorXd critical =
       2.0 * modes.mass.cwiseProduct(modes.stiffness).cwiseSqrt().cwiseProduct(zeta);
   if (modes.of_coordinates) return critical.asDiagonal();
-  // Phi^T C Phi = diag(critical), and Phi^-1 = diag(1 / mass) Phi^T M.
-  const Eigen::MatrixXd inverse =
-      modes.mass.cwiseInverse().asDiagonal() * modes.Phi.transpose() * model.M;
-  const Eigen::MatrixXd C = inverse.transpose() * critical.asDiagonal() * inverse;
+  // Phi^T C Phi = diag(critical).
+  const Eigen::MatrixXd inverse = to_modes(modes, model);
+  const Eigen::MatrixXd C = product(inverse.transpose(), critical.asDiagonal() * inverse);
   return 0.5 * (C + C.transpose());
 }
 
 ErrorEnergy::ErrorEnergy(const Model& model) {
   NaturalModes modes = natural_modes(model);
   if (!modes.of_coordinates) {
-    to_modes_ = modes.mass.cwiseInverse().asDiagonal() * modes.Phi.transpose() * model.M;
+    to_modes_ = to_modes(modes, model);
   }
   mass_ = std::move(modes.mass);
   stiffness_ = std::move(modes.stiffness);

@@ -240,7 +240,7 @@ void Flow::Builder::build_modal(const Nullspace& space) {
   flow_.Phi_ = space.B.cast<double>();
   flow_.enter_zq_ = space.to_y.cast<double>();
   flow_.enter_vu_ = flow_.enter_zq_;
-  flow_.kick_ = flow_.enter_zq_ * dynamics_.MinvW();
+  flow_.kick_ = product(flow_.enter_zq_, dynamics_.MinvW());
   flow_.z_forced_ = forced(none, Z);
   flow_.v_forced_ = rate(flow_.z_forced_);
   flow_.q_forced_ = forced(space.q_D, complex_product(space.B, Z) + space.q_D_harmonics);

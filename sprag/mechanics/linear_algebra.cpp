@@ -8,6 +8,16 @@
 
 namespace sprag {
 
+Eigen::MatrixXd product(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                        const Eigen::Ref<const Eigen::MatrixXd>& B) {
+  return A * B;
+}
+
+Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
+                          const Eigen::Ref<const Eigen::MatrixXd>& A) {
+  return product(B.transpose(), product(A, B));
+}
+
 CholeskyFactor::CholeskyFactor(const Eigen::MatrixXd& M) {
   const Eigen::LLT<Eigen::MatrixXd> factor(M);
   exists_ = factor.info() == Eigen::Success;

@@ -14,12 +14,16 @@ using VectorR = Eigen::Matrix<Extended, Eigen::Dynamic, 1>;
 using MatrixCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, Eigen::Dynamic>;
 using VectorCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, 1>;
 
-/// A B, their inner sizes the same. With a diagonal A it takes less time.
-MatrixR product(const MatrixR& A, const MatrixR& B);
+/// A B, their inner sizes the same. With a diagonal A it takes less time in extended precision.
+Eigen::MatrixXd product(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                        const Eigen::Ref<const Eigen::MatrixXd>& B);
+MatrixR product(const Eigen::Ref<const MatrixR>& A, const Eigen::Ref<const MatrixR>& B);
 MatrixCR complex_product(const MatrixR& A, const MatrixCR& B);
 
 /// B^T A B.
-MatrixR congruent(const MatrixR& B, const MatrixR& A);
+Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
+                          const Eigen::Ref<const Eigen::MatrixXd>& A);
+MatrixR congruent(const Eigen::Ref<const MatrixR>& B, const Eigen::Ref<const MatrixR>& A);
 
 /// Of a regular A, n x n.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);

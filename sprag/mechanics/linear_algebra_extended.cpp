@@ -6,7 +6,7 @@
 
 namespace sprag {
 
-MatrixR product(const MatrixR& A, const MatrixR& B) {
+MatrixR product(const Eigen::Ref<const MatrixR>& A, const Eigen::Ref<const MatrixR>& B) {
   if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * B;
   return A * B;
 }
@@ -15,7 +15,7 @@ MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) {
   return A.cast<std::complex<Extended>>() * B;
 }
 
-MatrixR congruent(const MatrixR& B, const MatrixR& A) {
+MatrixR congruent(const Eigen::Ref<const MatrixR>& B, const Eigen::Ref<const MatrixR>& A) {
   return product(B.transpose(), product(A, B));
 }
 

@@ -1,9 +1,9 @@
 #include "sprag/mechanics/scale.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
@@ -24,10 +24,10 @@ double flight(double gap, double velocity, double acceleration) {
 
 double time_scale(const Model& model, const State& start) {
   constexpr double some_periods = 64.0;  // in radians
-  const Eigen::PartialPivLU<Eigen::MatrixXd> M(model.M);
+  const Eigen::MatrixXd M_inverse = inverse(model.M);
   // Upper bounds of the largest frequency squared and of the fastest decay.
-  double fastest = std::sqrt(largest_row_sum(M.solve(model.K)));
-  fastest = std::max(fastest, largest_row_sum(M.solve(model.C)));
+  double fastest = std::sqrt(largest_row_sum(product(M_inverse, model.K)));
+  fastest = std::max(fastest, largest_row_sum(product(M_inverse, model.C)));
 
   Eigen::VectorXd force = -(model.C * start.u) - model.K * start.q;
   const auto oscillates = [](const Harmonic& harmonic) { return harmonic.amplitude != 0.0; };
@@ -35,7 +35,7 @@ double time_scale(const Model& model, const State& start) {
     force += f.direction * (f.constant + value(f.harmonic, 0.0));
     if (oscillates(f.harmonic)) fastest = std::max(fastest, f.harmonic.frequency);
   }
-  const Eigen::VectorXd acceleration = M.solve(force);
+  const Eigen::VectorXd acceleration = M_inverse * force;
   double slowest = 0.0;
   for (const Contact& contact : model.contacts) {
     const Harmonic& s = contact.motion;
