@@ -146,6 +146,11 @@ class GatewayTest(LiveCase):
         self.assertIsNone(second.poll())
 
 
+# Pixels of the curves' chart as translucent as the band of 2 sigma.
+BAND = """[...document.querySelectorAll('#curve-chart canvas')].reduce((sum, canvas) => {
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  return sum + pixels.filter((value, i) => i % 4 === 3 && Math.abs(value - 64) < 3).length;
+}, 0)"""
 SHOWN = "({tick: '', vTick: '', ...document.getElementById('sprag').dataset, now: sprag.frame.now})"
 
 
@@ -220,6 +225,9 @@ class PageTest(BrowserCase):
             self.check(shown, settled, now, energies)
         self.assertEqual(samples[-1]["tick"], "1600")
         self.assertEqual(samples[-1]["vTick"], "1600")
+        page.("window", "10")
+        page.wait("the shorter window", "sprag.curves.to - sprag.curves.from === 10")
+        self.assertGreater(page.js(BAND), 1000)
         self.expect_quiet(page)
         self.assertIsNone(view.poll())
 
