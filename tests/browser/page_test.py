@@ -225,7 +225,7 @@ class PageTest(BrowserCase):
             self.check(shown, settled, now, energies)
         self.assertEqual(samples[-1]["tick"], "1600")
         self.assertEqual(samples[-1]["vTick"], "1600")
-        page.("window", "10")
+        page.choose("window", "10")
         page.wait("the shorter window", "sprag.curves.to - sprag.curves.from === 10")
         self.assertGreater(page.js(BAND), 1000)
         self.expect_quiet(page)
