@@ -15,7 +15,7 @@ BROWN = "#8c5a00"
 
 # One colour for an estimator in every chart, and in plot's picture of the demo.
 ESTIMATORS = {"replica": VERMILION, "timing": PURPLE, "both": BLUE, "adaptive": GREEN,
-              "Moreau replica": GREY, "forced impacts": ORANGE}
+              "Moreau replica": GREY}
 
 
 def rows(directory, name):

@@ -8,14 +8,14 @@
 #include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/later.h"
-#include "studies/robustness/random.h"
+#include "studies/common/later.h"
+#include "studies/common/random.h"
 
 namespace sprag::adaptation_study {
 namespace {
 
 using Kind = Unknown::Kind;
-using robustness::Random;
+using common::Random;
 
 double share(Random& draw, double least) {
   return (draw.uniform() < 0.5 ? -1.0 : 1.0) * draw.uniform(least, 1.0);
@@ -93,7 +93,7 @@ class MovingMaster {
           1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
     }
     begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
-    master_.emplace(robustness::later(family_.with(values).model, begin_), state_);
+    master_.emplace(common::later(family_.with(values).model, begin_), state_);
   }
 
   void advance_piece(Instant t, std::vector<ContactEvent>& events) {

@@ -7,16 +7,17 @@
 #include <stdexcept>
 
 #include "sprag/files/csv.h"
+#include "sprag/files/input_file.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/scene_text.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/machines.h"
-#include "studies/robustness/random.h"
+#include "studies/common/random.h"
 
 namespace sprag::calibration {
 namespace {
 
-using robustness::Random;
+using common::Random;
 
 constexpr double usual_periods = 120.0;
 constexpr double of_first_energy = 3.0;  // uncertainty over V(0)
@@ -249,9 +250,11 @@ std::vector<Scene> machines(const std::string& name) {
   std::vector<Scene> scenes;
   if (name.starts_with(of_modes)) {
     const std::uint64_t modes = number(name.substr(of_modes.size()), name);
-    if (modes > 200) throw std::invalid_argument(name + ": must have 1 to 200 modes");
-    const Scene beam = robustness::read_paper_beam(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
-    scenes.push_back(robustness::with_modes(beam, static_cast<int>(modes)));
+    // The start of the paper's beam is one of three modes.
+    if (modes < 3 || modes > 200) throw std::invalid_argument(name + ": must have 3 to 200 modes");
+    const std::string file = SPRAG_SOURCE_DIR "/scenes/paper_beam.toml";
+    const SceneValue value{"beam.modes", {static_cast<double>(modes)}};
+    scenes.push_back(parse_scene(with_values(read_whole(file), {value}, file), file));
     scenes.back().name = name;
   } else if (name.starts_with(of_random) || name.starts_with(of_chatter)) {
     const Kind kind = name.starts_with(of_random) ? Kind::hit : Kind::chattering;

@@ -10,8 +10,8 @@
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/calibration/machines.h"
-#include "studies/robustness/random.h"
-#include "studies/robustness/statistics.h"
+#include "studies/common/quantile.h"
+#include "studies/common/random.h"
 
 namespace sprag::calibration {
 namespace {
@@ -110,16 +110,16 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
   const std::vector<double> of_replica(V_replica.end() - static_cast<std::ptrdiff_t>(V.size()),
                                        V_replica.end());
   trial.inconsistencies = confidence.inconsistencies;
-  trial.V = robustness::quantile(V, 0.5);
+  trial.V = common::quantile(V, 0.5);
   trial.V_largest = *std::max_element(V.begin(), V.end());
-  trial.V_replica = robustness::quantile(of_replica, 0.5);
+  trial.V_replica = common::quantile(of_replica, 0.5);
   trial.V_replica_largest = *std::max_element(of_replica.begin(), of_replica.end());
   return trial;
 }
 
 // The scene with the start of its estimate drawn out of its uncertainty.
 Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
-  robustness::Random random(seed);
+  common::Random random(seed);
   const Uncertainty uncertainty = uncertainty_of(scene);
   const auto draw = [&](const Eigen::MatrixXd& S) {
     Eigen::VectorXd normal(S.cols());
@@ -133,7 +133,7 @@ Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
 
 // One parameter off by 1 to 5 %, to either side; a phase by 0.01 to 0.05 rad.
 Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
-  robustness::Random random(seed);
+  common::Random random(seed);
   std::vector<Parameter> parameters = parameters_of(scene, 1.0);
   std::erase_if(parameters, [](const Parameter& one) { return !one.relative && !one.cyclic; });
   const auto chosen =
@@ -153,9 +153,9 @@ Scene told_of(const Scene& scene, double jitter, const Options& options, int see
   return told;
 }
 
-robustness::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
-                                    std::size_t contacts) {
-  robustness::Disturbance all;
+common::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
+                                std::size_t contacts) {
+  common::Disturbance all;
   all.jitter = jitter;
   if (trouble == Trouble::missing || trouble == Trouble::mixed) all.missed = troubled_share;
   if (trouble == Trouble::spurious || trouble == Trouble::mixed) {
@@ -226,7 +226,7 @@ void study(const Scene& scene, const std::vector<double>& jitters,
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
     in_parallel(options.threads, seeds, [&](int i) {
       const Scene told = told_of(scene, jitter, options, i + 1);
-      const auto events = robustness::disturb(
+      const auto events = common::disturb(
           truth.events, disturbance(jitter, options.trouble, truth, scene.model.contacts.size()),
           contacts, truth.duration, static_cast<std::uint64_t>(i) + 1);
       const std::vector<double> V_replica = follow_replica(told, scene, events, truth);

@@ -9,7 +9,7 @@
 #include "sprag/estimation/estimators.h"
 #include "sprag/mechanics/scene.h"
 #include "studies/calibration/statistics.h"
-#include "studies/robustness/disturbance.h"
+#include "studies/common/disturbance.h"
 
 namespace sprag::calibration {
 

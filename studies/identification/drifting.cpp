@@ -5,14 +5,14 @@
 
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/later.h"
-#include "studies/robustness/random.h"
+#include "studies/common/later.h"
+#include "studies/common/random.h"
 
 namespace sprag::identification_study {
 
 std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, double jitter,
                                           double end, double push, std::uint64_t seed) {
-  robustness::Random draw(seed);
+  common::Random draw(seed);
   Scene drifting = scene;
   drifting.drift = 1.0;
   // Half of the energy would be in positions: all of it in velocities is the same a little later.
@@ -21,7 +21,7 @@ std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, doub
   State state = scene.master;
   double begin = 0.0;
   while (begin < end) {
-    Master master(robustness::later(scene.model, begin), state);
+    Master master(common::later(scene.model, begin), state);
     std::vector<ContactEvent> of_part;
     double t = drift > 0.0 ? push : end;
     master.advance(at(t), of_part);

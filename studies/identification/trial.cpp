@@ -6,13 +6,13 @@
 #include <numbers>
 
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/random.h"
+#include "studies/common/random.h"
 
 namespace sprag::identification_study {
 namespace {
 
 using Kind = Unknown::Kind;
-using robustness::Random;
+using common::Random;
 
 void limit(const Unknown& unknown, double& value) {
   if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);

@@ -9,8 +9,8 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/disturbance.h"
-#include "studies/robustness/statistics.h"
+#include "studies/common/disturbance.h"
+#include "studies/common/quantile.h"
 #include "studies/studies/study.h"
 
 namespace sprag::studies {
@@ -118,7 +118,7 @@ double median_V(const ErrorEnergy& energy, const std::vector<State>& truth,
   for (std::size_t i = 0; i < truth.size(); ++i) {
     V.push_back(energy(truth[i].q, truth[i].u, estimates[i].q, estimates[i].u)[0]);
   }
-  return robustness::quantile(std::move(V), 0.5);
+  return common::quantile(std::move(V), 0.5);
 }
 
 }  // namespace
@@ -131,7 +131,7 @@ void observer(Table& table) {
 
   for (const double jitter : {0.0, 1e-4}) {
     scene.jitter = jitter;
-    const Events events = robustness::disturb(exact, {.jitter = jitter}, 1, T, 1);
+    const Events events = common::disturb(exact, {.jitter = jitter}, 1, T, 1);
     for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
       const States truth = true_ends(scene, h);
       const auto measure = [&](const char* method, const auto& run) {

@@ -14,9 +14,9 @@
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/master.h"
-#include "studies/robustness/disturbance.h"
-#include "studies/robustness/random.h"
-#include "studies/robustness/statistics.h"
+#include "studies/common/disturbance.h"
+#include "studies/common/quantile.h"
+#include "studies/common/random.h"
 #include "studies/studies/study.h"
 
 namespace sprag::studies {
@@ -175,7 +175,7 @@ double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, doubl
   const ErrorEnergy energy(scene.model);
   const Contact& contact = scene.model.contacts[0];
   SaltedKalmanFilter filter(scene, drift);
-  robustness::Random random(static_cast<std::uint64_t>(seed));
+  common::Random random(static_cast<std::uint64_t>(seed));
   std::vector<double> V;
   const double h = 1.0 / rate_hz;
   for (std::int64_t k = 1; static_cast<double>(k) * h <= T; ++k) {
@@ -187,14 +187,14 @@ double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, doubl
     const double now = energy(here.q, here.u, belief.q, belief.u)[0];
     if (2.0 * t.hi >= T) V.push_back(std::isfinite(now) ? now : infinite);
   }
-  return robustness::quantile(std::move(V), 0.5);
+  return common::quantile(std::move(V), 0.5);
 }
 
 double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
   scene.jitter = jitter;
   const double T = truth.end();
   const auto events =
-      robustness::disturb(truth.events, {.jitter = jitter}, 1, T, static_cast<std::uint64_t>(seed));
+      common::disturb(truth.events, {.jitter = jitter}, 1, T, static_cast<std::uint64_t>(seed));
   TimingFilter filter(scene, shown_every);
   TimingFilter::State state;
   filter.start(scene.replica, 0, 0, state);
@@ -211,14 +211,14 @@ double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
     const State& here = truth.at_tick(k, shown_every);
     if (2.0 * t >= T) V.push_back(energy(here.q, here.u, shown.q, shown.u)[0]);
   }
-  return robustness::quantile(std::move(V), 0.5);
+  return common::quantile(std::move(V), 0.5);
 }
 
 void measure(Table& table, const Scene& scene, const Truth& truth, const char* start) {
   const auto median = [](const auto& run) {
     std::vector<double> V;
     for (int seed = 1; seed <= seeds; ++seed) V.push_back(run(seed));
-    return robustness::quantile(std::move(V), 0.5);
+    return common::quantile(std::move(V), 0.5);
   };
   for (const double rate_hz : {100.0, 1000.0}) {
     for (const double sigma : {1e-6, 1e-5, 1e-4, 1e-3, 1e-2}) {

@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "sprag/identification/drift.h"
-#include "studies/robustness/random.h"
+#include "studies/common/random.h"
 #include "tests/identification/ball.h"
 
 namespace sprag {
@@ -14,7 +14,7 @@ namespace {
 
 // Bounces with epsilon(v) = epsilon + trend v, in closed form.
 std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed) {
-  robustness::Random draw(seed);
+  common::Random draw(seed);
   std::vector<ContactEvent> events;
   double t = 0.1, v = 3.0;
   for (int k = 0; k < 30; ++k) {

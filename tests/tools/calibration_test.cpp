@@ -14,7 +14,7 @@
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"
-#include "studies/robustness/random.h"
+#include "studies/common/random.h"
 #include "tests/support/process.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
@@ -30,7 +30,7 @@ constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
   constexpr int n = 200000;
   for (const double boast : {1.0, 2.0}) {
-    robustness::Random random(1);
+    common::Random random(1);
     NormalizedErrors errors;
     for (int i = 0; i < n; ++i) {
       const double sigma = std::pow(10.0, -3.0 * random.uniform());
@@ -102,7 +102,7 @@ TEST(CalibrationStatistics, TrialsAreSummarized) {
 }
 
 TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
-  robustness::Random random(1);
+  common::Random random(1);
   NormalizedErrors honest, sure, rough;
   for (int i = 0; i < 100000; ++i) {
     const double z = random.normal();
@@ -267,7 +267,7 @@ std::vector<std::string> lines(const std::string& text) {
 TEST(CalibrationProgram, PrintsATableCsvAndJson) {
   const test::TemporaryDirectory directory;
   const auto run = [&](const Words& arguments) {
-    Words command{CALIBRATION, "modes:2",    "--jitter", "1e-4,1e-3",   "--seeds",
+    Words command{CALIBRATION, "modes:3",    "--jitter", "1e-4,1e-3",   "--seeds",
                   "2",         "--duration", "10",       "--estimator", "timing,both"};
     command.insert(command.end(), arguments.begin(), arguments.end());
     test::Process program(command, directory / "", "calibration");
@@ -284,7 +284,7 @@ TEST(CalibrationProgram, PrintsATableCsvAndJson) {
   }
   const auto json = nlohmann::json::parse(run({"--json", "--threads", "1"}));
   ASSERT_EQ(json.size(), 4U);
-  EXPECT_EQ(json[0]["scene"], "modes:2");
+  EXPECT_EQ(json[0]["scene"], "modes:3");
   EXPECT_EQ(json[3]["estimator"], "both");
   EXPECT_EQ(json[3]["jitter"], 1e-3);
   EXPECT_EQ(json[3]["seeds"], 2);

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-namespace sprag::robustness {
+namespace sprag::common {
 
 class Random {
  public:
@@ -31,4 +31,4 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-}  // namespace sprag::robustness
+}  // namespace sprag::common

@@ -1,12 +1,12 @@
-#include "studies/robustness/disturbance.h"
+#include "studies/common/disturbance.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "studies/robustness/random.h"
+#include "studies/common/random.h"
 
-namespace sprag::robustness {
+namespace sprag::common {
 namespace {
 
 bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
@@ -62,4 +62,4 @@ void drop_contradicting(std::vector<ContactEvent>& events) {
   });
 }
 
-}  // namespace sprag::robustness
+}  // namespace sprag::common

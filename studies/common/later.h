@@ -3,7 +3,7 @@
 
 #include "sprag/mechanics/model.h"
 
-namespace sprag::robustness {
+namespace sprag::common {
 
 /// The same machine where t is counted from `begin` on.
 inline Model later(Model model, double begin) {
@@ -13,4 +13,4 @@ inline Model later(Model model, double begin) {
   return model;
 }
 
-}  // namespace sprag::robustness
+}  // namespace sprag::common

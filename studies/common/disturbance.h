@@ -7,7 +7,7 @@
 
 #include "sprag/mechanics/contact_event.h"
 
-namespace sprag::robustness {
+namespace sprag::common {
 
 struct Disturbance {
   double jitter = 0.0;    ///< standard deviation of event times [s]
@@ -27,4 +27,4 @@ std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
 /// As observer/event_history.h: drops what closes or pulses while closed, or opens while open.
 void drop_contradicting(std::vector<ContactEvent>& events);
 
-}  // namespace sprag::robustness
+}  // namespace sprag::common
