@@ -24,6 +24,8 @@ class IdentifyingAdaptive : public AdaptiveEstimator {
     Scene scene;
     scene.model = model;
     scene.replica.q = scene.replica.u = Eigen::VectorXd::Zero(model.coordinates());
+    scene.master = scene.replica;
+    scene.has_master = false;
     scene.adaptation.within.setConstant(1, 0.02);
     return scene;
   }
