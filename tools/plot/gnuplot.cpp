@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "sprag/files/csv.h"
 #include "tools/plot/script_text.h"
 #include "tools/plot/thinning.h"
 
@@ -38,32 +37,15 @@ bool reaches(const std::vector<double>& t, Figure::Zoom axis) {
   return !t.empty() && t.front() <= axis.to && t.back() >= axis.from;
 }
 
-class Script {
- public:
-  Script(const Figure& figure, const std::filesystem::path& output);
+struct Column {
+  std::vector<const Panel*> panels;
+  Figure::Zoom axis;
+  double left = 0.0, right = 0.0;
+};
 
-  std::string text() && { return std::move(text_); }
-
- private:
-  struct Place {
-    double left, right, top, bottom;  // of the plane of the curves, in pixels from above
-  };
-  struct Column {
-    std::vector<const Panel*> panels;
-    Figure::Zoom axis;
-    double left = 0.0, right = 0.0;
-  };
-
-  void line(const std::string& of) { text_ += of + '\n'; }
-  double screen_x(double x) const { return x / width_; }
-  double screen_y(double y) const { return 1.0 - y / height_; }
-  void draw(const Column& column);
-  void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest);
-  std::string data(const std::vector<std::vector<double>>& columns);
-
-  std::string text_;
-  double width_ = 0.0, height_ = 0.0, above_ = 0.0;
-  int blocks_ = 0;
+struct Layout {
+  std::vector<Column> columns;
+  double width = 0.0, height = 0.0, above = 0.0;
 };
 
 int height_of(const Panel& panel) {
@@ -86,8 +68,10 @@ double longest_title(const Figure& figure) {
   return static_cast<double>(longest);
 }
 
-Script::Script(const Figure& figure, const std::filesystem::path& output) {
-  std::vector<Column> columns{{{}, {figure.from, figure.to}}};
+Layout layout_of(const Figure& figure) {
+  Layout layout;
+  std::vector<Column>& columns = layout.columns;
+  columns.push_back({{}, {figure.from, figure.to}});
   if (figure.zoom) columns.push_back({{}, *figure.zoom});
   for (const Panel& panel : figure.panels) {
     (panel.whole_run ? columns.front() : columns.back()).panels.push_back(&panel);
@@ -97,62 +81,17 @@ Script::Script(const Figure& figure, const std::filesystem::path& output) {
   const double legend = longest_title(figure) * letter + room_of_sample;
   int tallest = least_picture;
   for (Column& column : columns) {
-    column.left = width_ + to_the_left;
+    column.left = layout.width + to_the_left;
     column.right = column.left + across;
-    width_ = column.right + legend;
+    layout.width = column.right + legend;
     tallest = std::max(tallest, height_of(column.panels));
   }
-  above_ = figure.title.empty() ? above_without_title : above;
-  height_ = above_ + tallest + below;
-
-  line("set terminal " + terminal(output, width_, height_));
-  line("set output " + quoted(output.string()));
-  line("set encoding utf8");
-  line("set border 3 lw 1 lc rgb '#404040'");
-  line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
-  line("set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'");
-  line("set multiplot");
-  if (!figure.title.empty()) {
-    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(to_the_left)) +
-         ", screen " + number(screen_y(24.0)) + " left noenhanced font ',14'");
-  }
-  for (const Column& column : columns) draw(column);
-  line("unset multiplot");
+  layout.above = figure.title.empty() ? above_without_title : above;
+  layout.height = layout.above + tallest + below;
+  return layout;
 }
 
-// Panels share the height of the picture.
-void Script::draw(const Column& column) {
-  const double scale = (height_ - above_ - below + between) / (height_of(column.panels) + between);
-  double y = above_;
-  for (const Panel* panel : column.panels) {
-    const double step = scale * (height_of(*panel) + between);
-    draw(*panel, {column.left, column.right, y, y + step - between}, column.axis,
-         panel == column.panels.back());
-    y += step;
-  }
-}
-
-// gnuplot's own blocks of data, so that a script is a picture by itself.
-std::string Script::data(const std::vector<std::vector<double>>& columns) {
-  const std::string name = "$d" + std::to_string(++blocks_);
-  text_ += name + " << EOD\n";
-  for (std::size_t i = 0; i < columns.front().size(); ++i) {
-    const bool there = std::all_of(columns.begin(), columns.end(),
-                                   [&](const auto& column) { return std::isfinite(column[i]); });
-    // An empty line is a break.
-    if (there) {
-      for (const auto& column : columns) {
-        append_number(text_, column[i]);
-        text_ += ' ';
-      }
-    }
-    text_ += '\n';
-  }
-  text_ += "EOD\n";
-  return name;
-}
-
-void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest) {
+void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest, Script& script) {
   const int pixels = static_cast<int>(place.right - place.left);
   std::vector<std::string> parts;
   const auto add = [&](const std::string& name, const std::string& how, const std::string& title) {
@@ -171,7 +110,7 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
     if (!reaches(points.t, axis)) continue;
     see(points.t, points.low);
     see(points.t, points.high);
-    add(data({points.t, points.low, points.high}),
+    add(script.data({points.t, points.low, points.high}),
         "using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
             rgb(band.colour),
         band.title);
@@ -187,7 +126,7 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
                                    [](double value) { return std::isfinite(value); });
     if (!known || !reaches(points.t, axis)) continue;
     see(points.t, points.y);
-    add(data({points.t, points.y}),
+    add(script.data({points.t, points.y}),
         "using 1:2 with lines " + style(curve.line) + " lc rgb " + rgb(curve.colour), curve.title);
   }
   for (const Dots& dots : panel.dots) {
@@ -202,14 +141,14 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
       y.push_back(dots.y[k]);
       bar.push_back(std::isfinite(dots.sigma[k]) ? 2.0 * dots.sigma[k] : 0.0);
     }
-    if (!t.empty()) add(data({t, y, bar}), "using 1:2:3 with yerrorbars" + look, dots.title);
+    if (!t.empty()) add(script.data({t, y, bar}), "using 1:2:3 with yerrorbars" + look, dots.title);
   }
   std::vector<double> impacts;
   for (const double t : panel.impacts) {
     if (axis.from <= t && t <= axis.to) impacts.push_back(t);
   }
   if (!impacts.empty()) {
-    add(data({impacts, std::vector<double>(impacts.size(), 0.0)}),
+    add(script.data({impacts, std::vector<double>(impacts.size(), 0.0)}),
         "using 1:2 with points pt 7 ps 0.6 lc rgb '#303030'", "contact closes, as reported");
   }
   std::vector<double> pulse_t, pulse_row, from, to, row;
@@ -228,59 +167,66 @@ void Script::draw(const Panel& panel, const Place& place, Figure::Zoom axis, boo
     }
   }
   if (!from.empty()) {
-    add(data({from, row, to}), "using 1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'",
-        "contact stays closed");
+    add(script.data({from, row, to}),
+        "using 1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'", "contact stays closed");
   }
   if (!pulse_t.empty()) {
-    add(data({pulse_t, pulse_row}),
+    add(script.data({pulse_t, pulse_row}),
         "using 1:($2-0.35):(0):(0.7) with vectors nohead lw 1.2 lc rgb '#303030'",
         "impact, as reported");
   }
 
-  line("set lmargin at screen " + number(screen_x(place.left)));
-  line("set rmargin at screen " + number(screen_x(place.right)));
-  line("set tmargin at screen " + number(screen_y(place.top)));
-  line("set bmargin at screen " + number(screen_y(place.bottom)));
-  line("set key at screen " + number(screen_x(place.right + 12.0)) + ", screen " +
-       number(screen_y(place.top)) +
-       " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
-  line("set xrange [" + number(axis.from) + ":" + number(axis.to) + "]");
-  line(lowest ? "set xlabel 'time t [s]'" : "unset xlabel");
-  line(lowest ? "set format x '%g'" : "set format x ''");
-  // At one place whatever the numbers beside it are; a ylabel would move, even out of the picture.
-  line("set label 2 " + quoted(panel.y_label) + " at screen " +
-       number(screen_x(place.left - to_the_left + 14.0)) + ", screen " +
-       number(screen_y((place.top + place.bottom) / 2.0)) + " center rotate by 90 noenhanced");
-  line(panel.logarithmic ? "set logscale y" : "unset logscale y");
-  line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
+  script.panel(place, panel.y_label, place.left - to_the_left + 14.0);
+  script.line("set xrange [" + number(axis.from) + ":" + number(axis.to) + "]");
+  script.line(lowest ? "set xlabel 'time t [s]'" : "unset xlabel");
+  script.line(lowest ? "set format x '%g'" : "set format x ''");
+  script.line(panel.logarithmic ? "set logscale y" : "unset logscale y");
+  script.line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
     // What stays as it is has no range of its own.
     const bool constant = least == greatest && panel.dots.empty() && impacts.empty();
     const double around = least == 0.0 ? 1.0 : 0.1 * std::abs(least);
-    line(constant && !panel.logarithmic
-             ? "set yrange [" + number(least - around) + ":" + number(least + around) + "]"
-             : "set yrange [*:*]");
-    line("set ytics autofreq");
+    script.line(constant && !panel.logarithmic
+                    ? "set yrange [" + number(least - around) + ":" + number(least + around) + "]"
+                    : "set yrange [*:*]");
+    script.line("set ytics autofreq");
   } else {
-    line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) + "]");
-    line("set ytics 1");
+    script.line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) +
+                "]");
+    script.line("set ytics 1");
   }
   if (parts.empty()) {
     // An empty frame: nothing is known in this time.
-    line("unset logscale y");
-    line("plot [][0:1] -1 notitle");
+    script.line("unset logscale y");
+    script.line("plot [][0:1] -1 notitle");
   } else {
-    text_ += "plot ";
-    for (std::size_t i = 0; i < parts.size(); ++i) text_ += (i > 0 ? ", \\\n  " : "") + parts[i];
-    text_ += '\n';
+    script.plot(parts);
   }
-  line("unset label 1");
+  script.line("unset label 1");
+}
+
+// Panels share the height of the picture.
+void draw(const Column& column, const Layout& layout, Script& script) {
+  const double scale =
+      (layout.height - layout.above - below + between) / (height_of(column.panels) + between);
+  double y = layout.above;
+  for (const Panel* panel : column.panels) {
+    const double step = scale * (height_of(*panel) + between);
+    draw(*panel, {column.left, column.right, y, y + step - between}, column.axis,
+         panel == column.panels.back(), script);
+    y += step;
+  }
 }
 
 }  // namespace
 
 std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output) {
-  return Script(figure, output).text();
+  const Layout layout = layout_of(figure);
+  Script script(output, layout.width, layout.height);
+  if (!figure.title.empty()) script.title(figure.title, to_the_left, 24.0, 14);
+  for (const Column& column : layout.columns) draw(column, layout, script);
+  script.line("unset multiplot");
+  return std::move(script).text();
 }
 
 }  // namespace sprag::plot

@@ -2,6 +2,8 @@
 
 #include <sys/wait.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <stdexcept>
 
@@ -54,6 +56,67 @@ std::string terminal(const std::filesystem::path& output, double width, double h
     return "pdfcairo size " + number(width / 96.0) + "in," + number(height / 96.0) + "in" + font;
   }
   throw std::invalid_argument(output.string() + " is not allowed; must end in .png, .svg or .pdf");
+}
+
+Script::Script(const std::filesystem::path& output, double width, double height)
+    : width_(width), height_(height) {
+  line("set terminal " + terminal(output, width, height));
+  line("set output " + quoted(output.string()));
+  line("set encoding utf8");
+  line("set border 3 lw 1 lc rgb '#404040'");
+  line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
+  line(grid);
+  line("set multiplot");
+}
+
+std::string Script::screen(double x, double y) const {
+  return "screen " + number(x / width_) + ", screen " + number(1.0 - y / height_);
+}
+
+void Script::title(const std::string& text, double x, double y, int font) {
+  line("set label 1 " + quoted(text) + " at " + screen(x, y) + " left noenhanced font '," +
+       std::to_string(font) + "'");
+}
+
+void Script::margins(const Place& place) {
+  line("set lmargin at screen " + number(place.left / width_));
+  line("set rmargin at screen " + number(place.right / width_));
+  line("set tmargin at screen " + number(1.0 - place.top / height_));
+  line("set bmargin at screen " + number(1.0 - place.bottom / height_));
+}
+
+void Script::panel(const Place& place, const std::string& y_label, double x) {
+  margins(place);
+  line("set key at " + screen(place.right + 12.0, place.top) +
+       " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
+  // At one place whatever the numbers beside it are; a ylabel would move, even out of the picture.
+  line("set label 2 " + quoted(y_label) + " at " + screen(x, (place.top + place.bottom) / 2.0) +
+       " center rotate by 90 noenhanced");
+}
+
+std::string Script::data(const std::vector<std::vector<double>>& columns) {
+  const std::string name = "$d" + std::to_string(++blocks_);
+  line(name + " << EOD");
+  for (std::size_t i = 0; i < columns.front().size(); ++i) {
+    const bool there = std::all_of(columns.begin(), columns.end(),
+                                   [&](const auto& column) { return std::isfinite(column[i]); });
+    // An empty line is a break.
+    if (there) {
+      for (const auto& column : columns) {
+        append_number(text_, column[i]);
+        text_ += ' ';
+      }
+    }
+    text_ += '\n';
+  }
+  line("EOD");
+  return name;
+}
+
+void Script::plot(const std::vector<std::string>& parts) {
+  text_ += "plot ";
+  for (std::size_t i = 0; i < parts.size(); ++i) text_ += (i > 0 ? ", \\\n  " : "") + parts[i];
+  text_ += '\n';
 }
 
 void run_gnuplot(const std::string& script) {

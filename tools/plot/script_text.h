@@ -1,8 +1,9 @@
-// Parts of gnuplot's scripts that all pictures have in common, and who runs them.
+// gnuplot's scripts: what those of all pictures have in common, and who runs them.
 #pragma once
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "tools/plot/figure.h"
 
@@ -16,6 +17,44 @@ std::string number(double value);
 /// The terminal for a .png, .svg or .pdf file, sizes in pixels. Throws std::invalid_argument for
 /// another extension.
 std::string terminal(const std::filesystem::path& output, double width, double height);
+
+inline constexpr const char* grid = "set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'";
+
+/// A plane of curves, in pixels from the left and from above.
+struct Place {
+  double left, right, top, bottom;
+};
+
+/// The script of one picture, as it grows. Places are in pixels from the left and from above.
+class Script {
+ public:
+  /// Terminal and file, and frames, ticks and grid as all pictures have them. Throws as terminal().
+  Script(const std::filesystem::path& output, double width, double height);
+
+  void line(const std::string& of) { text_ += of + '\n'; }
+
+  /// "screen x, screen y", by which gnuplot names a place in the picture.
+  std::string screen(double x, double y) const;
+
+  /// Left of the line; gnuplot's label 1.
+  void title(const std::string& text, double x, double y, int font);
+  void margins(const Place& place);
+  /// Margins, the legend to the right, and upward at x what the y axis is; gnuplot's label 2.
+  void panel(const Place& place, const std::string& y_label, double x);
+
+  /// A block of data, so that the script is a picture by itself; returns its name. Columns are of
+  /// one length; rows with something that is not finite are breaks.
+  std::string data(const std::vector<std::vector<double>>& columns);
+
+  void plot(const std::vector<std::string>& parts);
+
+  std::string text() && { return std::move(text_); }
+
+ private:
+  std::string text_;
+  double width_, height_;
+  int blocks_ = 0;
+};
 
 /// Runs a script. Throws std::runtime_error: gnuplot is not there or fails.
 void run_gnuplot(const std::string& script);

@@ -5,7 +5,6 @@
 #include <limits>
 #include <set>
 
-#include "sprag/files/csv.h"
 #include "tools/plot/script_text.h"
 #include "tools/plot/study_figure.h"
 
@@ -82,46 +81,15 @@ Cells cells_of(const Axis& axis) {
   return cells;
 }
 
-class StudyScript {
- public:
-  StudyScript(const StudyFigure& figure, const std::filesystem::path& output);
-  std::string text() && { return std::move(text_); }
-
- private:
-  struct Place {
-    double right, top, bottom;
-  };
-
-  void line(const std::string& of) { text_ += of + '\n'; }
-  double screen_x(double x) const { return x / width_; }
-  double screen_y(double y) const { return 1.0 - y / height_; }
-  std::string data(const std::vector<std::vector<double>>& columns);
-  void frame(const StudyPanel& panel, const Place& place, bool lowest);
-  void range(char axis, double low, double high);
-  void range_of_constant(const std::vector<double>& values);
-  void ticks(char name, const Axis& axis, bool labels);
-  void draw_points(const StudyPanel& panel, const Place& place);
-  void draw_bands(const StudyPanel& panel);
-  void draw_plane(const StudyPanel& panel);
-  void plot(const std::vector<std::string>& parts);
-  bool on_grid(const StudyPanel& panel) const;
-
-  const StudyFigure& figure_;
-  std::string text_;
-  double width_ = 0.0, height_ = 0.0;
-  int blocks_ = 0;
-};
-
-StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path& output)
-    : figure_(figure) {
-  const double above = figure.title.empty() ? above_nothing : above_title;
+// A script of the figure's size.
+Script begun(const StudyFigure& figure, double above, const std::filesystem::path& output) {
   double beside = beside_points;
-  height_ = above + below_axis - between_panels;
+  double height = above + below_axis - between_panels;
   for (const StudyPanel& panel : figure.panels) {
-    height_ += height_of_study(panel) + between_panels;
+    height += height_of_study(panel) + between_panels;
     if (in_plane(panel)) {
       beside = std::max(beside, beside_map);
-      height_ += &panel == &figure.panels.back() ? 0.0 : below_plane - between_panels;
+      height += &panel == &figure.panels.back() ? 0.0 : below_plane - between_panels;
     }
     std::size_t longest = 0;
     for (const Curve& curve : panel.curves) {
@@ -132,23 +100,39 @@ StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path&
       beside = std::max(beside, letter_width * static_cast<double>(longest) + 70.0);
     }
   }
-  width_ = to_plane + across + beside;
+  return {output, to_plane + across + beside, height};
+}
 
-  line("set terminal " + terminal(output, width_, height_));
-  line("set output " + quoted(output.string()));
-  line("set encoding utf8");
-  line("set border 3 lw 1 lc rgb '#404040'");
-  line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
-  line(cividis);
-  line("set multiplot");
-  if (!figure.title.empty()) {
-    line("set label 1 " + quoted(figure.title) + " at screen " + number(screen_x(to_plane)) +
-         ", screen " + number(screen_y(24.0)) + " left noenhanced font ',14'");
-  }
-  double y = above;
+class StudyScript {
+ public:
+  StudyScript(const StudyFigure& figure, const std::filesystem::path& output);
+  std::string text() && { return std::move(script_).text(); }
+
+ private:
+  void frame(const StudyPanel& panel, const Place& place, bool lowest);
+  void range(char axis, double low, double high);
+  void range_of_constant(const std::vector<double>& values);
+  void ticks(char name, const Axis& axis, bool labels);
+  void draw_points(const StudyPanel& panel, const Place& place);
+  void draw_bands(const StudyPanel& panel);
+  void draw_plane(const StudyPanel& panel);
+  bool on_grid(const StudyPanel& panel) const;
+
+  const StudyFigure& figure_;
+  double above_;
+  Script script_;
+};
+
+StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path& output)
+    : figure_(figure),
+      above_(figure.title.empty() ? above_nothing : above_title),
+      script_(begun(figure, above_, output)) {
+  script_.line(cividis);
+  if (!figure.title.empty()) script_.title(figure.title, to_plane, 24.0, 14);
+  double y = above_;
   for (const StudyPanel& panel : figure.panels) {
     const bool lowest = &panel == &figure.panels.back();
-    const Place place{to_plane + across, y, y + height_of_study(panel)};
+    const Place place{to_plane, to_plane + across, y, y + height_of_study(panel)};
     frame(panel, place, lowest || in_plane(panel));
     switch (panel.kind) {
       case StudyPanel::Kind::points:
@@ -161,38 +145,14 @@ StudyScript::StudyScript(const StudyFigure& figure, const std::filesystem::path&
         draw_plane(panel);
         break;
     }
-    line("unset label 1");
+    script_.line("unset label 1");
     y = place.bottom + (in_plane(panel) ? below_plane : between_panels);
   }
-  line("unset multiplot");
-}
-
-std::string StudyScript::data(const std::vector<std::vector<double>>& columns) {
-  const std::string name = "$d" + std::to_string(++blocks_);
-  text_ += name + " << EOD\n";
-  for (std::size_t i = 0; i < columns.front().size(); ++i) {
-    const bool there = std::all_of(columns.begin(), columns.end(),
-                                   [&](const auto& column) { return std::isfinite(column[i]); });
-    if (there) {
-      for (const auto& column : columns) {
-        append_number(text_, column[i]);
-        text_ += ' ';
-      }
-    }
-    text_ += '\n';
-  }
-  text_ += "EOD\n";
-  return name;
-}
-
-void StudyScript::plot(const std::vector<std::string>& parts) {
-  text_ += "plot ";
-  for (std::size_t i = 0; i < parts.size(); ++i) text_ += (i > 0 ? ", \\\n  " : "") + parts[i];
-  text_ += '\n';
+  script_.line("unset multiplot");
 }
 
 void StudyScript::range(char axis, double low, double high) {
-  line(std::string("set ") + axis + "range [" + number(low) + ":" + number(high) + "]");
+  script_.line(std::string("set ") + axis + "range [" + number(low) + ":" + number(high) + "]");
 }
 
 // What stays as it is has no range of its own.
@@ -213,8 +173,8 @@ void StudyScript::range_of_constant(const std::vector<double>& values) {
 void StudyScript::ticks(char name, const Axis& axis, bool labels) {
   const std::string which = std::string(1, name) + "tics";
   if (!axis.logarithmic) {
-    line("set " + which + " autofreq");
-    line(std::string("set format ") + name + (labels ? " '%g'" : " ''"));
+    script_.line("set " + which + " autofreq");
+    script_.line(std::string("set format ") + name + (labels ? " '%g'" : " ''"));
     return;
   }
   const int first = static_cast<int>(std::floor(std::log10(axis.values.front())));
@@ -225,34 +185,25 @@ void StudyScript::ticks(char name, const Axis& axis, bool labels) {
             std::string(labels ? "'10^{" + std::to_string(decade) + "}' " : "'' ") +
             std::to_string(decade);
   }
-  line("set " + which + " (" + list + ")");
+  script_.line("set " + which + " (" + list + ")");
 }
 
 void StudyScript::frame(const StudyPanel& panel, const Place& place, bool lowest) {
-  line("set lmargin at screen " + number(screen_x(to_plane)));
-  line("set rmargin at screen " + number(screen_x(place.right)));
-  line("set tmargin at screen " + number(screen_y(place.top)));
-  line("set bmargin at screen " + number(screen_y(place.bottom)));
-  line("set key at screen " + number(screen_x(place.right + 12.0)) + ", screen " +
-       number(screen_y(place.top)) +
-       " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
   const Axis& x = figure_.axes.front();
-  line(lowest ? "set xlabel " + quoted(x.name) + " noenhanced" : "unset xlabel");
+  script_.line(lowest ? "set xlabel " + quoted(x.name) + " noenhanced" : "unset xlabel");
   const Cells cells = cells_of(x);
   const bool plane = in_plane(panel);
   const double least = plane ? cells.low(0) : cells.centres.front();
   const double most = plane ? cells.high(cells.centres.size() - 1) : cells.centres.back();
   range('x', least, most > least ? most : least + 1.0);
   ticks('x', x, lowest);
-  const std::string y_name = plane ? figure_.axes.back().name : panel.name;
-  line("set label 2 " + quoted(y_name) + " at screen " + number(screen_x(16.0)) + ", screen " +
-       number(screen_y((place.top + place.bottom) / 2.0)) + " center rotate by 90 noenhanced");
-  line(plane ? "unset grid" : "set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'");
-  line(!plane && panel.logarithmic ? "set logscale y" : "unset logscale y");
-  line("set ytics autofreq");
-  line(!plane && panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
-  line("set yrange [*:*]");
-  line("unset logscale cb");
+  script_.panel(place, plane ? figure_.axes.back().name : panel.name, 16.0);
+  script_.line(plane ? "unset grid" : grid);
+  script_.line(!plane && panel.logarithmic ? "set logscale y" : "unset logscale y");
+  script_.line("set ytics autofreq");
+  script_.line(!plane && panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
+  script_.line("set yrange [*:*]");
+  script_.line("unset logscale cb");
 }
 
 // One of the points in a pixel is enough.
@@ -276,8 +227,8 @@ void StudyScript::draw_points(const StudyPanel& panel, const Place& place) {
     x.push_back(at);
     y.push_back(panel.y[i]);
   }
-  plot({data({x, y}) + " using 1:2 with points pt 7 ps 0.16 lc rgb " + rgb(Colour::black) +
-        " notitle"});
+  script_.plot({script_.data({x, y}) + " using 1:2 with points pt 7 ps 0.16 lc rgb " +
+                rgb(Colour::black) + " notitle"});
 }
 
 void StudyScript::draw_bands(const StudyPanel& panel) {
@@ -304,20 +255,20 @@ void StudyScript::draw_bands(const StudyPanel& panel) {
   }
   range_of_constant(heights);
   for (const Band& band : panel.bands) {
-    parts.push_back(data({of_axis(band.t), positive(band.low), positive(band.high)}) +
+    parts.push_back(script_.data({of_axis(band.t), positive(band.low), positive(band.high)}) +
                     " using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
                     rgb(band.colour) + " title " + quoted(band.title));
   }
   for (const Curve& curve : panel.curves) {
     // A single curve with the name of its panel needs no legend.
     const bool told = curve.title != panel.name;
-    parts.push_back(data({of_axis(curve.t), positive(curve.y)}) +
+    parts.push_back(script_.data({of_axis(curve.t), positive(curve.y)}) +
                     " using 1:2 with linespoints pt 7 ps 0.3 lw 1.4 lc rgb " + rgb(curve.colour) +
                     (told ? " title " + quoted(curve.title) : " notitle"));
   }
   // Stable and unstable are told by the sign.
-  if (negative && others) parts.push_back("0 with lines lw 1 lc rgb '#404040' notitle");
-  plot(parts);
+  if (negative && others) parts.emplace_back("0 with lines lw 1 lc rgb '#404040' notitle");
+  script_.plot(parts);
 }
 
 // Whether every pair of values occurs, as in a grid and not in random starts.
@@ -372,19 +323,21 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
   if (x.empty()) {
     parts.emplace_back("NaN notitle");
   } else if (!on_grid(panel)) {
-    parts.push_back(data({x, y, labels ? packed : z}) + " using 1:2:3 with points pt 7 ps 0.5 lc " +
+    parts.push_back(script_.data({x, y, labels ? packed : z}) +
+                    " using 1:2:3 with points pt 7 ps 0.5 lc " +
                     (labels ? "rgb variable" : "palette") + " notitle");
   } else if (image && labels) {
-    parts.push_back(data({x, y, red, green, blue}) + " using 1:2:3:4:5 with rgbimage notitle");
+    parts.push_back(script_.data({x, y, red, green, blue}) +
+                    " using 1:2:3:4:5 with rgbimage notitle");
   } else if (image) {
-    parts.push_back(data({x, y, z}) + " using 1:2:3 with image notitle");
+    parts.push_back(script_.data({x, y, z}) + " using 1:2:3 with image notitle");
   } else {
-    parts.push_back(data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
+    parts.push_back(script_.data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
                     " using 1:2:3:4:5:6:7 with boxxyerror fs solid noborder fc " +
                     (labels ? "rgb variable" : "palette") + " notitle");
   }
   if (labels) {
-    line("unset colorbox");
+    script_.line("unset colorbox");
     for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_told + 1); ++label) {
       const bool occurs = std::any_of(panel.z.begin(), panel.z.end(),
                                       [&](double of) { return colour_number(of) == label; });
@@ -396,15 +349,15 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
                       quoted(others ? std::to_string(label) + " and on" : panel.titles[label]));
     }
   } else {
-    if (panel.logarithmic) line("set logscale cb");
-    line(panel.logarithmic ? "set format cb '10^{%T}'" : "set format cb '%g'");
-    line(panel.most > panel.least
-             ? "set cbrange [" + number(panel.least) + ":" + number(panel.most) + "]"
-             : std::string("set cbrange [*:*]"));
-    line("set cblabel " + quoted(panel.name) + " noenhanced offset 1");
-    line("set colorbox");
+    if (panel.logarithmic) script_.line("set logscale cb");
+    script_.line(panel.logarithmic ? "set format cb '10^{%T}'" : "set format cb '%g'");
+    script_.line(panel.most > panel.least
+                     ? "set cbrange [" + number(panel.least) + ":" + number(panel.most) + "]"
+                     : std::string("set cbrange [*:*]"));
+    script_.line("set cblabel " + quoted(panel.name) + " noenhanced offset 1");
+    script_.line("set colorbox");
   }
-  plot(parts);
+  script_.plot(parts);
 }
 
 }  // namespace
