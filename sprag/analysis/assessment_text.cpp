@@ -1,12 +1,11 @@
 #include <algorithm>
-#include <string_view>
 
 #include "sprag/analysis/assessment.h"
+#include "sprag/analysis/wrapped_text.h"
 
 namespace sprag {
 namespace {
 
-constexpr std::size_t columns = 100;
 constexpr std::size_t margin = 18;
 
 const char* mark(const Finding& finding) {
@@ -14,34 +13,14 @@ const char* mark(const Finding& finding) {
   return finding.holds ? "yes " : "NO  ";
 }
 
-/// Appends words, broken into lines that start at the margin; the first has `used` characters.
-void append_wrapped(std::string_view words, std::size_t used, std::string& text) {
-  bool fresh = true;
-  while (!words.empty()) {
-    const std::string_view word = words.substr(0, words.find(' '));
-    words.remove_prefix(std::min(word.size() + 1, words.size()));
-    if (!fresh && used + 1 + word.size() > columns) {
-      text += '\n';
-      text.append(margin, ' ');
-      used = margin;
-      fresh = true;
-    }
-    if (!fresh) text += ' ';
-    text += word;
-    used += word.size() + (fresh ? 0 : 1);
-    fresh = false;
-  }
-  text += '\n';
-}
-
 void append_finding(const Finding& finding, std::string& text) {
   std::string head = std::string(mark(finding)) + ' ' + finding.id;
   head.resize(std::max(margin, head.size() + 1), ' ');
   text += head;
-  append_wrapped(finding.what, head.size(), text);
+  append_wrapped(text, finding.what, margin);
   if (finding.change.empty()) return;
   text += std::string(margin, ' ');
-  append_wrapped("-> " + finding.change, margin, text);
+  append_wrapped(text, "-> " + finding.change, margin);
 }
 
 std::string pace(const Assessment& a) {
@@ -59,7 +38,7 @@ std::string to_text(const Assessment& a) {
   if (!a.M.definite()) return text;
   const std::string head = "     pace";
   text += head + std::string(margin - head.size(), ' ');
-  append_wrapped(pace(a), margin, text);
+  append_wrapped(text, pace(a), margin);
   return text;
 }
 

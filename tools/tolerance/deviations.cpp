@@ -1,10 +1,9 @@
 #include "tools/tolerance/deviations.h"
 
-#include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "sprag/identification/machine_family.h"
+#include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {
 namespace {
@@ -16,16 +15,10 @@ constexpr double decades_of_share = 1e5;  // likewise of a parameter
 // Its phase runs away with time.
 constexpr double decades_of_frequency = 1e9;
 
-std::string two_digits(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.2g", value);
-  return text.data();
-}
-
 std::string time_text(double seconds) {
-  if (seconds >= 0.1) return two_digits(seconds) + " s";
-  if (seconds >= 1e-4) return two_digits(1e3 * seconds) + " ms";
-  return two_digits(1e6 * seconds) + " us";
+  if (seconds >= 0.1) return short_number(seconds) + " s";
+  if (seconds >= 1e-4) return short_number(1e3 * seconds) + " ms";
+  return short_number(1e6 * seconds) + " us";
 }
 
 Deviation of_parameter(const Unknown& unknown) {
@@ -89,13 +82,13 @@ std::string amount_text(const Deviation& of, double amount) {
     case Kind::offset:
       return time_text(amount);
     case Kind::spurious:
-      return two_digits(amount) + " per s and contact";
+      return short_number(amount) + " per s and contact";
     case Kind::lost:
     case Kind::parameter:
       break;
   }
-  if (of.share) return two_digits(100.0 * amount) + " %";
-  return two_digits(amount) + (of.unit.empty() ? "" : " " + of.unit);
+  if (of.share) return short_number(100.0 * amount) + " %";
+  return short_number(amount) + (of.unit.empty() ? "" : " " + of.unit);
 }
 
 std::string in_words(const Deviation& of, double amount) {
@@ -108,7 +101,7 @@ std::string in_words(const Deviation& of, double amount) {
     case Kind::lost:
       return text + " of the events lost";
     case Kind::spurious:
-      return two_digits(amount) + " false pulses per s and contact";
+      return short_number(amount) + " false pulses per s and contact";
     case Kind::parameter:
       break;
   }

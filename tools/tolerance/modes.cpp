@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "command_line/in_parallel.h"
+#include "sprag/analysis/wrapped_text.h"
 #include "sprag/files/csv.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
@@ -176,10 +177,11 @@ std::string to_text(const Bench& bench, const std::vector<FewerModes>& table) {
     add_line(cells, first, other, text);
   }
   text += '\n';
-  text += wrapped("Median of " + std::to_string(bench.settings().runs) + " runs of " +
-                  short_number(bench.duration()) +
-                  " s, the second half of each. reduce EVENTS SCENE --modes n --output F.toml "
-                  "writes the scene with the correction.\n");
+  append_wrapped(text,
+                 "Median of " + std::to_string(bench.settings().runs) + " runs of " +
+                     short_number(bench.duration()) +
+                     " s, the second half of each. reduce EVENTS SCENE --modes n --output F.toml "
+                     "writes the scene with the correction.");
   return text;
 }
 

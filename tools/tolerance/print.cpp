@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "sprag/analysis/wrapped_text.h"
 #include "sprag/files/csv.h"
 #include "tools/tolerance/words.h"
 
@@ -29,7 +30,8 @@ std::string description(const Deviation& deviation) {
 }
 
 // "both bears event times to 0.3 ms, 2 % of the events lost, ..."
-std::string plain_words(const Tolerances& tolerances, const std::string& estimator, std::size_t e) {
+void append_plain_words(const Tolerances& tolerances, const std::string& estimator, std::size_t e,
+                        std::string& text) {
   std::string borne, not_borne;
   const auto add = [](const std::string& words, std::string& list) {
     if (!list.empty()) list += ", ";
@@ -38,7 +40,9 @@ std::string plain_words(const Tolerances& tolerances, const std::string& estimat
   for (const Found& found : tolerances.found) {
     const Limit& limit = found.limits[e];
     if (limit.kind == Limit::Kind::never) {
-      return "With " + estimator + " V does not come below it even where nothing is off.\n";
+      append_wrapped(text,
+                     "With " + estimator + " V does not come below it even where nothing is off.");
+      return;
     }
     if (limit.kind == Limit::Kind::below_all) {
       add(in_words(found.deviation, limit.amount), not_borne);
@@ -47,10 +51,9 @@ std::string plain_words(const Tolerances& tolerances, const std::string& estimat
       if (limit.kind == Limit::Kind::beyond_all) borne += " or worse";
     }
   }
-  std::string text;
-  if (!borne.empty()) text += "It is enough for " + estimator + " to have " + borne + ".\n";
-  if (!not_borne.empty()) text += "It is not enough to have " + not_borne + ".\n";
-  return text;
+  if (!borne.empty())
+    append_wrapped(text, "It is enough for " + estimator + " to have " + borne + ".");
+  if (!not_borne.empty()) append_wrapped(text, "It is not enough to have " + not_borne + ".");
 }
 
 const char* kind_name(Limit::Kind kind) {
@@ -104,18 +107,19 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   }
   text += '\n';
   for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
-    text += wrapped(plain_words(tolerances, study::name(settings.estimators[e]), e));
+    append_plain_words(tolerances, study::name(settings.estimators[e]), e, text);
   }
-  text +=
-      '\n' + wrapped("V: the median of the second half of a run, then of " +
-                     std::to_string(settings.runs) + " runs of " + short_number(bench.duration()) +
-                     " s, " + short_number(bench.duration() * bench.closings_per_time()) +
-                     " closings each. One thing is off at a time; event times jitter by " +
-                     short_number(bench.scene().jitter) + " s beside it" +
-                     (bench.scene().drift > 0.0 ? ", and filters are told a drift of " +
-                                                      short_number(bench.scene().drift) + " per s"
-                                                : std::string()) +
-                     ".\n");
+  text += '\n';
+  append_wrapped(
+      text, "V: the median of the second half of a run, then of " + std::to_string(settings.runs) +
+                " runs of " + short_number(bench.duration()) + " s, " +
+                short_number(bench.duration() * bench.closings_per_time()) +
+                " closings each. One thing is off at a time; event times jitter by " +
+                short_number(bench.scene().jitter) + " s beside it" +
+                (bench.scene().drift > 0.0 ? ", and filters are told a drift of " +
+                                                 short_number(bench.scene().drift) + " per s"
+                                           : std::string()) +
+                ".");
   return text;
 }
 

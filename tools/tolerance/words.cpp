@@ -1,6 +1,5 @@
 #include "tools/tolerance/words.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -40,31 +39,6 @@ void add_line(const std::vector<std::string>& cells, std::size_t first, std::siz
   line.erase(line.find_last_not_of(' ') + 1);
   text += line;
   text += '\n';
-}
-
-std::string wrapped(const std::string& text) {
-  constexpr std::size_t width = 100;
-  std::string result;
-  std::size_t line = 0;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find_first_of(" \n", begin), text.size());
-    const std::size_t length = end - begin;
-    if (line > 0 && line + 1 + length > width) {
-      result += '\n';
-      line = 0;
-    } else if (line > 0) {
-      result += ' ';
-      ++line;
-    }
-    result += text.substr(begin, length);
-    line += length;
-    if (end < text.size() && text[end] == '\n') {
-      result += '\n';
-      line = 0;
-    }
-    begin = end + 1;
-  }
-  return result;
 }
 
 nlohmann::ordered_json to_json(const Spread& spread) {

@@ -1,4 +1,4 @@
-// What tables of medians have in common: short numbers, aligned columns, wrapped text.
+// What tables of medians have in common: short numbers, aligned columns.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,6 @@ std::string short_number(double value);
 /// A line of cells, the first and the others at least so wide.
 void add_line(const std::vector<std::string>& cells, std::size_t first, std::size_t other,
               std::string& text);
-
-/// Lines of at most 100 characters.
-std::string wrapped(const std::string& text);
 
 /// Median, low and high; null for what is not finite, which JSON cannot say.
 nlohmann::ordered_json to_json(const Spread& spread);
