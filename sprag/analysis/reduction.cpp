@@ -234,4 +234,15 @@ std::vector<Index> by_frequency(const ModalMachine& machine) {
   return order;
 }
 
+Scene in_modes(const Scene& scene, int modes) {
+  const bool whole = modes == 0;
+  if (whole && scene.beam) return scene;
+  const ModalMachine machine = modal_machine(scene);
+  std::vector<Index> kept = by_frequency(machine);
+  if (!whole) kept.resize(std::min(kept.size(), static_cast<std::size_t>(modes)));
+  Scene modal = reduced_scene(scene, reduced(machine, kept));
+  if (whole) modal.name = scene.name;
+  return modal;
+}
+
 }  // namespace sprag

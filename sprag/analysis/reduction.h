@@ -57,4 +57,9 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine);
 /// All coordinates, by ascending frequency.
 std::vector<Eigen::Index> by_frequency(const ModalMachine& machine);
 
+/// The scene in coordinates that are its modes, the `modes` lowest of them, by ascending frequency;
+/// 0: all, and a beam, which is in them already, as it is. Throws ModelError as modal_machine() and
+/// reduced_scene() do.
+Scene in_modes(const Scene& scene, int modes);
+
 }  // namespace sprag

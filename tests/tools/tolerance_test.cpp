@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "sprag/analysis/reduction.h"
 #include "sprag/files/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tools/tolerance/modes.h"
@@ -146,7 +147,7 @@ TEST(Tolerance, AnAdaptiveObserverBearsWhatItFinds) {
 
 // The rig has two modes, so that one and the static vector of its contact are the whole machine.
 TEST(FewerModes, AllModesAreRightAndACorrectionStandsInForTheOthers) {
-  const Bench bench(in_modes(rig()),
+  const Bench bench(in_modes(rig(), 0),
                     {.runs = 2, .estimators = {EstimatorKind::replica, EstimatorKind::both}}, 2);
   const std::vector<FewerModes> table = fewer_modes(bench, 2, [](double) {});
   ASSERT_EQ(table.size(), 2u);

@@ -50,14 +50,6 @@ Scene scene_with(const Study& study, const std::vector<SceneValue>& values) {
   return parse_scene(with_values(study.scene_text, values, file), file);
 }
 
-// In the `modes` lowest of its natural modes; 0: all.
-Scene in_modes(const Scene& scene, int modes) {
-  const ModalMachine machine = modal_machine(scene);
-  std::vector<Eigen::Index> kept = by_frequency(machine);
-  if (modes > 0) kept.resize(std::min(kept.size(), static_cast<std::size_t>(modes)));
-  return reduced_scene(scene, reduced(machine, kept));
-}
-
 // A state off by the energy, in a direction that is drawn: ||.||^2 of (23) is uniform on a sphere.
 State drawn_offset(const Model& model, double energy, Random& random) {
   const NaturalModes modes = natural_modes(model);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
@@ -73,18 +72,13 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
   return truth;
 }
 
-Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
-               const Truth& truth, double threshold) {
-  AdaptiveEstimator estimator(told, truth.tick, kind);
-  const bool filter = kind != EstimatorKind::replica;
-  const ErrorEnergy energy(truth.model);
+void pursue(
+    AdaptiveEstimator& estimator, const State& start, std::span<const ContactEvent> events,
+    const Truth& truth,
+    const std::function<void(Eigen::Index sample, const AdaptiveEstimator::State& state)>& visit) {
   AdaptiveEstimator::State state;
   AdaptationResult result;
-  estimator.start(told.replica, 0, 0, state);
-  Confidence confidence = estimator.no_confidence();
-  const Eigen::Index f = told.model.coordinates();
-  Eigen::VectorXd q(f), u(f);
-
+  estimator.start(start, 0, 0, state);
   auto next = events.begin();
   const auto up_to = [&](std::int64_t k) {
     const auto first = next;
@@ -92,12 +86,29 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
     return std::span<const ContactEvent>(first, next);
   };
   if (const auto at_start = up_to(0); !at_start.empty()) estimator.apply(at_start, state);
+  visit(0, state);
+  const std::int64_t last = truth.samples() * truth.stride;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    check_interrupt();
+    identify_now(estimator, state, result);
+    estimator.tick(up_to(k), state);
+    if (k % truth.stride == 0) visit(k / truth.stride, state);
+  }
+}
 
+Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
+               const Truth& truth, double threshold) {
+  AdaptiveEstimator estimator(told, truth.tick, kind);
+  const bool filter = kind != EstimatorKind::replica;
+  const ErrorEnergy energy(truth.model);
+  Confidence confidence = estimator.no_confidence();
+  const Eigen::Index f = told.model.coordinates();
+  Eigen::VectorXd q(f), u(f);
   Figures figures;
   std::vector<double>& V = figures.V;
   NormalizedSquares squares;
   std::int64_t trusted = 0;
-  const auto sample = [&](Eigen::Index i) {
+  const auto take = [&](Eigen::Index i, const AdaptiveEstimator::State& state) {
     estimator.output(state, q, u);
     const double now = energy(truth.q.col(i), truth.u.col(i), q, u)[0];
     V.push_back(std::isfinite(now) ? now : infinite);
@@ -110,14 +121,7 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
       squares.add(u[j] - truth.u(j, i), confidence.sigma_u[j]);
     }
   };
-  sample(0);
-  const std::int64_t last = truth.samples() * truth.stride;
-  for (std::int64_t k = 1; k <= last; ++k) {
-    check_interrupt();
-    identify_now(estimator, state, result);
-    estimator.tick(up_to(k), state);
-    if (k % truth.stride == 0) sample(k / truth.stride);
-  }
+  pursue(estimator, told.replica, events, truth, take);
 
   figures.V_floor = median({settled(V), V.cend()});
   figures.V_max = *std::max_element(settled(V), V.cend());

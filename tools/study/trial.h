@@ -4,11 +4,12 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <span>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
 
@@ -30,6 +31,14 @@ struct Truth {
 /// ModelError, SimulationError, Interrupted, or Error where there are fewer than two ticks.
 Truth run_machine(const Scene& machine, double duration, double tick, int samples);
 
+/// Tells an estimator, which starts from `start`, the events as they arrive, tick by tick of the
+/// truth, and visits its state at every sample, 0 ... truth.samples(). What the adaptive one wants
+/// identified is, at once. Throws Interrupted.
+void pursue(
+    AdaptiveEstimator& estimator, const State& start, std::span<const ContactEvent> events,
+    const Truth& truth,
+    const std::function<void(Eigen::Index sample, const AdaptiveEstimator::State& state)>& visit);
+
 /// What comes of one estimator in one run. V is (23); "settled": in the second half of the run.
 struct Figures {
   double V_floor = 0.0;  ///< median of V, settled
@@ -47,8 +56,7 @@ struct Figures {
 
 /// `told` is the machine as the estimator knows it, with the start of its estimate; it may have
 /// fewer coordinates than the machine: what they lack counts as zero. `events` as they arrive.
-/// threshold 0: 1e-4 of V at the start. What the adaptive estimator wants identified is, at once.
-/// Throws as AdaptiveEstimator's constructor, or Interrupted.
+/// threshold 0: 1e-4 of V at the start. Throws as AdaptiveEstimator's constructor, or Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
 

@@ -12,8 +12,6 @@
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/wrapped_text.h"
 #include "sprag/files/csv.h"
-#include "sprag/mechanics/instant.h"
-#include "sprag/mechanics/interrupt.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {
@@ -35,28 +33,18 @@ double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine
                       const ModalMachine& part, const std::vector<ContactEvent>& events,
                       const study::Truth& truth) try {
   const Scene told = reduced_scene(scene, part);
-  AnyEstimator estimator(told, truth.tick, kind);
-  AnyEstimator::State state;
-  estimator.start(told.replica, 0, 0, state);
+  AdaptiveEstimator estimator(told, truth.tick, kind);
   const Eigen::Index f = told.model.coordinates();
   Eigen::VectorXd q(f), u(f);
-  auto next = events.begin();
   double squares = 0.0;
   Eigen::Index count = 0;
-  for (Eigen::Index k = 0; k < truth.q.cols(); ++k) {
-    check_interrupt();
-    const auto first = next;
-    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
-    if (k > 0) {
-      estimator.tick({first, next}, state);
-    } else if (first != next) {
-      estimator.apply({first, next}, state);
-    }
-    if (2 * k <= truth.q.cols()) continue;
-    estimator.output(state, q, u);
-    squares += (part.observed * q - whole.observed * truth.q.col(k)).squaredNorm();
-    count += whole.observed.rows();
-  }
+  study::pursue(estimator, told.replica, events, truth,
+                [&](Eigen::Index k, const AdaptiveEstimator::State& state) {
+                  if (2 * k <= truth.q.cols()) return;
+                  estimator.output(state, q, u);
+                  squares += (part.observed * q - whole.observed * truth.q.col(k)).squaredNorm();
+                  count += whole.observed.rows();
+                });
   const double error = std::sqrt(squares / static_cast<double>(count));
   return std::isfinite(error) ? error : infinite;
 } catch (const ModelError&) {
@@ -102,13 +90,6 @@ Outcome outcome_of(const Bench& bench, const ModalMachine& whole, int modes, int
 const char* observed_name(const Bench& bench) { return bench.scene().beam ? "tip" : "gaps"; }
 
 }  // namespace
-
-Scene in_modes(const Scene& scene) {
-  if (scene.beam) return scene;
-  Scene modal = reduced_scene(scene, modal_machine(scene));
-  modal.name = scene.name;
-  return modal;
-}
 
 double observed_motion(const Bench& bench) {
   const ModalMachine whole = modal_machine(bench.scene());

@@ -13,10 +13,6 @@
 
 namespace sprag::tolerance {
 
-/// The machine in coordinates that are its modes; a beam is in them already. Throws ModelError
-/// where damping couples the modes.
-Scene in_modes(const Scene& scene);
-
 struct FewerModes {
   int modes = 0;
   /// By estimator: root mean square of the error of what is observed, the tip of a beam or else the
@@ -28,7 +24,8 @@ struct FewerModes {
 };
 
 /// With 1, 2, 3, ... modes, above 6 not with every number of them, and with all. The bench is one
-/// of a scene that in_modes() has made. The same for any number of threads. Throws Interrupted.
+/// of a scene that in_modes() (sprag/analysis/reduction.h) has made. The same for any number of
+/// threads. Throws Interrupted.
 std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
                                     const std::function<void(double done)>& tell);
 

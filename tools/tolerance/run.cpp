@@ -9,6 +9,7 @@
 #include <optional>
 #include <thread>
 
+#include "sprag/analysis/reduction.h"
 #include "sprag/files/output_file.h"
 #include "tools/plot/script_text.h"
 #include "tools/tolerance/chart.h"
@@ -75,7 +76,7 @@ int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::order
     if (!run.output.empty()) plot::run_gnuplot(chart_script(bench, found, run.output));
   };
   if (run.modes) {
-    const Bench bench(in_modes(scene), run.settings, threads);
+    const Bench bench(in_modes(scene, 0), run.settings, threads);
     conclude(bench, fewer_modes(bench, threads, tell_progress));
   } else {
     const Bench bench(scene, run.settings, threads);
