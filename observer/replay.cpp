@@ -32,19 +32,12 @@ class Replay {
                  scene.model.outputs),
         sample_(estimation_.empty_sample()),
         last_(options.last()),
-        duration_(options.duration) {
-    if (!replay.events.empty()) events_.emplace(replay.events);
-    if (events_) events_->require_good();
-    if (!options.impacts.empty()) {
-      impacts_file_.emplace(options.impacts);
-      impacts_file_->require_good();
-    }
-    if (!options.predictions.empty()) {
-      predictor_.emplace(scene.model);
-      ahead_ = options.predict;
-      predictions_file_.emplace(options.predictions);
-      predictions_file_->require_good();
-    }
+        duration_(options.duration),
+        events_(writer_of<EventsWriter>(replay.events)),
+        impacts_file_(writer_of<ImpactsWriter>(options.impacts)),
+        predictions_file_(writer_of<PredictionsWriter>(options.predictions)),
+        ahead_(options.predict) {
+    if (predictions_file_) predictor_.emplace(scene.model);
     if (impacts_file_ || predictor_) estimation_.estimator.record_in(impacts_);
   }
 
@@ -209,12 +202,12 @@ class Replay {
   EstimateSample sample_;
   std::int64_t last_;
   double duration_;
+  std::optional<EventsWriter> events_;
   std::vector<ImpactRecord> impacts_;  // of ticks that are not handed out yet
   std::optional<ImpactsWriter> impacts_file_;
-  std::optional<Predictor> predictor_;
-  double ahead_ = 0.0;
   std::optional<PredictionsWriter> predictions_file_;
-  std::optional<EventsWriter> events_;
+  std::optional<Predictor> predictor_;
+  double ahead_;
   Notices notices_;
   std::int64_t written_ = 0;
 };

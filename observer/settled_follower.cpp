@@ -18,18 +18,12 @@ SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& opti
     : start_(scene.replica),
       last_(options.last()),
       estimator_(scene, options.tick, options.estimator, options.stepper),
+      writer_(writer_of<ImpactsWriter>(options.impacts)),
       ahead_(options.predict),
+      predictions_(writer_of<PredictionsWriter>(options.predictions)),
       bus_(bus) {
-  if (!options.impacts.empty()) {
-    estimator_.record_in(impacts_);
-    writer_.emplace(options.impacts);
-    writer_->require_good();
-  }
+  if (writer_) estimator_.record_in(impacts_);
   if (ahead_ > 0.0) predictor_.emplace(scene.model);
-  if (!options.predictions.empty()) {
-    predictions_.emplace(options.predictions);
-    predictions_->require_good();
-  }
 }
 
 bool SettledFollower::put(const Settled& item) {

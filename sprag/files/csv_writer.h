@@ -2,6 +2,8 @@
 // remembered until somebody asks.
 #pragma once
 
+#include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -40,5 +42,16 @@ class CsvWriter {
   OutputFile file_;
   std::string row_;
 };
+
+/// A writer of the file, if there is to be one: none where the name is empty. Throws
+/// std::runtime_error where it cannot be written.
+template <typename Writer>
+std::optional<Writer> writer_of(const std::filesystem::path& file) {
+  std::optional<Writer> writer;
+  if (file.empty()) return writer;
+  writer.emplace(file);
+  writer->require_good();
+  return writer;
+}
 
 }  // namespace sprag
