@@ -81,15 +81,31 @@ TEST(Identification, LostAndSpuriousEventsAreTold) {
   EXPECT_FALSE(of_spurious.found.spurious.empty());
 }
 
+constexpr double jitter_of_mended = 1e-4;
+
+std::vector<ContactEvent> jittered_events(const Scene& scene, double duration, unsigned seed) {
+  auto events = events_of(scene, duration);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> jitter(0.0, jitter_of_mended);
+  for (ContactEvent& event : events) event.t += jitter(random);
+  return events;
+}
+
+// The usual parameters are known to 3 %.
+Identification mended(const Scene& scene, const std::vector<ContactEvent>& events) {
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
+  settings.jitter = jitter_of_mended;
+  return identify(scene, events, settings);
+}
+
 // The path is followed backward as well: before the first impacts in a row that are as they were,
 // some events were lost, the very first among them, and others never were.
 TEST(Identification, TheFrontOfARecordIsMended) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
-  auto events = events_of(scene, 30.0);
-  std::mt19937 random(11);
-  std::normal_distribution<double> jitter(0.0, 1e-4);
-  for (ContactEvent& event : events) event.t += jitter(random);
+  auto events = jittered_events(scene, 30.0, 11);
   const std::vector<std::size_t> lost{0, 8, 15, 16};
   std::vector<double> lost_at;
   for (const std::size_t k : lost) lost_at.push_back(events[k].t);
@@ -101,11 +117,7 @@ TEST(Identification, TheFrontOfARecordIsMended) {
                                      [t](const ContactEvent& event) { return event.t > t; });
     events.insert(behind, {t, 0, ContactEventKind::pulse});
   }
-  IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
-  settings.jitter = 1e-4;
-  const Identification found = identify(scene, events, settings);
+  const Identification found = mended(scene, events);
   EXPECT_TRUE(found.fits());
   EXPECT_EQ(found.spurious.size(), 2U);
   ASSERT_EQ(found.missing.size(), lost.size());
@@ -119,17 +131,10 @@ TEST(Identification, TheFrontOfARecordIsMended) {
 TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
-  auto events = events_of(scene, 38.0);
-  std::mt19937 random(12);
-  std::normal_distribution<double> jitter(0.0, 1e-4);
-  for (ContactEvent& event : events) event.t += jitter(random);
+  auto events = jittered_events(scene, 38.0, 12);
   ASSERT_LT(events.size(), 63U);
   for (const std::size_t k : {40U, 20U}) events.erase(events.begin() + k);
-  IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
-  settings.jitter = 1e-4;
-  const Identification found = identify(scene, events, settings);
+  const Identification found = mended(scene, events);
   EXPECT_TRUE(found.fits());
   EXPECT_TRUE(found.spurious.empty());
   EXPECT_EQ(found.missing.size(), 2U);
