@@ -14,6 +14,7 @@
 #include "sprag/analysis/filter_trial.h"
 #include "sprag/analysis/structure.h"
 #include "sprag/analysis/trial.h"
+#include "sprag/mechanics/definiteness.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/scene.h"
 

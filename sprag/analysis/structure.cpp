@@ -1,6 +1,5 @@
 #include "sprag/analysis/structure.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -15,7 +14,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using Solver = Eigen::SelfAdjointEigenSolver<MatrixXd>;
 
 // Modes whose omega^2 differ by less than this share can be mixed at will.
 constexpr double repeated = 1e-9;
@@ -80,30 +78,6 @@ void separate_repeated(const VectorXd& kappa, const MatrixXd& W_hat, MatrixXd& P
 
 }  // namespace
 
-// Rows and columns are first scaled to a unit diagonal: what counts as rounding must not depend on
-// the units of single coordinates.
-Definiteness definiteness(const MatrixXd& matrix) {
-  const VectorXd diagonal = matrix.diagonal();
-  const double largest = diagonal.cwiseAbs().maxCoeff();
-  const double usual = largest > 0.0 ? largest : 1.0;
-  const VectorXd scale =
-      diagonal.unaryExpr([usual](double d) { return 1.0 / std::sqrt(d > 0.0 ? d : usual); });
-  const Solver scaled(scale.asDiagonal() * matrix * scale.asDiagonal());
-  const double rounding = 1e-13 * scaled.eigenvalues().cwiseAbs().maxCoeff();
-
-  Definiteness result;
-  result.semidefinite = scaled.eigenvalues()[0] >= -rounding;
-  const Index zeros = (scaled.eigenvalues().array().abs() <= rounding).count();
-  if (result.semidefinite) {
-    result.null_motions = scale.asDiagonal() * scaled.eigenvectors().leftCols(zeros);
-    result.null_motions.colwise().normalize();
-  }
-  result.smallest = result.semidefinite && zeros > 0
-                        ? 0.0
-                        : Solver(matrix, Eigen::EigenvaluesOnly).eigenvalues()[0];
-  return result;
-}
-
 Directions directions(const Dynamics& dynamics) {
   Directions result;
   const Index m = dynamics.contacts();
@@ -138,7 +112,7 @@ Monotonicity monotonicity(const Dynamics& dynamics) {
   } else {
     criterion = G - epsilon.asDiagonal() * G * epsilon.asDiagonal();
   }
-  result.margin = Solver(criterion, Eigen::EigenvaluesOnly).eigenvalues()[0];
+  result.margin = eigenvalues(criterion)[0];
   return result;
 }
 

@@ -1,6 +1,5 @@
-// What the matrices of a machine say about synchronization, without simulating it: definiteness of
-// M, C and K, independence of the contacts' directions, monotonicity of the impact law, and which
-// modes the contacts see.
+// What the matrices of a machine say about synchronization, without simulating it: independence of
+// the contacts' directions, monotonicity of the impact law, and which modes the contacts see.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,16 +10,6 @@
 #include "sprag/mechanics/model.h"
 
 namespace sprag {
-
-struct Definiteness {
-  double smallest = 0.0;         ///< eigenvalue; zero if it is so within rounding
-  bool semidefinite = false;     ///< within rounding
-  Eigen::MatrixXd null_motions;  ///< unit columns that the matrix takes to zero
-
-  bool definite() const { return semidefinite && null_motions.cols() == 0; }
-};
-
-Definiteness definiteness(const Eigen::MatrixXd& matrix);
 
 /// W in the metric M^-1, its columns brought to length 1.
 struct Directions {

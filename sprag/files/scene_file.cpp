@@ -16,6 +16,7 @@
 #include "sprag/files/confidence_columns.h"
 #include "sprag/files/toml_reader.h"
 #include "sprag/identification/unknowns.h"
+#include "sprag/mechanics/definiteness.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
@@ -159,29 +160,6 @@ std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, 
   return contacts;
 }
 
-struct Definiteness {
-  double smallest;    // eigenvalue
-  bool semidefinite;  // up to rounding
-  bool definite;      // beyond rounding
-};
-
-// Rows and columns are first scaled to a unit diagonal, which keeps all signs: what counts as
-// rounding must not depend on the units of single coordinates.
-Definiteness definiteness(const Eigen::MatrixXd& given) {
-  const double largest_entry = given.cwiseAbs().maxCoeff();
-  const double unit = largest_entry > 0.0 ? power_of_two_above(largest_entry) : 1.0;
-  const Eigen::MatrixXd matrix = given / unit;
-  const Eigen::VectorXd diagonal = matrix.diagonal();
-  const double largest = diagonal.cwiseAbs().maxCoeff();
-  const double usual = largest > 0 ? largest : 1.0;
-  const Eigen::VectorXd scale =
-      diagonal.unaryExpr([usual](double d) { return 1 / std::sqrt(d > 0 ? d : usual); });
-  const Eigen::VectorXd scaled = eigenvalues(scale.asDiagonal() * matrix * scale.asDiagonal());
-  const double rounding = 1e-13 * scaled.cwiseAbs().maxCoeff();
-  return {unit * eigenvalues(matrix).minCoeff(), scaled.minCoeff() >= -rounding,
-          scaled.minCoeff() > rounding};
-}
-
 Eigen::MatrixXd read_semidefinite(const TomlTable& table, std::string_view key, Eigen::Index f) {
   Eigen::MatrixXd matrix = table.symmetric_matrix(key);
   if (matrix.rows() != f) {
@@ -253,7 +231,7 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   Model& model = scene.model;
   model.M = table.symmetric_matrix("M");
   const Definiteness signs = definiteness(model.M);
-  if (!signs.definite) {
+  if (!signs.definite()) {
     table.fail("M",
                "has the eigenvalue " + rounded(signs.smallest) + "; must be positive definite");
   }
