@@ -81,6 +81,11 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
 
 const MachineFamily& AdaptiveEstimator::Joint::require_modal(const MachineFamily& family) {
   for (const Unknown& unknown : family.unknowns()) {
+    if (is_common(unknown)) {
+      throw ModelError("adapt.free: " + unknown.key +
+                       " stands for several numbers that differ; an adaptive estimator seeks them "
+                       "one by one");
+    }
     if (unknown.kind != Unknown::Kind::damping_entry &&
         unknown.kind != Unknown::Kind::stiffness_entry) {
       continue;

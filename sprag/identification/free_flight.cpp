@@ -39,6 +39,30 @@ void FreeFlight::move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const 
   }
 }
 
+void FreeFlight::move(ContactSet held, double t, double tau, Eigen::VectorXd& y,
+                      Eigen::VectorXd& u) const {
+  if (held == 0) {
+    move(tau, y, u);
+    return;
+  }
+  const HeldFlight& flight = held_.try_emplace(held, machine_, held).first->second;
+  Eigen::MatrixXd Y = y, U = u;
+  const auto add_offset = [&](double at, double sign) {
+    for (Eigen::Index j = 0; j < machine_.groups(); ++j) {
+      const double Omega = machine_.frequencies[j];
+      const std::complex<double> z = sign * std::polar(1.0, Omega * at) *
+                                     std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]);
+      Y += (z * flight.offset().col(j)).real();
+      U -= Omega * (z * flight.offset().col(j)).imag();
+    }
+  };
+  add_offset(t, 1.0);
+  flight.move(tau, constants_, Y, U);
+  add_offset(t + tau, -1.0);
+  y = Y;
+  u = U;
+}
+
 double FreeFlight::gap(int contact, const Eigen::VectorXd& y, double t) const {
   const Eigen::Index G = machine_.groups();
   double g = machine_.W.col(contact).dot(y) + inputs_[2 * G + constants_.size() + contact];
@@ -61,8 +85,8 @@ double FreeFlight::gap_velocity(int contact, const Eigen::VectorXd& u, double t)
   return gamma;
 }
 
-void FreeFlight::hit(int contact, double t, Eigen::VectorXd& u) const {
-  u -= machine_.jump.col(contact) * gap_velocity(contact, u, t);
+void FreeFlight::hit(int contact, double t, Eigen::VectorXd& u, ContactSet staying) const {
+  u -= jump_of(machine_, contact, staying) * gap_velocity(contact, u, t);
 }
 
 // gamma+ = -epsilon gamma-, and W^T jump = 1 + epsilon.
@@ -110,15 +134,17 @@ std::optional<Impact> FreeFlight::next_impact(Eigen::VectorXd y, Eigen::VectorXd
   return std::nullopt;
 }
 
-double FreeFlight::deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until) const {
+double FreeFlight::deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until,
+                           ContactSet held) const {
   constexpr int least = 4, most = 200;
   const double wanted = step_ > 0.0 ? (until - t) / step_ : least;
   const int samples = static_cast<int>(std::clamp(std::ceil(wanted), 1.0 * least, 1.0 * most));
   const double h = (until - t) / samples;
   double lowest = 0.0;
   for (int k = 1; k < samples; ++k) {
-    move(h, y, u);
+    move(held, t + (k - 1) * h, h, y, u);
     for (int i = 0; i < static_cast<int>(machine_.W.cols()); ++i) {
+      if (contains(held, i)) continue;
       lowest = std::min(lowest, gap(i, y, t + k * h));
     }
   }
@@ -129,21 +155,37 @@ namespace {
 
 constexpr double sure = 5.0;  // standard deviations
 
-// The gaps of all contacts in the middle of each flight, and gamma- of each impact.
+// To impact k from the one before it, or the start: visit(from, to, held) before each leg.
+template <typename Visit>
+void fly(const FreeFlight& flight, const Stretch& stretch, std::size_t k, Eigen::VectorXd& y,
+         Eigen::VectorXd& u, Visit visit) {
+  for_each_leg(stretch, k, [&](double from, double to, ContactSet held, const Passage* passage) {
+    visit(from, to, held);
+    flight.move(held, from, to - from, y, u);
+    if (passage == nullptr || passage->contact < 0) return;
+    flight.hit(passage->contact, to, u, passage->staying);
+  });
+}
+
+// The gaps of all contacts in the middle of each flight, the last part of it where something
+// happens on the way, and gamma- of each impact.
 Eigen::VectorXd gaps_of(const FreeFlight& flight, int contacts, const Stretch& stretch,
                         const Eigen::VectorXd& x0) {
   const Eigen::Index n = x0.size() / 2, N = static_cast<Eigen::Index>(stretch.size());
   Eigen::VectorXd y = x0.head(n), u = x0.tail(n), gaps(N * (contacts + 1));
-  double t = stretch.start;
   for (Eigen::Index k = 0; k < N; ++k) {
     const Impact& impact = stretch.impacts[static_cast<std::size_t>(k)];
-    const double half = 0.5 * (impact.t - t);
-    flight.move(half, y, u);
-    for (int i = 0; i < contacts; ++i) gaps[k * (contacts + 1) + i] = flight.gap(i, y, t + half);
-    flight.move(half, y, u);
+    const auto in_the_middle = [&](double from, double to, ContactSet held) {
+      const double half = 0.5 * (to - from);
+      Eigen::VectorXd y_half = y, u_half = u;
+      flight.move(held, from, half, y_half, u_half);
+      for (int i = 0; i < contacts; ++i) {
+        gaps[k * (contacts + 1) + i] = flight.gap(i, y_half, from + half);
+      }
+    };
+    fly(flight, stretch, static_cast<std::size_t>(k), y, u, in_the_middle);
     gaps[k * (contacts + 1) + contacts] = flight.gap_velocity(impact.contact, u, impact.t);
-    flight.hit(impact.contact, impact.t, u);
-    t = impact.t;
+    flight.hit(impact.contact, impact.t, u, impact.staying);
   }
   return gaps;
 }
@@ -182,20 +224,20 @@ std::vector<StretchPath> check_paths(const MachineFamily& family, const Likeliho
                              square(jitter) * solution.x0_covariance[s]);
     Eigen::VectorXd y = solution.x0[s].head(family.n()), u = solution.x0[s].tail(family.n());
     const double speed = gamma.cwiseAbs().mean();
-    double t = stretch.start;
     StretchPath check;
     for (std::size_t k = 0; k < stretch.size(); ++k) {
       const Impact& impact = stretch.impacts[k];
       const auto i = static_cast<Eigen::Index>(k);
       const double of_gaps = unknown.segment(i * (contacts + 1), contacts).maxCoeff();
-      const double deepest = -flight.deepest(y, u, t, impact.t);
+      double deepest = 0.0;
+      fly(flight, stretch, k, y, u, [&](double from, double to, ContactSet held) {
+        deepest = std::max(deepest, -flight.deepest(y, u, from, to, held));
+      });
       check.inside = std::max(check.inside, (deepest - of_gaps) / speed);
       check.unknown = std::max(check.unknown, of_gaps / usual);
       const double of_gamma = unknown[i * (contacts + 1) + contacts];
       if (!(gamma[i] < of_gamma)) check.hit_from_inside = true;
-      flight.move(impact.t - t, y, u);
-      flight.hit(impact.contact, impact.t, u);
-      t = impact.t;
+      flight.hit(impact.contact, impact.t, u, impact.staying);
     }
     checks.push_back(check);
   }

@@ -1,10 +1,12 @@
-// A machine that flies freely from any state, hit by nothing: where it is, and what it meets next.
+// A machine that flies from any state, hit by nothing, and what it meets next.
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <optional>
 #include <vector>
 
+#include "sprag/identification/held_flight.h"
 #include "sprag/identification/machine_family.h"
 #include "sprag/identification/maximum_likelihood.h"
 #include "sprag/identification/record.h"
@@ -18,10 +20,12 @@ class FreeFlight {
 
   /// Moves the free part of the motion by tau.
   void move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const;
+  /// The same from t on, while these contacts are held.
+  void move(ContactSet held, double t, double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const;
   double gap(int contact, const Eigen::VectorXd& y, double t) const;
   double gap_velocity(int contact, const Eigen::VectorXd& u, double t) const;
-  /// The impact of a contact: changes u.
-  void hit(int contact, double t, Eigen::VectorXd& u) const;
+  /// The impact of a contact, those of `staying` being held from then on: changes u.
+  void hit(int contact, double t, Eigen::VectorXd& u, ContactSet staying = 0) const;
 
   /// Changes u behind an impact to that before it; its restitution is not zero.
   void undo_hit(int contact, double t, Eigen::VectorXd& u) const;
@@ -34,13 +38,16 @@ class FreeFlight {
   std::optional<Impact> next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
                                     double until) const;
 
-  /// The lowest gap of all contacts between t and `until`, at samples [m]; at most 0.
-  double deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until) const;
+  /// The lowest gap between t and `until`, at samples, of all contacts but those that are held
+  /// meanwhile [m]; at most 0.
+  double deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until,
+                 ContactSet held = 0) const;
 
  private:
   const Machine& machine_;
   Eigen::VectorXd inputs_, constants_;
   double step_ = 0.0;
+  mutable std::map<ContactSet, HeldFlight> held_;
 };
 
 /// What is wrong with a stretch of a solution, beyond what its times leave unknown of its path.

@@ -21,8 +21,8 @@ constexpr double least_jitter = 1e-10;  // times cannot be told apart
 constexpr double untold = 0.05;         // unknown of a stretch's path, of which it tells nothing
 constexpr double promising = 2e-3;  // a search ends where less is left, if the jitter is not told
 constexpr double largest_jitter = 0.02;  // more than this is no jitter
-// Impacts nearer to each other are not told apart where times jitter, and where they do not.
-constexpr double close = 0.0065, close_if_exact = 3e-4;
+// Impacts nearer to each other are not told apart; where they do not fit so, not these either.
+constexpr double close = 3e-4, less_close = 0.0065;
 constexpr double close_in_jitters = 10.0;
 constexpr double search_in_jitters = 30.0;
 // A flight that all but touches may seem to pass through, where its state is least sure.
@@ -76,13 +76,20 @@ class Identifier {
   std::span<const ContactEvent> events_;
   const IdentificationSettings& settings_;
   MachineFamily family_;
-  Stretches stretches_of(double closest) const;
+  Stretches stretches_of(double closest, bool through_contact) const;
 
   double interval_ = 0.0;
 };
 
-Stretches Identifier::stretches_of(double closest) const {
+Stretches Identifier::stretches_of(double closest, bool through_contact) const {
   RecordSettings record;
+  if (through_contact) {
+    record.can_follow = [nominal = family_.at(family_.nominal())](int contact, ContactSet held,
+                                                                  ContactSet staying) {
+      return is_one_impact(nominal, contact, held, staying);
+    };
+  }
+  record.exact = settings_.jitter == 0.0;
   record.begins = settings_.begins;
   record.closed = settings_.closed;
   record.close = std::max(closest * interval_, close_in_jitters * settings_.jitter.value_or(0.0));
@@ -313,8 +320,7 @@ Identification Identifier::run() {
   whole.begins = settings_.begins;
   whole.closed = settings_.closed;
   interval_ = usual_interval(cut(events_, whole, 2));
-  const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
-  Stretches stretches = stretches_of(jitters ? close : close_if_exact);
+  Stretches stretches = stretches_of(close, settings_.through_contact);
   if (equations(stretches) < needed(stretches)) {
     throw TooFewImpacts(
         stretches.empty()
@@ -328,14 +334,17 @@ Identification Identifier::run() {
     if (event.kind == ContactEventKind::pulse) ++result.left_out;
   }
   Attempt best = attempt(stretches);
-  // Where a jitter is not told, impacts near to each other may be told apart, or not.
-  Stretches coarse = stretches_of(close);
-  if (best.problem != FitProblem::none && !settings_.jitter && count(coarse) != count(stretches) &&
-      equations(coarse) >= needed(coarse)) {
+  // Bounces of a chatter may be too near to each other for their jitter.
+  const Stretches coarse = stretches_of(less_close, settings_.through_contact);
+  if (best.problem != FitProblem::none && settings_.jitter != 0.0 &&
+      count(coarse) != count(stretches) && equations(coarse) >= needed(coarse)) {
     Attempt other = attempt(coarse);
     if (other.problem == FitProblem::none) best = std::move(other);
   }
-  if (best.problem != FitProblem::none && settings_.mend) mends(stretches, best, result);
+  if (best.problem != FitProblem::none && settings_.mend) {
+    const Stretches flights = stretches_of(close, false);
+    if (!flights.empty()) mends(flights, best, result);
+  }
   if (best.solution.values.size() != family_.nominal().size()) {
     result.problem = FitProblem::not_found;
     result.interval = interval_;
@@ -343,8 +352,15 @@ Identification Identifier::run() {
     return result;
   }
   describe(best, result);
-  result.left_out =
-      std::max(0, result.left_out - result.impacts - static_cast<int>(result.spurious.size()));
+  result.left_out -= result.impacts + static_cast<int>(result.spurious.size());
+  for (const Stretch& stretch : best.stretches) {
+    for (const Impact& impact : stretch.impacts) {
+      result.left_out -= static_cast<int>(
+          std::count_if(impact.passed.begin(), impact.passed.end(),
+                        [](const Passage& passage) { return passage.contact >= 0; }));
+    }
+  }
+  result.left_out = std::max(0, result.left_out);
   predict(best, result);
   // What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its
   // jitter that of the rest.

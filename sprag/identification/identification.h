@@ -31,6 +31,7 @@ struct IdentificationSettings {
   double begins = 0.0;            ///< all events since then are known [s]
   ContactSet closed = 0;          ///< there
   bool mend = true;               ///< look for events that are spurious or were lost
+  bool through_contact = true;    ///< follow the path where contacts stay closed as well
 };
 
 struct FittedUnknown {

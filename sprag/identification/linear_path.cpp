@@ -1,6 +1,7 @@
 #include "sprag/identification/linear_path.h"
 
 #include <algorithm>
+#include <bit>
 #include <complex>
 
 #include "sprag/identification/coupled_step.h"
@@ -34,20 +35,71 @@ bool same(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return a.rows() == b.rows() && a.cols() == b.cols() && a == b;
 }
 
+bool same(const Machine& a, const Machine& b) {
+  return a.modal == b.modal && same(a.C, b.C) && same(a.K, b.K) && same(a.W, b.W) &&
+         same(a.jump, b.jump) && same(a.frequencies, b.frequencies) &&
+         a.gap_response.size() == b.gap_response.size() && a.gap_response == b.gap_response;
+}
+
+// Whether something happens on the way to impact k.
+bool is_eventful(const Stretch& stretch, std::size_t k) {
+  const ContactSet held = k > 0 ? stretch.impacts[k - 1].staying : stretch.held;
+  return held != 0 || !stretch.impacts[k].passed.empty();
+}
+
+bool is_eventful(const Stretch& stretch) {
+  for (std::size_t k = 0; k < stretch.size(); ++k) {
+    if (is_eventful(stretch, k)) return true;
+  }
+  return false;
+}
+
+bool holds_any(const Stretch& stretch) {
+  return std::any_of(stretch.impacts.begin(), stretch.impacts.end(),
+                     [](const Impact& impact) { return (impact.held | impact.staying) != 0; });
+}
+
+// The harmonics' e^(i Omega t).
+Eigen::VectorXcd phases(const Machine& machine, double t) {
+  Eigen::VectorXcd of(machine.groups());
+  for (Eigen::Index g = 0; g < of.size(); ++g) of[g] = std::polar(1.0, machine.frequencies[g] * t);
+  return of;
+}
+
+// The machine's steady response with contacts held is less than the free one by this: added to the
+// columns of the harmonics, `sign` times.
+void add_offset(const Machine& machine, const HeldFlight& held, double t, double sign,
+                Eigen::Index first, Eigen::MatrixXd& Y, Eigen::MatrixXd& U) {
+  const Eigen::VectorXcd phase = phases(machine, t);
+  for (Eigen::Index g = 0; g < phase.size(); ++g) {
+    const Eigen::VectorXcd y = sign * phase[g] * held.offset().col(g);
+    Y.col(first + 2 * g) += y.real();
+    Y.col(first + 2 * g + 1) -= y.imag();
+    U.col(first + 2 * g) -= machine.frequencies[g] * y.imag();
+    U.col(first + 2 * g + 1) -= machine.frequencies[g] * y.real();
+  }
+}
+
 }  // namespace
 
 void Flights::set(const Machine& machine, const Stretches& stretches) {
   std::vector<std::vector<double>> intervals = intervals_of(stretches);
-  if (machine.modal == modal_ && same(machine.C, C_) && same(machine.K, K_) &&
-      intervals == intervals_) {
-    return;
+  const bool as_before = machine.modal == modal_ && same(machine.C, C_) && same(machine.K, K_) &&
+                         intervals == intervals_;
+  if (!as_before) {
+    intervals_ = std::move(intervals);
+    set_free(machine);
   }
+  G_ = machine.groups();
+  set_composed(machine, stretches);
+}
+
+void Flights::set_free(const Machine& machine) {
   modal_ = machine.modal;
   n_ = machine.n();
   C_ = machine.C;
   K_ = machine.K;
   constant_forces_ = machine.constant_forces;
-  intervals_ = std::move(intervals);
   first_.clear();
   modes_.clear();
   transitions_.clear();
@@ -75,11 +127,90 @@ void Flights::set(const Machine& machine, const Stretches& stretches) {
   }
 }
 
+void Flights::set_composed(const Machine& machine, const Stretches& stretches) {
+  const bool any = std::any_of(stretches.begin(), stretches.end(),
+                               [](const Stretch& stretch) { return is_eventful(stretch); });
+  if (!any) {
+    number_.clear();
+    stretches_.clear();
+    return;
+  }
+  const bool same_machine = !stretches_.empty() && same(machine, machine_);
+  if (same_machine && stretches == stretches_) return;
+  if (!same_machine) {
+    machine_ = machine;
+    held_.clear();
+  }
+  stretches_ = stretches;
+  number_.clear();
+  composed_.clear();
+  for (const Stretch& stretch : stretches) {
+    if (holds_any(stretch)) {
+      for (const Impact& impact : stretch.impacts) {
+        if (impact.held != 0) held_flight(impact.held);
+        if (impact.staying != 0) held_flight(impact.staying);
+      }
+    }
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      number_.push_back(is_eventful(stretch, k) ? composed_.size() : none);
+      if (number_.back() != none) compose(stretch, k);
+    }
+  }
+}
+
+const HeldFlight& Flights::held_flight(ContactSet held) {
+  return held_.try_emplace(held, machine_, held).first->second;
+}
+
+void Flights::compose(const Stretch& stretch, std::size_t k) {
+  const Eigen::Index J = constant_forces_.cols(), inputs = 2 * n_;
+  const Eigen::Index columns = 2 * n_ + 2 * G_ + J;
+  Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(n_, columns), U = Y;
+  Y.leftCols(n_).setIdentity();
+  U.middleCols(n_, n_).setIdentity();
+  Eigen::MatrixXd constants = Eigen::MatrixXd::Zero(J, columns);
+  constants.rightCols(J).setIdentity();
+  for_each_leg(stretch, k, [&](double from, double to, ContactSet held, const Passage* passage) {
+    if (held != 0) {
+      const HeldFlight& flight = held_flight(held);
+      add_offset(machine_, flight, from, 1.0, inputs, Y, U);
+      flight.move(to - from, constants, Y, U);
+      add_offset(machine_, flight, to, -1.0, inputs, Y, U);
+    } else if (modal_) {
+      const Eigen::MatrixXd alpha = constant_forces_ * constants;
+      for (Eigen::Index i = 0; i < n_; ++i) {
+        const OscillatorStep step = oscillator_step(0.5 * C_(i, 0), K_(i, 0), to - from);
+        for (Eigen::Index j = 0; j < columns; ++j) step.apply(alpha(i, j), Y(i, j), U(i, j));
+      }
+    } else {
+      Eigen::MatrixXd X(2 * n_ + J, columns);
+      X << Y, U, constants;
+      const Eigen::MatrixXd moved = coupled_step(C_, K_, constant_forces_, to - from) * X;
+      Y = moved.topRows(n_);
+      U = moved.bottomRows(n_);
+    }
+    if (passage == nullptr || passage->contact < 0) return;
+    const int contact = passage->contact;
+    Eigen::RowVectorXd gamma = machine_.W.col(contact).transpose() * U;
+    const Eigen::VectorXcd phase = phases(machine_, to);
+    for (Eigen::Index g = 0; g < G_; ++g) {
+      const std::complex<double> steady = machine_.gap_response(contact, g) * phase[g];
+      gamma[inputs + 2 * g] -= machine_.frequencies[g] * steady.imag();
+      gamma[inputs + 2 * g + 1] -= machine_.frequencies[g] * steady.real();
+    }
+    U -= jump_of(machine_, contact, passage->staying) * gamma;
+  });
+  composed_.emplace_back(2 * n_, columns);
+  composed_.back() << Y, U;
+}
+
 void Flights::move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eigen::Index columns,
-                   Eigen::Index forced) const {
+                   Eigen::Index inputs) const {
   const std::size_t flight = first_[s] + k;
   const Eigen::Index J = constant_forces_.cols();
-  if (modal_) {
+  const bool composed = !number_.empty() && number_[flight] != none;
+  const Eigen::Index forced = inputs + 2 * G_;
+  if (modal_ && !composed) {
     const OscillatorStep* const of = modes_.data() + flight * static_cast<std::size_t>(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
       const OscillatorStep& mode = of[i];
@@ -97,32 +228,36 @@ void Flights::move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eig
     }
     return;
   }
-  const Eigen::MatrixXd& Phi = transitions_[flight];
+  const Eigen::MatrixXd& Phi = composed ? composed_[number_[flight]] : transitions_[flight];
   X_.resize(2 * n_, columns);
   X_.topRows(n_) = Y.leftCols(columns);
   X_.bottomRows(n_) = U.leftCols(columns);
   moved_columns_.noalias() = Phi.leftCols(2 * n_).lazyProduct(X_);
-  for (Eigen::Index j = 0; j < J && forced + j < columns; ++j) {
-    moved_columns_.col(forced + j) += Phi.col(2 * n_ + j);
+  const Eigen::Index first = composed ? inputs : forced;
+  for (Eigen::Index j = 0; 2 * n_ + j < Phi.cols() && first + j < columns; ++j) {
+    moved_columns_.col(first + j) += Phi.col(2 * n_ + j);
   }
   Y.leftCols(columns) = moved_columns_.topRows(n_);
   U.leftCols(columns) = moved_columns_.bottomRows(n_);
 }
 
 void Flights::move(std::size_t s, std::size_t k, Eigen::VectorXd& y, Eigen::VectorXd& u,
-                   const Eigen::VectorXd& constants) const {
+                   const Eigen::VectorXd& inputs) const {
   const std::size_t flight = first_[s] + k;
   const Eigen::Index J = constant_forces_.cols();
-  if (modal_) {
+  const bool composed = !number_.empty() && number_[flight] != none;
+  if (modal_ && !composed) {
+    const auto constants = inputs.segment(2 * G_, J);
     const OscillatorStep* const of = modes_.data() + flight * static_cast<std::size_t>(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
       of[i].apply(J > 0 ? constant_forces_.row(i).dot(constants) : 0.0, y[i], u[i]);
     }
     return;
   }
-  const Eigen::MatrixXd& Phi = transitions_[flight];
-  x_.resize(2 * n_ + J);
-  x_ << y, u, constants;
+  const Eigen::MatrixXd& Phi = composed ? composed_[number_[flight]] : transitions_[flight];
+  const Eigen::Index of_inputs = Phi.cols() - 2 * n_;
+  x_.resize(Phi.cols());
+  x_ << y, u, inputs.segment(composed ? 0 : 2 * G_, of_inputs);
   moved_.noalias() = Phi.lazyProduct(x_);
   y = moved_.head(n_);
   u = moved_.tail(n_);
@@ -155,12 +290,13 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
   const auto N = static_cast<Eigen::Index>(stretch.size());
   rows.A.resize(N, columns);
   rows.Gamma.resize(N, columns);
+  Eigen::VectorXd of_contact;
   RowMatrix Y = RowMatrix::Zero(n, moving), U = RowMatrix::Zero(n, moving);
   Y.leftCols(n).setIdentity();
   U.middleCols(n, n).setIdentity();
   for (Eigen::Index k = 0; k < N; ++k) {
     const int contact = stretch.impacts[static_cast<std::size_t>(k)].contact;
-    flights.move(s, static_cast<std::size_t>(k), Y, U, moving, 2 * n + 2 * G);
+    flights.move(s, static_cast<std::size_t>(k), Y, U, moving, 2 * n);
     double* const a = &rows.A(k, 0);
     double* const gamma = &rows.Gamma(k, 0);
     std::fill(a, a + columns, 0.0);
@@ -184,31 +320,55 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
       gamma[2 * n + 2 * g + 1] -= Omega * steady.real();
     }
     a[2 * n + 2 * G + J + contact] = 1.0;
+    const ContactSet staying = stretch.impacts[static_cast<std::size_t>(k)].staying;
+    if (staying != 0) of_contact = jump_of(machine, contact, staying);
+    const double* const jump = staying != 0 ? of_contact.data() : &machine.jump(0, contact);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const double jump = machine.jump(i, contact);
       double* const u = &U(i, 0);
-      for (Eigen::Index j = 0; j < moving; ++j) u[j] -= jump * gamma[j];
+      for (Eigen::Index j = 0; j < moving; ++j) u[j] -= jump[i] * gamma[j];
     }
   }
 }
 
-void release_rows(const Machine& machine, const Stretch& stretch, PathRows& rows) {
+void start_rows(const Machine& machine, const Stretch& stretch, PathRows& rows) {
   const Eigen::Index n = machine.n(), G = machine.groups(), J = machine.constant_forces.cols();
-  const auto w = machine.W.col(stretch.released).transpose();
-  rows.A.setZero(1, 2 * n + machine.inputs());
+  rows.A.setZero(std::popcount(stretch.closed), 2 * n + machine.inputs());
   rows.Gamma = rows.A;
-  rows.A.row(0).head(n) = w;
-  rows.Gamma.row(0).segment(n, n) = w;
+  const Eigen::VectorXcd phase = phases(machine, stretch.start);
+  Eigen::Index row = 0;
+  for_each(stretch.closed, [&](int contact) {
+    const auto w = machine.W.col(contact).transpose();
+    rows.A.row(row).head(n) = w;
+    rows.Gamma.row(row).segment(n, n) = w;
+    for (Eigen::Index g = 0; g < G; ++g) {
+      const double Omega = machine.frequencies[g];
+      const std::complex<double> steady = machine.gap_response(contact, g) * phase[g];
+      rows.A(row, 2 * n + 2 * g) = steady.real();
+      rows.A(row, 2 * n + 2 * g + 1) = -steady.imag();
+      rows.Gamma(row, 2 * n + 2 * g) = -Omega * steady.imag();
+      rows.Gamma(row, 2 * n + 2 * g + 1) = -Omega * steady.real();
+    }
+    rows.A(row, 2 * n + 2 * G + J + contact) = 1.0;
+    ++row;
+  });
+}
+
+Eigen::VectorXd Flights::force(const Machine& machine, ContactSet held, double t,
+                               const Eigen::VectorXd& y, const Eigen::VectorXd& u,
+                               const Eigen::VectorXd& inputs) const {
+  Eigen::VectorXd moved =
+      -(machine.modal
+            ? Eigen::VectorXd(machine.C.col(0).cwiseProduct(u) + machine.K.col(0).cwiseProduct(y))
+            : Eigen::VectorXd(machine.C * u + machine.K * y));
+  const Eigen::Index G = machine.groups(), J = machine.constant_forces.cols();
+  if (J > 0) moved += machine.constant_forces * inputs.segment(2 * G, J);
+  Eigen::VectorXd rates = machine.W.transpose() * moved;
+  const Eigen::VectorXcd phase = phases(machine, t);
   for (Eigen::Index g = 0; g < G; ++g) {
-    const double Omega = machine.frequencies[g];
-    const std::complex<double> steady =
-        machine.gap_response(stretch.released, g) * std::polar(1.0, Omega * stretch.start);
-    rows.A(0, 2 * n + 2 * g) = steady.real();
-    rows.A(0, 2 * n + 2 * g + 1) = -steady.imag();
-    rows.Gamma(0, 2 * n + 2 * g) = -Omega * steady.imag();
-    rows.Gamma(0, 2 * n + 2 * g + 1) = -Omega * steady.real();
+    const std::complex<double> z = std::complex<double>(inputs[2 * g], inputs[2 * g + 1]);
+    rates -= square(machine.frequencies[g]) * (machine.gap_response.col(g) * (z * phase[g])).real();
   }
-  rows.A(0, 2 * n + 2 * G + J + stretch.released) = 1.0;
+  return held_.at(held).force(rates);
 }
 
 void follow(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
@@ -221,12 +381,15 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
   path.gamma_rate.resize(N);
   path.y = x0.head(n);
   path.u = x0.tail(n);
-  const Eigen::VectorXd constants = inputs.segment(2 * G, J);
   Eigen::VectorXd force_rate = Eigen::VectorXd::Zero(machine.W.cols());
-  if (J > 0) force_rate = machine.W.transpose() * (machine.constant_forces * constants);
+  if (J > 0) {
+    force_rate = machine.W.transpose() * (machine.constant_forces * inputs.segment(2 * G, J));
+  }
+  path.force_drop.setZero(n, holds_any(stretch) ? N : 0);
   for (Eigen::Index k = 0; k < N; ++k) {
-    const int contact = stretch.impacts[static_cast<std::size_t>(k)].contact;
-    flights.move(s, static_cast<std::size_t>(k), path.y, path.u, constants);
+    const Impact& impact = stretch.impacts[static_cast<std::size_t>(k)];
+    const int contact = impact.contact;
+    flights.move(s, static_cast<std::size_t>(k), path.y, path.u, inputs);
     const auto w = machine.W.col(contact);
     double g = w.dot(path.y) + inputs[2 * G + J + contact];
     double gamma = w.dot(path.u);
@@ -247,11 +410,38 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
       gamma -= Omega * steady.imag();
       rate -= Omega * Omega * steady.real();
     }
+    if (impact.held != 0) {
+      const Eigen::VectorXd force =
+          flights.force(machine, impact.held, impact.t, path.y, path.u, inputs);
+      path.force_drop.col(k) += force;
+      rate += w.dot(force);
+    }
     path.g[k] = g;
     path.gamma[k] = gamma;
     path.gamma_rate[k] = rate;
-    path.u -= machine.jump.col(contact) * gamma;
+    if (impact.staying == 0) {
+      path.u -= machine.jump.col(contact) * gamma;
+    } else {
+      path.u -= jump_of(machine, contact, impact.staying) * gamma;
+      path.force_drop.col(k) -=
+          flights.force(machine, impact.staying, impact.t, path.y, path.u, inputs);
+    }
   }
+}
+
+void effect_of_time(const Machine& machine, const Stretch& stretch, std::size_t k, const Path& path,
+                    Eigen::VectorXd& on_y, Eigen::VectorXd& on_u) {
+  const Impact& impact = stretch.impacts[k];
+  const auto i = static_cast<Eigen::Index>(k);
+  const Eigen::VectorXd jump = jump_of(machine, impact.contact, impact.staying);
+  on_y = jump * path.gamma[i];
+  on_u = -jump * path.gamma_rate[i];
+  if (machine.modal) {
+    on_u -= machine.C.col(0).cwiseProduct(on_y);
+  } else {
+    on_u -= machine.C * on_y;
+  }
+  if (path.force_drop.cols() > 0) on_u += path.force_drop.col(i);
 }
 
 void time_derivatives(const Machine& machine, const Flights& flights, const Stretch& stretch,
@@ -260,25 +450,21 @@ void time_derivatives(const Machine& machine, const Flights& flights, const Stre
   const auto N = static_cast<Eigen::Index>(stretch.size());
   G.setZero(N, N);
   RowMatrix Y = RowMatrix::Zero(n, N), U = RowMatrix::Zero(n, N);
-  Eigen::VectorXd gamma(N);
+  Eigen::VectorXd gamma(N), on_y, on_u;
   for (Eigen::Index k = 0; k < N; ++k) {
-    const int contact = stretch.impacts[static_cast<std::size_t>(k)].contact;
-    const auto w = machine.W.col(contact);
-    const Eigen::VectorXd jump = machine.jump.col(contact);
+    const Impact& impact = stretch.impacts[static_cast<std::size_t>(k)];
+    const auto w = machine.W.col(impact.contact);
     if (k > 0) {
+      const Eigen::VectorXd jump = jump_of(machine, impact.contact, impact.staying);
       flights.move(s, static_cast<std::size_t>(k), Y, U, k, k);
       G.row(k).head(k).noalias() = w.transpose().lazyProduct(Y.leftCols(k));
       gamma.head(k).noalias() = U.leftCols(k).transpose().lazyProduct(w);
       U.leftCols(k).noalias() -= jump.lazyProduct(gamma.head(k).transpose());
     }
     G(k, k) = path.gamma[k];
-    // What the impact does comes later, and with another velocity.
-    Y.col(k) = jump * path.gamma[k];
-    if (machine.modal) {
-      U.col(k) = -jump * path.gamma_rate[k] - machine.C.col(0).cwiseProduct(Y.col(k));
-    } else {
-      U.col(k) = -jump * path.gamma_rate[k] - machine.C * Y.col(k);
-    }
+    effect_of_time(machine, stretch, static_cast<std::size_t>(k), path, on_y, on_u);
+    Y.col(k) = on_y;
+    U.col(k) = on_u;
   }
   if (end == nullptr) return;
   end->resize(2 * n, N);

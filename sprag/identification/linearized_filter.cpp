@@ -34,7 +34,7 @@ LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit
       interval_(fit.interval) {
   told_ = fit.jitter_told && fit.jitter > resolved * interval_;
   base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
-  // Of a release the filter knows nothing.
+  // Of contacts that were closed the filter knows nothing.
   taken_up_ = fit.likelihood.timed - fit.freedom +
               static_cast<int>(equations(stretches_) - count(stretches_));
   const Eigen::VectorXd& values = fit.likelihood.values;
@@ -89,19 +89,22 @@ void LinearizedFilter::set_parameter_columns(const Identification& fit,
 
 void LinearizedFilter::add_restitution_trend() {
   const Eigen::Index P = parameters();
-  const Eigen::VectorXd no_constants = Eigen::VectorXd::Zero(machine_.constant_forces.cols());
+  const Eigen::VectorXd no_inputs = Eigen::VectorXd::Zero(machine_.inputs());
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
     J_[s].conservativeResize(Eigen::NoChange, P + 1);
     Eigen::VectorXd y = Eigen::VectorXd::Zero(family_.n()), u = y;
     for (std::size_t k = 0; k < stretches_[s].size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
-      const int contact = stretches_[s].impacts[k].contact;
+      const Impact& impact = stretches_[s].impacts[k];
+      const int contact = impact.contact;
       const auto w = machine_.W.col(contact);
-      flights_.move(s, k, y, u, no_constants);
+      flights_.move(s, k, y, u, no_inputs);
       J_[s](i, P) = w.dot(y);
       const double gamma = paths_[s].gamma[i];
       const double more = std::abs(gamma) - speed_;  // of restitution, per trend
-      u -= machine_.jump.col(contact) * w.dot(u) + w * (more * gamma / w.squaredNorm());
+      u -= jump_of(machine_, contact, impact.staying) * w.dot(u);
+      // What closes to stay does not spring back.
+      if (impact.staying == 0) u -= w * (more * gamma / w.squaredNorm());
     }
   }
   ++taken_up_;
@@ -171,7 +174,7 @@ void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estima
   const Eigen::Index n = of.n, D = drift_y_.cols();
   const Stretch& stretch = stretches_[s];
   Eigen::VectorXd y = of.x.head(n), u = of.x.segment(n, n);
-  flights_.move(s, k, y, u, Eigen::VectorXd::Zero(machine_.constant_forces.cols()));
+  flights_.move(s, k, y, u, Eigen::VectorXd::Zero(machine_.inputs()));
   of.x.head(n) = y;
   of.x.segment(n, n) = u;
   // Beyond the last column no constant force is taken.
@@ -196,7 +199,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
   const auto i = static_cast<Eigen::Index>(k);
   const Eigen::Index n = of.n, P = of.P, states = of.states(), columns = of.columns;
   const auto w = machine_.W.col(impact.contact);
-  const Eigen::VectorXd jump = machine_.jump.col(impact.contact);
+  const Eigen::VectorXd jump = jump_of(machine_, impact.contact, impact.staying);
   const double gamma = path.gamma[i];
   // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of them.
   const bool measured = impact.timed && std::abs(speeds_[s][i]) > least_speed * speed_;
@@ -223,14 +226,10 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
     }
   }
   // What an error of this time does, besides what it does to the gap.
-  Eigen::VectorXd after = Eigen::VectorXd::Zero(states);
-  after.head(n) = jump * gamma;
-  if (machine_.modal) {
-    after.segment(n, n) =
-        -jump * path.gamma_rate[i] - machine_.C.col(0).cwiseProduct(after.head(n));
-  } else {
-    after.segment(n, n) = -jump * path.gamma_rate[i] - machine_.C * after.head(n);
-  }
+  Eigen::VectorXd after = Eigen::VectorXd::Zero(states), on_y, on_u;
+  effect_of_time(machine_, stretches_[s], k, path, on_y, on_u);
+  after.head(n) = on_y;
+  after.segment(n, n) = on_u;
   const double gamma_of_x = w.dot(x.segment(n, n));
   const Eigen::RowVectorXd gamma_of_S = w.transpose() * S.block(n, 0, n, columns + 1);
   x.segment(n, n) -= jump * gamma_of_x;

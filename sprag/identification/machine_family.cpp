@@ -13,13 +13,6 @@ namespace {
 using Kind = Unknown::Kind;
 using Complex = std::complex<double>;
 
-bool nearly_diagonal(const Eigen::MatrixXd& A) {
-  const double largest = A.cwiseAbs().maxCoeff();
-  Eigen::MatrixXd rest = A;
-  rest.diagonal().setZero();
-  return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
-}
-
 void set_steady_response(const Eigen::VectorXcd& F, double scale, Eigen::Index group,
                          Machine& machine) {
   const double Omega = machine.frequencies[group];
@@ -48,6 +41,14 @@ void set_steady_response(const Eigen::VectorXcd& F, double scale, Eigen::Index g
 
 }  // namespace
 
+bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
+  if (A.size() == 0) return true;
+  const double largest = A.cwiseAbs().maxCoeff();
+  Eigen::MatrixXd rest = A;
+  rest.diagonal().setZero();
+  return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
+}
+
 MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     : scene_(scene), unknowns_(std::move(unknowns)), groups_(harmonic_groups(scene)) {
   const Model& model = scene_.model;
@@ -63,10 +64,13 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
   const bool entries = std::any_of(unknowns_.begin(), unknowns_.end(), [](const Unknown& unknown) {
     return unknown.kind == Kind::damping_entry || unknown.kind == Kind::stiffness_entry;
   });
-  modal_ = !entries && nearly_diagonal(C_) && nearly_diagonal(K_);
+  modal_ = !entries && is_nearly_diagonal(C_) && is_nearly_diagonal(K_);
   if (modal_) {
     C_ = C_.diagonal().eval();
     K_ = K_.diagonal().cwiseMax(0.0).eval();
+  }
+  for (const Contact& contact : model.contacts) {
+    if (contact.restitution != model.contacts.front().restitution) restitutions_differ_ = true;
   }
   const auto m = static_cast<Eigen::Index>(model.contacts.size());
   W_.resize(f, m);
@@ -192,9 +196,7 @@ void MachineFamily::set_position(int contact, double position, Machine& machine)
 void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   set_flow(values, machine);
   const Model& model = scene_.model;
-  for (std::size_t g = 0; g < groups_.size(); ++g) {
-    machine.frequencies[static_cast<Eigen::Index>(g)] = groups_[g].frequency;
-  }
+  frequencies(values, machine.frequencies);
   double common = std::numeric_limits<double>::quiet_NaN();  // restitution of all contacts
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
@@ -203,13 +205,11 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
       common = value;
     } else if (unknown.kind == Kind::position) {
       set_position(unknown.index, value, machine);
-    } else if (unknown.kind == Kind::frequency) {
-      machine.frequencies[unknown.index] = value;
     }
   }
   for (int i = 0; i < contacts(); ++i) {
-    double restitution =
-        std::isnan(common) ? model.contacts[static_cast<std::size_t>(i)].restitution : common;
+    double restitution = model.contacts[static_cast<std::size_t>(i)].restitution;
+    if (!std::isnan(common)) restitution = restitutions_differ_ ? common * restitution : common;
     for (std::size_t k = 0; k < unknowns_.size(); ++k) {
       if (unknowns_[k].kind == Kind::restitution && unknowns_[k].index == i) {
         restitution = values[static_cast<Eigen::Index>(k)];
@@ -228,6 +228,21 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
       for (Eigen::Index k = 0; k < n(); ++k) {
         machine.gap_response(i, g) += machine.W(k, i) * machine.response(k, g);
       }
+    }
+  }
+}
+
+void MachineFamily::frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) const {
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    frequencies[static_cast<Eigen::Index>(g)] = groups_[g].frequency;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::frequency) continue;
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknowns_[k].index < 0) {
+      frequencies *= value;
+    } else {
+      frequencies[unknowns_[k].index] = value;
     }
   }
 }
@@ -253,12 +268,33 @@ void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& input
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
     const double value = values[static_cast<Eigen::Index>(k)];
-    if (unknown.kind == Kind::amplitude) inputs[2 * unknown.index] = value;
-    if (unknown.kind == Kind::phase) inputs[2 * unknown.index + 1] = value;
+    if (unknown.index >= 0) {
+      if (unknown.kind == Kind::amplitude) inputs[2 * unknown.index] = value;
+      if (unknown.kind == Kind::phase) inputs[2 * unknown.index + 1] = value;
+    }
     if (unknown.kind == Kind::constant) {
       inputs[constant_input(unknown.index)] = value / unknown.nominal;
     }
     if (unknown.kind == Kind::clearance) inputs[clearance_input(unknown.index)] = value;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknown.index >= 0) continue;
+    const bool turns = unknown.kind == Kind::phase || unknown.kind == Kind::clock_offset;
+    if (!turns && unknown.kind != Kind::amplitude) continue;
+    Eigen::VectorXd rates = Eigen::VectorXd::Ones(G);
+    if (unknown.kind == Kind::clock_offset) {
+      frequencies(values, rates);
+      rates = -rates;
+    }
+    for (Eigen::Index g = 0; g < G; ++g) {
+      if (turns) {
+        inputs[2 * g + 1] += rates[g] * value;
+      } else {
+        inputs[2 * g] *= value;
+      }
+    }
   }
   for (Eigen::Index g = 0; g < G; ++g) {
     const double amplitude = inputs[2 * g], phase = inputs[2 * g + 1];
@@ -271,18 +307,21 @@ Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::s
   const Eigen::VectorXd at = inputs(values);
   Eigen::VectorXd rate = Eigen::VectorXd::Zero(at.size());
   const Unknown& unknown = unknowns_[k];
-  const Eigen::Index g = harmonic_input(std::max(unknown.index, 0));
+  const double value = values[static_cast<Eigen::Index>(k)];
   switch (unknown.kind) {
     case Kind::phase:
-      rate[g] = -at[g + 1];
-      rate[g + 1] = at[g];
+    case Kind::amplitude:
+      for (int g = 0; g < static_cast<int>(groups_.size()); ++g) {
+        if (unknown.index >= 0 && unknown.index != g) continue;
+        const Eigen::Index a = harmonic_input(g);
+        if (unknown.kind == Kind::phase) {
+          rate[a] = -at[a + 1];
+          rate[a + 1] = at[a];
+        } else {
+          rate.segment(a, 2) = at.segment(a, 2) / value;
+        }
+      }
       break;
-    case Kind::amplitude: {
-      const double amplitude = values[static_cast<Eigen::Index>(k)];
-      rate[g] = at[g] / amplitude;
-      rate[g + 1] = at[g + 1] / amplitude;
-      break;
-    }
     case Kind::constant:
       rate[constant_input(unknown.index)] = 1.0 / unknown.nominal;
       break;
@@ -294,11 +333,18 @@ Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::s
 
 Scene MachineFamily::with(const Eigen::VectorXd& values) const {
   Scene scene = scene_;
-  const auto harmonics_of = [&](int group, const auto& change) {
-    const HarmonicGroup& of = groups_[static_cast<std::size_t>(group)];
-    for (const int j : of.forces) change(scene.model.forces[static_cast<std::size_t>(j)].harmonic);
-    for (const int i : of.contacts) {
-      change(scene.model.contacts[static_cast<std::size_t>(i)].motion);
+  // change(harmonic, group) of one group's harmonics, or of all; of the frame's motion as well.
+  const auto change_harmonics = [&](int index, const auto& change) {
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      if (index >= 0 && index != static_cast<int>(g)) continue;
+      const HarmonicGroup& of = groups_[g];
+      for (const int j : of.forces) {
+        change(scene.model.forces[static_cast<std::size_t>(j)].harmonic, of, of.of_frame);
+      }
+      for (const int i : of.contacts) {
+        change(scene.model.contacts[static_cast<std::size_t>(i)].motion, of, false);
+      }
+      if (of.of_frame && scene.frame) change(scene.frame->motion, of, false);
     }
   };
   Model& model = scene.model;
@@ -309,7 +355,9 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
     switch (unknown.kind) {
       case Kind::restitution:
         for (std::size_t j = 0; j < model.contacts.size(); ++j) {
-          if (unknown.index < 0 || j == i) model.contacts[j].restitution = value;
+          double& restitution = model.contacts[j].restitution;
+          const bool is_factor = unknown.index < 0 && restitutions_differ_;
+          if (unknown.index < 0 || j == i) restitution = is_factor ? value * restitution : value;
         }
         break;
       case Kind::damping:
@@ -340,27 +388,26 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
         scene.positions[i] = value;
         break;
       }
-      case Kind::frequency: {
-        const double ratio = value / groups_[i].frequency;
-        harmonics_of(unknown.index, [&](Harmonic& harmonic) { harmonic.frequency = value; });
-        if (!groups_[i].of_frame) break;
-        for (const int j : groups_[i].forces) {
-          model.forces[static_cast<std::size_t>(j)].harmonic.amplitude *= ratio * ratio;
-        }
-        if (scene.frame) scene.frame->motion.frequency = value;
+      case Kind::frequency:
+        change_harmonics(unknown.index,
+                         [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {
+                           const double ratio = unknown.index < 0 ? value : value / group.frequency;
+                           harmonic.frequency = ratio * group.frequency;
+                           if (accelerates) harmonic.amplitude *= ratio * ratio;
+                         });
         break;
-      }
       case Kind::phase:
-        harmonics_of(unknown.index,
-                     [&](Harmonic& harmonic) { harmonic.phase += value - groups_[i].phase; });
-        if (groups_[i].of_frame && scene.frame) scene.frame->motion.phase = value;
+        change_harmonics(unknown.index, [&](Harmonic& harmonic, const HarmonicGroup& group, bool) {
+          harmonic.phase += unknown.index < 0 ? value : value - group.phase;
+        });
         break;
       case Kind::amplitude:
-        harmonics_of(unknown.index, [&](Harmonic& harmonic) {
-          harmonic.amplitude *= value / groups_[i].amplitude;
+        change_harmonics(unknown.index, [&](Harmonic& harmonic, const HarmonicGroup& group, bool) {
+          harmonic.amplitude *= unknown.index < 0 ? value : value / group.amplitude;
         });
-        if (groups_[i].of_frame && scene.frame) scene.frame->motion.amplitude = value;
         break;
+      case Kind::clock_offset:
+        break;  // below, where frequencies are known
       case Kind::constant:
         model.forces[i].constant = value;
         break;
@@ -368,6 +415,13 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
         model.contacts[i].clearance = value;
         break;
     }
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::clock_offset) continue;
+    const double offset = values[static_cast<Eigen::Index>(k)];
+    change_harmonics(-1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
+      harmonic.phase -= harmonic.frequency * offset;
+    });
   }
   if (scene.beam) {
     model.K = stiffness(*scene.beam).asDiagonal();

@@ -35,6 +35,9 @@ struct Machine {
   Eigen::Index inputs() const { return 2 * groups() + constant_forces.cols() + W.cols(); }
 };
 
+/// Whether what is beside the diagonal is rounding.
+bool is_nearly_diagonal(const Eigen::MatrixXd& A);
+
 class MachineFamily {
  public:
   /// Throws ModelError where M is not positive definite.
@@ -52,6 +55,8 @@ class MachineFamily {
   /// that one is modal.
   void at(const Eigen::VectorXd& values, Machine& machine) const;
   void inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const;
+  /// The frequencies of the groups of harmonics.
+  void frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) const;
   /// Whether all of them are modal.
   bool modal() const { return modal_; }
   /// d inputs / d value of the unknown number k, which is a linear one.
@@ -82,6 +87,7 @@ class MachineFamily {
   std::vector<int> constants_;  // forces with a constant
   Eigen::MatrixXd V_, V_inverse_;
   bool modal_ = false;
+  bool restitutions_differ_ = false;
   Eigen::MatrixXd C_, K_, W_;             // of the scene as it is, in y
   std::vector<Eigen::VectorXcd> forces_;  // of each group at amplitude 1, n entries
   Eigen::MatrixXcd motions_;              // and the supports', m x G

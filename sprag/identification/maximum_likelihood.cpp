@@ -18,8 +18,8 @@ constexpr double undetermined_below = 1e-8;
 // so that one of which they take up all but rounding is found to be undetermined.
 constexpr double least_effect_share = 1e-4;
 
-// The constraints of one stretch, solved for what is its own: x0 and tau. A release is R = 2 of
-// them, beside those of N impacts; else R = 0.
+// The constraints of one stretch, solved for what is its own: x0 and tau. Contacts that were closed
+// at its start are R = 2 of them each, beside those of N impacts.
 struct Block {
   Eigen::VectorXd scale;      // of x0's columns
   Eigen::MatrixXd Q2;         // null space, (2n + N) x (2n - R)
@@ -78,16 +78,17 @@ void Maximization::jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd
   }
 }
 
-// What is to be zero: gaps at the impacts, then those of a release.
+// What is to be zero: gaps at the impacts, then gaps and gap velocities at the start.
 Eigen::VectorXd Maximization::gaps(const Machine& machine, const Eigen::VectorXd& inputs,
                                    std::size_t s, const Path& path) const {
   const Stretch& stretch = at_.path[s];
-  if (stretch.released < 0) return path.g;
-  Eigen::VectorXd z(at_.x0[s].size() + inputs.size()), gaps(path.g.size() + 2);
+  if (stretch.closed == 0) return path.g;
+  Eigen::VectorXd z(at_.x0[s].size() + inputs.size());
+  Eigen::VectorXd gaps(path.g.size() + static_cast<Eigen::Index>(stretch.of_start()));
   z << at_.x0[s], inputs;
-  PathRows release;
-  release_rows(machine, stretch, release);
-  gaps << path.g, release.A * z, release.Gamma * z;
+  PathRows start;
+  start_rows(machine, stretch, start);
+  gaps << path.g, start.A * z, start.Gamma * z;
   return gaps;
 }
 
@@ -115,11 +116,12 @@ void Maximization::linearize() {
       Eigen::VectorXd values = at_.values;
       values[k] = unknown.value(unknown.coordinate(values[k]) + side * difference);
       const Machine machine = family_.at(values);
+      const Eigen::VectorXd of_values = family_.inputs(values);
       flights.set(machine, at_.path);
       harmonics.set(machine.frequencies, at_.path);
       for (std::size_t s = 0; s < S; ++s) {
-        follow(machine, flights, harmonics, at_.path[s], s, at_.x0[s], inputs, path);
-        const Eigen::VectorXd of_side = gaps(machine, inputs, s, path) / (2.0 * difference);
+        follow(machine, flights, harmonics, at_.path[s], s, at_.x0[s], of_values, path);
+        const Eigen::VectorXd of_side = gaps(machine, of_values, s, path) / (2.0 * difference);
         if (side > 0.0) {
           columns[s] = of_side;
         } else {
@@ -130,13 +132,13 @@ void Maximization::linearize() {
   }
   Eigen::Index rows_in_all = 0;
   Eigen::VectorXd effects = Eigen::VectorXd::Zero(unknowns());
-  PathRows rows, release;
+  PathRows rows, start;
   RowMatrix G;
   for (std::size_t s = 0; s < S; ++s) {
     Block& block = blocks_[s];
     Path& of = paths_[s];
     const auto N = static_cast<Eigen::Index>(at_.path[s].size());
-    const auto R = static_cast<Eigen::Index>(at_.path[s].of_release());
+    const auto R = static_cast<Eigen::Index>(at_.path[s].of_start());
     check_interrupt();
     follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, of);
     at_.gamma[s] = of.gamma;
@@ -148,12 +150,13 @@ void Maximization::linearize() {
                          .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
                          .cwiseInverse();
     if (R > 0) {
-      release_rows(machine_, at_.path[s], release);
+      start_rows(machine_, at_.path[s], start);
       rows.A.conservativeResize(N + R, Eigen::NoChange);
-      rows.A.bottomRows(R) << release.A, release.Gamma;
+      rows.A.bottomRows(R) << start.A, start.Gamma;
       const double interval =
           (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
-      weight.tail(R) << 1.0 / speed, interval / speed;
+      weight.segment(N, R / 2).setConstant(1.0 / speed);
+      weight.tail(R / 2).setConstant(interval / speed);
     }
     Eigen::MatrixXd J;
     jacobian(s, rows, J);
@@ -382,17 +385,19 @@ Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& str
     for (std::size_t g = 0; g < family.groups().size(); ++g) {
       const int group = static_cast<int>(g);
       const double size = start.inputs.segment(family.harmonic_input(group), 2).norm();
-      if (is_sought(Kind::amplitude, group) || !(size > 0.0)) continue;
+      if (is_sought(Kind::amplitude, group) || is_sought(Kind::amplitude, -1) || !(size > 0.0)) {
+        continue;
+      }
       scale = std::abs(family.groups()[g].amplitude) / size;
       break;
     }
   }
   const Eigen::VectorXd inputs = scale * start.inputs;
+  const Eigen::VectorXd nominal_inputs = family.inputs(family.nominal());
   for (Eigen::VectorXd& x0 : at.x0) x0 *= scale;
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     const Unknown& unknown = unknowns[k];
     const auto i = static_cast<Eigen::Index>(k);
-    const Eigen::Index a = family.harmonic_input(std::max(unknown.index, 0));
     switch (unknown.kind) {
       case Kind::clearance:
         at.values[i] = inputs[family.clearance_input(unknown.index)];
@@ -400,15 +405,21 @@ Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& str
       case Kind::constant:
         at.values[i] = unknown.nominal * inputs[family.constant_input(unknown.index)];
         break;
-      case Kind::phase: {
-        const double sign =
-            family.groups()[static_cast<std::size_t>(unknown.index)].amplitude < 0.0 ? -1.0 : 1.0;
-        at.values[i] = std::atan2(sign * inputs[a + 1], sign * inputs[a]);
-        break;
-      }
+      case Kind::phase:
       case Kind::amplitude: {
-        const double sign = unknown.nominal < 0.0 ? -1.0 : 1.0;
-        at.values[i] = sign * inputs.segment(a, 2).norm();
+        // Of one group of harmonics, or of all, along what they are and a quarter turned.
+        double along = 0.0, across = 0.0, square_of_nominal = 0.0;
+        for (int g = 0; g < static_cast<int>(family.groups().size()); ++g) {
+          if (unknown.index >= 0 && unknown.index != g) continue;
+          const Eigen::Index a = family.harmonic_input(g);
+          const double c = nominal_inputs[a], d = nominal_inputs[a + 1];
+          along += c * inputs[a] + d * inputs[a + 1];
+          across += c * inputs[a + 1] - d * inputs[a];
+          square_of_nominal += c * c + d * d;
+        }
+        at.values[i] = unknown.kind == Kind::phase
+                           ? unknown.nominal + std::atan2(across, along)
+                           : unknown.nominal * std::hypot(along, across) / square_of_nominal;
         break;
       }
       default:

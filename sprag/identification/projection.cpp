@@ -17,8 +17,8 @@ constexpr double rank_threshold = 1e-13;
 constexpr double least_input_share = 1e-4, least_of_inputs = 1e-8;
 // Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
-// Of a release: its time matters to second order only.
-constexpr double weight_of_release = 100.0;
+// Of a contact that was closed: when it opens matters to second order only.
+constexpr double weight_of_start = 100.0;
 
 }  // namespace
 
@@ -48,7 +48,9 @@ class Projection::Core {
   void solve(const Eigen::VectorXd& values, PathFit& fit);
   Eigen::MatrixXd jacobian(const PathFit& at);
   Eigen::Index rows_of(std::size_t s) const;
-  RowMatrix weighted_release(const Machine& machine, std::size_t s) const;
+  Eigen::MatrixXd turned(Eigen::MatrixXd inputs, const Eigen::VectorXd& from,
+                         const Eigen::VectorXd& to) const;
+  RowMatrix weighted_start(const Machine& machine, std::size_t s) const;
   void weigh_equally();
   void weigh();
   double objective() const { return residual_.squaredNorm(); }
@@ -56,6 +58,7 @@ class Projection::Core {
   Stretches stretches_;
   Eigen::Index impacts_ = 0;
   std::vector<Eigen::VectorXd> weights_;
+  bool turns_ = false;          // an offset of the clock is sought, which turns E and known
   double normalization_ = 0.0;  // weight of "mean gamma- is -1"
   double interval_ = 0.0;       // usual one
 
@@ -90,17 +93,22 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
     if (!unknown.linear()) nonlinear.push_back(k);
     if (unknown.kind == Kind::clearance) free(family.clearance_input(unknown.index));
     if (unknown.kind == Kind::constant) free(family.constant_input(unknown.index));
-    if (unknown.kind == Kind::phase) {
-      free(family.harmonic_input(unknown.index));
-      free(family.harmonic_input(unknown.index) + 1);
-    } else if (unknown.kind == Kind::amplitude && !has(Kind::phase, unknown.index)) {
-      const Eigen::Index a = family.harmonic_input(unknown.index);
-      Eigen::VectorXd column = Eigen::VectorXd::Zero(inputs.size());
-      column.segment(a, 2) = inputs.segment(a, 2);
-      columns.push_back(column);
+    // A harmonic that turns, or grows, is one in the plane of it and of itself a quarter turned.
+    const bool turns = unknown.kind == Kind::phase;
+    if (!turns && (unknown.kind != Kind::amplitude || has(Kind::phase, unknown.index))) continue;
+    Eigen::VectorXd along = Eigen::VectorXd::Zero(inputs.size()), across = along;
+    for (int g = 0; g < static_cast<int>(family.groups().size()); ++g) {
+      if (unknown.index >= 0 && unknown.index != g) continue;
+      const Eigen::Index a = family.harmonic_input(g);
+      along.segment(a, 2) = inputs.segment(a, 2);
+      across[a] = -inputs[a + 1];
+      across[a + 1] = inputs[a];
       known.segment(a, 2).setZero();
     }
+    columns.push_back(along);
+    if (turns) columns.push_back(across);
   }
+  turns_ = has(Kind::clock_offset, -1);
   E.resize(inputs.size(), static_cast<Eigen::Index>(columns.size()));
   for (std::size_t j = 0; j < columns.size(); ++j) {
     E.col(static_cast<Eigen::Index>(j)) = columns[j];
@@ -110,6 +118,31 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
   for (Eigen::Index j = 0; j < E.cols(); ++j) {
     nominal_zeta[j] = E.col(j).dot(inputs - known) / E.col(j).squaredNorm();
   }
+}
+
+// Columns of inputs of a clock with the offset of `from`, by one with that of `to`.
+Eigen::MatrixXd Projection::Core::turned(Eigen::MatrixXd inputs, const Eigen::VectorXd& from,
+                                         const Eigen::VectorXd& to) const {
+  if (!turns_) return inputs;
+  const auto offset = [&](const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) {
+    frequencies.resize(static_cast<Eigen::Index>(family.groups().size()));
+    family.frequencies(values, frequencies);
+    for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+      if (family.unknowns()[k].kind == Kind::clock_offset) {
+        frequencies *= values[static_cast<Eigen::Index>(k)];
+      }
+    }
+  };
+  Eigen::VectorXd before, behind;
+  offset(from, before);
+  offset(to, behind);
+  for (Eigen::Index g = 0; g < before.size(); ++g) {
+    const double angle = before[g] - behind[g];
+    const Eigen::RowVectorXd a = inputs.row(2 * g), b = inputs.row(2 * g + 1);
+    inputs.row(2 * g) = std::cos(angle) * a - std::sin(angle) * b;
+    inputs.row(2 * g + 1) = std::sin(angle) * a + std::cos(angle) * b;
+  }
+  return inputs;
 }
 
 void Projection::Core::take(Stretches stretches) {
@@ -141,17 +174,17 @@ void Projection::Core::weigh() {
   }
 }
 
-// Of a stretch: its impacts, the scale where it is the first, its release.
+// Of a stretch: its impacts, the scale where it is the first, what was closed at its start.
 Eigen::Index Projection::Core::rows_of(std::size_t s) const {
   return static_cast<Eigen::Index>(stretches_[s].equations()) + (homogeneous && s == 0 ? 1 : 0);
 }
 
-RowMatrix Projection::Core::weighted_release(const Machine& machine, std::size_t s) const {
+RowMatrix Projection::Core::weighted_start(const Machine& machine, std::size_t s) const {
   PathRows rows;
-  release_rows(machine, stretches_[s], rows);
-  RowMatrix weighted(2, rows.A.cols());
+  start_rows(machine, stretches_[s], rows);
+  RowMatrix weighted(2 * rows.A.rows(), rows.A.cols());
   weighted << rows.A, interval_ * rows.Gamma;
-  return (weight_of_release * weights_[s].mean()) * weighted;
+  return (weight_of_start * weights_[s].mean()) * weighted;
 }
 
 void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
@@ -162,6 +195,8 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   fit.values = values;
   fit.x0.resize(stretches_.size());
   const Eigen::Index zetas = E.cols();
+  const Eigen::MatrixXd E_now = turned(E, family.nominal(), values);
+  const Eigen::VectorXd known_now = turned(known, family.nominal(), values);
   std::vector<Eigen::MatrixXd> lower(stretches_.size());
   std::vector<PathRows> all_rows(stretches_.size());
   Eigen::Index rows = 0;
@@ -174,19 +209,20 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     Eigen::MatrixXd X(rows_of(s), n2);
     Eigen::MatrixXd I(X.rows(), zetas + 1);
     X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
-    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * product(of.A.rightCols(E.rows()), E);
-    I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known);
+    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * product(of.A.rightCols(E.rows()), E_now);
+    I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known_now);
     if (normalized) {
       const Eigen::RowVectorXd mean = normalization_ * of.Gamma.colwise().mean();
       X.row(N) = mean.head(n2);
-      I.row(N).head(zetas) = mean.tail(E.rows()) * E;
+      I.row(N).head(zetas) = mean.tail(E.rows()) * E_now;
       I(N, zetas) = normalization_;
     }
-    if (stretches_[s].released >= 0) {
-      const RowMatrix release = weighted_release(machine_, s);
-      X.bottomRows(2) = release.leftCols(n2);
-      I.bottomLeftCorner(2, zetas) = product(release.rightCols(E.rows()), E);
-      I.col(zetas).tail(2) = release.rightCols(E.rows()) * known;
+    if (stretches_[s].closed != 0) {
+      const RowMatrix start = weighted_start(machine_, s);
+      const Eigen::Index R = start.rows();
+      X.bottomRows(R) = start.leftCols(n2);
+      I.bottomLeftCorner(R, zetas) = product(start.rightCols(E.rows()), E_now);
+      I.col(zetas).tail(R) = start.rightCols(E.rows()) * known_now;
     }
     input_squares += I.leftCols(zetas).colwise().squaredNorm();
     Factors& factors = factors_[s];
@@ -228,7 +264,7 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
     if (!homogeneous) zeta += nominal_zeta;
   }
   residual_ = right.tail(rows - rank);
-  fit.inputs = known + E * zeta;
+  fit.inputs = known_now + E_now * zeta;
   Eigen::VectorXd with_known(zetas + 1);
   with_known << zeta, 1.0;
   double squares = 0.0;
@@ -275,20 +311,22 @@ Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
       values[static_cast<Eigen::Index>(number)] =
           unknown.value(unknown.coordinate(value) + side * step);
       const Machine machine = family.at(values);
+      const Eigen::VectorXd inputs = turned(at.inputs, at.values, values);
       other_flights_.set(machine, stretches_);
       other_harmonics_.set(machine.frequencies, stretches_);
       for (std::size_t s = 0; s < stretches_.size(); ++s) {
-        follow(machine, other_flights_, other_harmonics_, stretches_[s], s, at.x0[s], at.inputs,
+        follow(machine, other_flights_, other_harmonics_, stretches_[s], s, at.x0[s], inputs,
                path_);
         const bool normalized = homogeneous && s == 0;
         const Eigen::Index N = path_.g.size();
         if (side > 0.0) change[s].setZero(rows_of(s));
         change[s].head(N) += side / (2.0 * step) * weights_[s].cwiseProduct(path_.g);
         if (normalized) change[s][N] += side / (2.0 * step) * normalization_ * path_.gamma.mean();
-        if (stretches_[s].released >= 0) {
-          Eigen::VectorXd z(at.x0[s].size() + at.inputs.size());
-          z << at.x0[s], at.inputs;
-          change[s].tail(2) += side / (2.0 * step) * (weighted_release(machine, s) * z);
+        if (stretches_[s].closed != 0) {
+          Eigen::VectorXd z(at.x0[s].size() + inputs.size());
+          z << at.x0[s], inputs;
+          const Eigen::VectorXd start = weighted_start(machine, s) * z;
+          change[s].tail(start.size()) += side / (2.0 * step) * start;
         }
       }
     }

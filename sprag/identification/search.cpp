@@ -45,6 +45,16 @@ double step_of_position(const MachineFamily& family) {
   return std::min(widest_of_position, part_of_wave / wavenumber(family.scene().beam->modes));
 }
 
+// Of the harmonics that the unknown moves.
+double fastest_of(const MachineFamily& family, const Unknown& unknown) {
+  double fastest = 0.0;
+  for (std::size_t g = 0; g < family.groups().size(); ++g) {
+    if (unknown.index >= 0 && unknown.index != static_cast<int>(g)) continue;
+    fastest = std::max(fastest, family.groups()[g].frequency);
+  }
+  return fastest;
+}
+
 std::vector<Axis> axes_of(const MachineFamily& family, double duration, double interval,
                           double refinement) {
   std::vector<Axis> axes;
@@ -57,13 +67,17 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
     } else if (unknown.kind == Kind::position) {
       axis.step = step_of_position(family);
     } else if (unknown.kind == Kind::frequency) {
-      axis.step = step_of_phase / (unknown.nominal * duration);
+      axis.step = step_of_phase / (fastest_of(family, unknown) * duration);
+    } else if (unknown.kind == Kind::clock_offset) {
+      axis.step = step_of_phase / (fastest_of(family, unknown) * unknown.unit_step);
     } else {
       continue;
     }
     axis.step *= refinement;
     // A nominal value that is off by that share of the true one, either way.
-    const double radius = -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
+    const double radius = unknown.kind == Kind::clock_offset
+                              ? unknown.highest()
+                              : -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
     axis.to_low = static_cast<int>(std::ceil(std::min(radius, -unknown.lowest()) / axis.step));
     axis.to_high = static_cast<int>(std::ceil(std::min(radius, unknown.highest()) / axis.step));
     axes.push_back(axis);
@@ -239,15 +253,35 @@ std::size_t with_all_contacts(const MachineFamily& family, const Stretches& all,
   return size;
 }
 
-// The best places of the grid, each refined, the best first.
+// Of a single unknown: starts all over its range. A machine on an orbit with one impact a period
+// has many minima, of which the deepest need not be near the grid's best.
+void add_starts_along(const MachineFamily& family, Projection& projection, const Axis& axis,
+                      std::vector<PathFit>& starts) {
+  constexpr int most = 32;
+  const int stride = (axis.to_low + axis.to_high) / most + 1;
+  const Unknown& unknown = family.unknowns()[axis.unknown];
+  for (int i = -axis.to_low; i <= axis.to_high; i += stride) {
+    PathFit start;
+    start.values = family.nominal();
+    start.values[static_cast<Eigen::Index>(axis.unknown)] =
+        unknown.value(std::clamp(axis.step * i, unknown.lowest(), unknown.highest()));
+    starts.push_back(projection.refine(start, first_steps));
+  }
+}
+
+// The best places of the grid, each refined, the best first; as a last resort others as well.
 std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
-                                    const Stretches& window, double refinement) {
+                                    const Stretches& window, double refinement,
+                                    bool last_resort = false) {
   projection.take(window);
   const std::vector<Axis> axes =
       axes_of(family, duration_of(window), usual_interval(window), refinement);
   std::vector<PathFit> starts;
   for (const Point& point : best_of_grid(family, projection, axes)) {
     starts.push_back(projection.refine(point.fit, first_steps));
+  }
+  if (last_resort && axes.size() == 1) {
+    add_starts_along(family, projection, axes.front(), starts);
   }
   std::stable_sort(starts.begin(), starts.end(),
                    [](const PathFit& a, const PathFit& b) { return a.score() < b.score(); });
@@ -298,7 +332,7 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
     std::erase_if(first, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
     if (first.empty()) continue;
     const std::vector<PathFit> starts =
-        refined_starts(family, projection, first, window.refinement);
+        refined_starts(family, projection, first, window.refinement, &window == &windows.back());
     for (std::size_t i = 0; i < starts.size(); ++i) {
       const bool found = is_good(best);
       // Another minimum as deep as the one that was found shows on few impacts already.

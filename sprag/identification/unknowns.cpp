@@ -93,6 +93,8 @@ double Unknown::value(double of_coordinate) const {
 }
 
 double Unknown::lowest() const {
+  // Half of the slowest period: beyond it is another one's.
+  if (kind == Kind::clock_offset) return -std::numbers::pi;
   const double share = -(std::log1p(2.0 * within) + beyond);
   if (logarithmic) return share;
   const bool may_be_zero = kind == Kind::restitution || kind == Kind::damping;
@@ -100,6 +102,7 @@ double Unknown::lowest() const {
 }
 
 double Unknown::highest() const {
+  if (kind == Kind::clock_offset) return std::numbers::pi;
   const double share = std::log1p(2.0 * within) + beyond;
   if (!logarithmic && kind == Kind::damping) return 10.0;
   return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
@@ -214,6 +217,39 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   return unknowns;
 }
 
+std::vector<Unknown> common_unknowns(const Scene& scene) {
+  std::vector<Unknown> unknowns;
+  const auto& contacts = scene.model.contacts;
+  double largest = 0.0;
+  bool differ = false;
+  for (const Contact& contact : contacts) {
+    largest = std::max(largest, contact.restitution);
+    differ = differ || contact.restitution != contacts.front().restitution;
+  }
+  if (differ) {
+    unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
+    unknowns.back().upper_limit = 1.0 / largest;
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  if (groups.size() < 2) return unknowns;
+  const std::string table = "excitations.";
+  unknowns.push_back(positive_unknown(Kind::frequency, -1, table + "frequency", "", 1.0));
+  unknowns.push_back({.kind = Kind::phase, .key = table + "phase", .unit = "rad"});
+  unknowns.push_back(positive_unknown(Kind::amplitude, -1, table + "amplitude", "", 1.0));
+  double slowest = groups.front().frequency;
+  for (const HarmonicGroup& group : groups) slowest = std::min(slowest, group.frequency);
+  unknowns.push_back({.kind = Kind::clock_offset, .key = "clock.offset", .unit = "s"});
+  unknowns.back().unit_step = 1.0 / slowest;
+  return unknowns;
+}
+
+bool is_common(const Unknown& unknown) {
+  using enum Unknown::Kind;
+  const bool of_harmonics = unknown.kind == frequency || unknown.kind == clock_offset ||
+                            unknown.kind == phase || unknown.kind == amplitude;
+  return of_harmonics && unknown.index < 0;
+}
+
 bool carries_scale(const Unknown& unknown) {
   return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
          (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
@@ -275,7 +311,8 @@ bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
 }  // namespace
 
 Unknown unknown_of(const Scene& scene, std::string_view key) {
-  const std::vector<Unknown> unknowns = unknowns_of(scene);
+  std::vector<Unknown> unknowns = unknowns_of(scene);
+  for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
   for (const Unknown& unknown : unknowns) {
     if (unknown.key == key) return unknown;
   }

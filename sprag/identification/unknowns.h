@@ -2,7 +2,9 @@
 // impact.restitution, contact.1.position, beam.damping, excitation.phase, system.K.1.2, ...
 //
 // Where a key stands for several numbers (K and C of a general system, harmonics of one frequency)
-// it is a common factor, nominally 1, and a phase a common shift, nominally 0.
+// it is a common factor, nominally 1, and a phase a common shift, nominally 0. impact.restitution
+// is a factor where contacts' own differ, excitations.amplitude, .phase and .frequency are of all
+// harmonics where there are several frequencies, which also tell clock.offset, in seconds.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,10 +24,11 @@ struct Unknown {
     damping_entry,
     stiffness_entry,  ///< C and K at (row, column) and (column, row)
     position,         ///< x_c of contact `index` of a beam
-    frequency,        ///< of group `index` of harmonics
+    frequency,        ///< of group `index` of harmonics, or a factor on all
+    clock_offset,     ///< recorded minus true times
     // The path is linear in what follows (linear_path.h).
     phase,
-    amplitude,
+    amplitude,  ///< of group `index` too, or a factor on all
     constant,   ///< of force `index`
     clearance,  ///< of contact `index`
   };
@@ -55,6 +58,12 @@ struct Unknown {
 
 /// All that the scene's machine has, without single entries of C and K.
 std::vector<Unknown> unknowns_of(const Scene& scene);
+
+/// Those that stand for several of these at once, as they differ: a factor on the restitutions, on
+/// all amplitudes or frequencies, a shift of all phases, and the clock's offset.
+std::vector<Unknown> common_unknowns(const Scene& scene);
+/// Whether it is one of these, where harmonics are concerned.
+bool is_common(const Unknown& unknown);
 
 /// Whether it says how large the motion is; events tell no more than ratios to it.
 bool carries_scale(const Unknown& unknown);

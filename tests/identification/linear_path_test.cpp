@@ -4,6 +4,7 @@
 
 #include <iostream>
 
+#include "sprag/files/scene_file.h"
 #include "sprag/identification/coupled_step.h"
 #include "sprag/identification/free_flight.h"
 #include "sprag/mechanics/oscillators.h"
@@ -98,6 +99,130 @@ TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePath) {
       sooner[0].impacts[j].t -= h;
       const Eigen::VectorXd rate = (path.along(later, x0).g - path.along(sooner, x0).g) / (2.0 * h);
       EXPECT_LT((G.col(static_cast<Eigen::Index>(j)) - rate).norm(), 1e-6 * (1.0 + rate.norm()))
+          << name << ", impact " << j;
+    }
+  }
+}
+
+// The free part of the motion of a state.
+Eigen::VectorXd free_part(const MachineFamily& family, const State& state, double t) {
+  const Machine machine = family.at(family.nominal());
+  const Eigen::VectorXd inputs = family.inputs(family.nominal());
+  Eigen::VectorXd y = family.to_modes(state.q), u = family.to_modes(state.u);
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const std::complex<double> turn = std::complex<double>(inputs[2 * g], inputs[2 * g + 1]) *
+                                      std::polar(1.0, machine.frequencies[g] * t);
+    const std::complex<double> rate(0.0, machine.frequencies[g]);
+    y -= (machine.response.col(g) * turn).real();
+    u -= (machine.response.col(g) * (turn * rate)).real();
+  }
+  Eigen::VectorXd x(2 * family.n());
+  x << y, u;
+  return x;
+}
+
+// Coupled damping, two contacts, a constant force that presses both masses to shaken supports.
+constexpr const char* pressed = R"(
+[system]
+M = [[1.0, 0.2], [0.2, 0.6]]
+C = [[0.5, -0.1], [-0.1, 0.2]]
+K = [[30.0, -12.0], [-12.0, 20.0]]
+[[force]]
+direction = [0.3, 1.0]
+constant = -3.0
+amplitude = 4.0
+frequency = 3.1
+[impact]
+restitution = 0.4
+[[contact]]
+direction = [0.0, 1.0]
+clearance = 0.05
+motion = { amplitude = 0.004, frequency = 11.0, phase = 0.3 }
+[[contact]]
+direction = [1.0, -0.2]
+clearance = 0.06
+[master]
+q = [0.1, 0.2]
+[replica]
+)";
+
+struct ThroughContact {
+  ThroughContact(const std::string& name, double duration)
+      : scene(name == "pressed" ? parse_scene(pressed, "pressed.toml") : test::shipped_scene(name)),
+        path(scene, {}, {}) {
+    RecordSettings record;
+    record.close = 1e-5;
+    record.exact = true;
+    record.can_follow = [this](int contact, ContactSet held, ContactSet staying) {
+      return is_one_impact(path.machine, contact, held, staying);
+    };
+    const Stretches all = cut(test::events_of(scene, duration), record, 4);
+    stretches.assign(1, all.front());
+    for (const Impact& impact : stretches[0].impacts) {
+      holding += impact.held != 0 ? 1 : 0;
+      passages += static_cast<int>(impact.passed.size());
+    }
+    x0 = free_part(path.family, scene.master, 0.0);
+  }
+
+  Scene scene;
+  PathOf path;
+  Stretches stretches;
+  Eigen::VectorXd x0;
+  int holding = 0, passages = 0;
+};
+
+const std::pair<const char*, double> with_held_contacts[] = {
+    {"paper_beam_chatter", 30.0}, {"two_supports_beam", 3.0}, {"stiff_beam", 6.0},
+    {"steel_ruler", 6.0},         {"pressed", 12.0},
+};
+
+// From the master's own start the path is at gap zero at every impact, while contacts close to
+// stay, chatter, are held and open in between.
+TEST(LinearPath, IsTheMastersWhileContactsAreHeld) {
+  int holding = 0;
+  for (const auto& [name, duration] : with_held_contacts) {
+    ThroughContact of(name, duration);
+    const Path at = of.path.along(of.stretches, of.x0);
+    double largest = 0.0;
+    for (Eigen::Index k = 0; k < at.g.size(); ++k) {
+      largest = std::max(largest, std::abs(at.g[k] / at.gamma[k]));
+      EXPECT_LT(at.gamma[k], 0.0) << name << ", impact " << k;
+    }
+    std::cout << name << ": " << at.g.size() << " impacts, " << of.holding
+              << " while others are held, " << of.passages << " passages, within " << largest
+              << " s\n";
+    EXPECT_LT(largest, 1e-9) << name;
+    EXPECT_GT(of.passages, 0) << name;
+    holding += of.holding;
+  }
+  EXPECT_GT(holding, 10);
+}
+
+TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePathWhileContactsAreHeld) {
+  for (const auto& [name, duration] : with_held_contacts) {
+    ThroughContact of(name, duration);
+    Stretches& stretches = of.stretches;
+    if (stretches[0].size() > 40) stretches[0].impacts.resize(40);
+    Random random(7);
+    const Eigen::VectorXd x0 = of.x0 + 0.01 * of.x0.norm() * random.vector(of.x0.size());
+    const Path at = of.path.along(stretches, x0);
+    PathRows rows;
+    path_rows(of.path.machine, of.path.flights, of.path.harmonics, stretches[0], 0, rows);
+    Eigen::VectorXd z(x0.size() + of.path.inputs.size());
+    z << x0, of.path.inputs;
+    EXPECT_LT((rows.A * z - at.g).norm(), 1e-11 * at.g.norm()) << name;
+    EXPECT_LT((rows.Gamma * z - at.gamma).norm(), 1e-11 * at.gamma.norm()) << name;
+    RowMatrix G;
+    time_derivatives(of.path.machine, of.path.flights, stretches[0], 0, at, G);
+    for (std::size_t j = 0; j < stretches[0].size(); ++j) {
+      constexpr double h = 1e-7;
+      Stretches later = stretches, sooner = stretches;
+      later[0].impacts[j].t += h;
+      sooner[0].impacts[j].t -= h;
+      const Eigen::VectorXd rate =
+          (of.path.along(later, x0).g - of.path.along(sooner, x0).g) / (2.0 * h);
+      EXPECT_LT((G.col(static_cast<Eigen::Index>(j)) - rate).norm(), 1e-5 * (1.0 + rate.norm()))
           << name << ", impact " << j;
     }
   }

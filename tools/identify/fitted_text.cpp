@@ -77,6 +77,10 @@ void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const char* 
            : name == "frequency" ? harmonic.frequency
                                  : harmonic.phase;
   };
+  if (group.of_frame) {
+    text.set(group.key + "." + key, value_of(fitted.frame->motion));
+    return;
+  }
   for (const int j : group.forces) {
     text.set("force." + std::to_string(j + 1) + '.' + key,
              value_of(fitted.model.forces[static_cast<std::size_t>(j)].harmonic));
@@ -91,15 +95,21 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
   const Unknown& unknown = of.unknown;
   const bool factor = !scene.beam;
   switch (unknown.kind) {
-    case Kind::restitution:
+    case Kind::restitution: {
       if (unknown.index >= 0) break;
       // Contacts that have one of their own keep it unless it is written as well.
+      bool is_factor = false;
       for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
         const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
-        if (text.has(own)) text.set(own, of.value);
+        if (text.has(own)) text.set(own, fitted.model.contacts[i].restitution);
+        is_factor = is_factor ||
+                    scene.model.contacts[i].restitution != scene.model.contacts.front().restitution;
       }
-      if (text.has("impact.restitution")) text.set("impact.restitution", of.value);
+      const std::string common = "impact.restitution";
+      if (!text.has(common)) return;
+      text.set(common, is_factor ? of.value * text.number(common, 0.0) : of.value);
       return;
+    }
     case Kind::damping:
       if (factor) {
         if (text.has("system.C")) set_matrix("system.C", fitted.model.C, text);
@@ -134,15 +144,18 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
     case Kind::frequency:
     case Kind::phase:
     case Kind::amplitude:
-      if (!harmonic_groups(scene)[static_cast<std::size_t>(unknown.index)].of_frame) {
-        const char* key = unknown.kind == Kind::frequency ? "frequency"
-                          : unknown.kind == Kind::phase   ? "phase"
-                                                          : "amplitude";
-        set_harmonics(fitted, harmonic_groups(scene)[static_cast<std::size_t>(unknown.index)], key,
-                      text);
-        return;
+    case Kind::clock_offset: {
+      const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+      if (unknown.index >= 0 && groups[static_cast<std::size_t>(unknown.index)].of_frame) break;
+      const char* key = unknown.kind == Kind::frequency   ? "frequency"
+                        : unknown.kind == Kind::amplitude ? "amplitude"
+                                                          : "phase";
+      for (std::size_t g = 0; g < groups.size(); ++g) {
+        if (unknown.index >= 0 && unknown.index != static_cast<int>(g)) continue;
+        set_harmonics(fitted, groups[g], key, text);
       }
-      break;
+      return;
+    }
     default:
       break;
   }
