@@ -13,7 +13,6 @@
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 #include "tools/diagnose/diagnosis.h"
-#include "tools/diagnose/line_search.h"
 #include "tools/diagnose/print.h"
 
 namespace sprag {
@@ -348,17 +347,6 @@ TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
   }
 }
 
-// The likelihood is that of event times, whatever the length that gaps are measured by.
-TEST(DiagnosePrediction, TheSizeOfMotionsDoesNotCount) {
-  const Scene scene = shipped_scene("paper_beam");
-  const auto events = jittered(events_of(scene, 60.0), 1e-4, 5);
-  const auto J = [&](double amplitude) {
-    const Scene other = changed(scene, "excitation amplitude", amplitude);
-    return predict(scene, other.model, 1e-4, events).J;
-  };
-  EXPECT_NEAR(J(0.021), J(0.039), 5.0);
-}
-
 // With one clearance only its ratio to the amplitude shows.
 TEST(Diagnose, WhatCannotBeToldApartIsATie) {
   const Scene scene = shipped_scene("paper_beam_frame");
@@ -492,24 +480,6 @@ TEST(DiagnoseParameters, TheNominalValueIsTheMachineItself) {
       }
     }
   }
-}
-
-TEST(DiagnoseLineSearch, FindsTheLowestValueAndItsWidth) {
-  for (const double step : {1e-6, 0.1, 3.0}) {
-    const auto J = [](double x) { return 50.0 * (x - 0.3) * (x - 0.3) + std::pow(x - 0.3, 4); };
-    const Minimum minimum = descend(J, {-2.0, J(-2.0), step, 0.0}, -5.0, 5.0);
-    EXPECT_NEAR(minimum.x, 0.3, 0.02) << step;
-    EXPECT_NEAR(minimum.deviation, std::sqrt(2.0 / 100.0), 0.01) << step;
-  }
-}
-
-TEST(DiagnoseLineSearch, StopsAtTheEndAndWhereNothingChanges) {
-  const auto falls = [](double x) { return -10.0 * x; };
-  const Minimum end = descend(falls, {0.0, 0.0, 0.1, 0.0}, -1.0, 1.0);
-  EXPECT_EQ(end.x, 1.0);
-  EXPECT_NEAR(end.deviation, 0.2, 1e-6);  // of exp(5 x)
-  const Minimum flat = descend([](double) { return 1.0; }, {0.0, 1.0, 0.1, 0.0}, -1.0, 1.0);
-  EXPECT_EQ(flat.deviation, 0.0);
 }
 
 }  // namespace
