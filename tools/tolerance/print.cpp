@@ -91,19 +91,20 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   std::string text =
       bench.scene().name + ": how much may be off for V < " + short_number(bench.target()) + ", " +
       short_number(bench.target() / bench.motion_energy()) + " of the energy of the motion\n\n";
+  constexpr std::size_t column = 25;  // "0.076 per s and contact", and what keeps columns apart
   std::size_t widest = 22;
   for (const Found& found : tolerances.found)
     widest = std::max(widest, description(found.deviation).size());
   std::vector<std::string> cells = {"what is off"};
   for (const EstimatorKind kind : settings.estimators) cells.emplace_back(study::name(kind));
-  add_line(cells, widest, 22, text);
+  add_line(cells, widest, column, text);
   cells = {"nothing: V is"};
   for (const Spread& V : tolerances.undisturbed.V) cells.push_back(short_number(V.median));
-  add_line(cells, widest, 22, text);
+  add_line(cells, widest, column, text);
   for (const Found& found : tolerances.found) {
     cells = {description(found.deviation)};
     for (const Limit& limit : found.limits) cells.push_back(limit_text(found.deviation, limit));
-    add_line(cells, widest, 22, text);
+    add_line(cells, widest, column, text);
   }
   text += '\n';
   for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
