@@ -91,7 +91,7 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   std::string text =
       bench.scene().name + ": how much may be off for V < " + short_number(bench.target()) + ", " +
       short_number(bench.target() / bench.motion_energy()) + " of the energy of the motion\n\n";
-  constexpr std::size_t column = 25;  // "0.076 per s and contact", and what keeps columns apart
+  constexpr std::size_t column = 23;  // "0.076 per s and contact"
   std::size_t widest = 22;
   for (const Found& found : tolerances.found)
     widest = std::max(widest, description(found.deviation).size());
