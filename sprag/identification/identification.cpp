@@ -342,7 +342,9 @@ Identification Identifier::run() {
     if (other.problem == FitProblem::none) best = std::move(other);
   }
   if (best.problem != FitProblem::none && settings_.mend) {
-    const Stretches flights = stretches_of(close, false);
+    // Near to each other, a bounce and what is none are hard to tell apart.
+    const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
+    const Stretches flights = stretches_of(jitters ? less_close : close, false);
     if (!flights.empty()) mends(flights, best, result);
   }
   if (best.solution.values.size() != family_.nominal().size()) {
