@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "studies/common/quantile.h"
+#include "sprag/analysis/quantile.h"
 
 namespace sprag::calibration {
 namespace {
@@ -66,8 +66,8 @@ Summary summarize(std::span<const Trial> trials) {
     all.worse_largest = std::max(all.worse_largest, one.worse);
     if (one.state.count() > 0) squares.push_back(one.state.mean_square());
   }
-  all.V = common::quantile(V, 0.5);
-  all.V_replica = common::quantile(V_replica, 0.5);
+  all.V = quantile(V, 0.5);
+  all.V_replica = quantile(V_replica, 0.5);
   all.J = share(innovations, innovation_count);
   const auto count = static_cast<double>(squares.size());
   double mean = 0.0;

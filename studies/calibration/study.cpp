@@ -5,12 +5,12 @@
 #include <stdexcept>
 
 #include "command_line/in_parallel.h"
+#include "sprag/analysis/quantile.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/calibration/machines.h"
-#include "studies/common/quantile.h"
 #include "studies/common/random.h"
 
 namespace sprag::calibration {
@@ -110,9 +110,9 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
   const std::vector<double> of_replica(V_replica.end() - static_cast<std::ptrdiff_t>(V.size()),
                                        V_replica.end());
   trial.inconsistencies = confidence.inconsistencies;
-  trial.V = common::quantile(V, 0.5);
+  trial.V = quantile(V, 0.5);
   trial.V_largest = *std::max_element(V.begin(), V.end());
-  trial.V_replica = common::quantile(of_replica, 0.5);
+  trial.V_replica = quantile(of_replica, 0.5);
   trial.V_replica_largest = *std::max_element(of_replica.begin(), of_replica.end());
   return trial;
 }
@@ -157,7 +157,7 @@ common::Disturbance disturbance(double jitter, Trouble trouble, const Truth& tru
                                 std::size_t contacts) {
   common::Disturbance all;
   all.jitter = jitter;
-  if (trouble == Trouble::missing || trouble == Trouble::mixed) all.missed = troubled_share;
+  if (trouble == Trouble::missing || trouble == Trouble::mixed) all.lost = troubled_share;
   if (trouble == Trouble::spurious || trouble == Trouble::mixed) {
     const auto each = static_cast<double>(truth.events.size()) / static_cast<double>(contacts);
     all.spurious = troubled_share * each / truth.duration;

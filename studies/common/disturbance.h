@@ -1,30 +1,19 @@
-// What can happen to event times between a machine and its observer.
+// Disturbed events (tools/study/disturbance.h) with the draws of these studies.
 #pragma once
 
-#include <cstdint>
-#include <span>
-#include <vector>
-
-#include "sprag/mechanics/contact_event.h"
+#include "studies/common/random.h"
+#include "tools/study/disturbance.h"
 
 namespace sprag::common {
 
-struct Disturbance {
-  double jitter = 0.0;    ///< standard deviation of event times [s]
-  double offset = 0.0;    ///< of all event times [s]
-  double missed = 0.0;    ///< share of events that never arrive
-  double spurious = 0.0;  ///< pulses that were none, per unit of time, at Poisson times
-};
+using study::Disturbance;
 
-/// The events as they arrive, up to `end`: each at its time plus offset and noise, but later than
-/// the one before it and than t = 0, by an ulp at least, since events of one instant would be one
-/// impact; none that contradicts the ones before it. With one seed the noise is the same but for
-/// its size, and what is missed with a small share is missed with a larger one too.
-std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
-                                  const Disturbance& disturbance, int contacts, double end,
-                                  std::uint64_t seed);
-
-/// As observer/event_history.h: drops what closes or pulses while closed, or opens while open.
-void drop_contradicting(std::vector<ContactEvent>& events);
+/// The events as they arrive up to `end`, disturbed with draws of `seed`.
+inline std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
+                                         const Disturbance& disturbance, int contacts, double end,
+                                         std::uint64_t seed) {
+  return study::disturb(events, disturbance, contacts, end, Random(3 * seed), Random(3 * seed + 1),
+                        Random(3 * seed + 2));
+}
 
 }  // namespace sprag::common

@@ -1,6 +1,7 @@
 #include <array>
 #include <cmath>
 
+#include "sprag/analysis/quantile.h"
 #include "sprag/estimation/estimator.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
@@ -10,7 +11,6 @@
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/common/disturbance.h"
-#include "studies/common/quantile.h"
 #include "studies/studies/study.h"
 
 namespace sprag::studies {
@@ -118,7 +118,7 @@ double median_V(const ErrorEnergy& energy, const std::vector<State>& truth,
   for (std::size_t i = 0; i < truth.size(); ++i) {
     V.push_back(energy(truth[i].q, truth[i].u, estimates[i].q, estimates[i].u)[0]);
   }
-  return common::quantile(std::move(V), 0.5);
+  return quantile(std::move(V), 0.5);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/analysis/quantile.h"
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/timing_filter.h"
 #include "sprag/estimation/uncertainty.h"
@@ -15,7 +16,6 @@
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/master.h"
 #include "studies/common/disturbance.h"
-#include "studies/common/quantile.h"
 #include "studies/common/random.h"
 #include "studies/studies/study.h"
 
@@ -187,7 +187,7 @@ double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, doubl
     const double now = energy(here.q, here.u, belief.q, belief.u)[0];
     if (2.0 * t.hi >= T) V.push_back(std::isfinite(now) ? now : infinite);
   }
-  return common::quantile(std::move(V), 0.5);
+  return quantile(std::move(V), 0.5);
 }
 
 double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
@@ -211,14 +211,14 @@ double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
     const State& here = truth.at_tick(k, shown_every);
     if (2.0 * t >= T) V.push_back(energy(here.q, here.u, shown.q, shown.u)[0]);
   }
-  return common::quantile(std::move(V), 0.5);
+  return quantile(std::move(V), 0.5);
 }
 
 void measure(Table& table, const Scene& scene, const Truth& truth, const char* start) {
   const auto median = [](const auto& run) {
     std::vector<double> V;
     for (int seed = 1; seed <= seeds; ++seed) V.push_back(run(seed));
-    return common::quantile(std::move(V), 0.5);
+    return quantile(std::move(V), 0.5);
   };
   for (const double rate_hz : {100.0, 1000.0}) {
     for (const double sigma : {1e-6, 1e-5, 1e-4, 1e-3, 1e-2}) {

@@ -1,11 +1,10 @@
-// What studies share does what it says: disturbed events, quantiles.
+// What studies share does what it says: disturbed events.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "sprag/mechanics/scalars.h"
 #include "studies/common/disturbance.h"
-#include "studies/common/quantile.h"
 #include "tests/support/random.h"
 
 namespace sprag::common {
@@ -30,7 +29,7 @@ Events random_events(std::uint64_t seed, double end) {
 
 bool consistent(const Events& events) {
   Events kept = events;
-  drop_contradicting(kept);
+  study::drop_contradicting(kept);
   return kept == events;
 }
 
@@ -60,7 +59,7 @@ TEST(DisturbedEvents, AreDroppedWhereTheyContradict) {
   using enum ContactEventKind;
   Events events{{0.1, 0, opens},  {0.2, 0, closes}, {0.3, 0, pulse}, {0.3, 1, pulse},
                 {0.4, 0, closes}, {0.5, 0, opens},  {0.6, 0, opens}};
-  drop_contradicting(events);
+  study::drop_contradicting(events);
   EXPECT_EQ(events, (Events{{0.2, 0, closes}, {0.3, 1, pulse}, {0.5, 0, opens}}));
 }
 
@@ -83,16 +82,6 @@ TEST(DisturbedEvents, HaveTheSharesAndRatesAskedFor) {
   }
   EXPECT_NEAR(mean, 0.0, 5e-3 / std::sqrt(n));
   EXPECT_NEAR(square, 1e-6, 5e-6 * std::sqrt(2.0 / n));
-}
-
-TEST(Quantiles, AreLinearBetweenTheValues) {
-  EXPECT_EQ(quantile({3.0}, 0.95), 3.0);
-  EXPECT_EQ(quantile({3.0, 1.0, 2.0}, 0.5), 2.0);
-  EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 0.5), 2.5);
-  EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 0.0), 1.0);
-  EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 1.0), 4.0);
-  EXPECT_EQ(quantile({infinity, 1.0, 2.0}, 0.5), 2.0);
-  EXPECT_EQ(quantile({infinity, infinity, 2.0}, 0.75), infinity);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "sprag/analysis/quantile.h"
 #include "sprag/analysis/recurrence.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/input_file.h"
@@ -43,14 +44,6 @@ bool wide(const std::vector<double>& values) {
     greatest = std::max(greatest, value);
   }
   return greatest > 100.0 * least;
-}
-
-double quantile(const std::vector<double>& ascending, double share) {
-  const double at = share * static_cast<double>(ascending.size() - 1);
-  const auto i = static_cast<std::size_t>(at);
-  const double part = at - static_cast<double>(i);
-  // Not a difference, which infinite ones do not have.
-  return part == 0.0 ? ascending[i] : (1.0 - part) * ascending[i] + part * ascending[i + 1];
 }
 
 class Maker {
@@ -262,8 +255,7 @@ class Maker {
       Curve curve{
           estimator.empty() ? "median" : "median of " + estimator, colour, Line::solid, {}, {}};
       bool several = false;
-      for (auto& [at, of_runs] : values) {
-        std::sort(of_runs.begin(), of_runs.end());
+      for (const auto& [at, of_runs] : values) {
         several = several || of_runs.size() > 1;
         band.t.push_back(at);
         band.low.push_back(quantile(of_runs, 0.05));
@@ -302,8 +294,7 @@ class Maker {
       StudyPanel panel;
       panel.kind = StudyPanel::Kind::map;
       panel.name = name;
-      for (auto& [at, of_runs] : values) {
-        std::sort(of_runs.begin(), of_runs.end());
+      for (const auto& [at, of_runs] : values) {
         panel.x.push_back(at.first);
         panel.y.push_back(at.second);
         panel.z.push_back(quantile(of_runs, 0.5));

@@ -1,58 +1,14 @@
 #include "tools/study/disturbance.h"
 
-#include <algorithm>
-#include <cmath>
-#include <iterator>
-#include <limits>
-
 #include "tools/study/random.h"
 
 namespace sprag::study {
-namespace {
-
-bool comes_before(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
-
-std::vector<ContactEvent> spurious_pulses(double rate, int contacts, double end, Random random) {
-  std::vector<ContactEvent> pulses;
-  if (!(rate > 0.0)) return pulses;
-  for (int contact = 0; contact < contacts; ++contact) {
-    for (double t = random.exponential() / rate; t < end; t += random.exponential() / rate) {
-      pulses.push_back({t, contact, ContactEventKind::pulse});
-    }
-  }
-  std::stable_sort(pulses.begin(), pulses.end(), comes_before);
-  return pulses;
-}
-
-}  // namespace
 
 std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                   const Disturbance& disturbance, int contacts, double end,
                                   std::uint64_t seed, std::uint64_t run) {
-  Random of_times(seed, run, Purpose::jitter);
-  Random of_losses(seed, run, Purpose::losses);
-  // Events of one instant are one impact: they stay so where nothing moves them.
-  const bool moved = disturbance.jitter != 0.0 || disturbance.offset != 0.0;
-  std::vector<ContactEvent> arrived;
-  double last = 0.0;
-  for (ContactEvent event : events) {
-    const double noise = disturbance.jitter * of_times.normal();
-    if (of_losses.uniform() < disturbance.lost) continue;
-    if (moved) {
-      event.t = std::max(std::nextafter(last, std::numeric_limits<double>::infinity()),
-                         event.t + disturbance.offset + noise);
-    }
-    last = event.t;
-    arrived.push_back(event);
-  }
-  const auto pulses =
-      spurious_pulses(disturbance.spurious, contacts, end, Random(seed, run, Purpose::spurious));
-  std::vector<ContactEvent> merged;
-  std::merge(arrived.begin(), arrived.end(), pulses.begin(), pulses.end(),
-             std::back_inserter(merged), comes_before);
-  drop_contradicting(merged);
-  std::erase_if(merged, [&](const ContactEvent& event) { return event.t > end; });
-  return merged;
+  return disturb(events, disturbance, contacts, end, Random(seed, run, Purpose::jitter),
+                 Random(seed, run, Purpose::losses), Random(seed, run, Purpose::spurious));
 }
 
 void drop_contradicting(std::vector<ContactEvent>& events) {

@@ -1,7 +1,10 @@
 // What can happen to event times between a machine and its observer.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -17,6 +20,9 @@ struct Disturbance {
                           ///< times
 };
 
+/// Drops what closes or pulses while closed, or opens while open, as observer/event_history.h does.
+void drop_contradicting(std::vector<ContactEvent>& events);
+
 /// The events as they arrive, up to `end`: each at its time plus offset and noise, but later than
 /// the one before it and than t = 0, by an ulp at least, unless neither offset nor noise moves any;
 /// none that contradicts the ones before it. A pure function of its arguments. With one seed and
@@ -26,7 +32,37 @@ std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                   const Disturbance& disturbance, int contacts, double end,
                                   std::uint64_t seed, std::uint64_t run);
 
-/// Drops what closes or pulses while closed, or opens while open, as observer/event_history.h does.
-void drop_contradicting(std::vector<ContactEvent>& events);
+/// The same with draws from elsewhere: a source each for times, losses and pulses, that one does
+/// not change the draws of another. A source has uniform(), exponential() and normal().
+template <class Source>
+std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
+                                  const Disturbance& disturbance, int contacts, double end,
+                                  Source of_times, Source of_losses, Source of_pulses) {
+  const auto earlier = [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; };
+  // Events of one instant are one impact: they stay so where nothing moves them.
+  const bool moved = disturbance.jitter != 0.0 || disturbance.offset != 0.0;
+  std::vector<ContactEvent> arrived;
+  double last = 0.0;
+  for (ContactEvent event : events) {
+    const double noise = disturbance.jitter * of_times.normal();
+    if (of_losses.uniform() < disturbance.lost) continue;
+    if (moved) {
+      event.t = std::max(std::nextafter(last, std::numeric_limits<double>::infinity()),
+                         event.t + disturbance.offset + noise);
+    }
+    last = event.t;
+    arrived.push_back(event);
+  }
+  const double rate = disturbance.spurious;
+  for (int contact = 0; rate > 0.0 && contact < contacts; ++contact) {
+    for (double t = of_pulses.exponential() / rate; t < end; t += of_pulses.exponential() / rate) {
+      arrived.push_back({t, contact, ContactEventKind::pulse});
+    }
+  }
+  std::stable_sort(arrived.begin(), arrived.end(), earlier);
+  drop_contradicting(arrived);
+  std::erase_if(arrived, [&](const ContactEvent& event) { return event.t > end; });
+  return arrived;
+}
 
 }  // namespace sprag::study

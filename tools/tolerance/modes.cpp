@@ -127,8 +127,8 @@ std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
         if (!first.corrected.empty())
           corrected.push_back(outcome.corrected.empty() ? infinite : outcome.corrected[e]);
       }
-      row.plain.push_back(spread_of(std::move(plain)));
-      if (!corrected.empty()) row.corrected.push_back(spread_of(std::move(corrected)));
+      row.plain.push_back(spread_of(plain));
+      if (!corrected.empty()) row.corrected.push_back(spread_of(corrected));
     }
     table.push_back(std::move(row));
   }

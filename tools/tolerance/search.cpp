@@ -6,6 +6,7 @@
 #include <set>
 
 #include "command_line/in_parallel.h"
+#include "sprag/analysis/quantile.h"
 
 namespace sprag::tolerance {
 namespace {
@@ -45,7 +46,7 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
         values.push_back(of.V);
         worse += of.worse;
       }
-      point.V.push_back(spread_of(std::move(values)));
+      point.V.push_back(spread_of(values));
       point.worse.push_back(worse / runs);
     }
     points.push_back(std::move(point));
@@ -76,10 +77,8 @@ Limit limit_of(const Point& undisturbed, const std::vector<Point>& points, std::
 
 }  // namespace
 
-Spread spread_of(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return {0.5 * (values[(n - 1) / 2] + values[n / 2]), values.front(), values.back()};
+Spread spread_of(const std::vector<double>& values) {
+  return {quantile(values, 0.5), quantile(values, 0.0), quantile(values, 1.0)};
 }
 
 Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,

@@ -14,7 +14,7 @@ struct Spread {
   double median = 0.0, low = 0.0, high = 0.0;
 };
 
-Spread spread_of(std::vector<double> values);
+Spread spread_of(const std::vector<double>& values);
 
 struct Point {
   double amount = 0.0;
