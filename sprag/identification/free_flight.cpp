@@ -47,18 +47,7 @@ void FreeFlight::move(ContactSet held, double t, double tau, Eigen::VectorXd& y,
   }
   const HeldFlight& flight = held_.try_emplace(held, machine_, held).first->second;
   Eigen::MatrixXd Y = y, U = u;
-  const auto add_offset = [&](double at, double sign) {
-    for (Eigen::Index j = 0; j < machine_.groups(); ++j) {
-      const double Omega = machine_.frequencies[j];
-      const std::complex<double> z = sign * std::polar(1.0, Omega * at) *
-                                     std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]);
-      Y += (z * flight.offset().col(j)).real();
-      U -= Omega * (z * flight.offset().col(j)).imag();
-    }
-  };
-  add_offset(t, 1.0);
-  flight.move(tau, constants_, Y, U);
-  add_offset(t + tau, -1.0);
+  flight.move(t, tau, inputs_.head(2 * machine_.groups() + constants_.size()), Y, U);
   y = Y;
   u = U;
 }

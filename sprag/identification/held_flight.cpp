@@ -23,50 +23,10 @@ Eigen::MatrixXd full(const Eigen::MatrixXd& A, bool modal) {
   return modal ? Eigen::MatrixXd(A.col(0).asDiagonal()) : A;
 }
 
-// What contact forces e^(i Omega t) along the columns of W move, n x h.
-Eigen::MatrixXcd response_to(const Machine& machine, const Eigen::MatrixXd& W, double Omega) {
-  const Eigen::Index n = machine.n(), h = W.cols();
-  Eigen::MatrixXcd response(n, h);
-  if (machine.modal) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const Complex Z(machine.K(k, 0) - Omega * Omega, Omega * machine.C(k, 0));
-      for (Eigen::Index j = 0; j < h; ++j) response(k, j) = W(k, j) / Z;
-    }
-    return response;
-  }
-  MatrixR Z(2 * n, 2 * n), right = MatrixR::Zero(2 * n, h);
-  Z.topLeftCorner(n, n) = machine.K.cast<Extended>();
-  Z.topLeftCorner(n, n).diagonal().array() -= Omega * Omega;
-  Z.bottomLeftCorner(n, n) = Omega * machine.C.cast<Extended>();
-  Z.topRightCorner(n, n) = -Z.bottomLeftCorner(n, n);
-  Z.bottomRightCorner(n, n) = Z.topLeftCorner(n, n);
-  right.topRows(n) = W.cast<Extended>();
-  const Eigen::MatrixXd parts = solve(Z, right).X.cast<double>();
-  response.real() = parts.topRows(n);
-  response.imag() = parts.bottomRows(n);
-  return response;
-}
-
-// A^-1 b for the few contacts that are held.
-Eigen::VectorXcd solve_complex(const Eigen::MatrixXcd& A, const Eigen::VectorXcd& b) {
-  const Eigen::Index h = A.rows();
-  MatrixR parts(2 * h, 2 * h), right(2 * h, 1);
-  parts.topLeftCorner(h, h) = A.real().cast<Extended>();
-  parts.bottomLeftCorner(h, h) = A.imag().cast<Extended>();
-  parts.topRightCorner(h, h) = -parts.bottomLeftCorner(h, h);
-  parts.bottomRightCorner(h, h) = parts.topLeftCorner(h, h);
-  right.topRows(h) = b.real().cast<Extended>();
-  right.bottomRows(h) = b.imag().cast<Extended>();
-  const Eigen::MatrixXd x = solve(parts, right).X.cast<double>();
-  Eigen::VectorXcd result(h);
-  result.real() = x.topRows(h);
-  result.imag() = x.bottomRows(h);
-  return result;
-}
-
 }  // namespace
 
-HeldFlight::HeldFlight(const Machine& machine, ContactSet held) : held_(held) {
+HeldFlight::HeldFlight(const Machine& machine, ContactSet held)
+    : held_(held), frequencies_(machine.frequencies) {
   const Eigen::Index n = machine.n(), h = std::popcount(held), r = n - h;
   const Eigen::MatrixXd W = columns_of(machine, held);
   const Eigen::MatrixXd Q = QR(W).Q_times(Eigen::MatrixXd::Identity(n, n));
@@ -89,17 +49,36 @@ HeldFlight::HeldFlight(const Machine& machine, ContactSet held) : held_(held) {
   push_ = -(W * inverse(Eigen::MatrixXd(W.transpose() * W)));
   offset_.resize(n, machine.groups());
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Eigen::MatrixXcd response = response_to(machine, W, machine.frequencies[g]);
-    Eigen::VectorXcd gaps(h);
+    Eigen::MatrixXcd response = W.cast<Complex>();
+    set_steady_response(machine, machine.frequencies[g], response);
+    VectorCR gaps(h);
     Eigen::Index j = 0;
     for_each(held, [&](int i) { gaps[j++] = machine.gap_response(i, g); });
-    offset_.col(g) = response * solve_complex(W.transpose() * response, gaps);
+    const MatrixCR of_gaps = (W.transpose() * response).cast<std::complex<Extended>>();
+    offset_.col(g) = response * solve(of_gaps, MatrixCR(gaps)).cast<Complex>();
   }
 }
 
-void HeldFlight::move(double tau, const Eigen::MatrixXd& constants, Eigen::MatrixXd& Y,
+Eigen::MatrixXd HeldFlight::offset(double t) const {
+  const Eigen::Index n = offset_.rows();
+  Eigen::MatrixXd x(2 * n, 2 * offset_.cols());
+  for (Eigen::Index g = 0; g < offset_.cols(); ++g) {
+    const double Omega = frequencies_[g];
+    const Eigen::VectorXcd y = std::polar(1.0, Omega * t) * offset_.col(g);
+    x.col(2 * g) << y.real(), -Omega * y.imag();
+    x.col(2 * g + 1) << -y.imag(), -Omega * y.real();
+  }
+  return x;
+}
+
+void HeldFlight::move(double t, double tau, const Eigen::MatrixXd& inputs, Eigen::MatrixXd& Y,
                       Eigen::MatrixXd& U) const {
-  const Eigen::Index r = N_.cols(), J = forces_.cols(), h = fixed_.cols();
+  const Eigen::Index n = Y.rows(), r = N_.cols(), J = forces_.cols(), h = fixed_.cols();
+  const auto harmonics = inputs.topRows(2 * offset_.cols());
+  const auto constants = inputs.bottomRows(J);
+  const Eigen::MatrixXd before = offset(t) * harmonics;
+  Y += before.topRows(n);
+  U += before.bottomRows(n);
   const Eigen::MatrixXd p = fixed_.transpose() * Y;
   Eigen::MatrixXd s = N_.transpose() * Y, v = N_.transpose() * U;
   if (modal_) {
@@ -117,8 +96,9 @@ void HeldFlight::move(double tau, const Eigen::MatrixXd& constants, Eigen::Matri
     s = moved.topRows(r);
     v = moved.bottomRows(r);
   }
-  Y = fixed_ * p + N_ * s;
-  U = N_ * v;
+  const Eigen::MatrixXd behind = offset(t + tau) * harmonics;
+  Y = fixed_ * p + N_ * s - behind.topRows(n);
+  U = N_ * v - behind.bottomRows(n);
 }
 
 Eigen::VectorXd HeldFlight::force(const Eigen::VectorXd& free_rates) const {

@@ -19,18 +19,18 @@ class HeldFlight {
   /// `held` is not empty, and its directions are independent of each other.
   HeldFlight(const Machine& machine, ContactSet held);
 
-  /// Moves columns of the motion about x_H by tau, in place: y and u, n x c. `constants`, J x c,
-  /// are the factors on the constant forces of each.
-  void move(double tau, const Eigen::MatrixXd& constants, Eigen::MatrixXd& Y,
+  /// Moves columns of the motion about the free machine's steady response, in place, from t on by
+  /// tau: y and u, n x c. `inputs`, (2 G + J) x c, are the inputs of each but its clearances.
+  void move(double t, double tau, const Eigen::MatrixXd& inputs, Eigen::MatrixXd& Y,
             Eigen::MatrixXd& U) const;
-
-  /// The free machine's steady response to 1 e^(i Omega t) less x_H, n x G.
-  const Eigen::MatrixXcd& offset() const { return offset_; }
 
   /// W_H lambda, n entries, of the gaps' accelerations without contact forces, m entries.
   Eigen::VectorXd force(const Eigen::VectorXd& free_rates) const;
 
  private:
+  // The free machine's steady response to each input of the harmonics less x_H: y over u, 2n x 2G.
+  Eigen::MatrixXd offset(double t) const;
+
   bool modal_ = false;
   ContactSet held_;
   Eigen::MatrixXd fixed_;          // n x h: orthonormal columns that span W_H's
@@ -38,7 +38,8 @@ class HeldFlight {
   Eigen::MatrixXd C_, K_;          // of these modes; their diagonals where modal
   Eigen::MatrixXd forces_, pull_;  // on them: constant ones, and of what is fixed
   Eigen::MatrixXd push_;           // -W_H G^-1, n x h
-  Eigen::MatrixXcd offset_;
+  Eigen::VectorXd frequencies_;
+  Eigen::MatrixXcd offset_;  // the free machine's steady response to 1 e^(i Omega t) less x_H
 };
 
 /// (u+ - u-) / -gamma- of the impact of a contact while those of `staying` are held; where it is

@@ -9,6 +9,8 @@
 namespace sprag {
 namespace {
 
+using Complex = std::complex<double>;
+
 std::vector<std::vector<double>> intervals_of(const Stretches& stretches) {
   std::vector<std::vector<double>> intervals(stretches.size());
   for (std::size_t s = 0; s < stretches.size(); ++s) {
@@ -66,18 +68,13 @@ Eigen::VectorXcd phases(const Machine& machine, double t) {
   return of;
 }
 
-// The machine's steady response with contacts held is less than the free one by this: added to the
-// columns of the harmonics, `sign` times.
-void add_offset(const Machine& machine, const HeldFlight& held, double t, double sign,
-                Eigen::Index first, Eigen::MatrixXd& Y, Eigen::MatrixXd& U) {
-  const Eigen::VectorXcd phase = phases(machine, t);
-  for (Eigen::Index g = 0; g < phase.size(); ++g) {
-    const Eigen::VectorXcd y = sign * phase[g] * held.offset().col(g);
-    Y.col(first + 2 * g) += y.real();
-    Y.col(first + 2 * g + 1) -= y.imag();
-    U.col(first + 2 * g) -= machine.frequencies[g] * y.imag();
-    U.col(first + 2 * g + 1) -= machine.frequencies[g] * y.real();
-  }
+// d/dt of z e^(i Omega t).
+Complex rate(Complex z, double Omega) { return {-Omega * z.imag(), Omega * z.real()}; }
+
+// Re z (a + i b): to the entries of a and b, which are a group's inputs.
+void add_real_part(Complex z, double* inputs) {
+  inputs[0] += z.real();
+  inputs[1] -= z.imag();
 }
 
 }  // namespace
@@ -168,14 +165,12 @@ void Flights::compose(const Stretch& stretch, std::size_t k) {
   Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(n_, columns), U = Y;
   Y.leftCols(n_).setIdentity();
   U.middleCols(n_, n_).setIdentity();
-  Eigen::MatrixXd constants = Eigen::MatrixXd::Zero(J, columns);
-  constants.rightCols(J).setIdentity();
+  Eigen::MatrixXd factors = Eigen::MatrixXd::Zero(2 * G_ + J, columns);
+  factors.rightCols(2 * G_ + J).setIdentity();
+  const auto constants = factors.bottomRows(J);
   for_each_leg(stretch, k, [&](double from, double to, ContactSet held, const Passage* passage) {
     if (held != 0) {
-      const HeldFlight& flight = held_flight(held);
-      add_offset(machine_, flight, from, 1.0, inputs, Y, U);
-      flight.move(to - from, constants, Y, U);
-      add_offset(machine_, flight, to, -1.0, inputs, Y, U);
+      held_flight(held).move(from, to - from, factors, Y, U);
     } else if (modal_) {
       const Eigen::MatrixXd alpha = constant_forces_ * constants;
       for (Eigen::Index i = 0; i < n_; ++i) {
@@ -194,9 +189,8 @@ void Flights::compose(const Stretch& stretch, std::size_t k) {
     Eigen::RowVectorXd gamma = machine_.W.col(contact).transpose() * U;
     const Eigen::VectorXcd phase = phases(machine_, to);
     for (Eigen::Index g = 0; g < G_; ++g) {
-      const std::complex<double> steady = machine_.gap_response(contact, g) * phase[g];
-      gamma[inputs + 2 * g] -= machine_.frequencies[g] * steady.imag();
-      gamma[inputs + 2 * g + 1] -= machine_.frequencies[g] * steady.real();
+      const Complex steady = machine_.gap_response(contact, g) * phase[g];
+      add_real_part(rate(steady, machine_.frequencies[g]), &gamma[inputs + 2 * g]);
     }
     U -= jump_of(machine_, contact, passage->staying) * gamma;
   });
@@ -311,13 +305,9 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
       }
     }
     for (Eigen::Index g = 0; g < G; ++g) {
-      const std::complex<double> steady =
-          machine.gap_response(contact, g) * harmonics.values[s](g, k);
-      const double Omega = machine.frequencies[g];
-      a[2 * n + 2 * g] += steady.real();
-      a[2 * n + 2 * g + 1] -= steady.imag();
-      gamma[2 * n + 2 * g] -= Omega * steady.imag();
-      gamma[2 * n + 2 * g + 1] -= Omega * steady.real();
+      const Complex steady = machine.gap_response(contact, g) * harmonics.values[s](g, k);
+      add_real_part(steady, a + 2 * n + 2 * g);
+      add_real_part(rate(steady, machine.frequencies[g]), gamma + 2 * n + 2 * g);
     }
     a[2 * n + 2 * G + J + contact] = 1.0;
     const ContactSet staying = stretch.impacts[static_cast<std::size_t>(k)].staying;
@@ -341,12 +331,9 @@ void start_rows(const Machine& machine, const Stretch& stretch, PathRows& rows) 
     rows.A.row(row).head(n) = w;
     rows.Gamma.row(row).segment(n, n) = w;
     for (Eigen::Index g = 0; g < G; ++g) {
-      const double Omega = machine.frequencies[g];
-      const std::complex<double> steady = machine.gap_response(contact, g) * phase[g];
-      rows.A(row, 2 * n + 2 * g) = steady.real();
-      rows.A(row, 2 * n + 2 * g + 1) = -steady.imag();
-      rows.Gamma(row, 2 * n + 2 * g) = -Omega * steady.imag();
-      rows.Gamma(row, 2 * n + 2 * g + 1) = -Omega * steady.real();
+      const Complex steady = machine.gap_response(contact, g) * phase[g];
+      add_real_part(steady, &rows.A(row, 2 * n + 2 * g));
+      add_real_part(rate(steady, machine.frequencies[g]), &rows.Gamma(row, 2 * n + 2 * g));
     }
     rows.A(row, 2 * n + 2 * G + J + contact) = 1.0;
     ++row;
@@ -365,7 +352,7 @@ Eigen::VectorXd Flights::force(const Machine& machine, ContactSet held, double t
   Eigen::VectorXd rates = machine.W.transpose() * moved;
   const Eigen::VectorXcd phase = phases(machine, t);
   for (Eigen::Index g = 0; g < G; ++g) {
-    const std::complex<double> z = std::complex<double>(inputs[2 * g], inputs[2 * g + 1]);
+    const Complex z = Complex(inputs[2 * g], inputs[2 * g + 1]);
     rates -= square(machine.frequencies[g]) * (machine.gap_response.col(g) * (z * phase[g])).real();
   }
   return held_.at(held).force(rates);
@@ -402,9 +389,8 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
       rate -= w.dot(machine.C * path.u + machine.K * path.y);
     }
     for (Eigen::Index j = 0; j < G; ++j) {
-      const std::complex<double> steady = machine.gap_response(contact, j) *
-                                          harmonics.values[s](j, k) *
-                                          std::complex<double>(inputs[2 * j], inputs[2 * j + 1]);
+      const Complex steady = machine.gap_response(contact, j) * harmonics.values[s](j, k) *
+                             Complex(inputs[2 * j], inputs[2 * j + 1]);
       const double Omega = machine.frequencies[j];
       g += steady.real();
       gamma -= Omega * steady.imag();

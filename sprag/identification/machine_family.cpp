@@ -13,33 +13,21 @@ namespace {
 using Kind = Unknown::Kind;
 using Complex = std::complex<double>;
 
-void set_steady_response(const Eigen::VectorXcd& F, double scale, Eigen::Index group,
-                         Machine& machine) {
-  const double Omega = machine.frequencies[group];
-  const Complex i_Omega(0.0, Omega);
+}  // namespace
+
+void set_steady_response(const Machine& machine, double Omega, Eigen::Ref<Eigen::MatrixXcd> F) {
   if (machine.modal) {
-    for (Eigen::Index k = 0; k < F.size(); ++k) {
-      machine.response(k, group) =
-          F[k] * scale / (machine.K(k, 0) - Omega * Omega + i_Omega * machine.C(k, 0));
+    for (Eigen::Index k = 0; k < F.rows(); ++k) {
+      F.row(k) /= Complex(machine.K(k, 0) - Omega * Omega, Omega * machine.C(k, 0));
     }
     return;
   }
-  // In real numbers.
-  const Eigen::Index n = F.size();
-  MatrixR Z(2 * n, 2 * n), F_parts(2 * n, 1);
-  Z.topLeftCorner(n, n) = machine.K.cast<Extended>();
-  Z.topLeftCorner(n, n).diagonal().array() -= Omega * Omega;
-  Z.bottomLeftCorner(n, n) = Omega * machine.C.cast<Extended>();
-  Z.topRightCorner(n, n) = -Z.bottomLeftCorner(n, n);
-  Z.bottomRightCorner(n, n) = Z.topLeftCorner(n, n);
-  F_parts.topRows(n) = (scale * F.real()).cast<Extended>();
-  F_parts.bottomRows(n) = (scale * F.imag()).cast<Extended>();
-  const Eigen::MatrixXd parts = solve(Z, F_parts).X.cast<double>();
-  machine.response.col(group).real() = parts.topRows(n);
-  machine.response.col(group).imag() = parts.bottomRows(n);
+  MatrixCR Z(machine.n(), machine.n());
+  Z.real() = machine.K.cast<Extended>();
+  Z.real().diagonal().array() -= Omega * Omega;
+  Z.imag() = Omega * machine.C.cast<Extended>();
+  F = solve(Z, MatrixCR(F.cast<std::complex<Extended>>())).cast<Complex>();
 }
-
-}  // namespace
 
 bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
   if (A.size() == 0) return true;
@@ -221,8 +209,9 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
     const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
     // The acceleration of a frame grows with the frequency, its amplitude does not.
     const bool of_frame = groups_[static_cast<std::size_t>(g)].of_frame;
-    set_steady_response(forces_[static_cast<std::size_t>(g)], of_frame ? ratio * ratio : 1.0, g,
-                        machine);
+    machine.response.col(g) =
+        forces_[static_cast<std::size_t>(g)] * (of_frame ? ratio * ratio : 1.0);
+    set_steady_response(machine, machine.frequencies[g], machine.response.col(g));
     for (Eigen::Index i = 0; i < contacts(); ++i) {
       machine.gap_response(i, g) = motions_(i, g);
       for (Eigen::Index k = 0; k < n(); ++k) {

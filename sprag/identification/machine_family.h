@@ -35,6 +35,9 @@ struct Machine {
   Eigen::Index inputs() const { return 2 * groups() + constant_forces.cols() + W.cols(); }
 };
 
+/// Forces F e^(i Omega t), n x c, become the steady motion y e^(i Omega t) that they cause.
+void set_steady_response(const Machine& machine, double Omega, Eigen::Ref<Eigen::MatrixXcd> F);
+
 /// Whether what is beside the diagonal is rounding.
 bool is_nearly_diagonal(const Eigen::MatrixXd& A);
 

@@ -34,10 +34,6 @@ void append_in_pieces(const Stretch& stretch, std::size_t longest, std::size_t f
   }
 }
 
-}  // namespace
-
-namespace {
-
 class Cutter {
  public:
   Cutter(std::span<const ContactEvent> events, const RecordSettings& settings, std::size_t fewest)

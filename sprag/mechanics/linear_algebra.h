@@ -35,6 +35,8 @@ struct Solution {
   Extended rcond;
 };
 Solution solve(const MatrixR& A, const MatrixR& B);
+/// The same A^-1 B, through real numbers of twice the size.
+MatrixCR solve(const MatrixCR& A, const MatrixCR& B);
 
 /// M = L L^T, L lower triangular. M n x n and symmetric; its lower triangle is read.
 class CholeskyFactor {

@@ -26,6 +26,18 @@ Solution solve(const MatrixR& A, const MatrixR& B) {
   return {lu.solve(B), lu.rcond()};
 }
 
+MatrixCR solve(const MatrixCR& A, const MatrixCR& B) {
+  const Eigen::Index n = A.rows();
+  MatrixR parts(2 * n, 2 * n), right(2 * n, B.cols());
+  parts << A.real(), -A.imag(), A.imag(), A.real();
+  right << B.real(), B.imag();
+  const MatrixR x = solve(parts, right).X;
+  MatrixCR X(n, B.cols());
+  X.real() = x.topRows(n);
+  X.imag() = x.bottomRows(n);
+  return X;
+}
+
 MatrixR cholesky_factor(const MatrixR& M) { return Eigen::LLT<MatrixR>(M).matrixL(); }
 
 MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
