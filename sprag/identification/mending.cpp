@@ -11,11 +11,14 @@ namespace sprag {
 namespace {
 
 constexpr double gate = 7.0;          // of what predictions are usually off
+constexpr double wide_gate = 10.0;    // in gates: where a slow impact makes them worse
 constexpr double outlier = 4.5;       // of what the jitter does to one impact
 constexpr double exact = 1e-9;        // of the usual interval: no jitter
 constexpr double most_mended = 0.35;  // of the events; a path that needs more is none
 // One of so many events at most is left out as an outlier, or for coming before the path.
 constexpr std::size_t most_left_out = 8;
+// Of the median: so long between two impacts, one was probably lost.
+constexpr double long_interval = 1.5;
 
 struct Followed {
   Stretch measured;  // with guesses where an event is missing
@@ -42,7 +45,9 @@ bool forgets_impacts(const Machine& machine) {
 // first.
 class Follower {
  public:
-  Follower(const MachineFamily& family, double jitter) : family_(family), jitter_(jitter) {}
+  /// No fewer than `least` impacts are fitted alone.
+  Follower(const MachineFamily& family, double jitter, std::size_t least)
+      : family_(family), jitter_(jitter), least_(least) {}
 
   /// From event number `next` on, the one behind those of the solution.
   bool forward(const std::vector<Impact>& all, std::size_t next, Followed& followed);
@@ -54,7 +59,7 @@ class Follower {
 
  private:
   static constexpr int between_fits = 4;
-  static constexpr int most_in_a_row = 4;
+  static constexpr int most_in_a_row = 8;
 
   struct Expected {
     std::optional<Impact> impact;
@@ -62,18 +67,24 @@ class Follower {
   };
 
   void stand(const Followed& followed, bool at_end);
-  bool refit(Followed& followed, bool at_end);
+  bool refit(Followed& followed, bool at_end, double most_growth = infinity);
   void move_to(const FreeFlight& flight, double t);
   bool too_many(const std::vector<Impact>& all, const Followed& followed) const;
+  double width() const { return gate * std::max(off_, 2.0 * jitter_); }
   Expected expect(const Impact& event, bool forward) const;
+  bool takes_with_doubt(const Impact& event, bool forward, Followed& followed);
   bool step(const Expected& expected, const Impact& event, bool forward, Followed& followed);
+  bool can_fit(const Followed& followed) const {
+    return followed.measured.size() >= least_ + static_cast<std::size_t>(followed.missing);
+  }
   // Nothing is doubted that has not been fitted to all that is known.
-  bool fit_is_due(const Expected& expected) const {
-    return since_fit_ >= between_fits || (since_fit_ > 0 && !expected.is_it);
+  bool fit_is_due(const Expected& expected, const Followed& followed) const {
+    return can_fit(followed) && (since_fit_ >= between_fits || (since_fit_ > 0 && !expected.is_it));
   }
 
   const MachineFamily& family_;
   double jitter_;
+  std::size_t least_;
   Machine machine_;
   Eigen::VectorXd inputs_, y_, u_;
   double t_ = 0.0;
@@ -110,7 +121,8 @@ void Follower::move_to(const FreeFlight& flight, double t) {
   t_ = t;
 }
 
-bool Follower::refit(Followed& followed, bool at_end) {
+// Where it returns false, nothing has changed.
+bool Follower::refit(Followed& followed, bool at_end, double most_growth) {
   Likelihood start = followed.solution;
   Stretch& path = start.path[0];
   const std::vector<Impact>& measured = followed.measured.impacts;
@@ -124,6 +136,7 @@ bool Follower::refit(Followed& followed, bool at_end) {
   }
   Likelihood next = maximize_likelihood(family_, {followed.measured}, std::move(start));
   if (!fits(next, jitter_, 4.0)) return false;
+  if (!(next.squares - followed.solution.squares <= most_growth)) return false;
   followed.solution = std::move(next);
   stand(followed, at_end);
   return true;
@@ -137,12 +150,42 @@ bool Follower::too_many(const std::vector<Impact>& all, const Followed& followed
 
 Follower::Expected Follower::expect(const Impact& event, bool forward) const {
   const double way = forward ? 1.0 : -1.0;
-  const double wide = gate * std::max(off_, 2.0 * jitter_);
+  const double wide = width();
   Expected expected;
   expected.impact = FreeFlight(machine_, inputs_).next_impact(y_, u_, t_, event.t + way * wide);
   expected.is_it = expected.impact && expected.impact->contact == event.contact &&
                    std::abs(expected.impact->t - event.t) <= wide;
   return expected;
+}
+
+// Whether the event is the impact although it comes where none is expected. Of a slow impact small
+// errors of the path move the time far, or it has none; what a fit makes of it decides.
+bool Follower::takes_with_doubt(const Impact& event, bool forward, Followed& followed) {
+  if (!can_fit(followed)) return false;
+  const FreeFlight flight(machine_, inputs_);
+  Eigen::VectorXd y = y_, u = u_;
+  flight.move(event.t - t_, y, u);
+  const double speed = followed.solution.gamma[0].cwiseAbs().mean();
+  if (!(std::abs(flight.gap(event.contact, y, event.t)) < wide_gate * width() * speed)) {
+    return false;
+  }
+  y = y_;
+  u = u_;
+  const double t = t_, off = off_;
+  const int since_fit = since_fit_, in_a_row = in_a_row_;
+  Followed taken = followed;
+  step({event, true}, event, forward, taken);
+  if (refit(taken, forward, square(gate * jitter_))) {
+    followed = std::move(taken);
+    return true;
+  }
+  y_ = y;
+  u_ = u;
+  t_ = t;
+  off_ = off;
+  since_fit_ = since_fit;
+  in_a_row_ = in_a_row;
+  return false;
 }
 
 // To the next impact, or over an event that is none; whether the event has been dealt with.
@@ -185,13 +228,16 @@ bool Follower::forward(const std::vector<Impact>& all, std::size_t next, Followe
   while (next < all.size()) {
     if (too_many(all, followed)) return false;
     Expected expected = expect(all[next], true);
-    if (fit_is_due(expected)) {
+    if (fit_is_due(expected, followed)) {
       if (!refit(followed, true)) return false;
       expected = expect(all[next], true);
     }
-    if (step(expected, all[next], true, followed)) ++next;
+    if ((!expected.is_it && takes_with_doubt(all[next], true, followed)) ||
+        step(expected, all[next], true, followed)) {
+      ++next;
+    }
   }
-  return refit(followed, true);
+  return !can_fit(followed) || refit(followed, true);
 }
 
 bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, double start,
@@ -212,16 +258,19 @@ bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, doubl
   while (next > 0) {
     if (too_many(all, now)) return false;
     Expected expected = expect(all[next - 1], false);
-    if (fit_is_due(expected)) {
+    if (fit_is_due(expected, now)) {
       if (!fit()) return false;
       expected = expect(all[next - 1], false);
     }
-    if (step(expected, all[next - 1], false, now)) --next;
+    if ((!expected.is_it && takes_with_doubt(all[next - 1], false, now)) ||
+        step(expected, all[next - 1], false, now)) {
+      --next;
+    }
   }
   if (!fit()) return false;
   // Impacts before the first event.
   const FreeFlight flight(machine_, inputs_);
-  const double wide = gate * std::max(off_, 2.0 * jitter_);
+  const double wide = width();
   while (t_ > start + wide) {
     const auto expected = flight.next_impact(y_, u_, t_, start + wide);
     if (!expected) break;
@@ -237,21 +286,107 @@ bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, doubl
   return true;
 }
 
-// A solution for impacts number `first` to first + size - 1.
-bool start_at(const MachineFamily& family, const std::vector<Impact>& all, double start,
-              std::size_t first, std::size_t size, std::optional<double> jitter, double interval,
-              Followed& followed, double& of) {
-  const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
-  followed = {};
-  followed.measured = {first == 0 ? start : begin->t,
-                       {begin, begin + static_cast<std::ptrdiff_t>(size)}};
-  const PathFit fit = search_window(family, {followed.measured});
+// Some impacts that a path is sought for, and the part of them that it is followed from.
+struct Start {
+  Stretches window;
+  std::size_t base = 0;   // a stretch of the window
+  std::size_t first = 0;  // the number of its first impact
+};
+
+// Where to begin in a record, the most promising first.
+class Starts {
+ public:
+  Starts(const MachineFamily& family, const Stretch& record) : record_(record) {
+    const Projection projection(family);
+    const std::size_t usual = first_window(family, projection);
+    const std::size_t least = least_window(family, projection);
+    cut_at_long_intervals();
+    // Fewer impacts, which tell less, where no more in a row are as they were.
+    slide(usual, 4, false);
+    slide(least, 2, false);
+    join_pieces(2 * static_cast<std::size_t>(family.n()), usual, least);
+    slide(usual, 4, true);
+    slide(least, 2, true);
+  }
+
+  const std::vector<Start>& all() const { return starts_; }
+
+ private:
+  void cut_at_long_intervals() {
+    const std::vector<Impact>& impacts = record_.impacts;
+    std::vector<double> intervals;
+    for (std::size_t k = 1; k < impacts.size(); ++k) {
+      intervals.push_back(impacts[k].t - impacts[k - 1].t);
+    }
+    piece_of_.assign(impacts.size(), 0);
+    if (intervals.empty()) return;
+    std::vector<double> sorted = intervals;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    for (std::size_t k = 1; k < impacts.size(); ++k) {
+      const bool cut = intervals[k - 1] > long_interval * *middle;
+      piece_of_[k] = piece_of_[k - 1] + (cut ? 1 : 0);
+    }
+  }
+
+  Stretch part_of(std::size_t first, std::size_t size) const {
+    const auto begin = record_.impacts.begin() + static_cast<std::ptrdiff_t>(first);
+    return {first == 0 ? record_.start : begin->t,
+            {begin, begin + static_cast<std::ptrdiff_t>(size)}};
+  }
+
+  void slide(std::size_t size, std::size_t by, bool over_long_intervals) {
+    for (std::size_t first = 0; first + size <= record_.size(); first += by) {
+      const bool over = piece_of_[first] != piece_of_[first + size - 1];
+      if (over == over_long_intervals) starts_.push_back({{part_of(first, size)}, 0, first});
+    }
+  }
+
+  // Several pieces together tell the machine, if each has more impacts than its start takes.
+  void join_pieces(std::size_t of_start, std::size_t usual, std::size_t least) {
+    constexpr std::size_t most = 4;
+    std::vector<std::size_t> firsts;
+    std::vector<Stretch> pieces;
+    for (std::size_t first = 0, last = 0; first < record_.size(); first = last) {
+      while (last < record_.size() && piece_of_[last] == piece_of_[first]) ++last;
+      if (last - first < of_start + 2) continue;
+      firsts.push_back(first);
+      pieces.push_back(part_of(first, std::min(last - first, usual)));
+    }
+    for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
+      Start start;
+      std::size_t told = of_start;
+      for (std::size_t j = i; j < std::min(i + most, pieces.size()) && told < usual; ++j) {
+        start.window.push_back(pieces[j]);
+        told += pieces[j].size() - of_start;
+        if (pieces[j].size() > start.window[start.base].size()) start.base = j - i;
+      }
+      start.first = firsts[i + start.base];
+      if (start.window.size() > 1 && told >= least) starts_.push_back(std::move(start));
+    }
+  }
+
+  const Stretch& record_;
+  std::vector<int> piece_of_;  // of each impact
+  std::vector<Start> starts_;
+};
+
+bool solve(const MachineFamily& family, const Start& start, std::optional<double> jitter,
+           double interval, Followed& followed, double& of) {
+  const PathFit fit = search_window(family, start.window);
   if (fit.values.size() != family.nominal().size() || fit.inside > 0.0) return false;
-  followed.solution = maximize_likelihood(family, {followed.measured}, fit);
+  Likelihood solution = maximize_likelihood(family, start.window, fit);
   constexpr double small = 1e-3;  // of the interval, where no jitter is told
-  if (!jitter && followed.solution.scatter() > small * interval) return false;
-  of = std::max(jitter.value_or(followed.solution.scatter()), exact * interval);
-  return fits(followed.solution, of, 4.0);
+  if (!jitter && solution.scatter() > small * interval) return false;
+  of = std::max(jitter.value_or(solution.scatter()), exact * interval);
+  if (!fits(solution, of, 4.0)) return false;
+  followed = {};
+  followed.measured = start.window[start.base];
+  solution.x0 = {solution.x0[start.base]};
+  solution.path = {solution.path[start.base]};
+  solution.gamma = {solution.gamma[start.base]};
+  followed.solution = std::move(solution);
+  return true;
 }
 
 }  // namespace
@@ -329,29 +464,20 @@ Mended mend(const MachineFamily& family, const Stretches& stretches, std::option
       *std::max_element(stretches.begin(), stretches.end(),
                         [](const Stretch& a, const Stretch& b) { return a.size() < b.size(); });
   const std::vector<Impact>& all = longest.impacts;
-  struct Window {
-    std::size_t size, slide;
-  };
-  // Fewer impacts, which tell less, where no more in a row are as they were.
-  const Projection projection(family);
+  const std::size_t least = least_window(family, Projection(family));
   Followed followed;
   double of = 0.0;
   bool found = false;
-  for (const Window& window :
-       {Window{first_window(family, projection), 4}, Window{least_window(family, projection), 2}}) {
-    for (std::size_t first = 0; !found && first + window.size <= all.size();
-         first += window.slide) {
-      if (!start_at(family, all, longest.start, first, window.size, jitter, interval, followed,
-                    of)) {
-        continue;
-      }
-      Follower follower(family, of);
-      if (!follower.forward(all, first + window.size, followed)) continue;
-      std::size_t left = first;
-      // A path that leaves out much of the record's front explains another record.
-      found = follower.backward(all, left, longest.start, followed) ||
-              left <= all.size() / most_left_out;
-    }
+  const Starts starts(family, longest);
+  for (const Start& start : starts.all()) {
+    if (!solve(family, start, jitter, interval, followed, of)) continue;
+    Follower follower(family, of, least);
+    if (!follower.forward(all, start.first + followed.measured.size(), followed)) continue;
+    std::size_t left = start.first;
+    // A path that leaves out much of the record's front explains another record.
+    found =
+        follower.backward(all, left, longest.start, followed) || left <= all.size() / most_left_out;
+    if (found) break;
   }
   if (!found) return mended;
   mended.stretches = {followed.measured};

@@ -140,6 +140,35 @@ TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
   EXPECT_EQ(found.missing.size(), 2U);
 }
 
+// No piece between lost events tells the machine alone, some of them together do; several events in
+// a row were lost as well.
+TEST(Identification, ShortPiecesTellAMachineTogether) {
+  if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
+  const Scene scene = shipped_scene("paper_beam");
+  auto events = jittered_events(scene, 60.0, 13);
+  ASSERT_GT(events.size(), 80U);
+  const std::vector<std::size_t> lost{75, 64, 63, 62, 61, 60, 45, 30, 29, 15};
+  for (const std::size_t k : lost) events.erase(events.begin() + static_cast<std::ptrdiff_t>(k));
+  const Identification found = mended(scene, events);
+  EXPECT_TRUE(found.fits());
+  EXPECT_TRUE(found.spurious.empty());
+  EXPECT_EQ(found.missing.size(), lost.size());
+}
+
+// In these records an impact that hardly touches lies on the way backward: small errors of the path
+// move its time far.
+TEST(Identification, SlowImpactsAreNotTakenForLostOnes) {
+  if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
+  const Scene scene = shipped_scene("paper_beam");
+  const Trial lost{.off = 0.2, .jitter = 1e-4, .lost = 0.05};
+  for (const std::uint64_t seed : {1002U, 1003U}) {
+    const Outcome outcome = run(scene, lost, seed);
+    EXPECT_TRUE(outcome.right(lost)) << "seed " << seed;
+    EXPECT_TRUE(outcome.found.spurious.empty());
+    EXPECT_EQ(outcome.found.missing.size(), static_cast<std::size_t>(outcome.events_lost));
+  }
+}
+
 // Of five modes a path may seem to leave nothing that passes through the support at every fifth
 // impact: the search goes on.
 TEST(Identification, APathHitFromInsideEndsNoSearch) {
