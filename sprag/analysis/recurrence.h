@@ -6,8 +6,6 @@
 
 #include <Eigen/Core>
 #include <limits>
-#include <span>
-#include <vector>
 
 #include "sprag/mechanics/dynamics.h"
 #include "sprag/mechanics/flows.h"
@@ -58,14 +56,5 @@ Recurrence recurrence(const Flows& flows, const State& start, const RecurrenceSe
 /// all points of the last half; 0 if there is none. One point a row; |x|^2 = sum of weight_j x_j^2.
 int period_of_points(const Eigen::Ref<const Simulation::Rows>& points,
                      const Eigen::Ref<const Eigen::VectorXd>& weights, int longest, double close);
-
-/// Labels 1, 2, ... of attractors, equal for equal ones, 0 where the period is 0; the same in
-/// whatever order they come: by period, then by point. Two are equal where they have one period and
-/// no q differs by more than the tolerance times the largest |q| of all, no u likewise; what is
-/// below 1e-9 of the largest number of all counts as zero. One attractor a row of `points`, 2f
-/// columns.
-std::vector<int> label_attractors(std::span<const int> periods,
-                                  const Eigen::Ref<const Simulation::Rows>& points,
-                                  double tolerance = 1e-3);
 
 }  // namespace sprag

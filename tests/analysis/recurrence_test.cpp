@@ -10,6 +10,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "sprag/analysis/attractors.h"
 #include "sprag/analysis/lyapunov.h"
 #include "sprag/analysis/variation.h"
 #include "sprag/mechanics/master.h"

@@ -6,8 +6,8 @@
 #include <set>
 #include <stdexcept>
 
+#include "sprag/analysis/attractors.h"
 #include "sprag/analysis/quantile.h"
-#include "sprag/analysis/recurrence.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/input_file.h"
 
