@@ -185,7 +185,7 @@ void ReplicaSweep::fetch(std::size_t l, std::int64_t end) {
   Lane& lane = lane_[l];
   Motion& motion = lane.state.motion;
   lane.state.tick += lane.under_way;
-  lane.state.anchor.ticks_since += lane.under_way;
+  lane.state.anchor.ticks_since += static_cast<unsigned>(lane.under_way);
   lane.under_way = 0;
   motion.t = no_instant;
   // The exact step starts from the anchor and asks for nothing else.

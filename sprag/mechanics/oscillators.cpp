@@ -122,6 +122,15 @@ TickTable::TickTable(const Oscillators& oscillators, double h) {
   oscillators.propagate({zero, zero}, one, h, 0, n, response);
   z_alpha = response.z;
   v_alpha = response.v;
+  if (n >= many) return;
+  pairs_.resize(static_cast<std::size_t>(n + 1) / 2, {});
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Pair& pair = pairs_[static_cast<std::size_t>(i / 2)];
+    pair.zz[i % 2] = zz[i];
+    pair.zv[i % 2] = zv[i];
+    pair.vz[i % 2] = vz[i];
+    pair.vv[i % 2] = vv[i];
+  }
 }
 
 SPRAG_WIDEST void TickTable::rotate_many(Eigen::Index n, const double* __restrict zz,
@@ -139,10 +148,7 @@ void TickTable::apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, 
                       OscillatorState& to) const {
   to.z = zz * from.z + zv * from.v;
   to.v = vz * from.z + vv * from.v;
-  if (drifts) {
-    to.z += z_alpha * alpha;
-    to.v += v_alpha * alpha;
-  }
+  if (drifts) push(alpha, to);
 }
 
 }  // namespace sprag

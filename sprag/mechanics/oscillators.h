@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 namespace sprag {
 
@@ -66,10 +67,20 @@ struct TickTable {
 
   /// One step in place; alpha only where `drifts`.
   void apply(OscillatorState& state, const Eigen::ArrayXd& alpha, bool drifts) const {
-    rotate(zz.size(), zz.data(), zv.data(), vz.data(), vv.data(), state.z.data(), state.v.data());
-    if (drifts) {
-      state.z += z_alpha * alpha;
-      state.v += v_alpha * alpha;
+    rotate(state);
+    if (drifts) push(alpha, state);
+  }
+  /// The same in two parts: without alpha, and what it adds.
+  void push(const Eigen::ArrayXd& alpha, OscillatorState& state) const {
+    state.z += z_alpha * alpha;
+    state.v += v_alpha * alpha;
+  }
+  void rotate(OscillatorState& state) const {
+    if (!pairs_.empty()) {
+      rotate_few(zz.size(), pairs_.data(), state.z.data(), state.v.data());
+    } else {
+      rotate_many(zz.size(), zz.data(), zv.data(), vz.data(), vv.data(), state.z.data(),
+                  state.v.data());
     }
   }
   /// One step from `from` to `to`, two different objects.
@@ -77,20 +88,29 @@ struct TickTable {
              OscillatorState& to) const;
 
  private:
+  // Of a tick with few oscillators half would be finding six arrays: they have one table, two
+  // oscillators side by side.
+  static constexpr Eigen::Index many = 16;
+  struct Pair {
+    double zz[2], zv[2], vz[2], vv[2];
+  };
+  std::vector<Pair> pairs_;  // of fewer than `many`
+
   // The arrays are all different ones; to check that at every tick would cost as much as the tick.
-  static void rotate(Eigen::Index n, const double* __restrict zz, const double* __restrict zv,
-                     const double* __restrict vz, const double* __restrict vv, double* __restrict z,
-                     double* __restrict v) {
-    constexpr Eigen::Index many = 16;
-    if (n >= many) {
-      rotate_many(n, zz, zv, vz, vv, z, v);
-      return;
+  static void rotate_few(Eigen::Index n, const Pair* __restrict pair, double* __restrict z,
+                         double* __restrict v) {
+    Eigen::Index i = 0;
+    for (; i + 1 < n; i += 2, ++pair) {
+      const double z0 = z[i], z1 = z[i + 1], v0 = v[i], v1 = v[i + 1];
+      z[i] = pair->zz[0] * z0 + pair->zv[0] * v0;
+      z[i + 1] = pair->zz[1] * z1 + pair->zv[1] * v1;
+      v[i] = pair->vz[0] * z0 + pair->vv[0] * v0;
+      v[i + 1] = pair->vz[1] * z1 + pair->vv[1] * v1;
     }
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double moved = zz[i] * z[i] + zv[i] * v[i];
-      v[i] = vz[i] * z[i] + vv[i] * v[i];
-      z[i] = moved;
-    }
+    if (i == n) return;
+    const double z0 = z[i], v0 = v[i];
+    z[i] = pair->zz[0] * z0 + pair->zv[0] * v0;
+    v[i] = pair->vz[0] * z0 + pair->vv[0] * v0;
   }
   static void rotate_many(Eigen::Index n, const double* __restrict zz, const double* __restrict zv,
                           const double* __restrict vz, const double* __restrict vv,

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -40,6 +41,27 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
   flows[0].propagate(exact, tick_instant(200, tick_length), exact);
   EXPECT_LE((motion.x.z - exact.x.z).abs().maxCoeff(), 1e-12 * exact.x.z.abs().maxCoeff());
   EXPECT_LE((motion.x.v - exact.x.v).abs().maxCoeff(), 1e-12 * exact.x.v.abs().maxCoeff());
+}
+
+// What excites the machine keeps its phase over any number of ticks of any length.
+TEST(TickedFlight, RoundingsOfThePhasesDoNotAddUp) {
+  const Flows flows(paper_beam().model);
+  const State start = paper_beam().replica;
+  for (const double h : {1e-4, 1e-3, 1e-2, 0.1, 0.7}) {
+    const TickedFlight flight(flows[0], h);
+    Motion motion;
+    flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), motion);
+    TickedFlight::Anchor anchor;
+    TickedFlight::set_anchor(motion, anchor);
+    OscillatorState exact = motion.x;
+    double worst = 0.0;
+    for (std::int64_t k = 1; k <= 20000; ++k) {
+      flight.step(k, motion, anchor);
+      flows[0].set_phases(tick_instant(k, h), exact);
+      worst = std::max(worst, std::abs(motion.x.z[0] - exact.z[0]));
+    }
+    EXPECT_LE(worst, 2e-14) << "h = " << h;
+  }
 }
 
 // After any number of free ticks an event finds the time of its own tick.
