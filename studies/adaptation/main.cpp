@@ -2,11 +2,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <string_view>
 
 #include "studies/adaptation/table.h"
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   if (argc != 4 && argc != 5) {
     std::fprintf(stderr, "usage: adaptation SCENES FIRST_SEED table|single|bound|chart [RUNS]\n");
     return 2;
@@ -23,4 +24,7 @@ int main(int argc, char** argv) {
   } else {
     sprag::adaptation_study::print_table(argv[1], seed, runs);
   }
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "adaptation: %s\n", error.what());
+  return 2;
 }

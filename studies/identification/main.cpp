@@ -1,12 +1,13 @@
 // identification: repeats the trials of docs/identification.md, or makes what its charts show.
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <string>
 
 #include "studies/identification/charts.h"
 #include "studies/identification/table.h"
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   const std::string what = argc > 1 ? argv[1] : "";
   const auto seed = [&](int at) {
     return argc > at ? std::strtoull(argv[at], nullptr, 10) : 1001ULL;
@@ -22,4 +23,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   sprag::identification_study::print_table(what, seed(2), argc > 3 ? argv[3] : "");
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "identification: %s\n", error.what());
+  return 2;
 }

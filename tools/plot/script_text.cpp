@@ -11,6 +11,14 @@
 
 namespace sprag::plot {
 
+Colour colour_of(std::string_view estimator) {
+  if (estimator == "replica") return Colour::vermilion;
+  if (estimator == "timing") return Colour::purple;
+  if (estimator == "both") return Colour::blue;
+  if (estimator == "adaptive") return Colour::green;
+  return Colour::black;
+}
+
 std::string rgb(Colour colour) {
   switch (colour) {
     case Colour::black:

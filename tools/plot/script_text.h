@@ -3,12 +3,15 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tools/plot/figure.h"
 
 namespace sprag::plot {
 
+/// The one of an estimator, by its name, in all pictures; black: of none.
+Colour colour_of(std::string_view estimator);
 /// '#rrggbb', in quotes.
 std::string rgb(Colour colour);
 std::string quoted(const std::string& text);

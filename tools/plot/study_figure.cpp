@@ -10,6 +10,7 @@
 #include "sprag/analysis/quantile.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/input_file.h"
+#include "tools/plot/script_text.h"
 
 namespace sprag::plot {
 namespace {
@@ -236,15 +237,11 @@ class Maker {
     const std::vector<std::string> names = quantity == "attractor"
                                                ? std::vector<std::string>{"attractor.period"}
                                                : columns_of(quantity);
-    const std::vector<Colour> colours{Colour::vermilion, Colour::blue, Colour::green,
-                                      Colour::orange};
     std::vector<double> all;
     for (const std::string& name : names) {
       const std::vector<double>& y = key(name);
       const std::string estimator = estimator_of(name);
-      const auto number = static_cast<std::size_t>(
-          std::find(estimators.begin(), estimators.end(), estimator) - estimators.begin());
-      const Colour colour = number < colours.size() ? colours[number] : Colour::black;
+      const Colour colour = colour_of(estimator);
       std::map<double, std::vector<double>> values;
       for (const std::size_t i : rows_) {
         if (std::isfinite(x[i]) && !std::isnan(y[i]) && first_of_run(i)) {

@@ -15,20 +15,6 @@ constexpr int columns = 3, panel_width = 350, panel_height = 260;
 constexpr int above = 76, below = 20, to_the_left = 70;
 
 // As in the pictures of runs.
-plot::Colour colour_of(EstimatorKind kind) {
-  switch (kind) {
-    case EstimatorKind::replica:
-      return plot::Colour::vermilion;
-    case EstimatorKind::timing:
-      return plot::Colour::purple;
-    case EstimatorKind::adaptive:
-      return plot::Colour::green;
-    case EstimatorKind::both:
-      break;
-  }
-  return plot::Colour::blue;
-}
-
 // What a printer without colours tells them apart by.
 const char* style_of(EstimatorKind kind) {
   switch (kind) {
@@ -96,7 +82,9 @@ class Legend {
   double x_ = to_the_left;
 };
 
-std::string coloured(EstimatorKind kind) { return " lc rgb " + plot::rgb(colour_of(kind)); }
+std::string coloured(EstimatorKind kind) {
+  return " lc rgb " + plot::rgb(plot::colour_of(study::name(kind)));
+}
 
 constexpr const char* target_style = "lw 1.4 dt (2,4) lc rgb '#202020'";
 constexpr const char* band_style = "lw 9 lc rgb '#d8d8d8'";
