@@ -74,7 +74,7 @@ class EventMixture {
   /// number of columns, or 0, with everything as it was, where no hypothesis has a finite weight.
   Eigen::Index collapse(Eigen::VectorXd& q, Eigen::VectorXd& u, Eigen::MatrixXd& S_q,
                         Eigen::MatrixXd& S_u);
-  static constexpr Eigen::Index added_columns() { return 2 * capacity; }
+  static constexpr Eigen::Index added_columns() { return Eigen::Index{2} * capacity; }
 
  private:
   void reflect(Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);

@@ -393,7 +393,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   of.jitter = jitter;
   of.mend = false;
   const std::vector<Unknown>& all = settings.unknowns;
-  const auto judge = [&](std::vector<std::size_t> sought) {
+  const auto judge = [&](const std::vector<std::size_t>& sought) {
     of.unknowns.clear();
     Explanation explanation;
     for (const std::size_t k : sought) {

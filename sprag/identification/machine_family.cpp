@@ -258,8 +258,8 @@ void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& input
     const Unknown& unknown = unknowns_[k];
     const double value = values[static_cast<Eigen::Index>(k)];
     if (unknown.index >= 0) {
-      if (unknown.kind == Kind::amplitude) inputs[2 * unknown.index] = value;
-      if (unknown.kind == Kind::phase) inputs[2 * unknown.index + 1] = value;
+      if (unknown.kind == Kind::amplitude) inputs[harmonic_input(unknown.index)] = value;
+      if (unknown.kind == Kind::phase) inputs[harmonic_input(unknown.index) + 1] = value;
     }
     if (unknown.kind == Kind::constant) {
       inputs[constant_input(unknown.index)] = value / unknown.nominal;

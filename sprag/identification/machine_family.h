@@ -69,7 +69,7 @@ class MachineFamily {
 
   const std::vector<HarmonicGroup>& groups() const { return groups_; }
   /// Numbers of the inputs: a of a group (b is the next), a constant force's, a clearance.
-  Eigen::Index harmonic_input(int group) const { return 2 * group; }
+  Eigen::Index harmonic_input(int group) const { return Eigen::Index{2} * group; }
   Eigen::Index constant_input(int force) const;
   Eigen::Index clearance_input(int contact) const;
 

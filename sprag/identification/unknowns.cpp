@@ -319,6 +319,7 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   Unknown entry;
   if (read_entry(scene, key, entry)) return entry;
   std::vector<std::string_view> keys;
+  keys.reserve(unknowns.size());
   for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
   std::string text = std::string(key) + " is no parameter of this scene; ";
   if (const auto nearest = nearest_word(key, keys)) {
@@ -331,6 +332,7 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
 
 std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
   std::vector<Unknown> unknowns;
+  unknowns.reserve(keys.size());
   for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
   return unknowns;
 }

@@ -1,6 +1,6 @@
 // Cost of the core: a tick of the replica, the master per unit of time and per impact, an event of
-// the estimators, a whole replay. The studies hold a tick against a loop
-// written by hand.
+// the estimators, a whole replay. The studies hold a tick against a loop written
+// by hand.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -103,7 +103,7 @@ void Script::panel(const Place& place, const std::string& y_label, double x) {
 }
 
 std::string Script::data(const std::vector<std::vector<double>>& columns) {
-  const std::string name = "$d" + std::to_string(++blocks_);
+  std::string name = "$d" + std::to_string(++blocks_);
   line(name + " << EOD");
   for (std::size_t i = 0; i < columns.front().size(); ++i) {
     const bool there = std::all_of(columns.begin(), columns.end(),
