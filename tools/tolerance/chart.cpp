@@ -14,7 +14,6 @@ namespace {
 constexpr int columns = 3, panel_width = 350, panel_height = 260;
 constexpr int above = 76, below = 20, to_the_left = 70;
 
-// As in the pictures of runs.
 // What a printer without colours tells them apart by.
 const char* style_of(EstimatorKind kind) {
   switch (kind) {

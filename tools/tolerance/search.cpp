@@ -78,7 +78,8 @@ Limit limit_of(const Point& undisturbed, const std::vector<Point>& points, std::
 }  // namespace
 
 Spread spread_of(const std::vector<double>& values) {
-  return {quantile(values, 0.5), quantile(values, 0.0), quantile(values, 1.0)};
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return {quantile(values, 0.5), *low, *high};
 }
 
 Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,
