@@ -47,7 +47,7 @@ class Follower {
  public:
   /// No fewer than `least` impacts are fitted alone.
   Follower(const MachineFamily& family, double jitter, std::size_t least)
-      : family_(family), jitter_(jitter), least_(least) {}
+      : family_(&family), jitter_(jitter), least_(least) {}
 
   /// From event number `next` on, the one behind those of the solution.
   bool forward(const std::vector<Impact>& all, std::size_t next, Followed& followed);
@@ -82,7 +82,7 @@ class Follower {
     return can_fit(followed) && (since_fit_ >= between_fits || (since_fit_ > 0 && !expected.is_it));
   }
 
-  const MachineFamily& family_;
+  const MachineFamily* family_;
   double jitter_;
   std::size_t least_;
   Machine machine_;
@@ -95,12 +95,12 @@ class Follower {
 // At the end of the solution's path, behind its last impact, or before its first.
 void Follower::stand(const Followed& followed, bool at_end) {
   const Likelihood& solution = followed.solution;
-  machine_ = family_.at(solution.values);
-  inputs_ = family_.inputs(solution.values);
+  machine_ = family_->at(solution.values);
+  inputs_ = family_->inputs(solution.values);
   since_fit_ = 0;
   if (!at_end) {
-    y_ = solution.x0[0].head(family_.n());
-    u_ = solution.x0[0].tail(family_.n());
+    y_ = solution.x0[0].head(family_->n());
+    u_ = solution.x0[0].tail(family_->n());
     t_ = solution.path[0].start;
     move_to(FreeFlight(machine_, inputs_), solution.path[0].impacts.front().t);
     return;
@@ -134,7 +134,7 @@ bool Follower::refit(Followed& followed, bool at_end, double most_growth) {
     path.start = followed.measured.start;
     start.x0[0] << y_, u_;
   }
-  Likelihood next = maximize_likelihood(family_, {followed.measured}, std::move(start));
+  Likelihood next = maximize_likelihood(*family_, {followed.measured}, std::move(start));
   if (!fits(next, jitter_, 4.0)) return false;
   if (!(next.squares - followed.solution.squares <= most_growth)) return false;
   followed.solution = std::move(next);
@@ -169,23 +169,13 @@ bool Follower::takes_with_doubt(const Impact& event, bool forward, Followed& fol
   if (!(std::abs(flight.gap(event.contact, y, event.t)) < wide_gate * width() * speed)) {
     return false;
   }
-  y = y_;
-  u = u_;
-  const double t = t_, off = off_;
-  const int since_fit = since_fit_, in_a_row = in_a_row_;
+  Follower with_event = *this;
   Followed taken = followed;
-  step({event, true}, event, forward, taken);
-  if (refit(taken, forward, square(gate * jitter_))) {
-    followed = std::move(taken);
-    return true;
-  }
-  y_ = y;
-  u_ = u;
-  t_ = t;
-  off_ = off;
-  since_fit_ = since_fit;
-  in_a_row_ = in_a_row;
-  return false;
+  with_event.step({event, true}, event, forward, taken);
+  if (!with_event.refit(taken, forward, square(gate * jitter_))) return false;
+  *this = std::move(with_event);
+  followed = std::move(taken);
+  return true;
 }
 
 // To the next impact, or over an event that is none; whether the event has been dealt with.
