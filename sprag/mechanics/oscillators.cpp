@@ -144,11 +144,4 @@ SPRAG_WIDEST void TickTable::rotate_many(Eigen::Index n, const double* __restric
   }
 }
 
-void TickTable::apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, bool drifts,
-                      OscillatorState& to) const {
-  to.z = zz * from.z + zv * from.v;
-  to.v = vz * from.z + vv * from.v;
-  if (drifts) push(alpha, to);
-}
-
 }  // namespace sprag

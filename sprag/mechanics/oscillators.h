@@ -65,16 +65,7 @@ struct TickTable {
   Eigen::ArrayXd zz, zv, vz, vv;
   Eigen::ArrayXd z_alpha, v_alpha;  ///< response to alpha = 1
 
-  /// One step in place; alpha only where `drifts`.
-  void apply(OscillatorState& state, const Eigen::ArrayXd& alpha, bool drifts) const {
-    rotate(state);
-    if (drifts) push(alpha, state);
-  }
-  /// The same in two parts: without alpha, and what it adds.
-  void push(const Eigen::ArrayXd& alpha, OscillatorState& state) const {
-    state.z += z_alpha * alpha;
-    state.v += v_alpha * alpha;
-  }
+  /// One step in place, without alpha.
   void rotate(OscillatorState& state) const {
     if (!pairs_.empty()) {
       rotate_few(zz.size(), pairs_.data(), state.z.data(), state.v.data());
@@ -83,9 +74,11 @@ struct TickTable {
                   state.v.data());
     }
   }
-  /// One step from `from` to `to`, two different objects.
-  void apply(const OscillatorState& from, const Eigen::ArrayXd& alpha, bool drifts,
-             OscillatorState& to) const;
+  /// What alpha, of one entry an oscillator, adds to that.
+  void push(const Eigen::ArrayXd& alpha, OscillatorState& state) const {
+    state.z += z_alpha * alpha;
+    state.v += v_alpha * alpha;
+  }
 
  private:
   // Of a tick with few oscillators half would be finding six arrays: they have one table, two

@@ -169,19 +169,40 @@ TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
     const Case c = random_case(random, GetParam());
     const Oscillators oscillators(one(c.delta), one(c.kappa));
     const TickTable table(oscillators, c.tau);
-    const OscillatorState start{one(static_cast<double>(c.start.z)),
-                                one(static_cast<double>(c.start.v))};
-    OscillatorState copied = start;
-    OscillatorState in_place = start;
-    table.apply(start, one(0.0), false, copied);
-    table.apply(in_place, one(0.0), false);
-    EXPECT_EQ(copied.z[0], in_place.z[0]);
-    EXPECT_EQ(copied.v[0], in_place.v[0]);
+    OscillatorState state{one(static_cast<double>(c.start.z)),
+                          one(static_cast<double>(c.start.v))};
+    table.rotate(state);
     const Point moved = propagate(c.delta, c.kappa, 0.0, c.tau, c.start);
-    ASSERT_LT(
-        error_in_roundings(c.delta, c.kappa, c.tau, c.start, {copied.z[0], copied.v[0]}, moved),
-        8.0)
+    ASSERT_LT(error_in_roundings(c.delta, c.kappa, c.tau, c.start, {state.z[0], state.v[0]}, moved),
+              8.0)
         << "delta " << c.delta << ", kappa " << c.kappa << ", tau " << c.tau;
+  }
+}
+
+// Few oscillators are moved from another table than many.
+TEST_P(OscillatorRegimes, TickTableMovesEachAsIfItWereAlone) {
+  const std::uint64_t seed = 7005;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  for (const Eigen::Index n : {2, 3, 15, 16, 17, 40}) {
+    Eigen::ArrayXd delta(n), kappa(n);
+    OscillatorState state{Eigen::ArrayXd(n), Eigen::ArrayXd(n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Case c = random_case(random, GetParam());
+      delta[i] = c.delta;
+      kappa[i] = c.kappa;
+      state.z[i] = static_cast<double>(c.start.z);
+      state.v[i] = static_cast<double>(c.start.v);
+    }
+    const OscillatorState start = state;
+    const double tau = random.uniform(0.0, 1.0);
+    TickTable(Oscillators(delta, kappa), tau).rotate(state);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      OscillatorState alone{one(start.z[i]), one(start.v[i])};
+      TickTable(Oscillators(one(delta[i]), one(kappa[i])), tau).rotate(alone);
+      EXPECT_EQ(state.z[i], alone.z[0]) << i << " of " << n;
+      EXPECT_EQ(state.v[i], alone.v[0]) << i << " of " << n;
+    }
   }
 }
 
@@ -283,13 +304,10 @@ TEST(Oscillators, DampedDriftAgreesWithItsSeries) {
 
     const TickTable table(Oscillators(one(delta), one(0.0)), tau);
     OscillatorState state{one(z0), one(v0)};
-    table.apply(state, one(alpha), true);
+    table.rotate(state);
+    table.push(one(alpha), state);
     EXPECT_NEAR(state.z[0], static_cast<double>(moved.z), 16 * machine_epsilon * z_scale);
     EXPECT_NEAR(state.v[0], static_cast<double>(moved.v), 8 * machine_epsilon * v_scale);
-    OscillatorState copied{one(0.0), one(0.0)};
-    table.apply({one(z0), one(v0)}, one(alpha), true, copied);
-    EXPECT_EQ(copied.z[0], state.z[0]);
-    EXPECT_EQ(copied.v[0], state.v[0]);
   }
 }
 

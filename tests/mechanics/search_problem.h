@@ -91,7 +91,8 @@ inline Scan scan(const Problem& problem, double T, double h, double margin, bool
   };
   const auto samples = static_cast<int>(std::round(T / h));
   for (int k = 1; k <= samples && !(stop && result.first < infinity); ++k) {
-    table.apply(here.x, here.alpha, true);
+    table.rotate(here.x);
+    table.push(here.alpha, here.x);
     driven.apply(here.x);
     const double last_phi = phi;
     const double last_slope = slope;
