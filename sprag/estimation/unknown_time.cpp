@@ -36,17 +36,8 @@ constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
 // Standard deviations.
 constexpr double beyond_doubt = 4.0;
-// A mode that has decayed by exp(12) since is not there any more, and is not made to grow back.
-constexpr double most_growth = 12.0;
-
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
-
-// Rate at which mode i grows back in time.
-double growth_of(const Oscillators& of, Eigen::Index i) {
-  const double excess = square(of.delta()[i]) - of.kappa()[i];
-  return of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
-}
 
 // Mean and deviation of nodes with these weights, given as logarithms, from the first node in
 // steps; `total` is 0 where there is none.
@@ -75,112 +66,42 @@ Moments moments_of(std::span<const double> log_weights) {
 }  // namespace
 
 UnknownTime::UnknownTime(const Flows& flows, double sigma, Eigen::Index columns)
-    : flows_(&flows), sigma_(sigma), mixture_(columns, flows.dynamics().coordinates()) {
+    : flows_(&flows),
+      sigma_(sigma),
+      mixture_(columns, flows.dynamics().coordinates()),
+      belief_(flows, columns) {
   const Eigen::Index f = flows.dynamics().coordinates();
-  const Eigen::Index n = flows[0].size();
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
-  Z_.setZero(f, columns);
-  V_.setZero(f, columns);
-  row_z_.setZero(f);
-  row_v_.setZero(f);
-  phi_.setZero(columns);
   psi_.setZero(columns);
   xi_.setZero(columns);
   no_gaps_.setZero(flows.dynamics().contacts());
-  for (Eigen::VectorXd* x :
-       {&no_q_, &impact_u_, &off_z_, &off_v_, &q_, &u_, &q_after_, &u_after_}) {
-    x->setZero(f);
-  }
+  for (Eigen::VectorXd* x : {&no_q_, &impact_u_, &q_, &u_, &q_after_, &u_after_}) x->setZero(f);
   for (Eigen::MatrixXd* x : {&impact_z_, &impact_v_, &moved_z_, &moved_v_, &moved_q_, &moved_u_}) {
     x->setZero(f, 1);
   }
-  flows[0].enter(no_q_, no_q_, Instant{}, no_gaps_.head(0), then_);
-  after_ = then_;
+  flows[0].enter(no_q_, no_q_, Instant{}, no_gaps_.head(0), after_);
 }
 
 // `signal` is zero at the event, on the flow of the motion.
 void UnknownTime::look(const Signal& signal, double value_rounding, double rate_rounding,
                        const Motion& motion, const Belief& belief) {
-  flow_ = motion.flow;
-  motion_ = &motion;
-  signal_ = &signal;
   value_rounding_ = value_rounding;
   rate_rounding_ = rate_rounding;
   rate_noise_ = 0.0;
   columns_ = belief.columns;
   best_weight_ = -infinity;
   innovation_ = {};
-  const Oscillators& of = flow_->oscillators();
-  const Eigen::Index n = flow_->modes();
-  const Eigen::Index nf = flow_->frequencies();
-  flow_->enter_differences(belief.S_q.leftCols(columns_), belief.S_u.leftCols(columns_),
-                           Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
-  fastest_ = n > 0 ? of.root_kappa().segment(nf, n).maxCoeff() : 0.0;
-  growth_ = 0.0;
-  for (Eigen::Index i = nf; i < nf + n; ++i) growth_ = std::max(growth_, growth_of(of, i));
-  then_ = motion;
+  belief_.begin(signal, motion, belief);
 }
 
-// move(tau, first, count) for all modes: by tau, but what has decayed since is not made to grow
-// back further than there is anything left of it.
-template <typename Move>
-void UnknownTime::for_each_tau(double tau, const Move& move) const {
-  const Eigen::Index n = flow_->modes();
-  const Eigen::Index nf = flow_->frequencies();
-  if (-growth_ * tau <= most_growth) {
-    move(tau, nf, n);
-    return;
-  }
-  for (Eigen::Index i = nf; i < nf + n; ++i) {
-    move(std::max(tau, -most_growth / growth_of(flow_->oscillators(), i)), i, 1);
-  }
-}
-
-// What z and v of these modes become in tau.
-void UnknownTime::set_kernels(double tau, Eigen::Index first, Eigen::Index count) {
-  const Oscillators& of = flow_->oscillators();
-  of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
-  of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
-}
-
-// Mean and columns at `age` before the motion, which may be negative: what they were if nothing has
-// happened since.
-void UnknownTime::go_back(double age) {
-  const Oscillators& of = flow_->oscillators();
-  const Eigen::Index n = flow_->modes();
-  const Eigen::Index nf = flow_->frequencies();
-  for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
-    set_kernels(tau, first, count);
-    of.propagate(motion_->x, motion_->alpha, tau, first, count, then_.x);
-  });
-  then_.t = motion_->t + -age;
-  flow_->set_phases(then_.t, then_.x);
-  const auto depend = [&](const auto& p, const auto& r, auto on) {
-    row_z_.head(n) = p * from_z_.z.segment(nf, n) + r * from_z_.v.segment(nf, n);
-    row_v_.head(n) = p * from_v_.z.segment(nf, n) + r * from_v_.v.segment(nf, n);
-    on.noalias() = Z_.topLeftCorner(n, columns_).transpose().lazyProduct(row_z_.head(n));
-    on.noalias() += V_.topLeftCorner(n, columns_).transpose().lazyProduct(row_v_.head(n));
-  };
-  const auto p = signal_->p.segment(nf, n);
-  const auto r = signal_->r.segment(nf, n);
-  depend(p, r, phi_.head(columns_));
-  const auto kappa = of.kappa().segment(nf, n);
-  const auto delta = of.delta().segment(nf, n);
-  depend(-r * kappa, p - 2.0 * r * delta, psi_.head(columns_));
-}
-
-// Afterwards phi_ and psi_ are those of a hypothesis.
+// Afterwards psi_ is that of a hypothesis.
 UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
-  go_back(age);
+  belief_.go_back(age);
   Sight sight{};
-  sight.value = value(*signal_, then_);
-  sight.rate = rate(*signal_, then_);
-  auto phi = phi_.head(columns_);
+  sight.value = belief_.value();
+  sight.rate = belief_.rate();
+  const auto phi = belief_.phi();
   auto psi = psi_.head(columns_);
+  psi = belief_.psi();
   const double r = square(value_rounding_) + least;
   sight.s2 = phi.squaredNorm() + r;
   const double kappa = phi.dot(psi) / sight.s2;
@@ -242,7 +163,7 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
   double mean = 0.0;
   bool first_scan = true;
   double deviation = 0.0;  // NOLINT(clang-analyzer-deadcode.DeadStores): g++ warns without
-  const double least_step = 16.0 * std::numeric_limits<double>::epsilon() * motion_->t.hi;
+  const double least_step = 16.0 * std::numeric_limits<double>::epsilon() * belief_.motion().t.hi;
   while (true) {
     const double step = (high - low) / (scan_nodes - 1);
     double weights[scan_nodes], values[scan_nodes];
@@ -318,7 +239,8 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
 }
 
 UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation) const {
-  const double spacing = 2.0 * std::numbers::pi / (2.0 * fastest_ + node_density / deviation);
+  const double spacing =
+      2.0 * std::numbers::pi / (2.0 * belief_.fastest() + node_density / deviation);
   const double wanted = std::ceil(2.0 * node_reach * deviation / spacing) + 1.0;
   const int count = static_cast<int>(
       std::clamp(wanted, static_cast<double>(least_nodes), static_cast<double>(most_nodes)));
@@ -340,47 +262,34 @@ void UnknownTime::set_impact(const UncertainEvent& event) {
     }
   }
   impact_u_ /= dynamics.W().col(i).dot(impact_u_);
-  const Eigen::Index n = flow_->modes();
-  flow_->enter_differences(no_q_, impact_u_, impact_z_.topRows(n), impact_v_.topRows(n));
+  const Flow& flow = belief_.flow();
+  const Eigen::Index n = flow.modes();
+  flow.enter_differences(no_q_, impact_u_, impact_z_.topRows(n), impact_v_.topRows(n));
 }
 
 // b of the hypothesis just added: the impact, moved on by `age`.
 void UnknownTime::add_moved_impact(double age) {
-  const Eigen::Index n = flow_->modes();
-  const Eigen::Index nf = flow_->frequencies();
-  for_each_tau(age, [&](double tau, Eigen::Index first, Eigen::Index count) {
-    set_kernels(tau, first, count);
-  });
-  const auto z = impact_z_.col(0).head(n).array();
-  const auto v = impact_v_.col(0).head(n).array();
-  moved_z_.col(0).head(n) = from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
-  moved_v_.col(0).head(n) = from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
-  flow_->state_differences(moved_z_.topRows(n), moved_v_.topRows(n), moved_q_, moved_u_);
+  const Flow& flow = belief_.flow();
+  const Eigen::Index n = flow.modes();
+  belief_.move(age, impact_z_.col(0).head(n), impact_v_.col(0).head(n), moved_z_.col(0).head(n),
+               moved_v_.col(0).head(n));
+  flow.state_differences(moved_z_.topRows(n), moved_v_.topRows(n), moved_q_, moved_u_);
   mixture_.b_q() = moved_q_.col(0);
   mixture_.b_u() = moved_u_.col(0);
 }
 
-// b of the hypothesis just added: what it makes of its mean that it has moved on another flow
-// since. xi_ is its mean; then_ and the kernels are those of its age.
+// b of the hypothesis just added: what it makes of its mean, xi_, that it has moved on another flow
+// since.
 void UnknownTime::add_changed_flow(const Flow& after) {
-  const Eigen::Index n = flow_->modes();
-  const Eigen::Index nf = flow_->frequencies();
-  off_z_.head(n).noalias() = Z_.topLeftCorner(n, columns_).lazyProduct(xi_.head(columns_));
-  off_v_.head(n).noalias() = V_.topLeftCorner(n, columns_).lazyProduct(xi_.head(columns_));
-  const auto z = off_z_.head(n).array();
-  const auto v = off_v_.head(n).array();
-  then_.x.z.segment(nf, n) += from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
-  then_.x.v.segment(nf, n) += from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
-  flow_->state(then_, q_, u_);
-  after.close_gaps(then_.t, q_);
-  after.enter(q_, u_, then_.t, no_gaps_.head(std::popcount(after.locked())), after_);
-  after.propagate(after_, motion_->t, after_);
+  const Motion& mean = belief_.mean();
+  belief_.set_xi(xi_.head(columns_));
+  belief_.flow().state(mean, q_, u_);
+  after.close_gaps(mean.t, q_);
+  after.enter(q_, u_, mean.t, no_gaps_.head(std::popcount(after.locked())), after_);
+  after.propagate(after_, belief_.motion().t, after_);
   after.state(after_, q_after_, u_after_);
-  then_.x = motion_->x;
-  then_.x.z.segment(nf, n) += z;
-  then_.x.v.segment(nf, n) += v;
-  then_.t = motion_->t;
-  flow_->state(then_, q_, u_);
+  belief_.return_to_motion();
+  belief_.flow().state(mean, q_, u_);
   mixture_.b_q() = q_after_ - q_;
   mixture_.b_u() = u_after_ - u_;
 }
@@ -396,7 +305,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   of.shift_psi = (sight.mean_rate - sight.mu) / sight.d;
   of.taken_along_phi = 1.0;
   of.taken_along_psi = 1.0 - sight.variance / square(sight.d);
-  const auto phi = phi_.head(columns_);
+  const auto phi = belief_.phi();
   const auto psi = psi_.head(columns_);
   const bool impact = event.kind == UncertainEvent::Kind::pulse;
   const Flow* after = nullptr;
@@ -407,7 +316,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
     of.alpha = kick * sight.mean_rate;
     of.beta = square(kick) * sight.variance;
     of.slope = kick * sight.variance / sight.d;
-  } else if (has_happened && -growth_ * age <= most_growth) {
+  } else if (has_happened && belief_.reaches(age)) {
     const bool stays = event.kind == UncertainEvent::Kind::stays;
     after = flows_->find(stays ? event.held | bit(event.contact) : event.held);
     if (after != nullptr) of.alpha = 1.0;
@@ -441,9 +350,9 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
 // that the n-th of a row takes (1 - epsilon^2) epsilon^2n of the energy; were each to take its full
 // share, at a time of its own, the modes would lose what no chatter takes.
 void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_happened) {
-  go_back(age);
-  const double mu = rate(*signal_, then_);
-  auto psi = psi_.head(columns_);
+  belief_.go_back(age);
+  const double mu = belief_.rate();
+  const auto psi = belief_.psi();
   const double d = std::sqrt(psi.squaredNorm() + square(rate_rounding_) + least);
   EventMixture::Hypothesis of;
   of.log_weight = log_prior(age);
@@ -505,7 +414,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
   } else {
     if (event.kind == UncertainEvent::Kind::stays) {
       const double chatter = flows_->dynamics().model().chatter_time;
-      rate_noise_ = chatter * std::abs(second_rate(*signal_, motion)) + rate_rounding_;
+      rate_noise_ = chatter * std::abs(second_rate(belief_.signal(), motion)) + rate_rounding_;
     }
     const Sight reported = see(event.kind, delay_);
     nodes = find_nodes(event.kind);
@@ -560,8 +469,8 @@ double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, cons
 bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                                 Belief& belief) {
   if (!(margin(due, motion, terms, belief) < -beyond_doubt)) return false;
-  const double gap = value(*signal_, motion);
-  const double gap_velocity = rate(*signal_, motion);
+  const double gap = value(belief_.signal(), motion);
+  const double gap_velocity = rate(belief_.signal(), motion);
   const Eigen::Index c = belief.columns;
   belief.q -= gap * impact_u_;
   belief.u -= gap_velocity * impact_u_;
@@ -591,7 +500,7 @@ double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion
   not_yet.shift_phi = hazard;
   not_yet.taken_along_phi = std::clamp(hazard * (x + hazard), 0.0, 1.0);
   mixture_.add(not_yet);
-  mixture_.phi() = phi_.head(columns_) / s;
+  mixture_.phi() = belief_.phi() / s;
   mixture_.psi().setZero();
 
   // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts

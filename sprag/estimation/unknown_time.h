@@ -16,6 +16,7 @@
 
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/event_mixture.h"
+#include "sprag/estimation/retrodiction.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/flows.h"
 
@@ -94,10 +95,6 @@ class UnknownTime {
             const Belief& belief);
   void look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
-  template <typename Move>
-  void for_each_tau(double tau, const Move& move) const;
-  void set_kernels(double tau, Eigen::Index first, Eigen::Index count);
-  void go_back(double age);
   Sight see(UncertainEvent::Kind kind, double age);
   double log_prior(double age) const;
   double weigh(const Sight& sight, double age);
@@ -127,20 +124,13 @@ class UnknownTime {
   Innovation innovation_;
 
   // What is looked at.
-  const Flow* flow_ = nullptr;
-  const Motion* motion_ = nullptr;
-  const Signal* signal_ = nullptr;
+  Retrodiction belief_;
   double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
-  double fastest_ = 0.0, growth_ = 0.0;
   Eigen::Index columns_ = 0;
-  Eigen::MatrixXd Z_, V_;  // S in the flow's oscillators
 
   // At one age.
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
-  Motion then_, after_;
-  Eigen::VectorXd row_z_, row_v_, phi_, psi_;
-  Eigen::VectorXd xi_, off_z_, off_v_, q_, u_, q_after_, u_after_;
+  Motion after_;
+  Eigen::VectorXd psi_, xi_, q_, u_, q_after_, u_after_;
 
   // The impact for one unit of change of the gap velocity.
   Eigen::VectorXd no_q_, impact_u_, no_gaps_;

@@ -59,7 +59,7 @@ inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
 
 /// ns per tick and replica: eight in a sweep, and one after the other, by turns.
 void sweep(Table& table);
-inline constexpr const char* sweep_columns = "modes,impacts,turn,sweep_ns,single_ns";
+inline constexpr const char* sweep_columns = "modes,impacts,h,turn,sweep_ns,single_ns";
 
 /// Which method finds what on the paper's beam with more and more modes.
 void stability(Table& table);

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -10,16 +11,14 @@
 namespace sprag::studies {
 namespace {
 
-constexpr double h = 1e-3;
 constexpr double T = 20.0;
-constexpr std::int64_t ticks = 20000;
 constexpr int turns = 9;
 
 // Every tick as another program would do it, with the events that fall into it.
-void run_alone(const ReplicaSweep::Run& run, Replica& replica, Replica::State& state) {
+void run_alone(const ReplicaSweep::Run& run, double h, Replica& replica, Replica::State& state) {
   std::span<const ContactEvent> left = run.events;
   replica.start(run.start, 0, 0, state);
-  for (std::int64_t k = 1; k <= ticks; ++k) {
+  for (std::int64_t k = 1; k <= run.ticks; ++k) {
     std::size_t due = 0;
     while (due < left.size() && left[due].t <= tick_instant(k, h).hi) ++due;
     replica.tick(left.first(due), state);
@@ -29,7 +28,8 @@ void run_alone(const ReplicaSweep::Run& run, Replica& replica, Replica::State& s
 
 // Eight replicas with parameters and starts of their own, with the events of their masters or in
 // free flight.
-void measure(int modes, bool impacts, Table& table) {
+void measure(int modes, bool impacts, double h, Table& table) {
+  const std::int64_t ticks = std::llround(T / h);
   std::vector<std::vector<ContactEvent>> events(ReplicaSweep::lanes);
   std::vector<ReplicaSweep::Run> runs;
   std::vector<std::unique_ptr<Replica>> replicas;
@@ -38,7 +38,7 @@ void measure(int modes, bool impacts, Table& table) {
     scene.model.K *= 1.0 + 1e-3 * static_cast<double>(l);
     scene.master.q *= 1.0 + 1e-2 * static_cast<double>(l);
     if (impacts) Master(scene.model, scene.master).advance(at(T), events[l]);
-    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[l]});
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[l], 0, ticks});
     replicas.push_back(std::make_unique<Replica>(runs[l].flows, h));
   }
   Replica::State state;
@@ -49,9 +49,10 @@ void measure(int modes, bool impacts, Table& table) {
     together.run(ticks);
     const double of_sweep = work_precision::cpu_seconds() - begin;
     begin = work_precision::cpu_seconds();
-    for (std::size_t l = 0; l < runs.size(); ++l) run_alone(runs[l], *replicas[l], state);
+    for (std::size_t l = 0; l < runs.size(); ++l) run_alone(runs[l], h, *replicas[l], state);
     const double of_singles = work_precision::cpu_seconds() - begin;
-    table.add({double(modes), double(impacts), double(turn), each * of_sweep, each * of_singles});
+    table.add({double(modes), double(impacts), h, double(turn), each * of_sweep,
+               each * of_singles});
   }
 }
 
@@ -59,7 +60,9 @@ void measure(int modes, bool impacts, Table& table) {
 
 void sweep(Table& table) {
   for (const int modes : {3, 10}) {
-    for (const bool impacts : {false, true}) measure(modes, impacts, table);
+    measure(modes, false, 1e-3, table);
+    // How much of it impacts are depends on the tick.
+    for (const double h : {1e-3, 1e-4}) measure(modes, true, h, table);
   }
 }
 

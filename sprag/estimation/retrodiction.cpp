@@ -1,0 +1,135 @@
+#include "sprag/estimation/retrodiction.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+// A mode that has decayed by exp(12) since is not there any more, and is not made to grow back.
+constexpr double most_growth = 12.0;
+
+// Rate at which mode i grows back in time.
+double growth_of(const Oscillators& of, Eigen::Index i) {
+  const double excess = square(of.delta()[i]) - of.kappa()[i];
+  return of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
+}
+
+}  // namespace
+
+Retrodiction::Retrodiction(const Flows& flows, Eigen::Index columns) {
+  const Eigen::Index f = flows.dynamics().coordinates();
+  const Eigen::Index n = flows[0].size();
+  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
+  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
+  from_z_ = unit_z_;
+  from_v_ = unit_v_;
+  no_alpha_.setZero(n);
+  Z_.setZero(f, columns);
+  V_.setZero(f, columns);
+  for (Eigen::VectorXd* x : {&row_z_, &row_v_, &off_z_, &off_v_}) x->setZero(f);
+  phi_.setZero(columns);
+  psi_.setZero(columns);
+  const Eigen::VectorXd no_q = Eigen::VectorXd::Zero(f);
+  const Eigen::VectorXd no_gaps = Eigen::VectorXd::Zero(flows.dynamics().contacts());
+  flows[0].enter(no_q, no_q, Instant{}, no_gaps.head(0), then_);
+}
+
+void Retrodiction::begin(const Signal& signal, const Motion& motion, const Belief& belief) {
+  motion_ = &motion;
+  signal_ = &signal;
+  columns_ = belief.columns;
+  const Flow& flow = *motion.flow;
+  const Oscillators& of = flow.oscillators();
+  const Eigen::Index n = flow.modes();
+  const Eigen::Index nf = flow.frequencies();
+  flow.enter_differences(belief.S_q.leftCols(columns_), belief.S_u.leftCols(columns_),
+                         Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
+  fastest_ = n > 0 ? of.root_kappa().segment(nf, n).maxCoeff() : 0.0;
+  growth_ = 0.0;
+  for (Eigen::Index i = nf; i < nf + n; ++i) growth_ = std::max(growth_, growth_of(of, i));
+  then_ = motion;
+}
+
+bool Retrodiction::reaches(double tau) const { return -growth_ * tau <= most_growth; }
+
+// move(tau, first, count) for all modes, each by no more than it reaches.
+template <typename Move>
+void Retrodiction::for_each_tau(double tau, const Move& move) const {
+  const Eigen::Index n = flow().modes();
+  const Eigen::Index nf = flow().frequencies();
+  if (reaches(tau)) {
+    move(tau, nf, n);
+    return;
+  }
+  for (Eigen::Index i = nf; i < nf + n; ++i) {
+    move(std::max(tau, -most_growth / growth_of(flow().oscillators(), i)), i, 1);
+  }
+}
+
+// What z and v of these modes become in tau.
+void Retrodiction::set_kernels(double tau, Eigen::Index first, Eigen::Index count) {
+  const Oscillators& of = flow().oscillators();
+  of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
+  of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
+}
+
+void Retrodiction::go_back(double age) {
+  const Oscillators& of = flow().oscillators();
+  const Eigen::Index n = flow().modes();
+  const Eigen::Index nf = flow().frequencies();
+  for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
+    set_kernels(tau, first, count);
+    of.propagate(motion_->x, motion_->alpha, tau, first, count, then_.x);
+  });
+  then_.t = motion_->t + -age;
+  flow().set_phases(then_.t, then_.x);
+  const auto depend = [&](const auto& p, const auto& r, auto on) {
+    row_z_.head(n) = p * from_z_.z.segment(nf, n) + r * from_z_.v.segment(nf, n);
+    row_v_.head(n) = p * from_v_.z.segment(nf, n) + r * from_v_.v.segment(nf, n);
+    on.noalias() = Z_.topLeftCorner(n, columns_).transpose().lazyProduct(row_z_.head(n));
+    on.noalias() += V_.topLeftCorner(n, columns_).transpose().lazyProduct(row_v_.head(n));
+  };
+  const auto p = signal_->p.segment(nf, n);
+  const auto r = signal_->r.segment(nf, n);
+  depend(p, r, phi_.head(columns_));
+  const auto kappa = of.kappa().segment(nf, n);
+  const auto delta = of.delta().segment(nf, n);
+  depend(-r * kappa, p - 2.0 * r * delta, psi_.head(columns_));
+}
+
+void Retrodiction::set_xi(const Eigen::Ref<const Eigen::VectorXd>& xi) {
+  const Eigen::Index n = flow().modes();
+  const Eigen::Index nf = flow().frequencies();
+  off_z_.head(n).noalias() = Z_.topLeftCorner(n, columns_).lazyProduct(xi);
+  off_v_.head(n).noalias() = V_.topLeftCorner(n, columns_).lazyProduct(xi);
+  const auto z = off_z_.head(n).array();
+  const auto v = off_v_.head(n).array();
+  then_.x.z.segment(nf, n) += from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
+  then_.x.v.segment(nf, n) += from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
+}
+
+void Retrodiction::return_to_motion() {
+  const Eigen::Index n = flow().modes();
+  const Eigen::Index nf = flow().frequencies();
+  then_.x = motion_->x;
+  then_.x.z.segment(nf, n) += off_z_.head(n).array();
+  then_.x.v.segment(nf, n) += off_v_.head(n).array();
+  then_.t = motion_->t;
+}
+
+void Retrodiction::move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,
+                        const Eigen::Ref<const Eigen::VectorXd>& v,
+                        Eigen::Ref<Eigen::VectorXd> moved_z, Eigen::Ref<Eigen::VectorXd> moved_v) {
+  const Eigen::Index n = flow().modes();
+  const Eigen::Index nf = flow().frequencies();
+  for_each_tau(tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
+    set_kernels(of_mode, first, count);
+  });
+  moved_z.array() = from_z_.z.segment(nf, n) * z.array() + from_v_.z.segment(nf, n) * v.array();
+  moved_v.array() = from_z_.v.segment(nf, n) * z.array() + from_v_.v.segment(nf, n) * v.array();
+}
+
+}  // namespace sprag
