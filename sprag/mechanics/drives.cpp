@@ -15,7 +15,7 @@ struct Response {
   double cosine, rate, sine;
 };
 
-// By their power series; tau times each of the rates involved is at most 1/2.
+// By their power series; |tau| times each of the rates involved is at most 1/2.
 Response short_response(double delta, double kappa, double kappa_source, double tau) {
   constexpr std::size_t terms = 16;
   const double x = 2.0 * delta * tau;
@@ -41,7 +41,7 @@ Response short_response(double delta, double kappa, double kappa_source, double 
     z.rate += static_cast<double>(n) * cosine[n];
     z.sine += sine[n];
   }
-  z.rate = tau > 0.0 ? z.rate / tau : 0.0;
+  z.rate = tau != 0.0 ? z.rate / tau : 0.0;
   return z;
 }
 
@@ -67,7 +67,8 @@ Response response(const Oscillators& oscillators, Eigen::Index mode, Eigen::Inde
   const double kappa = oscillators.kappa()[mode];
   const double Omega = oscillators.root_kappa()[source];
   const double kappa_source = oscillators.kappa()[source];
-  if (Omega * tau > 0.5 && std::abs(kappa - kappa_source) > 0.125 * std::max(kappa, kappa_source)) {
+  if (Omega * std::abs(tau) > 0.5 &&
+      std::abs(kappa - kappa_source) > 0.125 * std::max(kappa, kappa_source)) {
     return steady_response(oscillators.kernel(mode, tau), delta, kappa, Omega, tau);
   }
   const double fastest = std::max({2.0 * delta, oscillators.root_kappa()[mode], Omega});
@@ -102,8 +103,9 @@ Drives::Drives(const Oscillators& oscillators, std::vector<Drive> drives)
 }
 
 void Drives::respond(const Oscillators& oscillators, const OscillatorState& from, double tau,
-                     Eigen::Index end, OscillatorState& to) const {
+                     Eigen::Index first, Eigen::Index end, OscillatorState& to) const {
   for (const Drive& drive : drives_) {
+    if (drive.mode < first) continue;
     if (drive.mode >= end) break;
     const Response z = response(oscillators, drive.mode, drive.source, tau);
     const double F = drive.force(from);
@@ -127,7 +129,7 @@ DriveTable::DriveTable(const Oscillators& oscillators, const Drives& drives, dou
       source.z[drive.source] = c * z - s / Omega * v;
       source.v[drive.source] = Omega * s * z + c * v;
       moved.z[drive.mode] = moved.v[drive.mode] = 0.0;
-      alone.respond(oscillators, source, h, oscillators.size(), moved);
+      alone.respond(oscillators, source, h, 0, oscillators.size(), moved);
       return std::pair(moved.z[drive.mode], moved.v[drive.mode]);
     };
     const auto [zz, vz] = from(1.0, 0.0);

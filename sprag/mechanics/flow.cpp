@@ -96,7 +96,7 @@ void Flow::propagate(const Motion& from, Instant t, Motion& to) const {
 void Flow::move_modes(const Motion& from, double tau, Eigen::Index count,
                       OscillatorState& x) const {
   oscillators_.propagate(from.x, from.alpha, tau, nf_, count, x);
-  if (!drives_.empty()) drives_.respond(oscillators_, from.x, tau, nf_ + count, x);
+  if (!drives_.empty()) drives_.respond(oscillators_, from.x, tau, nf_, nf_ + count, x);
 }
 
 void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
