@@ -169,8 +169,7 @@ TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
     const Case c = random_case(random, GetParam());
     const Oscillators oscillators(one(c.delta), one(c.kappa));
     const TickTable table(oscillators, c.tau);
-    OscillatorState state{one(static_cast<double>(c.start.z)),
-                          one(static_cast<double>(c.start.v))};
+    OscillatorState state{one(static_cast<double>(c.start.z)), one(static_cast<double>(c.start.v))};
     table.rotate(state);
     const Point moved = propagate(c.delta, c.kappa, 0.0, c.tau, c.start);
     ASSERT_LT(error_in_roundings(c.delta, c.kappa, c.tau, c.start, {state.z[0], state.v[0]}, moved),
