@@ -51,8 +51,8 @@ void measure(int modes, bool impacts, double h, Table& table) {
     begin = work_precision::cpu_seconds();
     for (std::size_t l = 0; l < runs.size(); ++l) run_alone(runs[l], h, *replicas[l], state);
     const double of_singles = work_precision::cpu_seconds() - begin;
-    table.add({double(modes), double(impacts), h, double(turn), each * of_sweep,
-               each * of_singles});
+    table.add(
+        {double(modes), double(impacts), h, double(turn), each * of_sweep, each * of_singles});
   }
 }
 
