@@ -39,8 +39,8 @@ class Drives {
   double reach() const { return reach_; }
 
   /// Adds to the modes from `first` to below `end` of `to` what the forces make of them over tau,
-  /// the bank being at `from` before; where tau is negative, what they have made of them. All digits
-  /// of it, in and off resonance; at a cost that grows with the logarithm of tau.
+  /// the bank being at `from` before; where tau is negative, what they have made of them. All
+  /// digits of it, in and off resonance; at a cost that grows with the logarithm of tau.
   void respond(const Oscillators& oscillators, const OscillatorState& from, double tau,
                Eigen::Index first, Eigen::Index end, OscillatorState& to) const;
 
