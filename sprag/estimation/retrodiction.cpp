@@ -78,13 +78,11 @@ void Retrodiction::set_kernels(double tau, Eigen::Index first, Eigen::Index coun
 
 void Retrodiction::go_back(double age) {
   const Oscillators& of = flow().oscillators();
-  const Drives& drives = flow().drives();
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
   for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
     set_kernels(tau, first, count);
-    of.propagate(motion_->x, motion_->alpha, tau, first, count, then_.x);
-    drives.respond(of, motion_->x, tau, first, first + count, then_.x);
+    flow().move_modes(*motion_, tau, first, count, then_.x);
   });
   then_.t = motion_->t + -age;
   flow().set_phases(then_.t, then_.x);

@@ -452,7 +452,7 @@ void EventSearch::expand() {
   const Eigen::Index count = oscillators_needed();
   if (certified_ > 0.0) {
     flow.set_phases(start_->t + certified_, x_);
-    flow.move_modes(*start_, certified_, count - flow.frequencies(), x_);
+    flow.move_modes(*start_, certified_, flow.frequencies(), count - flow.frequencies(), x_);
   }
   const double t = std::abs(start_->t.hi) + certified_;
 

@@ -88,15 +88,15 @@ void Flow::enter(const Eigen::Ref<const Eigen::VectorXd>& q,
 void Flow::propagate(const Motion& from, Instant t, Motion& to) const {
   const double tau = t - from.t;
   if (&from != &to) to = from;
-  move_modes(from, tau, modes(), to.x);
+  move_modes(from, tau, nf_, modes(), to.x);
   to.t = t;
   set_phases(t, to.x);
 }
 
-void Flow::move_modes(const Motion& from, double tau, Eigen::Index count,
+void Flow::move_modes(const Motion& from, double tau, Eigen::Index first, Eigen::Index count,
                       OscillatorState& x) const {
-  oscillators_.propagate(from.x, from.alpha, tau, nf_, count, x);
-  if (!drives_.empty()) drives_.respond(oscillators_, from.x, tau, nf_, nf_ + count, x);
+  oscillators_.propagate(from.x, from.alpha, tau, first, count, x);
+  if (!drives_.empty()) drives_.respond(oscillators_, from.x, tau, first, first + count, x);
 }
 
 void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,

@@ -85,8 +85,10 @@ class Flow {
   /// Moves from `from` to the instant t >= from.t; `to` may be the same object.
   void propagate(const Motion& from, Instant t, Motion& to) const;
 
-  /// The first `count` modes tau >= 0 after `from`, written into x.
-  void move_modes(const Motion& from, double tau, Eigen::Index count, OscillatorState& x) const;
+  /// Oscillators first..first+count-1, which are modes, tau after `from`, or before it where tau is
+  /// negative; written into x.
+  void move_modes(const Motion& from, double tau, Eigen::Index first, Eigen::Index count,
+                  OscillatorState& x) const;
 
   /// The excitation's oscillators at t, written into the first frequencies() entries of x.
   void set_phases(Instant t, OscillatorState& x) const;
