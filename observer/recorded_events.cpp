@@ -1,7 +1,6 @@
 #include "observer/recorded_events.h"
 
 #include <iostream>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -23,6 +22,7 @@ RecordedEvents read_csv(InputFile file, int contacts) {
   const std::string name = file.path().string();
   EventsFile of_file = read_events(std::move(file), contacts);
   recorded.events = std::move(of_file.events);
+  recorded.gaps = std::move(of_file.gaps);
   const auto at_line = [&](const FileProblem& problem) {
     return name + ':' + std::to_string(problem.line) + ": ";
   };
@@ -37,12 +37,14 @@ RecordedEvents read_csv(InputFile file, int contacts) {
   return recorded;
 }
 
-RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& key) {
+RecordedEvents read_log(InputFile file, int contacts, BehindLoss behind,
+                        const std::optional<Key>& key) {
   RecordedEvents recorded;
   const std::string name = file.path().string() + ": ";
   RecordedMessages log(std::move(file), contacts, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
+  std::size_t earlier_gaps = 0;  // of other runs
   ContactMessage message;
   Arrival arrival;
   while (log.next(message, arrival)) {
@@ -59,6 +61,7 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
         recorded.begins = 0.0;
         recorded.closed = 0;
       }
+      earlier_gaps = history.degraded().size();
     }
     // The clock or the counts went back: what they count now is not what is known.
     const bool back =
@@ -83,13 +86,19 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
     text << name << "begins at t = " << recorded.begins << ": what was before is not known";
     recorded.problems.push_back(text.str());
   }
-  if (history.complete_to() < std::numeric_limits<double>::infinity()) {
+  for (std::size_t i = earlier_gaps; i < history.degraded().size(); ++i) {
+    const EventGap gap = {history.degraded()[i].from, history.degraded()[i].to};
     std::ostringstream text;
-    text << name << "events may be missing from t = " << history.complete_to()
-         << " on; everything before is used";
+    text << name << "events may be missing from t = " << gap.from;
+    if (behind == BehindLoss::dropped) {
+      text << " on; everything before is used";
+      recorded.problems.push_back(text.str());
+      std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > gap.from; });
+      break;
+    }
+    text << " to " << gap.to;
     recorded.problems.push_back(text.str());
-    std::erase_if(recorded.events,
-                  [&](const ContactEvent& event) { return event.t > history.complete_to(); });
+    add(gap, recorded.gaps);
   }
   recorded.whole = log.damages().empty();
   for (std::string& problem : log.problems()) recorded.problems.push_back(std::move(problem));
@@ -99,18 +108,19 @@ RecordedEvents read_log(InputFile file, int contacts, const std::optional<Key>& 
 }  // namespace
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    const std::optional<Key>& key) {
+                                    BehindLoss behind, const std::optional<Key>& key) {
   InputFile input(file);
   const bool is_log = is_lcm_log(input);
-  RecordedEvents recorded =
-      is_log ? read_log(std::move(input), contacts, key) : read_csv(std::move(input), contacts);
+  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, behind, key)
+                                   : read_csv(std::move(input), contacts);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
   return recorded;
 }
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    const CommonOptions& common, nlohmann::ordered_json& report) {
-  RecordedEvents recorded = read_recorded_events(file, contacts, end, key_of(common));
+                                    BehindLoss behind, const CommonOptions& common,
+                                    nlohmann::ordered_json& report) {
+  RecordedEvents recorded = read_recorded_events(file, contacts, end, behind, key_of(common));
   for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
   report["problems"] = recorded.problems;
   return recorded;

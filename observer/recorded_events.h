@@ -11,26 +11,31 @@
 #include "command_line/program.h"
 #include "lcmtypes/key.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/event_gap.h"
 
 namespace sprag {
 
 struct RecordedEvents {
-  std::vector<ContactEvent>
-      events;             ///< times ascending, all since `begins` up to where one may lack
-  double begins = 0.0;    ///< 0 where every event since t = 0 is known [s]
-  ContactSet closed = 0;  ///< there
+  std::vector<ContactEvent> events;   ///< times ascending, all since `begins` but in gaps
+  std::vector<EventGap> gaps;         ///< in order and apart
+  double begins = 0.0;                ///< 0 where every event since t = 0 is known [s]
+  ContactSet closed = 0;              ///< there
   std::vector<std::string> problems;  ///< for people; each begins with the file's name
   bool whole = true;                  ///< false: the file is damaged; what is readable is used
   std::int64_t sessions = 0;          ///< of masters in a log; the events are those of the last
 };
 
+/// What to do with events behind records of a log that were lost.
+enum class BehindLoss { used, dropped };
+
 /// Reads the events of a machine with `contacts` contacts, up to time `end` [s]. With a key only
 /// messages that it has signed count. Throws InputError if the file cannot be opened.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    const std::optional<Key>& key);
+                                    BehindLoss behind, const std::optional<Key>& key);
 
 /// The same for a program: problems go to stderr and into its report.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    const CommonOptions& common, nlohmann::ordered_json& report);
+                                    BehindLoss behind, const CommonOptions& common,
+                                    nlohmann::ordered_json& report);
 
 }  // namespace sprag

@@ -63,8 +63,8 @@ class Replay {
       end = event.t;
     }
     const double until = std::isinf(duration_) ? end : duration_;
-    if (recorded.missing_from <= until) {
-      time_line_.degrade(recorded.missing_from, std::min(recorded.missing_to, until));
+    for (const EventGap& gap : recorded.gaps) {
+      if (gap.from <= until) time_line_.degrade(gap.from, std::min(gap.to, until));
     }
     time_line_.set_horizon(until);
     if (until > end) {

@@ -70,10 +70,12 @@ void EventHistory::degrade(double from, double to) {
   from = std::max({from, horizon_, 0.0});
   to = to > from ? to : from;
   complete_to_ = std::min(complete_to_, from);
-  if (!degraded_.empty() && degraded_.back().start == start_ && from <= degraded_.back().to) {
+  const bool full = degraded_.size() == max_degraded;
+  if (!degraded_.empty() && degraded_.back().start == start_ &&
+      (full || from <= degraded_.back().to)) {
     degraded_.back().from = std::min(degraded_.back().from, from);
     degraded_.back().to = std::max(degraded_.back().to, to);
-  } else if (degraded_.size() < max_degraded) {
+  } else if (!full) {
     degraded_.push_back({from, to, start_});
   }
 }

@@ -109,33 +109,28 @@ EventsFile read_events(InputFile file, int contacts) {
   LineReader::Result got = reader.next(line);
   if (got != LineReader::Result::line || line != events_header) {
     result.damage = {1, "header must be " + std::string(events_header)};
-    result.missing_from = 0.0;
-    result.missing_to = std::numeric_limits<double>::infinity();
+    result.gaps = {{0.0, infinity}};
     return result;
   }
   EventList list(result.events, contacts);
   std::vector<std::string_view> fields;
-  const auto miss = [&result](double from, double to) {
-    result.missing_from = std::min(result.missing_from, from);
-    result.missing_to = std::max(result.missing_to, to);
-  };
   while ((got = reader.next(line)) == LineReader::Result::line) {
     if (line.empty()) continue;
     const auto row = parse_row(line, fields);
     if (!row) {
       result.damage = {reader.number(), "garbled line (expected " + std::string(events_header) +
                                             " with t finite and >= 0)"};
-      miss(list.last_t(), infinity);
+      add({list.last_t(), infinity}, result.gaps);
       return result;
     }
     if (const auto what = list.add(*row); !what.empty()) {
       result.skipped.push_back({reader.number(), std::string(what)});
-      miss(list.missing_from(), row->t);
+      add({list.missing_from(), row->t}, result.gaps);
     }
   }
   if (got != LineReader::Result::end) {
     result.damage = {reader.number(), describe(got)};
-    miss(list.last_t(), infinity);
+    add({list.last_t(), infinity}, result.gaps);
   }
   return result;
 }

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "sprag/files/csv.h"
 #include "sprag/files/csv_writer.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/event_gap.h"
 
 namespace sprag {
 
@@ -32,9 +32,8 @@ struct EventsFile {
   std::vector<ContactEvent> events;   ///< times ascending; equal times in the file's order
   std::vector<FileProblem> skipped;   ///< rows that contradict the rest, left out
   std::optional<FileProblem> damage;  ///< where reading stopped: nothing after it is used
-  /// Times between which events may be missing, by what was skipped or damaged; none: from > to.
-  double missing_from = std::numeric_limits<double>::infinity();
-  double missing_to = 0.0;  ///< +infinity: up to the end
+  /// Where events may be missing, by what was skipped or damaged; +infinity: up to the end.
+  std::vector<EventGap> gaps;
 };
 
 /// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that

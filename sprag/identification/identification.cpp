@@ -5,8 +5,10 @@
 #include <limits>
 #include <numbers>
 
+#include "sprag/identification/bounces.h"
 #include "sprag/identification/free_flight.h"
 #include "sprag/identification/mending.h"
+#include "sprag/identification/projection.h"
 #include "sprag/identification/search.h"
 #include "sprag/mechanics/linear_algebra.h"
 
@@ -47,7 +49,20 @@ struct Attempt {
   std::vector<Eigen::VectorXd> others;
   double jitter = 0.0;  // told, or found
   FitProblem problem = FitProblem::not_found;
+  int bounces = 0;  // that are passed, or were before they became impacts
 };
+
+int bounces_of(const Stretches& stretches) {
+  int bounces = 0;
+  for (const Stretch& stretch : stretches) {
+    for (const Impact& impact : stretch.impacts) {
+      bounces += static_cast<int>(
+          std::count_if(impact.passed.begin(), impact.passed.end(),
+                        [](const Passage& passage) { return passage.contact >= 0; }));
+    }
+  }
+  return bounces;
+}
 
 class Identifier {
  public:
@@ -61,12 +76,14 @@ class Identifier {
   Attempt attempt(const Stretches& stretches) const;
   std::size_t needed(const Stretches& stretches) const;
   Likelihood maximize(const PathFit& found, Stretches& stretches) const;
+  void cut_by_the_jitter(Attempt& best) const;
+  void through_bounces(Attempt& best) const;
   FitProblem judge(const Likelihood& solution, double& jitter) const;
   bool comes_from_outside(const Likelihood& solution, double jitter) const;
   void mends(const Stretches& stretches, Attempt& best, Identification& result) const;
   void predict(const Attempt& best, Identification& result) const;
   void describe(const Attempt& best, Identification& result) const;
-  void put_start(const Attempt& best, Identification& result) const;
+  void put_start(const Likelihood& solution, double sigma, Identification& result) const;
 
   double good() const {
     return settings_.jitter ? std::max(search_in_jitters * *settings_.jitter, exact * interval_)
@@ -76,12 +93,13 @@ class Identifier {
   std::span<const ContactEvent> events_;
   const IdentificationSettings& settings_;
   MachineFamily family_;
-  Stretches stretches_of(double closest, bool through_contact) const;
+  Stretches stretches_of(double closest, bool through_contact, std::optional<double> jitter) const;
 
   double interval_ = 0.0;
 };
 
-Stretches Identifier::stretches_of(double closest, bool through_contact) const {
+Stretches Identifier::stretches_of(double closest, bool through_contact,
+                                   std::optional<double> jitter) const {
   RecordSettings record;
   if (through_contact) {
     record.can_follow = [nominal = family_.at(family_.nominal())](int contact, ContactSet held,
@@ -92,7 +110,8 @@ Stretches Identifier::stretches_of(double closest, bool through_contact) const {
   record.exact = settings_.jitter == 0.0;
   record.begins = settings_.begins;
   record.closed = settings_.closed;
-  record.close = std::max(closest * interval_, close_in_jitters * settings_.jitter.value_or(0.0));
+  record.gaps = settings_.gaps;
+  record.close = std::max(closest * interval_, close_in_jitters * jitter.value_or(0.0));
   return cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
 }
 
@@ -175,6 +194,48 @@ Attempt Identifier::attempt(const Stretches& stretches) const {
   return attempt;
 }
 
+// What comes too soon after another is known when the jitter is.
+void Identifier::cut_by_the_jitter(Attempt& best) const {
+  if (settings_.jitter || best.problem != FitProblem::none) return;
+  Attempt again;
+  again.stretches = stretches_of(close, settings_.through_contact, best.jitter);
+  if (count(again.stretches) == count(best.stretches) ||
+      equations(again.stretches) < needed(again.stretches)) {
+    return;
+  }
+  Projection projection(family_);
+  projection.take(again.stretches);
+  again.solution = maximize(projection.at(best.solution.values), again.stretches);
+  again.problem = judge(again.solution, again.jitter);
+  again.others = best.others;
+  if (again.problem == FitProblem::none) best = std::move(again);
+}
+
+// Exact times are those of the machine's bounces. Bounces are sought along the solution, and, where
+// that is none, along the measured times.
+void Identifier::through_bounces(Attempt& best) const {
+  best.bounces = bounces_of(best.stretches);
+  if (best.bounces == 0 || !(best.solution.scatter() > exact * interval_) ||
+      !(best.solution.scatter() < largest_jitter * interval_)) {
+    return;
+  }
+  for (const bool of_solution : {true, false}) {
+    Attempt with = best;
+    if (!of_solution) {
+      Projection projection(family_);
+      projection.take(with.stretches);
+      with.solution =
+          along_measured_times(family_, with.stretches, projection.at(best.solution.values));
+    }
+    take_bounces(family_, best.jitter, with.stretches, with.solution);
+    with.solution = maximize_likelihood(family_, with.stretches, std::move(with.solution));
+    with.problem = judge(with.solution, with.jitter);
+    if (with.problem != FitProblem::none) continue;
+    best = std::move(with);
+    return;
+  }
+}
+
 void Identifier::mends(const Stretches& stretches, Attempt& best, Identification& result) const {
   Mended mended = mend(family_, stretches, settings_.jitter, interval_);
   if (mended.spurious.empty() && mended.missing.empty()) return;
@@ -222,20 +283,29 @@ void Identifier::predict(const Attempt& best, Identification& result) const {
   for (std::size_t s = 0; s < compared.size(); ++s) {
     Path path;
     follow(machine, flights, harmonics, compared[s], s, fit.x0[s], inputs, path);
-    for (std::size_t k = 0; k < compared[s].size(); ++k, ++number) {
-      if (!compared[s].impacts[k].timed) continue;
-      const auto i = static_cast<Eigen::Index>(k);
-      // Of an impact that hardly touches the time says little.
-      const double speed = std::max(std::abs(path.gamma[i]), path.gamma.cwiseAbs().mean() / 3.0);
-      (number < first ? inside : beyond).push_back(std::abs(path.g[i]) / speed);
-    }
+    const auto add = [&](std::size_t from, std::size_t to, std::vector<double>& off) {
+      const auto at = static_cast<Eigen::Index>(from);
+      const Eigen::VectorXd speed =
+          path.gamma.segment(at, static_cast<Eigen::Index>(to - from)).cwiseAbs();
+      for (std::size_t k = from; k < to; ++k) {
+        if (!compared[s].impacts[k].timed) continue;
+        const auto i = static_cast<Eigen::Index>(k);
+        // Of an impact that hardly touches the time says little.
+        off.push_back(std::abs(path.g[i]) / std::max(speed[i - at], speed.mean() / 3.0));
+      }
+    };
+    const std::size_t split = first - std::min(first, number);
+    const std::size_t size = compared[s].size();
+    add(0, std::min(split, size), inside);
+    add(std::min(split, size), size, beyond);
+    number += size;
   }
   result.predicted_before = usual(inside);
   result.predicted = usual(beyond);
 }
 
-void Identifier::put_start(const Attempt& best, Identification& result) const {
-  const Likelihood& solution = best.solution;
+// `sigma`: of event times.
+void Identifier::put_start(const Likelihood& solution, double sigma, Identification& result) const {
   const Machine machine = family_.at(solution.values);
   const Eigen::VectorXd inputs = family_.inputs(solution.values);
   const Eigen::Index n = family_.n();
@@ -254,8 +324,8 @@ void Identifier::put_start(const Attempt& best, Identification& result) const {
   const Eigen::MatrixXd& covariance = solution.x0_covariance.front();
   const Eigen::MatrixXd of_q = congruent(V.transpose(), covariance.topLeftCorner(n, n));
   const Eigen::MatrixXd of_u = congruent(V.transpose(), covariance.bottomRightCorner(n, n));
-  result.start_sigma = {best.jitter * of_q.diagonal().cwiseMax(0.0).cwiseSqrt(),
-                        best.jitter * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
+  result.start_sigma = {sigma * of_q.diagonal().cwiseMax(0.0).cwiseSqrt(),
+                        sigma * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
 }
 
 void Identifier::describe(const Attempt& best, Identification& result) const {
@@ -269,7 +339,7 @@ void Identifier::describe(const Attempt& best, Identification& result) const {
   result.freedom = solution.freedom;
   result.chi2 = solution.squares / square(best.jitter);
   result.largest_chi2 = largest_chi2(solution.freedom);
-  result.impacts = static_cast<int>(count(stretches));
+  result.impacts = solution.timed;
   result.stretches = static_cast<int>(stretches.size());
   result.from = stretches.front().impacts.front().t;
   result.to = stretches.back().impacts.back().t;
@@ -301,7 +371,7 @@ void Identifier::describe(const Attempt& best, Identification& result) const {
     }
     result.unknowns.push_back(std::move(fitted));
   }
-  put_start(best, result);
+  put_start(solution, sigma, result);
   result.likelihood = solution;
   result.measured = stretches;
   Eigen::VectorXd values = solution.values;
@@ -319,8 +389,9 @@ Identification Identifier::run() {
   RecordSettings whole;
   whole.begins = settings_.begins;
   whole.closed = settings_.closed;
+  whole.gaps = settings_.gaps;
   interval_ = usual_interval(cut(events_, whole, 2));
-  Stretches stretches = stretches_of(close, settings_.through_contact);
+  Stretches stretches = stretches_of(close, settings_.through_contact, settings_.jitter);
   if (equations(stretches) < needed(stretches)) {
     throw TooFewImpacts(
         stretches.empty()
@@ -335,16 +406,18 @@ Identification Identifier::run() {
   }
   Attempt best = attempt(stretches);
   // Bounces of a chatter may be too near to each other for their jitter.
-  const Stretches coarse = stretches_of(less_close, settings_.through_contact);
+  const Stretches coarse = stretches_of(less_close, settings_.through_contact, settings_.jitter);
   if (best.problem != FitProblem::none && settings_.jitter != 0.0 &&
       count(coarse) != count(stretches) && equations(coarse) >= needed(coarse)) {
     Attempt other = attempt(coarse);
     if (other.problem == FitProblem::none) best = std::move(other);
   }
+  cut_by_the_jitter(best);
+  through_bounces(best);
   if (best.problem != FitProblem::none && settings_.mend) {
     // Near to each other, a bounce and what is none are hard to tell apart.
     const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
-    const Stretches flights = stretches_of(jitters ? less_close : close, false);
+    const Stretches flights = stretches_of(jitters ? less_close : close, false, settings_.jitter);
     if (!flights.empty()) mends(flights, best, result);
   }
   if (best.solution.values.size() != family_.nominal().size()) {
@@ -354,14 +427,7 @@ Identification Identifier::run() {
     return result;
   }
   describe(best, result);
-  result.left_out -= result.impacts + static_cast<int>(result.spurious.size());
-  for (const Stretch& stretch : best.stretches) {
-    for (const Impact& impact : stretch.impacts) {
-      result.left_out -= static_cast<int>(
-          std::count_if(impact.passed.begin(), impact.passed.end(),
-                        [](const Passage& passage) { return passage.contact >= 0; }));
-    }
-  }
+  result.left_out -= result.impacts + best.bounces + static_cast<int>(result.spurious.size());
   result.left_out = std::max(0, result.left_out);
   predict(best, result);
   // What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its

@@ -21,6 +21,7 @@
 #include "sprag/identification/record.h"
 #include "sprag/identification/unknowns.h"
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/event_gap.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {
@@ -30,6 +31,7 @@ struct IdentificationSettings {
   std::optional<double> jitter;   ///< sigma of event times, >= 0 [s]; none: it is estimated
   double begins = 0.0;            ///< all events since then are known [s]
   ContactSet closed = 0;          ///< there
+  std::vector<EventGap> gaps;     ///< where events may be missing, in order and apart
   bool mend = true;               ///< look for events that are spurious or were lost
   bool through_contact = true;    ///< follow the path where contacts stay closed as well
 };

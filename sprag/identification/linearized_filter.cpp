@@ -22,14 +22,15 @@ bool is_near(const Identification& fit) {
 
 bool is_exact(const Identification& fit) { return fit.scatter < resolved * fit.interval; }
 
-LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit)
+LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit, About about)
     : family_(scene,
               [&] {
                 std::vector<Unknown> unknowns;
                 for (const FittedUnknown& fitted : fit.unknowns) unknowns.push_back(fitted.unknown);
                 return unknowns;
               }()),
-      stretches_(fit.measured),
+      stretches_(about == About::fit ? fit.likelihood.path : fit.measured),
+      measured_(fit.measured),
       speeds_(fit.likelihood.gamma),
       interval_(fit.interval) {
   told_ = fit.jitter_told && fit.jitter > resolved * interval_;
@@ -126,7 +127,7 @@ void LinearizedFilter::set_drift(const Scene& fitted) {
   unit_ = speed_ * speed_ / moves;
 }
 
-bool LinearizedFilter::follows_the_times() const {
+bool LinearizedFilter::meets_the_supports() const {
   constexpr double parted = 0.1;  // of the usual interval: a path that the times no longer lead
   double squares = 0.0;
   for (const Path& path : paths_) squares += path.g.squaredNorm();
@@ -184,7 +185,8 @@ void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estima
   of.S.block(n, 0, n, of.columns) = U;
   if (!(per_root > 0.0)) return;
   const double from = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
-  const double root = per_root * std::sqrt(stretch.impacts[k].t - from);
+  // A path may begin at the measured time of its first impact, and meet it before.
+  const double root = per_root * std::sqrt(std::max(stretch.impacts[k].t - from, 0.0));
   of.S.block(0, of.columns, n, D) = root * drift_y_;
   of.S.block(n, of.columns + D, n, D) = root * drift_u_;
   of.columns += 2 * D;
@@ -202,11 +204,21 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
   const Eigen::VectorXd jump = jump_of(machine_, impact.contact, impact.staying);
   const double gamma = path.gamma[i];
   // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of them.
-  const bool measured = impact.timed && std::abs(speeds_[s][i]) > least_speed * speed_;
+  const bool slow = !(std::abs(speeds_[s][i]) > least_speed * speed_);
+  if (slow && !impact.timed) {
+    const double gamma_of_x = w.dot(of.x.segment(n, n));
+    const Eigen::RowVectorXd gamma_of_S = w.transpose() * of.S.block(n, 0, n, columns);
+    of.x.segment(n, n) -= jump * gamma_of_x;
+    of.S.block(n, 0, n, columns) -= jump * gamma_of_S;
+    of.merge();
+    return;
+  }
+  const bool measured = impact.timed && !slow;
   const double sigma = impact.timed ? base_ : interval_;
+  const double later = impact.timed ? measured_[s].impacts[k].t - impact.t : 0.0;
   // Last comes the column of e, and as a row of its own e itself.
   Eigen::VectorXd x(states + 1);
-  x << of.x, 0.0;
+  x << of.x, later;
   Eigen::MatrixXd S = Eigen::MatrixXd::Zero(states + 1, columns + 1);
   S.topLeftCorner(states, columns) = of.S.leftCols(columns);
   S(states, columns) = sigma;
@@ -216,11 +228,12 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
     phi.head(columns) = S.topLeftCorner(n, columns).transpose() * w +
                         S.block(2 * n, 0, P, columns).transpose() * J_[s].row(i).transpose();
     phi[columns] = gamma * sigma;
-    const double expected = path.g[i] + w.dot(of.x.head(n)) + J_[s].row(i).dot(of.x.tail(P));
+    const double expected =
+        path.g[i] + w.dot(of.x.head(n)) + J_[s].row(i).dot(of.x.tail(P)) + gamma * later;
     const double variance = phi.squaredNorm() + noise;
     PotterUpdate(phi, -expected, noise).apply(x, S);
     if (measured) {
-      of.logs += std::log(variance);
+      of.logs += std::log(variance / (gamma * gamma));
       of.squares += expected * expected / variance;
       ++of.innovations;
     }

@@ -1,10 +1,12 @@
-// A Kalman filter of what a machine is off from a fit to its impacts, and from its model: along the
-// measured times the path is, to first order, linear in the start, in the parameters, in the error
-// e_k of each time and in what the model lacks between impacts,
+// A Kalman filter of what a machine is off from a fit to its impacts, and from its model: about a
+// path with impacts at tau_k the machine's is, to first order, linear in the start, in the
+// parameters, in how much later e_k each impact is and in what the model lacks between them,
 //
-//   0 = g_k + w^T xi_k + J_k dtheta + gamma_k- e_k,   e_k ~ N(0, sigma^2),
-//   xi_k+1 = Phi_k xi_k + (what e_k does) + w_k,      cov w_k = drift times the flight.
+//   0 = g_k + w^T xi_k + J_k dtheta + gamma_k- e_k,   e_k ~ N(t_k - tau_k, sigma^2),
+//   xi_k+1 = Phi_k xi_k + (what e_k does) + w_k,      cov w_k = drift times the flight,
 //
+// t_k as measured. The path is the fit's own, or the one along the measured times, tau_k = t_k: the
+// first is nearer to a machine that is its model, the second to one that drifts away from it.
 // It begins without knowledge of xi and dtheta, so that its innovations nu_k, of variances s_k,
 // give the restricted likelihood ln L = -1/2 sum (ln s_k + nu_k^2 / s_k).
 #pragma once
@@ -25,13 +27,14 @@ bool is_exact(const Identification& fit);
 
 class LinearizedFilter {
  public:
-  LinearizedFilter(const Scene& scene, const Identification& fit);
+  enum class About { fit, measured_times };
+  LinearizedFilter(const Scene& scene, const Identification& fit, About about);
 
   /// One more parameter: d epsilon / d |gamma-| of all contacts, 0 at the usual speed.
   void add_restitution_trend();
 
   struct Value {
-    double log = 0.0;     ///< ln L
+    double log = 0.0;     ///< ln L, of times
     double chi2 = 0.0;    ///< sum of nu_k^2 / s_k for base()
     double jitter = 0.0;  ///< as told, or the most likely [s]
     /// Parameters, in coordinates from the fit's, and their standard deviations for that jitter.
@@ -42,8 +45,8 @@ class LinearizedFilter {
   /// Jitter that sigmas and ln L are computed with first: as told, or the fit's scatter [s].
   double base() const { return base_; }
   bool told() const { return told_; }
-  /// Whether the path along the measured times meets the supports near these times.
-  bool follows_the_times() const;
+  /// Whether the path meets the supports near its times.
+  bool meets_the_supports() const;
   /// The drift that moves gaps in a usual flight as far as this jitter does.
   double unit(double jitter) const { return unit_ * jitter * jitter; }
 
@@ -56,7 +59,8 @@ class LinearizedFilter {
   void set_drift(const Scene& fitted);
 
   MachineFamily family_;
-  const Stretches& stretches_;
+  const Stretches& stretches_;  // the path
+  const Stretches& measured_;
   const std::vector<Eigen::VectorXd>& speeds_;  // gamma- of the fit
   Machine machine_;
   Flights flights_;

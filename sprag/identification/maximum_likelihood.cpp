@@ -232,13 +232,19 @@ double Maximization::step() {
     const Block& block = blocks_[s];
     const Eigen::VectorXd v = -block.qr.solve(block.e0 + block.eJ * dp_);
     moves[s] = block.step + block.step_rate * dp_ + block.Q2 * v;
-    // Impacts keep their order.
+    // Impacts keep their order. One of unknown time goes along with the one before it: where the
+    // gap is zero its time is told by the path alone.
     const auto& impacts = at_.path[s].impacts;
     for (std::size_t k = 1; k < impacts.size(); ++k) {
       const auto i = n2 + static_cast<Eigen::Index>(k);
-      const double gap = impacts[k].t - impacts[k - 1].t;
+      const double most_closing = 0.9 * (impacts[k].t - impacts[k - 1].t);
       const double closing = moves[s][i - 1] - moves[s][i];
-      if (closing > 0.0 && share * closing > 0.9 * gap) share = 0.9 * gap / closing;
+      if (!(closing > 0.0) || !(share * closing > most_closing)) continue;
+      if (measured_[s].impacts[k].timed) {
+        share = most_closing / closing;
+      } else {
+        moves[s][i] = moves[s][i - 1] - most_closing / share;
+      }
     }
   }
   double largest = 0.0;
@@ -366,11 +372,11 @@ Likelihood Maximization::run() {
 
 double Likelihood::scatter() const { return freedom > 0 ? std::sqrt(squares / freedom) : 0.0; }
 
-Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
-                               const PathFit& start) {
+Likelihood along_measured_times(const MachineFamily& family, const Stretches& stretches,
+                                const PathFit& fit) {
   Likelihood at;
-  at.values = start.values;
-  at.x0 = start.x0;
+  at.values = fit.values;
+  at.x0 = fit.x0;
   at.path = stretches;
   // The scale at which an amplitude that is held is what it is.
   double scale = 1.0;
@@ -384,7 +390,7 @@ Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& str
   if (projection.homogeneous()) {
     for (std::size_t g = 0; g < family.groups().size(); ++g) {
       const int group = static_cast<int>(g);
-      const double size = start.inputs.segment(family.harmonic_input(group), 2).norm();
+      const double size = fit.inputs.segment(family.harmonic_input(group), 2).norm();
       if (is_sought(Kind::amplitude, group) || is_sought(Kind::amplitude, -1) || !(size > 0.0)) {
         continue;
       }
@@ -392,7 +398,7 @@ Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& str
       break;
     }
   }
-  const Eigen::VectorXd inputs = scale * start.inputs;
+  const Eigen::VectorXd inputs = scale * fit.inputs;
   const Eigen::VectorXd nominal_inputs = family.inputs(family.nominal());
   for (Eigen::VectorXd& x0 : at.x0) x0 *= scale;
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
@@ -426,7 +432,7 @@ Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& str
         break;
     }
   }
-  return Maximization(family, stretches, std::move(at)).run();
+  return at;
 }
 
 Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,

@@ -40,13 +40,17 @@ struct Likelihood {
   double scatter() const;  ///< sqrt(squares / freedom) [s]
 };
 
-/// From a fit of variable projection, its scale set so that amplitudes that are not sought are as
-/// they are. `stretches` has the measured times.
-Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
-                               const PathFit& start);
+/// Where to start: a fit of variable projection along the measured times, those of `stretches`,
+/// its scale set so that amplitudes that are not sought are as they are.
+Likelihood along_measured_times(const MachineFamily& family, const Stretches& stretches,
+                                const PathFit& fit);
 
-/// The same from a solution for the same stretches.
+/// From values, x0 and path of `start` on; `stretches` has the measured times.
 Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
                                Likelihood start);
+inline Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
+                                      const PathFit& start) {
+  return maximize_likelihood(family, stretches, along_measured_times(family, stretches, start));
+}
 
 }  // namespace sprag

@@ -56,6 +56,9 @@ class Cutter {
     ContactSet staying;       // closed behind it
   };
 
+  enum class Known { yes, not_before, no };
+
+  Known known(double t);
   Happening happening(std::size_t first) const;
   bool pass(const Happening& of);
   void cut_at(const Happening& of);
@@ -82,18 +85,37 @@ class Cutter {
   const ContactEvent* last_hit_ = nullptr;  // of now_
   ContactSet chi_, inside_;  // closed; since the beginning, so that they may be inside
   bool flies_;               // a path leads on from now_
+  std::size_t gap_ = 0;      // the first that does not lie behind
 };
 
 Stretches Cutter::run() {
   for (std::size_t first = 0; first < events_.size();) {
     const Happening of = happening(first);
-    if (!pass(of)) cut_at(of);
+    const double t = events_[first].t;
+    const Known here = known(t);
+    if (here != Known::yes) {
+      end();
+      inside_ = chi_;
+    }
+    if (here != Known::no && !pass(of)) cut_at(of);
     chi_ = of.staying;
-    inside_ = events_[first].t > settings_.begins ? inside_ & chi_ : chi_;
+    inside_ = here != Known::no && t > settings_.begins ? inside_ & chi_ : chi_;
     first = of.last;
   }
   end();
   return std::move(stretches_);
+}
+
+// Whether all events between the last time that was asked for and t are known; t does not fall.
+Cutter::Known Cutter::known(double t) {
+  Known known = Known::yes;
+  for (; gap_ < settings_.gaps.size() && settings_.gaps[gap_].from <= t; ++gap_) {
+    const EventGap& gap = settings_.gaps[gap_];
+    if (!(gap.from < gap.to)) continue;
+    if (t <= gap.to) return Known::no;
+    known = Known::not_before;
+  }
+  return known;
 }
 
 Cutter::Happening Cutter::happening(std::size_t first) const {

@@ -9,12 +9,14 @@
 #include <vector>
 
 #include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/event_gap.h"
 
 namespace sprag {
 
 /// What happens on the way to an impact, at a time that is taken as it is: a bounce that comes too
-/// soon after another to be told from it, a contact that closes at the end of a chatter, or some
-/// that open where their forces have come to zero, which their times change to second order only.
+/// soon after another to be told from it (bounces.h), a contact that closes at the end of a
+/// chatter, or some that open where their forces have come to zero, which their times change to
+/// second order only.
 struct Passage {
   double t = 0.0;
   int contact = -1;        ///< that is hit, from 0; -1: none is
@@ -60,8 +62,10 @@ using Stretches = std::vector<Stretch>;
 using CanFollow = std::function<bool(int contact, ContactSet held, ContactSet staying)>;
 
 struct RecordSettings {
-  double begins = 0.0;        ///< all events since then are known
-  ContactSet closed = 0;      ///< there
+  double begins = 0.0;    ///< all events since then are known
+  ContactSet closed = 0;  ///< there
+  /// Where events may be missing, in order and apart: one that begins and ends at one time is none.
+  std::span<const EventGap> gaps = {};
   double close = 0.0;         ///< impacts that are nearer to each other are not told apart
   std::size_t longest = 150;  ///< a longer stretch is cut
   /// Of contacts that are held; none: it is cut where one closes to stay.
@@ -69,8 +73,8 @@ struct RecordSettings {
   bool exact = false;  ///< bounces that are closer than `close` come when they are said to
 };
 
-/// Cuts where several contacts are hit at one instant, where impacts are closer than `close`,
-/// unless they are the last bounces of a chatter or exact, and where a path cannot follow;
+/// Cuts at gaps, where several contacts are hit at one instant, where impacts are closer than
+/// `close`, unless they are the last bounces of a chatter or exact, and where a path cannot follow;
 /// stretches with fewer equations than `fewest` are left out. A contact that closed to stay and
 /// opens, no event being within `close`, has no gap and no gap velocity there; not one that is
 /// closed at `begins`, where a machine may be inside.

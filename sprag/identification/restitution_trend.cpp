@@ -13,8 +13,7 @@ std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
     return of.unknown.kind == Unknown::Kind::restitution;
   });
   if (!sought || !is_near(fit) || is_exact(fit) || fit.freedom <= 1) return std::nullopt;
-  LinearizedFilter filter(scene, fit);
-  if (!filter.follows_the_times()) return std::nullopt;
+  LinearizedFilter filter(scene, fit, LinearizedFilter::About::fit);
   RestitutionTrend trend;
   trend.chi2_without = filter.at(0.0).chi2;
   filter.add_restitution_trend();

@@ -321,12 +321,16 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   std::vector<std::string_view> keys;
   keys.reserve(unknowns.size());
   for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
-  std::string text = std::string(key) + " is no parameter of this scene; ";
+  std::string text = std::string(key) + " is no parameter of this scene";
   if (const auto nearest = nearest_word(key, keys)) {
-    text += "did you mean " + std::string(*nearest) + "? ";
+    text += "; did you mean " + std::string(*nearest) + "? It has ";
+  } else {
+    text += ", which has ";
   }
-  text += "It has";
-  for (const std::string_view of_scene : keys) text += ' ' + std::string(of_scene);
+  for (const std::string_view of_scene : keys) {
+    if (of_scene != keys.front()) text += ", ";
+    text += of_scene;
+  }
   throw std::invalid_argument(text);
 }
 

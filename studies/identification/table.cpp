@@ -130,6 +130,21 @@ const Row rows[] = {
     {"paper_beam_chatter, 10 %", "paper_beam_chatter.toml", {.off = 0.1}, 10, 10},
     {"steel_ruler, 10 %", "steel_ruler.toml", {.off = 0.1}, 10, 10},
     {"non_proportional, 10 %", "non_proportional.toml", {.off = 0.1}, 10, 10},
+    {"two_stops_beam, 10 %, jitter 1e-4",
+     "two_stops_beam.toml",
+     {.off = 0.1, .impacts = 400, .jitter = 1e-4},
+     10,
+     8},
+    {"paper_beam_chatter, 10 %, jitter 1e-4",
+     "paper_beam_chatter.toml",
+     {.off = 0.1, .impacts = 400, .jitter = 1e-4},
+     10,
+     8},
+    {"steel_ruler, 10 %, jitter 1e-5",
+     "steel_ruler.toml",
+     {.off = 0.1, .impacts = 400, .jitter = 1e-5},
+     10,
+     8},
 };
 // A drift that is simulated, and what is made of it: the jitter is not told.
 void print_drifts(const std::filesystem::path& scenes, std::uint64_t first_seed) {

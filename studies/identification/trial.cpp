@@ -87,12 +87,15 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
   const Scene& machine = drawn->first;
   std::vector<ContactEvent>& events = asked.events;
   const double end = drawn->second.back().t;
+  // No switch reports anything before what it did earlier.
+  std::vector<double> last(scene.model.contacts.size());
   for (ContactEvent event : drawn->second) {
     if (draw.uniform() < trial.lost) {
       ++asked.events_lost;
       continue;
     }
-    event.t += trial.jitter * draw.normal();
+    double& before = last[static_cast<std::size_t>(event.contact)];
+    before = event.t = std::max(before, event.t + trial.jitter * draw.normal());
     events.push_back(event);
   }
   for (int i = 0; i < trial.impacts; ++i) {
@@ -100,8 +103,8 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
     ++asked.events_spurious;
     events.push_back({draw.uniform(0.0, end), 0, ContactEventKind::pulse});
   }
-  std::sort(events.begin(), events.end(),
-            [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  std::stable_sort(events.begin(), events.end(),
+                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
 
   const std::vector<std::string> keys = trial.keys.empty() ? usual_keys(machine) : trial.keys;
   const MachineFamily of_machine(machine, unknowns_named(machine, keys));

@@ -56,6 +56,55 @@ TEST(Identification, SigmasAreHonest) {
   }
 }
 
+// The last bounces of a chatter are nearer to each other than their times are known, and come all
+// at one time where a report waits for the one before it. A path through these times is 2.7
+// deviations off in these parameters (mean square 7), and seems to drift.
+TEST(Identification, SigmasAreHonestBehindChatter) {
+  constexpr double jitter = 1e-4;
+  const Scene scene = shipped_scene("two_stops_beam");
+  const auto events = events_of(scene, 20.0);
+  IdentificationSettings settings;
+  settings.unknowns =
+      unknowns_named(scene, {"impact.restitution", "beam.damping", "beam.bending_stiffness"});
+  for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
+  settings.jitter = jitter;
+  settings.mend = false;
+  double squares = 0.0;
+  int values = 0;
+  const int runs = std::max(1, repetitions(5));
+  for (int seed = 1; seed <= runs; ++seed) {
+    std::mt19937_64 engine(static_cast<std::uint64_t>(seed));
+    std::normal_distribution<double> normal;
+    auto jittered = events;
+    double last = 0.0;
+    for (ContactEvent& event : jittered) {
+      last = event.t = std::max(last, event.t + jitter * normal(engine));
+    }
+    const Identification found = identify(scene, jittered, settings);
+    std::cout << "seed " << seed << ": chi^2 " << found.chi2 << " for " << found.freedom;
+    if (found.fits()) {
+      const auto drift = estimate_drift(scene, found);
+      ASSERT_TRUE(drift);
+      EXPECT_FALSE(drift->found()) << "seed " << seed << ", gain " << drift->gain;
+      EXPECT_GT(drift->high, 1e-10);
+      for (const FittedUnknown& fitted : found.unknowns) {
+        const double off = (fitted.value - fitted.unknown.nominal) / fitted.sigma;
+        std::cout << ", " << off;
+        EXPECT_LT(std::abs(off), 4.0) << "seed " << seed << ' ' << fitted.unknown.key;
+        squares += off * off;
+        ++values;
+      }
+    }
+    std::cout << '\n';
+  }
+  // One may be refused, none may be wrong.
+  EXPECT_GE(values, 3 * (runs - runs / 5));
+  if (!sanitized) {
+    EXPECT_LT(squares, 2.0 * values);
+    EXPECT_GT(squares, 0.4 * values);
+  }
+}
+
 TEST(Identification, AJitterThatIsNotToldIsFound) {
   const Trial trial{.off = 0.1, .jitter = 1e-4, .jitter_told = false};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 5);

@@ -71,6 +71,60 @@ TEST(Record, AMachineThatStartsInsideIsNoRelease) {
   for (const Stretch& stretch : cut(events, record_of(1e-3), 4)) EXPECT_EQ(stretch.closed, 0U);
 }
 
+// No path leads through a gap, and what lies in it counts for nothing.
+TEST(Record, IsCutAtAGap) {
+  using Kind = ContactEventKind;
+  std::vector<ContactEvent> events;
+  for (int i = 1; i <= 20; ++i) events.push_back({1.0 * i, 0, Kind::pulse});
+  const auto times = [&](const std::vector<EventGap>& gaps) {
+    RecordSettings record = record_of(1e-3);
+    record.gaps = gaps;
+    std::vector<std::vector<double>> found;
+    for (const Stretch& stretch : cut(events, record, 4)) {
+      found.emplace_back();
+      for (const Impact& impact : stretch.impacts) found.back().push_back(impact.t);
+    }
+    return found;
+  };
+  using Times = std::vector<std::vector<double>>;
+  const std::vector<double> whole = times({}).front();
+  ASSERT_EQ(whole.size(), 20U);
+  const auto part = [&](int first, int last) {
+    return std::vector<double>(whole.begin() + first - 1, whole.begin() + last);
+  };
+  EXPECT_EQ(times({{8.5, 8.5}}), Times{whole});
+  EXPECT_EQ(times({{8.5, 8.6}}), (Times{part(1, 8), part(9, 20)}));
+  EXPECT_EQ(times({{8.5, 10.0}}), (Times{part(1, 8), part(11, 20)}));
+  EXPECT_EQ(times({{4.5, 6.5}, {15.0, 15.5}}), (Times{part(1, 4), part(7, 14), part(16, 20)}));
+  EXPECT_EQ(times({{0.5, 30.0}}), Times{});
+  EXPECT_EQ(times({{0.5, 4.5}}), Times{part(5, 20)});
+
+  // Closed behind it since nobody knows when: the machine may be inside, and flies from where it
+  // opens.
+  events[9].kind = Kind::closes;
+  events[10].kind = Kind::opens;
+  RecordSettings record = record_of(1e-3);
+  record.gaps = std::span<const EventGap>();
+  ASSERT_EQ(cut(events, record, 4).size(), 2U);
+  EXPECT_EQ(cut(events, record, 4)[1].closed, bit(0));
+  const std::vector<EventGap> before = {{9.5, 10.5}};
+  record.gaps = before;
+  ASSERT_EQ(cut(events, record, 4).size(), 2U);
+  EXPECT_EQ(cut(events, record, 4)[0].size(), 9U);
+  EXPECT_EQ(cut(events, record, 4)[1].closed, 0U);
+}
+
+TEST(EventGaps, ThatMeetBecomeOne) {
+  using Gaps = std::vector<EventGap>;
+  Gaps gaps;
+  for (const EventGap gap : Gaps{{5, 6}, {1, 2}, {8, 9}, {3, 3}}) add(gap, gaps);
+  EXPECT_EQ(gaps, (Gaps{{1, 2}, {3, 3}, {5, 6}, {8, 9}}));
+  add({2.5, 5}, gaps);
+  EXPECT_EQ(gaps, (Gaps{{1, 2}, {2.5, 6}, {8, 9}}));
+  add({0, 10}, gaps);
+  EXPECT_EQ(gaps, (Gaps{{0, 10}}));
+}
+
 // Another contact's impact may have opened it.
 TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
   using Kind = ContactEventKind;

@@ -61,8 +61,9 @@ TEST_F(DiagnoseProgramTest, AWrongRestitutionIsNamed) {
 
   // The same from an LCM log.
   std::string log = path("events.lcmlog");
-  write_contact_log(log, read_recorded_events(events, 1, 60.0, std::nullopt).events, 1, 60.0,
-                    std::nullopt);
+  write_contact_log(log,
+                    read_recorded_events(events, 1, 60.0, BehindLoss::dropped, std::nullopt).events,
+                    1, 60.0, std::nullopt);
   EXPECT_EQ(diagnose({log, paper_beam}).out, ended.out);
 }
 
@@ -78,7 +79,7 @@ TEST_F(DiagnoseProgramTest, TheRightModelFits) {
 TEST_F(DiagnoseProgramTest, ImportedImpactsAreDiagnosedToo) {
   std::string rig = "impact\n";
   for (const ContactEvent& event :
-       read_recorded_events(simulate("0.65"), 1, 60.0, std::nullopt).events) {
+       read_recorded_events(simulate("0.65"), 1, 60.0, BehindLoss::dropped, std::nullopt).events) {
     append_number(rig, event.t);
     rig += '\n';
   }
@@ -115,8 +116,12 @@ TEST_F(DiagnoseProgramTest, DamageAndTooFewEventsFail) {
 TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
   write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
-  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 1e9, std::nullopt).events, events);
-  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, std::nullopt).events.back().t,
+  EXPECT_EQ(
+      read_recorded_events(path("whole.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt).events,
+      events);
+  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, BehindLoss::dropped, std::nullopt)
+                .events.back()
+                .t,
             std::find_if(events.rbegin(), events.rend(), [](const ContactEvent& event) {
               return event.t <= 20.0;
             })->t);
@@ -127,7 +132,8 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
     if (i < 100 || i > 300) part.write(record.utime, record.channel, record.data);
   }
   ASSERT_TRUE(part.close());
-  const RecordedEvents before = read_recorded_events(path("part.lcmlog"), 1, 1e9, std::nullopt);
+  const RecordedEvents before =
+      read_recorded_events(path("part.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
   ASSERT_FALSE(before.problems.empty());
   EXPECT_NE(before.problems[0].find("may be missing"), std::string::npos);
   EXPECT_NEAR(static_cast<double>(before.events.size()), 100.0, 1.0);
@@ -168,7 +174,8 @@ TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
     write(log, 7, 20.0, 120.0, 1e9, 0.0);
     write(log, 8, lost_from_2, lost_from_2 + 100.0, turned_at, 30.0);
     EXPECT_TRUE(log.close());
-    const RecordedEvents recorded = read_recorded_events(path("runs.lcmlog"), 1, 1e9, std::nullopt);
+    const RecordedEvents recorded =
+        read_recorded_events(path("runs.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
     EXPECT_EQ(recorded.sessions, 2);
     return recorded.events;
   };
@@ -191,7 +198,8 @@ TEST_F(DiagnoseProgramTest, ARecordingThatBeginsMidRunIsDiagnosedFromThere) {
     if (i >= 200) part.write(record.utime, record.channel, record.data);
   }
   ASSERT_TRUE(part.close());
-  const RecordedEvents later = read_recorded_events(path("part.lcmlog"), 1, 1e9, std::nullopt);
+  const RecordedEvents later =
+      read_recorded_events(path("part.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
   EXPECT_GT(later.begins, 100.0);
   ASSERT_EQ(later.problems.size(), 1U);
   EXPECT_NE(later.problems[0].find("begins at t = "), std::string::npos) << later.problems[0];

@@ -1,10 +1,12 @@
 // identify with the programs around it: a master that is not what the scene says.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "command_line/program.h"
+#include "lcmtypes/channel_log.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/scene_file.h"
 #include "studies/identification/drifting.h"
@@ -178,6 +180,59 @@ TEST_F(IdentifyProgramTest, ALogAndAJitter) {
                                "--within", "0.1", "--free", "impact.restitution"});
   EXPECT_EQ(told.code, 3) << told.out;
   EXPECT_NE(told.out.find("do not fit"), std::string::npos) << told.out;
+}
+
+// What is behind the loss counts as what is before it.
+TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
+  const std::string beam = scene_file("paper_beam");
+  const Scene real = parse_scene(
+      replaced(read_text(beam), "restitution = 0.7", "restitution = 0.65"), "real.toml");
+  const auto events = test::events_of(real, 240.0);
+  write_contact_log(path("whole.lcmlog"), events, 1, 240.0, std::nullopt);
+  ChannelLogReader whole(path("whole.lcmlog"));
+  ChannelLogWriter part(path("part.lcmlog"));
+  ChannelRecord record;
+  int messages = 0;
+  for (; whole.next(record); ++messages) {
+    if (messages < 60 || messages > 200) part.write(record.utime, record.channel, record.data);
+  }
+  ASSERT_TRUE(part.close());
+  ASSERT_GT(messages, 300);
+  const Ended ended = identify({path("part.lcmlog"), beam, "--report", path("report.json")});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.err.find("events may be missing from t = "), std::string::npos) << ended.err;
+  EXPECT_EQ(ended.err.find("everything before is used"), std::string::npos) << ended.err;
+  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  EXPECT_GE(report["stretches"], 2);
+  EXPECT_GT(report["impacts"], 200);
+  EXPECT_GT(report["to"], 200.0);
+  EXPECT_NEAR(report["parameters"][0]["value"].get<double>(), 0.65, 1e-9);
+}
+
+// Times that jitter and are then put in order contradict each other at the end of a chatter: a hold
+// seems to be one bounce, and the next to hold.
+TEST_F(IdentifyProgramTest, WhatContradictsItselfIsCutOut) {
+  const std::string chatter = scene_file("paper_beam_chatter");
+  std::mt19937_64 engine(5);
+  std::normal_distribution<double> normal;
+  auto events = test::events_of(shipped_scene("paper_beam_chatter"), 60.0);
+  for (ContactEvent& event : events) event.t += 1e-4 * normal(engine);
+  std::stable_sort(events.begin(), events.end(),
+                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  EventsWriter writer(path("sorted.csv"));
+  for (const ContactEvent& event : events) writer.write(event);
+  ASSERT_TRUE(writer.close());
+  const Ended ended =
+      identify({path("sorted.csv"), chatter, "--free", "all", "--report", path("report.json")});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.err.find("closes, but is closed already"), std::string::npos) << ended.err;
+  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  EXPECT_NEAR(report["jitter"].get<double>(), 1e-4, 2e-5);
+  for (const auto& parameter : report["parameters"]) {
+    if (!parameter["told"]) continue;
+    const double off = parameter["value"].get<double>() - parameter["nominal"].get<double>();
+    EXPECT_LT(std::abs(off), 4.5 * parameter["sigma"].get<double>()) << parameter.dump();
+  }
 }
 
 TEST_F(IdentifyProgramTest, ADriftIsToldAndWritten) {

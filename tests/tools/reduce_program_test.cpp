@@ -101,7 +101,8 @@ TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
 
   // The file is what the library says it is.
   const Scene whole = read_scene(beam);
-  const auto recorded = read_recorded_events(path("events.csv"), 1, 80.0, std::nullopt);
+  const auto recorded =
+      read_recorded_events(path("events.csv"), 1, 80.0, BehindLoss::dropped, std::nullopt);
   const ModalMachine machine = modal_machine(whole);
   const auto best = reductions(machine, {0, 1, 2}, second_half(recorded.events)).front();
   EXPECT_EQ(to_toml(read_scene(path("reduced.toml"))), to_toml(reduced_scene(whole, best.machine)));

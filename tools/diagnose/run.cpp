@@ -12,8 +12,9 @@ namespace sprag {
 int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
-  const RecordedEvents recorded = read_recorded_events(
-      run.log, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
+  const RecordedEvents recorded =
+      read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
+                           BehindLoss::dropped, common, report);
   const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),
                                        {recorded.begins, recorded.closed});
   nlohmann::ordered_json object;

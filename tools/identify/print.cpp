@@ -243,6 +243,10 @@ std::string to_text(const IdentifyResult& result) {
     text += "chi^2 is " + number(fit.chi2, 4) + " for " + std::to_string(fit.freedom) +
             " degrees of freedom; up to " + number(fit.largest_chi2, 4) +
             " the times scatter as their jitter has it.\n";
+    if (fit.scatter < 0.5 * fit.jitter) {
+      text += "They scatter by " + number(fit.scatter, 2) +
+              " s alone, so that the deviations below are larger than they need be.\n";
+    }
   }
   if (fit.predicted > 0.0) {
     text += "Fitted to the first four fifths, it expects the impacts of the last within " +

@@ -46,8 +46,10 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   }
   IdentificationSettings settings;
   settings.unknowns = sought(scene, run.sought);
-  const RecordedEvents recorded = read_recorded_events(
-      run.log, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
+  const RecordedEvents recorded =
+      read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
+                           BehindLoss::used, common, report);
+  settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;
   if (run.jitter) {

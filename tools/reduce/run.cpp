@@ -27,8 +27,9 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   const Scene scene = load_scene(run.scene, common);
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
-  const RecordedEvents recorded = read_recorded_events(
-      run.events, static_cast<int>(scene.model.contacts.size()), run.duration, common, report);
+  const RecordedEvents recorded =
+      read_recorded_events(run.events, static_cast<int>(scene.model.contacts.size()), run.duration,
+                           BehindLoss::dropped, common, report);
 
   const Followed followed = second_half(recorded.events, recorded.begins, recorded.closed);
   const ReductionTable table{scene.name, followed, reductions(machine, kept, followed)};
