@@ -63,8 +63,8 @@ class Replay {
       end = event.t;
     }
     const double until = std::isinf(duration_) ? end : duration_;
-    for (const EventGap& gap : recorded.gaps) {
-      if (gap.from <= until) time_line_.degrade(gap.from, std::min(gap.to, until));
+    if (!recorded.gaps.empty() && recorded.gaps.front().from <= until) {
+      time_line_.degrade(recorded.gaps.front().from, std::min(recorded.gaps.back().to, until));
     }
     time_line_.set_horizon(until);
     if (until > end) {
