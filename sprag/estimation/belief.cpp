@@ -75,11 +75,7 @@ BeliefColumns::BeliefColumns(const Flow& free, Eigen::Index f, Eigen::Index colu
   z_.setZero(f, columns);
   v_.setZero(f, columns);
   const Eigen::Index n = free.size();
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
+  kernels_.resize(n);
   merged_.setZero(columns, 2 * f);
 }
 
@@ -93,13 +89,12 @@ void BeliefColumns::move(const Flow& flow, double tau, Belief& belief) {
   auto z = z_.topLeftCorner(n, c);
   auto v = v_.topLeftCorner(n, c);
   flow.enter_differences(q, u, z, v);
-  flow.oscillators().propagate(unit_z_, no_alpha_, tau, nf, n, from_z_);
-  flow.oscillators().propagate(unit_v_, no_alpha_, tau, nf, n, from_v_);
+  flow.oscillators().kernels(tau, nf, n, kernels_);
   for (Eigen::Index k = 0; k < c; ++k) {
     for (Eigen::Index i = 0; i < n; ++i) {
       const double z_k = z(i, k);
-      z(i, k) = from_z_.z[nf + i] * z_k + from_v_.z[nf + i] * v(i, k);
-      v(i, k) = from_z_.v[nf + i] * z_k + from_v_.v[nf + i] * v(i, k);
+      z(i, k) = kernels_.zz[nf + i] * z_k + kernels_.zv[nf + i] * v(i, k);
+      v(i, k) = kernels_.vz[nf + i] * z_k + kernels_.vv[nf + i] * v(i, k);
     }
   }
   flow.state_differences(z, v, q, u);

@@ -73,8 +73,7 @@ class BeliefColumns {
 
  private:
   Eigen::MatrixXd z_, v_;  // S in a flow's oscillators
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
+  OscillatorKernels kernels_;
   Eigen::MatrixXd merged_;  // columns x 2 f
 };
 

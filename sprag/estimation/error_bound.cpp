@@ -140,11 +140,7 @@ ErrorBound::ErrorBound(const Flows& flows)
                 std::sqrt(dynamics.G()(i, i));
     }
   }
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
+  kernels_.resize(n);
   known_.fill(-1.0);
   q_.setZero(dynamics.coordinates());
   u_.setZero(dynamics.coordinates());
@@ -171,17 +167,16 @@ double ErrorBound::contraction(double tau) {
   if (free.path() == FlowPath::dense) return std::min(1.0, square(dense_(tau)) + rounding);
   const Oscillators& o = free.oscillators();
   const Eigen::Index nf = free.frequencies();
-  o.propagate(unit_z_, no_alpha_, tau, nf, free.modes(), from_z_);
-  o.propagate(unit_v_, no_alpha_, tau, nf, free.modes(), from_v_);
+  o.kernels(tau, nf, free.modes(), kernels_);
   double largest = 0.0;
   for (Eigen::Index i = nf; i < nf + free.modes(); ++i) {
     const double omega = o.root_kappa()[i];
     // In (omega z, v), whose length is the energy; without stiffness in v alone.
     const bool rigid = omega <= rigid_;
-    const double zz = rigid ? 0.0 : from_z_.z[i];
-    const double vz = rigid ? 0.0 : from_z_.v[i] / omega;
-    const double zv = from_v_.z[i] * omega;
-    const double vv = from_v_.v[i];
+    const double zz = rigid ? 0.0 : kernels_.zz[i];
+    const double vz = rigid ? 0.0 : kernels_.vz[i] / omega;
+    const double zv = kernels_.zv[i] * omega;
+    const double vv = kernels_.vv[i];
     const double a = zz * zz + vz * vz;
     const double d = zv * zv + vv * vv;
     const double b = zz * zv + vz * vv;

@@ -88,8 +88,7 @@ class ErrorBound {
   double damping_ = 0.0;  // largest rate [1/s]
   double force_ = 0.0;    // largest acceleration by forces and supports, norm of M
   ContractionTable dense_;
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
+  OscillatorKernels kernels_;
   std::array<double, std::size_t{octaves} * nodes_in_octave> known_;  // < 0: not yet
   Eigen::VectorXd q_, u_;                                             // scratch
 };

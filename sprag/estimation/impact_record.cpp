@@ -54,19 +54,12 @@ void ImpactRecorder::fly(const Motion& from, double tau, const Eigen::MatrixXd& 
 void ImpactRecorder::find_row(const Flow& flow, const Signal& force, double tau) {
   const Eigen::Index n = flow.modes();
   const Eigen::Index nf = flow.frequencies();
-  if (unit_z_.z.size() != flow.size()) {
-    unit_z_ = {Eigen::ArrayXd::Ones(flow.size()), Eigen::ArrayXd::Zero(flow.size())};
-    unit_v_ = {Eigen::ArrayXd::Zero(flow.size()), Eigen::ArrayXd::Ones(flow.size())};
-    from_z_ = unit_z_;
-    from_v_ = unit_v_;
-    no_alpha_.setZero(flow.size());
-  }
-  flow.oscillators().propagate(unit_z_, no_alpha_, tau, nf, n, from_z_);
-  flow.oscillators().propagate(unit_v_, no_alpha_, tau, nf, n, from_v_);
+  if (kernels_.size() < flow.size()) kernels_.resize(flow.size());
+  flow.oscillators().kernels(tau, nf, n, kernels_);
   const auto p = force.p.segment(nf, n);
   const auto r = force.r.segment(nf, n);
-  row_z_ = p * from_z_.z.segment(nf, n) + r * from_z_.v.segment(nf, n);
-  row_v_ = p * from_v_.z.segment(nf, n) + r * from_v_.v.segment(nf, n);
+  row_z_ = p * kernels_.zz.segment(nf, n) + r * kernels_.vz.segment(nf, n);
+  row_v_ = p * kernels_.zv.segment(nf, n) + r * kernels_.vv.segment(nf, n);
 }
 
 void ImpactRecorder::see(const Flow& flow, const Eigen::ArrayXd& row_z, const Eigen::ArrayXd& row_v,

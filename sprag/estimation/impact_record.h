@@ -107,8 +107,7 @@ class ImpactRecorder {
   Eigen::MatrixXd S_before_;      // f x columns; none: not known
   Eigen::MatrixXd Z_, V_;         // of a flight's start, in its flow's oscillators
   Eigen::ArrayXd row_z_, row_v_;  // what a force depends on
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
+  OscillatorKernels kernels_;
   Motion there_;
 };
 

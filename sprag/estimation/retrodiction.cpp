@@ -22,11 +22,7 @@ double growth_of(const Oscillators& of, Eigen::Index i) {
 Retrodiction::Retrodiction(const Flows& flows, Eigen::Index columns) {
   const Eigen::Index f = flows.dynamics().coordinates();
   const Eigen::Index n = flows[0].size();
-  unit_z_ = {Eigen::ArrayXd::Ones(n), Eigen::ArrayXd::Zero(n)};
-  unit_v_ = {Eigen::ArrayXd::Zero(n), Eigen::ArrayXd::Ones(n)};
-  from_z_ = unit_z_;
-  from_v_ = unit_v_;
-  no_alpha_.setZero(n);
+  kernels_.resize(n);
   Z_.setZero(f, columns);
   V_.setZero(f, columns);
   for (Eigen::VectorXd* x : {&row_z_, &row_v_, &off_z_, &off_v_}) x->setZero(f);
@@ -69,26 +65,19 @@ void Retrodiction::for_each_tau(double tau, const Move& move) const {
   }
 }
 
-// What z and v of these modes become in tau.
-void Retrodiction::set_kernels(double tau, Eigen::Index first, Eigen::Index count) {
-  const Oscillators& of = flow().oscillators();
-  of.propagate(unit_z_, no_alpha_, tau, first, count, from_z_);
-  of.propagate(unit_v_, no_alpha_, tau, first, count, from_v_);
-}
-
 void Retrodiction::go_back(double age) {
   const Oscillators& of = flow().oscillators();
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
   for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
-    set_kernels(tau, first, count);
+    of.kernels(tau, first, count, kernels_);
     flow().move_modes(*motion_, tau, first, count, then_.x);
   });
   then_.t = motion_->t + -age;
   flow().set_phases(then_.t, then_.x);
   const auto depend = [&](const auto& p, const auto& r, auto on) {
-    row_z_.head(n) = p * from_z_.z.segment(nf, n) + r * from_z_.v.segment(nf, n);
-    row_v_.head(n) = p * from_v_.z.segment(nf, n) + r * from_v_.v.segment(nf, n);
+    row_z_.head(n) = p * kernels_.zz.segment(nf, n) + r * kernels_.vz.segment(nf, n);
+    row_v_.head(n) = p * kernels_.zv.segment(nf, n) + r * kernels_.vv.segment(nf, n);
     on.noalias() = Z_.topLeftCorner(n, columns_).transpose().lazyProduct(row_z_.head(n));
     on.noalias() += V_.topLeftCorner(n, columns_).transpose().lazyProduct(row_v_.head(n));
   };
@@ -107,8 +96,8 @@ void Retrodiction::set_xi(const Eigen::Ref<const Eigen::VectorXd>& xi) {
   off_v_.head(n).noalias() = V_.topLeftCorner(n, columns_).lazyProduct(xi);
   const auto z = off_z_.head(n).array();
   const auto v = off_v_.head(n).array();
-  then_.x.z.segment(nf, n) += from_z_.z.segment(nf, n) * z + from_v_.z.segment(nf, n) * v;
-  then_.x.v.segment(nf, n) += from_z_.v.segment(nf, n) * z + from_v_.v.segment(nf, n) * v;
+  then_.x.z.segment(nf, n) += kernels_.zz.segment(nf, n) * z + kernels_.zv.segment(nf, n) * v;
+  then_.x.v.segment(nf, n) += kernels_.vz.segment(nf, n) * z + kernels_.vv.segment(nf, n) * v;
 }
 
 void Retrodiction::return_to_motion() {
@@ -126,10 +115,10 @@ void Retrodiction::move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
   for_each_tau(tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
-    set_kernels(of_mode, first, count);
+    flow().oscillators().kernels(of_mode, first, count, kernels_);
   });
-  moved_z.array() = from_z_.z.segment(nf, n) * z.array() + from_v_.z.segment(nf, n) * v.array();
-  moved_v.array() = from_z_.v.segment(nf, n) * z.array() + from_v_.v.segment(nf, n) * v.array();
+  moved_z.array() = kernels_.zz.segment(nf, n) * z.array() + kernels_.zv.segment(nf, n) * v.array();
+  moved_v.array() = kernels_.vz.segment(nf, n) * z.array() + kernels_.vv.segment(nf, n) * v.array();
 }
 
 }  // namespace sprag

@@ -50,7 +50,6 @@ class Retrodiction {
  private:
   template <typename Move>
   void for_each_tau(double tau, const Move& move) const;
-  void set_kernels(double tau, Eigen::Index first, Eigen::Index count);
 
   const Motion* motion_ = nullptr;
   const Signal* signal_ = nullptr;
@@ -60,8 +59,7 @@ class Retrodiction {
 
   Motion then_;
   // What z = 1 and v = 1 become on the way.
-  OscillatorState unit_z_, unit_v_, from_z_, from_v_;
-  Eigen::ArrayXd no_alpha_;
+  OscillatorKernels kernels_;
   Eigen::VectorXd row_z_, row_v_, phi_, psi_, off_z_, off_v_;
 };
 

@@ -35,8 +35,13 @@ double step_response(double delta, double kappa, double omega, const Kernel& k, 
   }
   const double x = 2.0 * delta * tau;
   const double y = kappa * tau * tau;
-  if (1.0 - k.zz > 0.25 || (y > 1.0 && delta * delta <= kappa)) return (1.0 - k.zz) / kappa;
-  if (x < 2.0) {
+  const bool is_overdamped = delta * delta > kappa;
+  // What grows fast on the way back cancels in zz.
+  const bool far_back = x < -2.0 && is_overdamped && 2.0 * omega > delta;
+  if (!far_back && (std::abs(1.0 - k.zz) > 0.25 || (y > 1.0 && !is_overdamped))) {
+    return (1.0 - k.zz) / kappa;
+  }
+  if (std::abs(x) < 2.0) {
     // tau^2 (s_0 + s_1 + ...), (n + 2)(n + 1) s_n = -x (n + 1) s_(n-1) - y s_(n-2); y <= 1 here.
     double before = 0.0;
     double term = 0.5;
@@ -61,6 +66,24 @@ Kernel kernel_of(double delta, double kappa, double omega, double tau) {
   return underdamped(delta, kappa, omega, std::exp(-delta * tau), tau);
 }
 
+// Neighbours often share their damping (a beam's modes all do): one exponential serves them.
+class Neighbours {
+ public:
+  explicit Neighbours(double tau) : tau_(tau) {}
+
+  Kernel next(double delta, double kappa, double omega) {
+    if (delta * delta > kappa) return overdamped(delta, kappa, omega, tau_);
+    if (delta != delta_) {
+      delta_ = delta;
+      decay_ = std::exp(-delta * tau_);
+    }
+    return underdamped(delta, kappa, omega, decay_, tau_);
+  }
+
+ private:
+  double tau_, delta_ = 0.0, decay_ = 1.0;
+};
+
 }  // namespace
 
 OscillatorStep oscillator_step(double delta, double kappa, double tau) {
@@ -81,30 +104,29 @@ OscillatorKernel Oscillators::kernel(Eigen::Index i, double tau) const {
 
 void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
                             Eigen::Index first, Eigen::Index count, OscillatorState& to) const {
-  // Neighbours often share their damping (a beam's modes all do): one exponential serves them.
-  double decay_delta = 0.0;
-  double decay = 1.0;
+  Neighbours neighbours(tau);
   for (Eigen::Index i = first; i < first + count; ++i) {
-    const double delta = delta_[i];
-    const double kappa = kappa_[i];
     const double z = from.z[i];
     const double v = from.v[i];
-    Kernel k;
-    if (delta * delta > kappa) {
-      k = overdamped(delta, kappa, omega_[i], tau);
-    } else {
-      if (delta != decay_delta) {
-        decay_delta = delta;
-        decay = std::exp(-delta * tau);
-      }
-      k = underdamped(delta, kappa, omega_[i], decay, tau);
-    }
+    const Kernel k = neighbours.next(delta_[i], kappa_[i], omega_[i]);
     to.z[i] = k.zz * z + k.zv * v;
     to.v[i] = k.vz * z + k.vv * v;
     if (alpha[i] != 0.0) {
-      to.z[i] += alpha[i] * step_response(delta, kappa, omega_[i], k, tau);
+      to.z[i] += alpha[i] * step_response(delta_[i], kappa_[i], omega_[i], k, tau);
       to.v[i] += alpha[i] * k.zv;
     }
+  }
+}
+
+void Oscillators::kernels(double tau, Eigen::Index first, Eigen::Index count,
+                          OscillatorKernels& of) const {
+  Neighbours neighbours(tau);
+  for (Eigen::Index i = first; i < first + count; ++i) {
+    const Kernel k = neighbours.next(delta_[i], kappa_[i], omega_[i]);
+    of.zz[i] = k.zz;
+    of.zv[i] = k.zv;
+    of.vz[i] = k.vz;
+    of.vv[i] = k.vv;
   }
 }
 

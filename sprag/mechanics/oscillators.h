@@ -19,6 +19,19 @@ struct OscillatorKernel {
   double zz, zv, vz, vv;
 };
 
+/// Those of N oscillators.
+struct OscillatorKernels {
+  OscillatorKernels() = default;
+  explicit OscillatorKernels(Eigen::Index n) { resize(n); }
+
+  Eigen::Index size() const { return zz.size(); }
+  void resize(Eigen::Index n) {
+    for (Eigen::ArrayXd* x : {&zz, &zv, &vz, &vv}) x->resize(n);
+  }
+
+  Eigen::ArrayXd zz, zv, vz, vv;
+};
+
 /// What tau makes of one oscillator, with the response of z to alpha = 1; that of v is zv.
 struct OscillatorStep : OscillatorKernel {
   double z_alpha;
@@ -30,7 +43,7 @@ struct OscillatorStep : OscillatorKernel {
   }
 };
 
-/// delta, kappa >= 0, tau >= 0.
+/// delta, kappa >= 0; tau < 0 goes back, where what decays grows.
 OscillatorStep oscillator_step(double delta, double kappa, double tau);
 
 /// Constant data of N oscillators.
@@ -44,13 +57,16 @@ class Oscillators {
   const Eigen::ArrayXd& kappa() const { return kappa_; }
   const Eigen::ArrayXd& root_kappa() const { return root_kappa_; }
 
-  /// Moves oscillators first..first+count-1 by tau >= 0 from `from` to `to` (which may be the same
-  /// object); alpha has N entries. Exact to a few roundings for every regime of damping.
+  /// Moves oscillators first..first+count-1 by tau from `from` to `to` (which may be the same
+  /// object); alpha has N entries. Exact to a few roundings for every regime of damping, of what
+  /// has grown where tau < 0.
   void propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
                  Eigen::Index first, Eigen::Index count, OscillatorState& to) const;
 
-  /// What tau >= 0 makes of oscillator i where nothing pushes it.
+  /// What tau makes of oscillator i where nothing pushes it.
   OscillatorKernel kernel(Eigen::Index i, double tau) const;
+  /// The same of first..first+count-1, as many entries of `of`, which has them.
+  void kernels(double tau, Eigen::Index first, Eigen::Index count, OscillatorKernels& of) const;
 
  private:
   Eigen::ArrayXd delta_, kappa_, root_kappa_;

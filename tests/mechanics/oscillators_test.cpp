@@ -332,6 +332,26 @@ TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
   }
 }
 
+// Back through many times of the decay, in one go and in short steps: what grows grows alike.
+TEST(Oscillators, GoingBackFarUnderAForceIsGoingBackOften) {
+  constexpr int steps = 256;
+  for (const double delta : {0.5, 2.0, 3.5, 8.0, 16.0}) {
+    for (const double share : {0.0, 1e-9, 1e-3, 0.5, 0.999, 1.0, 1.001, 3.0, 40.0}) {
+      const double kappa = share * delta * delta;
+      const Point whole = propagate(delta, kappa, 1.0, -1.0, {0.0, 0.0});
+      Point often{0.0, 0.0};
+      for (int i = 0; i < steps; ++i) {
+        often = propagate(delta, kappa, 1.0, -1.0 / steps, often);
+      }
+      const double scale = std::hypot(static_cast<double>(often.z), static_cast<double>(often.v));
+      EXPECT_NEAR(static_cast<double>(whole.z), static_cast<double>(often.z), 1e-12 * scale)
+          << "delta " << delta << ", kappa " << kappa;
+      EXPECT_NEAR(static_cast<double>(whole.v), static_cast<double>(often.v), 1e-12 * scale)
+          << "delta " << delta << ", kappa " << kappa;
+    }
+  }
+}
+
 TEST(Oscillators, ABankMovesEachOscillatorAloneAndOnlyThoseAskedFor) {
   const std::uint64_t seed = 7006;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
