@@ -140,9 +140,15 @@ void append_drift(const IdentifyResult& result, std::string& text) {
 
 // Unless a drift explains more of what is left.
 void append_trend(const IdentifyResult& result, std::string& text) {
-  if (!result.trend || !result.trend->found()) return;
+  if (!result.trend) return;
   const RestitutionTrend& trend = *result.trend;
-  if (drifts(result) && result.drift->gain > trend.gain) return;
+  const bool of_drift = drifts(result) && result.drift->gain > trend.gain;
+  if (!trend.found() || of_drift) {
+    text += "That the restitution depends on the impact's speed is not seen: " +
+            rounded(trend.trend, trend.sigma) + " +- " + number(trend.sigma, 2) +
+            " per unit of it" + (trend.found() ? ", which the drift explains better.\n" : ".\n");
+    return;
+  }
   text += std::string("Restitution ") + (trend.trend < 0.0 ? "falls" : "rises") + " by " +
           rounded(std::abs(trend.trend), trend.sigma) + " +- " + number(trend.sigma, 2) +
           " per unit of the impact's speed: chi^2 falls from " + number(trend.chi2_without, 4) +
