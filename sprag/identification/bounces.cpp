@@ -96,11 +96,13 @@ void take_bounces(const MachineFamily& family, double jitter, Stretches& stretch
   const Eigen::Index n = family.n();
   for (std::size_t s = 0; s < stretches.size(); ++s) {
     Stretch& led = path.path[s];
-    Walk walk{flight, led.start, led.held, path.x0[s].head(n), path.x0[s].tail(n)};
+    Eigen::VectorXd y = path.x0[s].head(n), u = path.x0[s].tail(n);
     std::vector<Impact> of_path, of_measured;
     for (std::size_t k = 0; k < led.size(); ++k) {
       const Impact& impact = led.impacts[k];
       std::vector<Passage> passed;
+      const Walk walk = k > 0 ? Walk{flight, led.impacts[k - 1].t, led.impacts[k - 1].staying, y, u}
+                              : Walk{flight, led.start, led.held, y, u};
       const std::vector<Impact> bounces = bounces_before(walk, impact, shortest * jitter, passed);
       for (std::vector<Impact>* const of : {&of_path, &of_measured}) {
         of->insert(of->end(), bounces.begin(), bounces.end());
@@ -108,14 +110,8 @@ void take_bounces(const MachineFamily& family, double jitter, Stretches& stretch
       of_path.push_back(impact);
       of_measured.push_back(stretches[s].impacts[k]);
       if (!bounces.empty()) of_path.back().passed = of_measured.back().passed = passed;
-      for (const Passage& passage : impact.passed) {
-        if (passage.contact < 0) {
-          walk.move(passage.t, passage.staying);
-        } else {
-          walk.hit(passage.t, passage.contact, passage.staying);
-        }
-      }
-      walk.hit(impact.t, impact.contact, impact.staying);
+      fly(flight, led, k, y, u, [](double, double, ContactSet) {});
+      flight.hit(impact.contact, impact.t, u, impact.staying);
     }
     led.impacts = std::move(of_path);
     stretches[s].impacts = std::move(of_measured);

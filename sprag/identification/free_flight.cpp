@@ -144,18 +144,6 @@ namespace {
 
 constexpr double sure = 5.0;  // standard deviations
 
-// To impact k from the one before it, or the start: visit(from, to, held) before each leg.
-template <typename Visit>
-void fly(const FreeFlight& flight, const Stretch& stretch, std::size_t k, Eigen::VectorXd& y,
-         Eigen::VectorXd& u, Visit visit) {
-  for_each_leg(stretch, k, [&](double from, double to, ContactSet held, const Passage* passage) {
-    visit(from, to, held);
-    flight.move(held, from, to - from, y, u);
-    if (passage == nullptr || passage->contact < 0) return;
-    flight.hit(passage->contact, to, u, passage->staying);
-  });
-}
-
 // The gaps of all contacts in the middle of each flight, the last part of it where something
 // happens on the way, and gamma- of each impact.
 Eigen::VectorXd gaps_of(const FreeFlight& flight, int contacts, const Stretch& stretch,

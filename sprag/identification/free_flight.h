@@ -50,6 +50,19 @@ class FreeFlight {
   mutable std::map<ContactSet, HeldFlight> held_;
 };
 
+/// Moves (y, u) along a path to impact k, before it is hit, through what happens on the way:
+/// visit(from, to, held) before each part of it.
+template <typename Visit>
+void fly(const FreeFlight& flight, const Stretch& path, std::size_t k, Eigen::VectorXd& y,
+         Eigen::VectorXd& u, Visit visit) {
+  for_each_leg(path, k, [&](double from, double to, ContactSet held, const Passage* passage) {
+    visit(from, to, held);
+    flight.move(held, from, to - from, y, u);
+    if (passage == nullptr || passage->contact < 0) return;
+    flight.hit(passage->contact, to, u, passage->staying);
+  });
+}
+
 /// What is wrong with a stretch of a solution, beyond what its times leave unknown of its path.
 struct StretchPath {
   /// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].

@@ -73,6 +73,9 @@ class Identifier {
   Identification run();
 
  private:
+  RecordSettings known_record() const {
+    return {.begins = settings_.begins, .closed = settings_.closed, .gaps = settings_.gaps};
+  }
   Attempt attempt(const Stretches& stretches) const;
   std::size_t needed(const Stretches& stretches) const;
   Likelihood maximize(const PathFit& found, Stretches& stretches) const;
@@ -100,7 +103,7 @@ class Identifier {
 
 Stretches Identifier::stretches_of(double closest, bool through_contact,
                                    std::optional<double> jitter) const {
-  RecordSettings record;
+  RecordSettings record = known_record();
   if (through_contact) {
     record.can_follow = [nominal = family_.at(family_.nominal())](int contact, ContactSet held,
                                                                   ContactSet staying) {
@@ -108,9 +111,6 @@ Stretches Identifier::stretches_of(double closest, bool through_contact,
     };
   }
   record.exact = settings_.jitter == 0.0;
-  record.begins = settings_.begins;
-  record.closed = settings_.closed;
-  record.gaps = settings_.gaps;
   record.close = std::max(closest * interval_, close_in_jitters * jitter.value_or(0.0));
   return cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
 }
@@ -386,11 +386,7 @@ void Identifier::describe(const Attempt& best, Identification& result) const {
 Identification Identifier::run() {
   Identification result;
   const auto n = static_cast<std::size_t>(family_.n());
-  RecordSettings whole;
-  whole.begins = settings_.begins;
-  whole.closed = settings_.closed;
-  whole.gaps = settings_.gaps;
-  interval_ = usual_interval(cut(events_, whole, 2));
+  interval_ = usual_interval(cut(events_, known_record(), 2));
   Stretches stretches = stretches_of(close, settings_.through_contact, settings_.jitter);
   if (equations(stretches) < needed(stretches)) {
     throw TooFewImpacts(

@@ -205,11 +205,14 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
   const double gamma = path.gamma[i];
   // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of them.
   const bool slow = !(std::abs(speeds_[s][i]) > least_speed * speed_);
+  const auto strike = [&](auto u_of_x, auto u_of_S) {
+    const double gamma_of_x = w.dot(u_of_x);
+    const Eigen::RowVectorXd gamma_of_S = w.transpose() * u_of_S;
+    u_of_x -= jump * gamma_of_x;
+    u_of_S -= jump * gamma_of_S;
+  };
   if (slow && !impact.timed) {
-    const double gamma_of_x = w.dot(of.x.segment(n, n));
-    const Eigen::RowVectorXd gamma_of_S = w.transpose() * of.S.block(n, 0, n, columns);
-    of.x.segment(n, n) -= jump * gamma_of_x;
-    of.S.block(n, 0, n, columns) -= jump * gamma_of_S;
+    strike(of.x.segment(n, n), of.S.block(n, 0, n, columns));
     of.merge();
     return;
   }
@@ -243,10 +246,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
   effect_of_time(machine_, stretches_[s], k, path, on_y, on_u);
   after.head(n) = on_y;
   after.segment(n, n) = on_u;
-  const double gamma_of_x = w.dot(x.segment(n, n));
-  const Eigen::RowVectorXd gamma_of_S = w.transpose() * S.block(n, 0, n, columns + 1);
-  x.segment(n, n) -= jump * gamma_of_x;
-  S.block(n, 0, n, columns + 1) -= jump * gamma_of_S;
+  strike(x.segment(n, n), S.block(n, 0, n, columns + 1));
   of.x = x.head(states) + after * x[states];
   of.columns = columns + 1;
   of.S.leftCols(of.columns) = S.topRows(states) + after * S.row(states);
