@@ -61,11 +61,6 @@ double step_response(double delta, double kappa, double omega, const Kernel& k, 
   return (slowly + std::expm1(-fast * tau) / fast) / (2.0 * omega);
 }
 
-Kernel kernel_of(double delta, double kappa, double omega, double tau) {
-  if (delta * delta > kappa) return overdamped(delta, kappa, omega, tau);
-  return underdamped(delta, kappa, omega, std::exp(-delta * tau), tau);
-}
-
 // Neighbours often share their damping (a beam's modes all do): one exponential serves them.
 class Neighbours {
  public:
@@ -88,7 +83,7 @@ class Neighbours {
 
 OscillatorStep oscillator_step(double delta, double kappa, double tau) {
   const double omega = std::sqrt(std::abs(kappa - delta * delta));
-  const Kernel kernel = kernel_of(delta, kappa, omega, tau);
+  const Kernel kernel = Neighbours(tau).next(delta, kappa, omega);
   return {kernel, step_response(delta, kappa, omega, kernel, tau)};
 }
 
@@ -99,7 +94,7 @@ Oscillators::Oscillators(const Eigen::ArrayXd& delta, const Eigen::ArrayXd& kapp
       omega_((kappa - delta.square()).abs().sqrt()) {}
 
 OscillatorKernel Oscillators::kernel(Eigen::Index i, double tau) const {
-  return kernel_of(delta_[i], kappa_[i], omega_[i], tau);
+  return Neighbours(tau).next(delta_[i], kappa_[i], omega_[i]);
 }
 
 void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,

@@ -21,9 +21,6 @@ struct OscillatorKernel {
 
 /// Those of N oscillators.
 struct OscillatorKernels {
-  OscillatorKernels() = default;
-  explicit OscillatorKernels(Eigen::Index n) { resize(n); }
-
   Eigen::Index size() const { return zz.size(); }
   void resize(Eigen::Index n) {
     for (Eigen::ArrayXd* x : {&zz, &zv, &vz, &vv}) x->resize(n);

@@ -281,6 +281,19 @@ TEST(EventHistory, WhatWasSkippedIsAGap) {
 }
 
 // The gap of an earlier session must not answer for a later one.
+// There is room for so many; more of them are part of the last.
+TEST(EventHistory, GapsBeyondAllCountsAreNotForgotten) {
+  EventHistory history = started(1);
+  constexpr int many = 5000;
+  for (int i = 1; i <= many; ++i) {
+    ASSERT_TRUE(history.add(ContactEvent{2.0 * i, 0, pulse}));
+    ASSERT_FALSE(history.add(ContactEvent{2.0 * i + 1.0, 0, opens}));
+  }
+  EXPECT_LT(history.degraded().size(), static_cast<std::size_t>(many));
+  EXPECT_EQ(history.degraded().front().from, 2.0);
+  EXPECT_EQ(history.degraded().back().to, 2.0 * many + 1.0);
+}
+
 TEST(EventHistory, AGapBelongsToItsSession) {
   EventHistory history = started();
   history.add(report_of({{4.0, 0, pulse}}, 8, 6.0, 0));
