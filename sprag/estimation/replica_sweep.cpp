@@ -72,11 +72,8 @@ Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
 void require_one_structure(std::span<const ReplicaSweep::Run> runs) {
   if (runs.empty() || runs.size() > lanes) throw ModelError("a sweep has one to eight runs");
-  const Flows& first = *runs.front().flows;
   for (const ReplicaSweep::Run& run : runs) {
-    if (run.flows->dynamics().coordinates() != first.dynamics().coordinates() ||
-        run.flows->dynamics().contacts() != first.dynamics().contacts() ||
-        run.flows->dynamics().frequencies().size() != first.dynamics().frequencies().size()) {
+    if (!ReplicaSweep::of_one_structure(*run.flows, *runs.front().flows)) {
       throw ModelError(
           "the machines of a sweep differ in the number of coordinates, contacts or frequencies");
     }
@@ -84,6 +81,13 @@ void require_one_structure(std::span<const ReplicaSweep::Run> runs) {
 }
 
 }  // namespace
+
+bool ReplicaSweep::of_one_structure(const Flows& a, const Flows& b) {
+  const auto& x = a.dynamics();
+  const auto& y = b.dynamics();
+  return x.coordinates() == y.coordinates() && x.contacts() == y.contacts() &&
+         x.frequencies().size() == y.frequencies().size();
+}
 
 ReplicaSweep::ReplicaSweep(std::span<const Run> runs, double h) : h_(h) {
   require_one_structure(runs);
@@ -95,6 +99,9 @@ ReplicaSweep::ReplicaSweep(std::span<const Run> runs, double h) : h_(h) {
     lane.replica->start(runs[l].start, 0, runs[l].chi, lane.state);
     lane.events = runs[l].events;
     lane.ticks = runs[l].ticks;
+    const std::size_t at_start = due(lane.events, 0);
+    if (at_start > 0) lane.replica->apply(lane.events.first(at_start), lane.state);
+    lane.events = lane.events.subspan(at_start);
     find_event_tick(lane);
     const TickedFlight& flight = lane.replica->flight();
     drifts_ = drifts_ || flight.drifts();
@@ -146,17 +153,22 @@ void ReplicaSweep::go_on(std::size_t l, std::int64_t end) {
         return;
       }
     }
-    std::size_t due = 0;
-    if (state.tick + 1 >= lane.event_tick) {
-      const double t = tick_instant(state.tick + 1, h_).hi;
-      while (due < lane.events.size() && lane.events[due].t <= t) ++due;
-    }
-    lane.replica->tick(lane.events.first(due), state);
-    if (due == 0) continue;
-    lane.events = lane.events.subspan(due);
+    const std::int64_t next = state.tick + 1;
+    const std::size_t taken = next < lane.event_tick ? 0 : due(lane.events, next);
+    lane.replica->tick(lane.events.first(taken), state);
+    if (taken == 0) continue;
+    lane.events = lane.events.subspan(taken);
     find_event_tick(lane);
   }
   rest(l);
+}
+
+// How many of the events, from the first one on, take effect up to tick k.
+std::size_t ReplicaSweep::due(std::span<const ContactEvent> events, std::int64_t k) const {
+  const double t = tick_instant(k, h_).hi;
+  std::size_t count = 0;
+  while (count < events.size() && events[count].t <= t) ++count;
+  return count;
 }
 
 void ReplicaSweep::find_event_tick(Lane& lane) const {

@@ -29,16 +29,19 @@ class ReplicaSweep {
   struct Run {
     std::shared_ptr<Flows> flows;
     State start;  ///< at tick 0
-    /// In order. Each takes effect in the first tick whose rounded time is not before it. What they
-    /// are must outlive the sweep.
+    /// In order. Each takes effect in the first tick whose rounded time is not before it, those of
+    /// the start and before it at tick 0. What they are must outlive the sweep.
     std::span<const ContactEvent> events;
     ContactSet chi = 0;             ///< at the start
     std::int64_t ticks = max_tick;  ///< the run stands still at this tick
   };
 
-  /// One to eight runs, tick h > 0. Throws ModelError: other counts, machines that differ in the
-  /// number of coordinates, contacts or frequencies, and what Replica throws.
+  /// One to eight runs, tick h > 0. Throws ModelError: other counts, machines of more than one
+  /// structure, and what Replica throws.
   ReplicaSweep(std::span<const Run> runs, double h);
+
+  /// Whether two machines have as many coordinates, contacts and frequencies.
+  static bool of_one_structure(const Flows& a, const Flows& b);
 
   /// Every run to tick k, or to its own end before. k does not fall. Does not allocate once the
   /// locked sets that occur have been met.
@@ -70,6 +73,7 @@ class ReplicaSweep {
   };
 
   void go_on(std::size_t l, std::int64_t end);
+  std::size_t due(std::span<const ContactEvent> events, std::int64_t k) const;
   void find_event_tick(Lane& lane) const;
   void put(std::size_t l);
   void fetch(std::size_t l, std::int64_t end);

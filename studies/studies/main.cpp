@@ -22,6 +22,7 @@ constexpr Study all[] = {{"observer", observer_columns, observer},
                          {"growth", growth_columns, growth},
                          {"limit", limit_columns, limit},
                          {"sweep", sweep_columns, sweep},
+                         {"side_by_side", side_by_side_columns, side_by_side},
                          {"stability", stability_columns, stability}};
 
 }  // namespace

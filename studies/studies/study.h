@@ -61,6 +61,11 @@ inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
 void sweep(Table& table);
 inline constexpr const char* sweep_columns = "modes,impacts,h,turn,sweep_ns,single_ns";
 
+/// us per run of a study's replica, on the paper's beam over 100 units of time: eight runs side by
+/// side, and one after the other, by turns.
+void side_by_side(Table& table);
+inline constexpr const char* side_by_side_columns = "modes,tick,turn,together_us,alone_us";
+
 /// Which method finds what on the paper's beam with more and more modes.
 void stability(Table& table);
 inline constexpr const char* stability_columns = "method,modes,step,result,found,impacts";

@@ -7,6 +7,7 @@
 #include "sprag/estimation/replica_sweep.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
+#include "tools/study/trial.h"
 
 namespace sprag::studies {
 namespace {
@@ -63,6 +64,35 @@ void sweep(Table& table) {
     measure(modes, false, 1e-3, table);
     // How much of it impacts are depends on the tick.
     for (const double h : {1e-3, 1e-4}) measure(modes, true, h, table);
+  }
+}
+
+void side_by_side(Table& table) {
+  constexpr int runs = 4 * static_cast<int>(ReplicaSweep::lanes);
+  for (const int modes : {3, 10}) {
+    const Scene machine = paper_beam(modes);
+    for (const double tick : {1e-2, 1e-3, 1e-4}) {
+      const study::Truth truth = study::run_machine(machine, 100.0, tick, 100);
+      std::vector<Scene> scenes(runs, machine);
+      std::vector<study::Told> told;
+      for (int i = 0; i < runs; ++i) {
+        Scene& scene = scenes[static_cast<std::size_t>(i)];
+        scene.model.contacts[0].restitution *= 1.0 + 1e-3 * i;
+        scene.replica.q *= 1.0 + 1e-2 * i;
+        told.push_back({scene, truth.events, truth});
+      }
+      for (int turn = 1; turn <= turns; ++turn) {
+        double begin = work_precision::cpu_seconds();
+        if (study::follow_replicas(told, 0.0).back()->V.empty()) throw Error("no run");
+        const double together = work_precision::cpu_seconds() - begin;
+        begin = work_precision::cpu_seconds();
+        for (const study::Told& run : told) {
+          follow(EstimatorKind::replica, run.scene, run.events, run.truth, 0.0);
+        }
+        const double alone = work_precision::cpu_seconds() - begin;
+        table.add({double(modes), tick, double(turn), 1e6 * together / runs, 1e6 * alone / runs});
+      }
+    }
   }
 }
 

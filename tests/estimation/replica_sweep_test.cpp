@@ -35,15 +35,22 @@ struct Single {
   Single(const ReplicaSweep::Run& run, double h)
       : replica(run.flows, h), events(run.events), ticks(run.ticks) {
     replica.start(run.start, 0, run.chi, state);
+    const auto at_start = up_to(0);
+    if (!at_start.empty()) replica.apply(at_start, state);
+  }
+
+  std::span<const ContactEvent> up_to(std::int64_t k) {
+    std::size_t due = 0;
+    const double t = tick_instant(k, replica.h()).hi;
+    while (due < events.size() && events[due].t <= t) ++due;
+    const auto taken = events.first(due);
+    events = events.subspan(due);
+    return taken;
   }
 
   void run(std::int64_t k) {
     while (state.tick < std::min(k, ticks)) {
-      std::size_t due = 0;
-      const double t = tick_instant(state.tick + 1, replica.h()).hi;
-      while (due < events.size() && events[due].t <= t) ++due;
-      replica.tick(events.first(due), state);
-      events = events.subspan(due);
+      replica.tick(up_to(state.tick + 1), state);
       if (state.chi != 0) ++closed_ticks;
       if (state.motion.flow->locked() != 0) ++locked_ticks;
     }
@@ -176,6 +183,21 @@ TEST(ReplicaSweep, OfAMachineAtResonanceIsTheReplicasBitForBit) {
   }
   const Met met = expect_equal(runs, 1e-2, 1000);
   EXPECT_EQ(met.driven, 1);
+}
+
+// A contact that is closed when the events begin.
+TEST(ReplicaSweep, TakesEventsOfTheStartAndBeforeItAtTheStart) {
+  Scene scene = test::shipped_scene("bouncing_ball");
+  scene.replica = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, -1.0)};
+  std::vector<std::vector<ContactEvent>> events(3);
+  std::vector<ReplicaSweep::Run> runs;
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    events[i] = {{-0.1 * static_cast<double>(i), 0, ContactEventKind::closes},
+                 {0.013, 0, ContactEventKind::opens}};
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[i]});
+  }
+  const Met met = expect_equal(runs, 1e-3, 100);
+  EXPECT_EQ(met.locked_ticks, 3 * 12);
 }
 
 TEST(ReplicaSweep, TakesOneToEightRunsOfOneStructure) {

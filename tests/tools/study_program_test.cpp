@@ -32,6 +32,7 @@ class StudyProgramTest : public test::ProgramTest {
 scene = ")" SPRAG_SOURCE_DIR R"(/scenes/lab_rig.toml"
 duration = 5.0
 samples = 50
+tick = 0.02
 seed = 3
 estimators = ["replica", "both"]
 record = ["V_floor", "time_below", "nees", "trusted", "impacts"]

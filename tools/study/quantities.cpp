@@ -6,10 +6,10 @@
 #include <limits>
 
 #include "sprag/analysis/recurrence.h"
+#include "sprag/estimation/replica_sweep.h"
 #include "sprag/files/csv.h"
 #include "sprag/mechanics/interrupt.h"
 #include "sprag/mechanics/master.h"
-#include "tools/study/trial.h"
 
 namespace sprag::study {
 namespace {
@@ -75,6 +75,18 @@ std::string one_field(std::string text) {
   return text.empty() ? "failed" : text;
 }
 
+// What goes wrong, but for a signal, is the run's failure.
+template <typename Run, typename Act>
+void note_failure(Run& run, const Act& act) {
+  try {
+    act();
+  } catch (const Interrupted&) {
+    throw;
+  } catch (const std::exception& error) {
+    run.failure = one_field(error.what());
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> columns(const Study& study) {
@@ -91,8 +103,27 @@ int rows_of_run(const Study& study) {
   return study.record.poincare ? study.stroboscope.periods : 1;
 }
 
+// What is computed of a run before its rows are written.
+struct Measurement::Run {
+  std::int64_t index = 0;
+  std::vector<double> values;  // of the axes
+  std::string failure;         // empty: none so far
+  Setting setting;
+  Truth truth;
+  std::vector<ContactEvent> arrived;
+  std::vector<Figures> figures;  // of the study's estimators
+  double impacts = 0.0;
+  std::optional<Recurrence> found;
+};
+
 Measurement::Measurement(const Study& study)
-    : study_(study), recorded_(recorded_columns(study).size()) {}
+    : study_(study),
+      recorded_(recorded_columns(study).size()),
+      together_(study.record.of_estimators() &&
+                        std::count(study.estimators.begin(), study.estimators.end(),
+                                   EstimatorKind::replica) > 0
+                    ? ReplicaSweep::lanes
+                    : 1) {}
 
 const Setting& Measurement::setting_at(const std::vector<double>& values) {
   if (!setting_ || values != values_) {
@@ -104,89 +135,97 @@ const Setting& Measurement::setting_at(const std::vector<double>& values) {
   return *setting_;
 }
 
-void Measurement::append(const Setting& setting, std::uint64_t stream,
-                         std::vector<double>& row) const {
+// All but the observers.
+void Measurement::begin(Run& run) {
   const Record& record = study_.record;
-  if (!record.of_estimators() && !record.impacts) return;
-  if (!record.of_estimators()) {
-    Master master(setting.machine.model, setting.machine.master);
-    std::vector<ContactEvent> events;
-    master.advance(at(setting.duration), events);
-    row.push_back(static_cast<double>(closings(events)));
-    return;
-  }
-  const Truth truth = run_machine(setting.machine, setting.duration, setting.tick, study_.samples);
-  const auto arrived = disturb(truth.events, setting.disturbance,
-                               static_cast<int>(setting.machine.model.contacts.size()),
-                               setting.duration, study_.seed, stream);
-  std::vector<Figures> figures;
-  for (const EstimatorKind kind : study_.estimators)
-    figures.push_back(follow(kind, setting.told, arrived, truth, study_.threshold));
-  if (record.worse) add_worse(study_.estimators, figures);
-  for (std::size_t e = 0; e < figures.size(); ++e) {
-    for_each_of(study_.estimators[e], record,
-                [&](const OfEstimator& quantity) { row.push_back(figures[e].*quantity.value); });
-  }
-  if (record.impacts) row.push_back(static_cast<double>(closings(truth.events)));
-}
-
-void Measurement::measure(std::int64_t index, const std::vector<double>& values,
-                          std::vector<std::vector<double>>& rows) {
-  const Record& record = study_.record;
-  std::vector<double> row;
-  if (recorded_ == 0) {
-    rows.push_back(row);
-    return;
-  }
-  Setting setting = setting_at(values);
-  const std::uint64_t stream = stream_of(study_, index);
+  run.values = values_at(study_, run.index);
+  if (recorded_ == 0) return;
+  run.setting = setting_at(run.values);
+  Setting& setting = run.setting;
+  const std::uint64_t stream = stream_of(study_, run.index);
   draw_starts(study_, stream, setting);
-  append(setting, stream, row);
-  if (!record.of_recurrence()) {
-    rows.push_back(row);
-    return;
+  if (record.of_estimators()) {
+    run.truth = run_machine(setting.machine, setting.duration, setting.tick, study_.samples);
+    run.arrived = disturb(run.truth.events, setting.disturbance,
+                          static_cast<int>(setting.machine.model.contacts.size()), setting.duration,
+                          study_.seed, stream);
+  } else if (record.impacts) {
+    Master(setting.machine.model, setting.machine.master)
+        .advance(at(setting.duration), run.truth.events);
   }
+  run.impacts = static_cast<double>(closings(run.truth.events));
+  if (!record.of_recurrence()) return;
   const Stroboscope& stroboscope = study_.stroboscope;
   if (!flows_) flows_ = std::make_unique<const Flows>(setting.machine.model);
-  const Recurrence found = recurrence(*flows_, setting.machine.master,
-                                      {.period = stroboscope.period,
-                                       .transient = stroboscope.transient,
-                                       .periods = stroboscope.periods,
-                                       .longest = stroboscope.longest,
-                                       .lyapunov = record.lyapunov});
+  run.found = recurrence(*flows_, setting.machine.master,
+                         {.period = stroboscope.period,
+                          .transient = stroboscope.transient,
+                          .periods = stroboscope.periods,
+                          .longest = stroboscope.longest,
+                          .lyapunov = record.lyapunov});
+}
+
+void Measurement::follow_all(std::vector<Run>& runs) const {
+  if (!study_.record.of_estimators()) return;
+  std::vector<Run*> good;
+  std::vector<Told> told;
+  for (Run& run : runs) {
+    if (!run.failure.empty()) continue;
+    good.push_back(&run);
+    told.push_back({run.setting.told, run.arrived, run.truth});
+  }
+  std::vector<std::optional<Figures>> of_replicas(good.size());
+  if (good.size() > 1) of_replicas = follow_replicas(told, study_.threshold);
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    Run& run = *good[i];
+    note_failure(run, [&] {
+      for (const EstimatorKind kind : study_.estimators) {
+        run.figures.push_back(
+            kind == EstimatorKind::replica && of_replicas[i]
+                ? *of_replicas[i]
+                : follow(kind, run.setting.told, run.arrived, run.truth, study_.threshold));
+      }
+      if (study_.record.worse) add_worse(study_.estimators, run.figures);
+    });
+  }
+}
+
+// What is recorded, a row or one for each n.
+std::vector<std::vector<double>> Measurement::recorded(const Run& run) const {
+  if (!run.failure.empty()) {
+    return {std::vector<double>(recorded_, std::numeric_limits<double>::quiet_NaN())};
+  }
+  const Record& record = study_.record;
+  std::vector<double> row;
+  for (std::size_t e = 0; e < run.figures.size(); ++e) {
+    for_each_of(study_.estimators[e], record, [&](const OfEstimator& quantity) {
+      row.push_back(run.figures[e].*quantity.value);
+    });
+  }
+  if (record.impacts) row.push_back(run.impacts);
+  if (!run.found) return {row};
+  const Recurrence& found = *run.found;
+  const Stroboscope& stroboscope = study_.stroboscope;
   if (record.impacts_per_period) row.push_back(found.impacts_per_period);
   if (record.lyapunov) row.push_back(found.lyapunov);
   if (record.attractor) {
     row.push_back(found.attractor_period);
     for (const int i : stroboscope.coordinates) row.push_back(found.attractor[i]);
   }
-  if (!record.poincare) {
-    rows.push_back(row);
-    return;
-  }
+  if (!record.poincare) return {row};
+  std::vector<std::vector<double>> rows;
   for (Eigen::Index n = 0; n < found.points.rows(); ++n) {
     rows.push_back(row);
     for (const int i : stroboscope.coordinates) rows.back().push_back(found.points(n, i));
   }
+  return rows;
 }
 
-bool Measurement::append_rows(std::int64_t index, std::string& text) {
-  std::vector<double> values;
-  std::vector<std::vector<double>> rows;
-  std::string failure;
-  try {
-    values = values_at(study_, index);
-    measure(index, values, rows);
-  } catch (const Interrupted&) {
-    throw;
-  } catch (const std::exception& error) {
-    failure = one_field(error.what());
-    rows.assign(1, std::vector<double>(recorded_, std::numeric_limits<double>::quiet_NaN()));
-  }
-  std::int64_t n = failure.empty() ? 1 : 0;
-  for (const std::vector<double>& row : rows) {
-    append_number(text, index);
-    for (const std::int64_t number : {point_of(study_, index), run_of(study_, index)}) {
+void Measurement::append(const Run& run, std::string& text) const {
+  std::int64_t n = run.failure.empty() ? 1 : 0;
+  for (const std::vector<double>& row : recorded(run)) {
+    append_number(text, run.index);
+    for (const std::int64_t number : {point_of(study_, run.index), run_of(study_, run.index)}) {
       text += ',';
       append_number(text, number);
     }
@@ -198,17 +237,31 @@ bool Measurement::append_rows(std::int64_t index, std::string& text) {
         append_number(text, value);
       }
     };
-    for (const double value : values) append_value(value);
+    for (const double value : run.values) append_value(value);
     if (study_.record.poincare) {
       text += ',';
       append_number(text, n++);
     }
     for (const double value : row) append_value(value);
     text += ',';
-    text += failure;
+    text += run.failure;
     text += '\n';
   }
-  return failure.empty();
+}
+
+Computed Measurement::append_rows(Range range, std::string& text) {
+  std::vector<Run> runs(std::min<std::size_t>(together_, static_cast<std::size_t>(range.size())));
+  Computed computed;
+  for (Run& run : runs) {
+    run.index = range.first + computed.runs++;
+    note_failure(run, [&] { begin(run); });
+  }
+  follow_all(runs);
+  for (const Run& run : runs) {
+    append(run, text);
+    if (!run.failure.empty()) ++computed.failures;
+  }
+  return computed;
 }
 
 }  // namespace sprag::study

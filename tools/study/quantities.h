@@ -3,12 +3,15 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "sprag/mechanics/flows.h"
 #include "tools/study/design.h"
+#include "tools/study/schedule.h"
 #include "tools/study/study_file.h"
+#include "tools/study/trial.h"
 
 namespace sprag::study {
 
@@ -18,24 +21,29 @@ std::vector<std::string> columns(const Study& study);
 /// Rows of a run that does not fail.
 int rows_of_run(const Study& study);
 
-/// Computes runs, one after the other. What it keeps between them saves time and changes nothing.
+/// Computes runs, some of them side by side. What it keeps between them saves time and changes
+/// nothing.
 class Measurement {
  public:
   /// `study` must outlive this.
   explicit Measurement(const Study& study);
 
-  /// Appends the rows of run `index`, each with its end of line. False where the run has failed: it
-  /// is one row then, with NaN and the reason. Throws Interrupted.
-  bool append_rows(std::int64_t index, std::string& text);
+  /// Appends the rows of the first runs of a range that is not empty, each row with its end of
+  /// line. A run that has failed is one row, with NaN and the reason. Throws Interrupted.
+  Computed append_rows(Range range, std::string& text);
 
  private:
+  struct Run;
+
   const Setting& setting_at(const std::vector<double>& values);
-  void measure(std::int64_t index, const std::vector<double>& values,
-               std::vector<std::vector<double>>& rows);
-  void append(const Setting& setting, std::uint64_t stream, std::vector<double>& row) const;
+  void begin(Run& run);
+  void follow_all(std::vector<Run>& runs) const;
+  std::vector<std::vector<double>> recorded(const Run& run) const;
+  void append(const Run& run, std::string& text) const;
 
   const Study& study_;
   std::size_t recorded_;  // columns
+  std::size_t together_;  // most runs side by side
   std::vector<double> values_;
   std::unique_ptr<const Setting> setting_;  // of values_
   std::unique_ptr<const Flows> flows_;      // of its machine

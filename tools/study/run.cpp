@@ -287,9 +287,8 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
                          ": is another one, or of another scene, on this host");
       }
       Measurement measurement(study);
-      ranks.serve([&](std::int64_t index, std::string& text) {
-        return measurement.append_rows(index, text);
-      });
+      ranks.serve(
+          [&](Range range, std::string& text) { return measurement.append_rows(range, text); });
     } catch (...) {
       ranks.give_up();
       throw;
@@ -327,8 +326,8 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
                           [&](const Chunk& chunk) { session->output->append(chunk); });
   const auto make_compute = [&]() -> Compute {
     const auto measurement = std::make_shared<Measurement>(*study);
-    return [measurement](std::int64_t index, std::string& text) {
-      return measurement->append_rows(index, text);
+    return [measurement](Range range, std::string& text) {
+      return measurement->append_rows(range, text);
     };
   };
   ProgressLine line;

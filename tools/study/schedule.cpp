@@ -50,8 +50,9 @@ Chunk compute_chunk(const Compute& compute, Range range) {
   Chunk chunk{{range.first, range.first}, {}, 0, 0.0};
   try {
     while (chunk.range.end < range.end && !interrupted()) {
-      if (!compute(chunk.range.end, chunk.text)) ++chunk.failures;
-      ++chunk.range.end;
+      const Computed computed = compute({chunk.range.end, range.end}, chunk.text);
+      chunk.range.end += computed.runs;
+      chunk.failures += computed.failures;
     }
   } catch (const Interrupted&) {  // the chunk ends with the run before
   }

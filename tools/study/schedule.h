@@ -32,8 +32,14 @@ struct Chunk {
   double seconds = 0.0;  ///< of computing
 };
 
-/// Appends the rows of a run; false where it has failed. Throws Interrupted, having appended none.
-using Compute = std::function<bool(std::int64_t index, std::string& text)>;
+/// Runs of which the rows are there, and how many of them have failed.
+struct Computed {
+  std::int64_t runs = 0, failures = 0;
+};
+
+/// Appends the rows of the first runs of a range that is not empty, at least of one: as many as are
+/// computed together. Throws Interrupted, having appended none.
+using Compute = std::function<Computed(Range range, std::string& text)>;
 
 /// Computes a range; of what is interrupted, the runs that are done.
 Chunk compute_chunk(const Compute& compute, Range range);

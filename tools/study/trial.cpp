@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <numeric>
+#include <utility>
 
+#include "sprag/estimation/replica_sweep.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
@@ -16,7 +20,8 @@ constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double usual_threshold = 1e-4;  // of V at the start
 constexpr double near_floor = 10.0;
 constexpr double much_worse = 10.0;
-constexpr double rounding = 1e-20;  // of V at the start
+constexpr double rounding = 1e-20;                     // of V at the start
+constexpr std::int64_t ticks_between_looks = 1 << 16;  // for a signal to end
 
 double median(std::vector<double> values) {
   if (values.empty()) return undefined;
@@ -46,6 +51,79 @@ struct NormalizedSquares {
     if (!(std::abs(z) <= 3.0)) ++beyond;
   }
 };
+
+double error_energy(const ErrorEnergy& energy, const Truth& truth, Eigen::Index sample,
+                    const Eigen::VectorXd& q, const Eigen::VectorXd& u) {
+  const double V = energy(truth.q.col(sample), truth.u.col(sample), q, u)[0];
+  return std::isfinite(V) ? V : infinite;
+}
+
+// What V alone tells, of samples so far apart.
+Figures figures_of(std::vector<double> samples, double interval, double threshold) {
+  Figures figures;
+  figures.V = std::move(samples);
+  const std::vector<double>& V = figures.V;
+  figures.V_floor = median({settled(V), V.cend()});
+  figures.V_max = *std::max_element(settled(V), V.cend());
+  const auto time_of = [&](std::vector<double>::const_iterator at_sample) {
+    return static_cast<double>(at_sample - V.begin()) * interval;
+  };
+  const double limit = threshold > 0.0 ? threshold : usual_threshold * V.front();
+  const auto below =
+      std::find_if(V.cbegin(), V.cend(), [&](double value) { return value < limit; });
+  figures.time_below = below == V.cend() ? infinite : time_of(below);
+  auto landed = std::find_if(V.cbegin() + 1, V.cend(),
+                             [&](double value) { return value <= near_floor * figures.V_floor; });
+  if (landed == V.cend()) --landed;
+  figures.rate = std::log(V.front() / *landed) / time_of(landed);
+  figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
+  return figures;
+}
+
+using SharedFlows = std::shared_ptr<Flows>;
+
+SharedFlows flows_of(const Model& model) {
+  try {
+    return std::make_shared<Flows>(model);
+  } catch (const ModelError&) {
+    return nullptr;
+  }
+}
+
+bool same_ticks(const Truth& a, const Truth& b) {
+  return a.tick == b.tick && a.stride == b.stride && a.samples() == b.samples();
+}
+
+void follow_group(std::span<const Told> runs, std::span<const SharedFlows> flows,
+                  std::span<const std::size_t> group, double threshold,
+                  std::span<std::optional<Figures>> figures) {
+  const Truth& first = runs[group.front()].truth;
+  const Eigen::Index f = runs[group.front()].scene.model.coordinates();
+  std::vector<ReplicaSweep::Run> of_sweep;
+  std::vector<ErrorEnergy> energies;
+  for (const std::size_t i : group) {
+    of_sweep.push_back({flows[i], runs[i].scene.replica, runs[i].events, 0, max_tick});
+    energies.emplace_back(runs[i].truth.model);
+  }
+  ReplicaSweep sweep(of_sweep, first.tick);
+  std::vector<std::vector<double>> V(group.size());
+  Eigen::VectorXd q(f), u(f);
+  std::int64_t k = 0;
+  for (Eigen::Index sample = 0; sample <= first.samples(); ++sample) {
+    while (k < sample * first.stride) {
+      check_interrupt();
+      k = std::min(k + ticks_between_looks, sample * first.stride);
+      sweep.run(k);
+    }
+    for (std::size_t l = 0; l < group.size(); ++l) {
+      sweep.output(l, q, u);
+      V[l].push_back(error_energy(energies[l], runs[group[l]].truth, sample, q, u));
+    }
+  }
+  for (std::size_t l = 0; l < group.size(); ++l) {
+    figures[group[l]] = figures_of(std::move(V[l]), first.interval(), threshold);
+  }
+}
 
 }  // namespace
 
@@ -104,14 +182,12 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   Confidence confidence = estimator.no_confidence();
   const Eigen::Index f = told.model.coordinates();
   Eigen::VectorXd q(f), u(f);
-  Figures figures;
-  std::vector<double>& V = figures.V;
+  std::vector<double> V;
   NormalizedSquares squares;
   std::int64_t trusted = 0;
   const auto take = [&](Eigen::Index i, const AdaptiveEstimator::State& state) {
     estimator.output(state, q, u);
-    const double now = energy(truth.q.col(i), truth.u.col(i), q, u)[0];
-    V.push_back(std::isfinite(now) ? now : infinite);
+    V.push_back(error_energy(energy, truth, i, q, u));
     if (!filter) return;
     estimator.confidence(state, infinite, confidence);
     if (i > 0 && confidence.from_filter) ++trusted;
@@ -123,26 +199,40 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   };
   pursue(estimator, told.replica, events, truth, take);
 
-  figures.V_floor = median({settled(V), V.cend()});
-  figures.V_max = *std::max_element(settled(V), V.cend());
-  const auto time_of = [&](std::vector<double>::const_iterator at_sample) {
-    return static_cast<double>(at_sample - V.begin()) * truth.interval();
-  };
-  const double limit = threshold > 0.0 ? threshold : usual_threshold * V.front();
-  const auto below =
-      std::find_if(V.cbegin(), V.cend(), [&](double value) { return value < limit; });
-  figures.time_below = below == V.cend() ? infinite : time_of(below);
-  auto landed = std::find_if(V.cbegin() + 1, V.cend(),
-                             [&](double value) { return value <= near_floor * figures.V_floor; });
-  if (landed == V.cend()) --landed;
-  figures.rate = std::log(V.front() / *landed) / time_of(landed);
+  Figures figures = figures_of(std::move(V), truth.interval(), threshold);
   if (filter) {
     const auto count = static_cast<double>(squares.count);
     figures.nees = squares.sum / count;
     figures.beyond_3_sigma = static_cast<double>(squares.beyond) / count;
     figures.trusted = static_cast<double>(trusted) / static_cast<double>(truth.samples());
-  } else {
-    figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
+  }
+  return figures;
+}
+
+std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, double threshold) {
+  std::vector<std::optional<Figures>> figures(runs.size());
+  std::vector<SharedFlows> flows(runs.size());
+  std::vector<std::size_t> left;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (runs[i].truth.stride > 1) flows[i] = flows_of(runs[i].scene.model);
+    if (flows[i]) left.push_back(i);
+  }
+  while (!left.empty()) {
+    const std::size_t first = left.front();
+    std::vector<std::size_t> group, others;
+    for (const std::size_t i : left) {
+      const bool beside = group.size() < ReplicaSweep::lanes &&
+                          same_ticks(runs[i].truth, runs[first].truth) &&
+                          ReplicaSweep::of_one_structure(*flows[i], *flows[first]);
+      (beside ? group : others).push_back(i);
+    }
+    left = others;
+    if (group.size() == 1) continue;
+    try {
+      follow_group(runs, flows, group, threshold, figures);
+    } catch (const ModelError&) {
+      // One of them cannot be followed: alone, each says so for itself.
+    }
   }
   return figures;
 }
