@@ -1,6 +1,5 @@
 #include "sprag/mechanics/definiteness.h"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "sprag/mechanics/linear_algebra.h"
@@ -25,8 +24,8 @@ Definiteness definiteness(const Eigen::MatrixXd& given) {
   result.semidefinite = values[0] >= -rounding;
   const Eigen::Index zeros = (values.array().abs() <= rounding).count();
   if (result.semidefinite && zeros > 0) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled);
-    result.null_motions = scale.asDiagonal() * solver.eigenvectors().leftCols(zeros);
+    const MatrixR motions = eigenpairs(scaled.cast<Extended>()).vectors.leftCols(zeros);
+    result.null_motions = scale.asDiagonal() * motions.cast<double>();
     result.null_motions.colwise().normalize();
   } else {
     result.smallest = unit * eigenvalues(matrix)[0];
