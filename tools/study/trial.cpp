@@ -21,7 +21,7 @@ constexpr double usual_threshold = 1e-4;  // of V at the start
 constexpr double near_floor = 10.0;
 constexpr double much_worse = 10.0;
 constexpr double rounding = 1e-20;                     // of V at the start
-constexpr std::int64_t ticks_between_looks = 1 << 16;  // for a signal to end
+constexpr std::int64_t ticks_between_looks = 1 << 12;  // for a signal to end
 
 double median(std::vector<double> values) {
   if (values.empty()) return undefined;
@@ -230,7 +230,9 @@ std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, 
     if (group.size() == 1) continue;
     try {
       follow_group(runs, flows, group, threshold, figures);
-    } catch (const ModelError&) {
+    } catch (const Interrupted&) {
+      throw;
+    } catch (const std::exception&) {
       // One of them cannot be followed: alone, each says so for itself.
     }
   }
