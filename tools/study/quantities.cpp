@@ -4,6 +4,7 @@
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <optional>
 
 #include "sprag/analysis/recurrence.h"
 #include "sprag/estimation/replica_sweep.h"
