@@ -136,7 +136,9 @@ class TimeLine {
   bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
            std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
     if (!started_) return true;
-    std::int64_t settled = settled_tick();
+    // Nothing is received meanwhile, but ticks may be held.
+    const std::int64_t known = known_tick();
+    std::int64_t settled = std::min(known, hold_);
     target = std::max(target, settled);
     if (handed_out_ < settled && handed_out_ + 1 < oldest_) redo_after(handed_out_);
     bool arrived = false;
@@ -148,7 +150,7 @@ class TimeLine {
       while (handed_out_ < std::min(settled, now_)) {
         if (!on_settled(saved(handed_out_ + 1))) break;
         ++handed_out_;
-        settled = settled_tick();  // it may have been held
+        settled = std::min(known, hold_);
       }
       arrived = now_ >= target;
       const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
