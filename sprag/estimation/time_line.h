@@ -138,24 +138,23 @@ class TimeLine {
     if (!started_) return true;
     // Nothing is received meanwhile, but ticks may be held.
     const std::int64_t known = known_tick();
-    std::int64_t settled = std::min(known, hold_);
-    target = std::max(target, settled);
-    if (handed_out_ < settled && handed_out_ + 1 < oldest_) redo_after(handed_out_);
+    const auto settled = [&] { return std::min(known, hold_); };
+    target = std::max(target, settled());
+    if (handed_out_ < settled() && handed_out_ + 1 < oldest_) redo_after(handed_out_);
     bool arrived = false;
     while (true) {
       if (now_ > reached_) {
         reached_ = now_;
         on_tick(saved(now_));
       }
-      while (handed_out_ < std::min(settled, now_)) {
+      while (handed_out_ < std::min(settled(), now_)) {
         if (!on_settled(saved(handed_out_ + 1))) break;
         ++handed_out_;
-        settled = std::min(known, hold_);
       }
       arrived = now_ >= target;
-      const bool waits = handed_out_ < settled && now_ >= handed_out_ + history_;
+      const bool waits = handed_out_ < settled() && now_ >= handed_out_ + history_;
       if (arrived || waits || budget-- <= 0) break;
-      if (handed_out_ == now_ && now_ < settled) {
+      if (handed_out_ == now_ && now_ < settled()) {
         step_in_place();
       } else {
         step();
