@@ -18,6 +18,13 @@ class ConfidenceRecord {
   /// already, or that cannot be held together, and covariances that were gone.
   void note(double t, const Confidence& confidence, std::ostream& out);
 
+  /// So many more ticks, the last one at t, none of them from a filter, of which note() would tell
+  /// nothing.
+  void pass(std::int64_t ticks, double t) {
+    ticks_ += ticks;
+    t_ = t;
+  }
+
   /// The confidence of the last settled tick so far, in full; `initial` is B(0).
   void conclude(const Confidence& confidence, double initial);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -17,6 +18,7 @@
 #include "sprag/files/events_file.h"
 #include "sprag/files/impacts_file.h"
 #include "sprag/files/predictions_file.h"
+#include "sprag/mechanics/instant.h"
 
 namespace sprag {
 namespace {
@@ -156,32 +158,54 @@ class Replay {
         events_->write(all[all.size() - left]);
       }
     }
-    time_line_.run(
+    if (settled_.writes_states() || !estimation_.estimator.coasts()) {
+      run();
+    } else {
+      do {
+        coast();
+      } while (!run(1));
+    }
+    if (!settled_.writes_states() && settled_.ticks() > 0 && time_line_.handed_out() < last_) {
+      conclude(time_line_.present());
+    }
+  }
+
+  // By `ticks` at most; whether that is as far as everything is known.
+  bool run(std::int64_t ticks = std::numeric_limits<std::int64_t>::max()) {
+    return time_line_.run(
         0, [](const auto&) {},
         [&](const Estimation::State& state) {
           check_interrupt();
-          if (state.tick > last_) return true;
-          if (impacts_file_) {
-            for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
-          }
-          if (predictor_ && !impacts_.empty()) {
-            predictions_file_->write(
-                predict_from(estimation_.estimator, state, *predictor_, ahead_));
-          }
-          impacts_.clear();
-          identify(state);
-          if (settled_.writes_states()) {
-            estimation_.describe(state, sample_);
-            settled_.take(sample_);
-          } else {
-            estimation_.note(state, sample_);
-            settled_.note(sample_);
-            if (state.tick == last_) conclude(state);
-          }
+          if (state.tick <= last_) show(state);
           return true;
-        });
-    if (!settled_.writes_states() && settled_.ticks() > 0 && time_line_.handed_out() < last_) {
-      conclude(time_line_.present());
+        },
+        ticks);
+  }
+
+  // Ticks of which there is nothing to say.
+  void coast() {
+    while (const std::int64_t ticks = time_line_.coast(last_ - 1)) {
+      check_interrupt();
+      settled_.pass(ticks, tick_instant(time_line_.now(), estimation_.estimator.h()).hi);
+    }
+  }
+
+  void show(const Estimation::State& state) {
+    if (impacts_file_) {
+      for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
+    }
+    if (predictor_ && !impacts_.empty()) {
+      predictions_file_->write(predict_from(estimation_.estimator, state, *predictor_, ahead_));
+    }
+    impacts_.clear();
+    identify(state);
+    if (settled_.writes_states()) {
+      estimation_.describe(state, sample_);
+      settled_.take(sample_);
+    } else {
+      estimation_.note(state, sample_);
+      settled_.note(sample_);
+      if (state.tick == last_) conclude(state);
     }
   }
 

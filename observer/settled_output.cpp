@@ -24,6 +24,12 @@ void SettledOutput::note(const EstimateSample& settled) {
   record_.note(settled.t, settled.confidence, std::cerr);
 }
 
+void SettledOutput::pass(std::int64_t ticks, double t) {
+  ticks_ += ticks;
+  t_ = t;
+  record_.pass(ticks, t);
+}
+
 void SettledOutput::conclude(const EstimateSample& settled) {
   record_.conclude(settled.confidence, initial_bound_);
 }

@@ -30,6 +30,8 @@ class SettledOutput {
   void take(const EstimateSample& settled);
   void note(const EstimateSample& settled);
   void conclude(const EstimateSample& settled);
+  /// So many more ticks, the last one at t [s], of which there is nothing new to note.
+  void pass(std::int64_t ticks, double t);
 
   /// What was taken is in the file.
   void flush();

@@ -146,6 +146,13 @@ void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState
   if (joint_) hear(events, before, state);
 }
 
+std::int64_t AdaptiveEstimator::coast(std::int64_t n, AdaptiveState& state) {
+  if (joint_) return 0;
+  const std::int64_t taken = base_.coast(n, state.base);
+  state.tick = state.base.tick;
+  return taken;
+}
+
 void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveState& state) {
   const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;

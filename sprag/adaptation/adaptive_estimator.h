@@ -77,6 +77,9 @@ class AdaptiveEstimator {
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, AdaptiveState& state);
   void tick(std::span<const ContactEvent> events, AdaptiveState& state);
+  /// As AnyEstimator's; 0 where this is adaptive.
+  std::int64_t coast(std::int64_t n, AdaptiveState& state);
+  bool coasts() const { return !joint_ && base_.coasts(); }
   void apply(std::span<const ContactEvent> events, AdaptiveState& state);
   void output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);

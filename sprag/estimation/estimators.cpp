@@ -70,6 +70,15 @@ void AnyEstimator::tick(std::span<const ContactEvent> events, State& state) {
   change(estimator_, state, [&](auto& estimator, auto& of) { estimator.tick(events, of); });
 }
 
+std::int64_t AnyEstimator::coast(std::int64_t n, State& state) {
+  auto* of = std::get_if<Replica>(&estimator_);
+  if (of == nullptr) return 0;
+  auto& moved = std::get<ReplicaState>(state.of);
+  const std::int64_t taken = of->coast(n, moved);
+  state.tick = moved.tick;
+  return taken;
+}
+
 void AnyEstimator::apply(std::span<const ContactEvent> events, State& state) {
   change(estimator_, state, [&](auto& estimator, auto& of) { estimator.apply(events, of); });
 }

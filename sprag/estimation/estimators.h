@@ -35,6 +35,9 @@ class AnyEstimator {
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state);
   void tick(std::span<const ContactEvent> events, State& state);
+  /// As Replica's; 0 where this is another one, which has no ticks of which nothing is new.
+  std::int64_t coast(std::int64_t n, State& state);
+  bool coasts() const { return std::holds_alternative<Replica>(estimator_); }
   void apply(std::span<const ContactEvent> events, State& state);
   void output(const State& state, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;

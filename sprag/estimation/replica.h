@@ -66,6 +66,17 @@ class Replica {
     }
   }
 
+  /// Moves through up to n >= 0 ticks of free flight without events, of which note() would say
+  /// nothing new, as tick() does one by one; returns how many. Does not allocate.
+  std::int64_t coast(std::int64_t n, ReplicaState& state) const {
+    if (state.chi != 0) return 0;
+    for (const std::int64_t last = state.tick + n; state.tick < last;) {
+      ++state.tick;
+      flight_.step(state.tick, state.motion, state.anchor);
+    }
+    return n;
+  }
+
   /// A tick in parts, for who looks at each instant in it: opened, through the events of one
   /// instant after the other, closed.
   void open_tick(ReplicaState& state) const;

@@ -164,6 +164,22 @@ class TimeLine {
     return arrived;
   }
 
+  /// For who asks each settled tick for note() alone: where all ticks up to now are handed out,
+  /// those of free flight in front of the next event, up to tick `last`, are taken as handed out
+  /// without being shown. Returns how many, some 10 000 at most.
+  std::int64_t coast(std::int64_t last) requires requires(E e, EstimatorState& state) {
+    e.coast(std::int64_t{}, state);
+  }
+  {
+    if (!started_ || handed_out_ != now_) return 0;
+    last = std::min({last, settled_tick(), next_event_tick() - 1});
+    if (last <= now_) return 0;
+    oldest_slot_ = slot(now_);
+    const std::int64_t taken = estimator_->coast(std::min(last - now_, most_coasted), saved(now_));
+    reached_ = handed_out_ = oldest_ = now_ += taken;
+    return taken;
+  }
+
   bool started() const { return started_; }
   double h() const { return estimator_->h(); }
   /// Whether the estimate has heard of every event from t = 0 on up to t, which then is not behind
@@ -196,6 +212,8 @@ class TimeLine {
   static constexpr std::size_t event_capacity = 1U << 16U;
   // Ticks that are run through at a start or behind a gap: some tenths of a second.
   static constexpr std::int64_t far = 100'000;
+  // Milliseconds with a large machine: callers have more to do than that.
+  static constexpr std::int64_t most_coasted = 16'384;
 
   std::int64_t known_tick() const {
     if (events_.horizon() < 0.0) return first_ - 1;
@@ -220,15 +238,21 @@ class TimeLine {
     return std::max(first_tick_after(event.t, h()), first_);
   }
 
-  // The events of one tick, from `consumed_` on.
-  std::span<const ContactEvent> events_of(std::int64_t k) {
+  // Of the event at `consumed_`.
+  std::int64_t next_event_tick() {
     const auto& all = events_.events();
-    if (consumed_ == all.size()) return {};
+    if (consumed_ == all.size()) return std::numeric_limits<std::int64_t>::max();
     if (all[consumed_].t != next_t_) {
       next_t_ = all[consumed_].t;
       next_tick_ = tick_of(all[consumed_]);
     }
-    if (next_tick_ != k) return {};
+    return next_tick_;
+  }
+
+  // The events of one tick, from `consumed_` on.
+  std::span<const ContactEvent> events_of(std::int64_t k) {
+    if (next_event_tick() != k) return {};
+    const auto& all = events_.events();
     std::size_t end = consumed_ + 1;
     while (end < all.size() && tick_of(all[end]) == k) ++end;
     const std::span<const ContactEvent> events(all.data() + consumed_, end - consumed_);

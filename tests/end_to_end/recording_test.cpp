@@ -66,6 +66,28 @@ TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
   }
 }
 
+// Without a file of states a replay looks at few ticks closely.
+TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
+  const std::string chatter = scene("paper_beam_chatter");
+  simulate(chatter, "30", "0.1");
+  for (const char* estimator : {"replica", "timing", "both"}) {
+    for (const char* duration : {"20", "40"}) {  // and behind the last event
+      const auto reported = [&](const Arguments& more) {
+        EXPECT_EQ(run("observer", Arguments{chatter, "--replay", file("events.csv"), "--tick",
+                                            "0.001", "--duration", duration, "--estimator",
+                                            estimator, "--report", file("report.json")} +
+                                      more)
+                      .code,
+                  0);
+        return json("report.json");
+      };
+      const nlohmann::ordered_json in_full = reported({"--states", file("states.csv")});
+      EXPECT_EQ(in_full["ticks"], std::stoi(duration) * 1000 + 1);
+      EXPECT_EQ(reported({}).dump(1), in_full.dump(1)) << estimator << " to " << duration;
+    }
+  }
+}
+
 TEST_F(RecordingTest, EventsWrittenByAReplayAreThoseOfTheMaster) {
   const std::string events = simulate(beam_, "30", "0.1");
   replay(beam_, events, {"--duration", "30", "--events", file("used.csv")});

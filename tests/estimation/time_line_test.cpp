@@ -4,6 +4,7 @@
 
 #include <array>
 #include <limits>
+#include <tuple>
 
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
@@ -248,6 +249,68 @@ TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
   EXPECT_NE(difference(offline<Replica>(two_contacts(), start, 0.25, once, 1.0),
                        offline<Replica>(two_contacts(), start, 0.25, twice, 1.0)),
             "");
+}
+
+// Of what is passed over nothing is missed: motion, and what note() says, of a machine whose
+// contacts close for a while, pulse and chatter.
+TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
+  const auto said = [](const Replica& replica, const ReplicaState& state) {
+    Confidence confidence;
+    replica.note(state, confidence);
+    return std::tuple(confidence.replica.t, confidence.replica.gap, confidence.redundancy.closings,
+                      confidence.refused_impacts);
+  };
+  const Scene& scene = cached_scene("paper_beam.toml");
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = seed % 2 == 0 ? 1e-2 : 1.0 / 64;
+    const auto events = random_events(random, 2, 200, 0.0, h * random.log_uniform(0.3, 100.0));
+    const double end = events.back().t + 0.5;
+    const Recording expected = offline<Replica>(two_contacts(), scene.replica, h, events, end);
+
+    Replica replica(two_contacts(), h);
+    ReplicaState last_shown;
+    TimeLine<Replica> line(replica, 2, scene.replica, 5);
+    line.restart(0, 0, 0, no_horizon);
+    std::int64_t shown = 0, coasted = 0;
+    std::size_t next = 0;
+    for (double t = 0.0; line.handed_out() < last_tick(end, h);) {
+      t = std::min(t + random.log_uniform(h, 300.0 * h), end);
+      for (; next < events.size() && events[next].t <= t; ++next) line.receive(events[next]);
+      line.set_horizon(t);
+      bool arrived = false;
+      while (!arrived) {
+        const std::int64_t last = line.now() + random.integer(0, 100);
+        if (const std::int64_t ticks = line.coast(last); ticks > 0) {
+          coasted += ticks;
+          EXPECT_LE(line.now(), last);
+          EXPECT_EQ(line.handed_out(), line.now());
+          EXPECT_EQ(said(replica, line.present()), said(replica, last_shown));
+          const auto k = static_cast<std::size_t>(line.now());
+          Recording present;
+          present.add(replica, line.present(), 3);
+          EXPECT_TRUE(same_bits(present.q[0], expected.q[k])) << "tick " << k;
+          EXPECT_TRUE(same_bits(present.u[0], expected.u[k])) << "tick " << k;
+        }
+        arrived = line.run(
+            0, ignore,
+            [&](const ReplicaState& state) {
+              ++shown;
+              last_shown = state;
+              Recording present;
+              present.add(replica, state, 3);
+              const auto k = static_cast<std::size_t>(state.tick);
+              EXPECT_TRUE(same_bits(present.q[0], expected.q[k])) << "tick " << k;
+              EXPECT_TRUE(same_bits(present.u[0], expected.u[k])) << "tick " << k;
+              return true;
+            },
+            random.integer(1, 3));
+      }
+    }
+    EXPECT_EQ(shown + coasted, static_cast<std::int64_t>(expected.ticks.size()));
+    EXPECT_GT(coasted, 0);
+  }
 }
 
 // Ticks that are not kept any more are computed once more from the last settled one.
