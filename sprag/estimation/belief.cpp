@@ -7,6 +7,7 @@ namespace sprag {
 
 void set_start(const Uncertainty& uncertainty, Belief& belief) {
   const Eigen::Index f = belief.q.size();
+  belief.components = 0;
   belief.columns = 2 * f;
   belief.S_q.leftCols(belief.columns).setZero();
   belief.S_u.leftCols(belief.columns).setZero();
@@ -117,12 +118,13 @@ void BeliefColumns::see(const Flow& flow, const Signal& signal, const Belief& be
 void BeliefColumns::merge(Belief& belief) {
   constexpr double least_norm = 1e-140;  // its square is a number
   const Eigen::Index f = belief.q.size();
-  const Eigen::Index c = belief.columns;
+  const Eigen::Index first = belief.components;
+  const Eigen::Index c = belief.columns - first;
   const Eigen::Index n = 2 * f;
   if (c <= 4 * f) return;
   auto R = merged_.topRows(c);
-  R.leftCols(f) = belief.S_q.leftCols(c).transpose();
-  R.rightCols(f) = belief.S_u.leftCols(c).transpose();
+  R.leftCols(f) = belief.S_q.middleCols(first, c).transpose();
+  R.rightCols(f) = belief.S_u.middleCols(first, c).transpose();
   for (Eigen::Index k = 0; k < n; ++k) {
     auto x = R.col(k).tail(c - k);
     const double norm = x.norm();
@@ -137,9 +139,9 @@ void BeliefColumns::merge(Belief& belief) {
     x.setZero();
     x[0] = head;
   }
-  belief.columns = n;
-  belief.S_q.leftCols(n) = R.topLeftCorner(n, f).transpose();
-  belief.S_u.leftCols(n) = R.topRightCorner(n, f).transpose();
+  belief.columns = first + n;
+  belief.S_q.middleCols(first, n) = R.topLeftCorner(n, f).transpose();
+  belief.S_u.middleCols(first, n) = R.topRightCorner(n, f).transpose();
 }
 
 }  // namespace sprag

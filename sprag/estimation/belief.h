@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <limits>
 
@@ -14,9 +15,18 @@
 namespace sprag {
 
 struct Belief {
+  /// Most Gaussians that a belief is made of.
+  static constexpr int most_components = 8;
+
   Eigen::VectorXd q, u;      ///< mean, f entries each
   Eigen::MatrixXd S_q, S_u;  ///< f rows each; the first `columns` columns are S
   Eigen::Index columns = 0;
+  /// Behind an event of unknown time it is known better than by one Gaussian: as several, of one
+  /// covariance and these weights. Each of the first `components` columns of S belongs to one: its
+  /// mean is off by the column over the root of its weight. The others are S of each. All columns
+  /// together are those of the one Gaussian with the same mean and covariance.
+  int components = 0;
+  std::array<double, most_components> weights{};
 };
 
 /// The covariance of a start; the mean stays.
@@ -68,7 +78,7 @@ class BeliefColumns {
   void see(const Flow& flow, const Signal& signal, const Belief& belief, Eigen::VectorXd& phi);
 
   /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
-  /// 2 f zero.
+  /// 2 f zero. Those of components stay.
   void merge(Belief& belief);
 
  private:

@@ -7,12 +7,21 @@
 // mean and covariance of xi and of all y b are those of the whole mixture, exactly; what is not
 // Gaussian in it is left out.
 //
+// Or it is kept until the next event, as a belief of several components: a Gaussian each for the
+// likeliest hypotheses, of one covariance. The next event then has a hypothesis for each time and
+// component, and what is kept of these is the times, with means and covariances over the old
+// components (a generalized pseudo-Bayes filter of second order). Impacts that follow each other
+// are curved in when they happened: what one Gaussian holds possible then may be far off.
+//
 // An event happens where the flux through the support is: of two states that both have a gap of
 // zero, the faster one meets it more often. So the gap velocity at an impact has the density
 // (-gamma)^+ N(gamma; mu, d^2) (Rice's formula for level crossings).
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
+
+#include "sprag/estimation/belief.h"
 
 namespace sprag {
 
@@ -33,11 +42,11 @@ class EventMixture {
   static constexpr int capacity = 32;
 
   EventMixture() = default;
-  /// For up to `columns` columns of S, and an impact that moves `coordinates` positions and
+  /// For beliefs of up to `columns` columns, and an impact that moves `coordinates` positions and
   /// velocities. Nothing allocates afterwards.
   EventMixture(Eigen::Index columns, Eigen::Index coordinates);
 
-  /// What one hypothesis says. The covariance of xi is
+  /// What one hypothesis says of a component. The covariance of xi is
   ///
   ///   I - taken_along_phi phi phi^T - taken_along_psi psi psi^T,
   ///
@@ -52,14 +61,15 @@ class EventMixture {
     double alpha = 0.0, beta = 0.0, slope = 0.0;
   };
 
-  /// No hypothesis, S with this many columns.
-  void begin(Eigen::Index columns);
-  int size() const { return size_; }
-  bool full() const { return size_ == capacity; }
+  /// No hypothesis about this belief.
+  void begin(const Belief& belief);
 
-  /// Adds one; the caller then fills phi(), psi() (one entry a column of S) and, unless alpha, beta
-  /// and slope are zero, b_q() and b_u() of the last one.
-  void add(const Hypothesis& hypothesis);
+  /// Adds one, as it is for each component of the belief, or for the belief itself if it has none;
+  /// rest_phi and taken_along_phi are the same for all. The caller then fills phi(), psi() (one
+  /// entry a column of S, those of components left out) and, unless alpha, beta and slope are zero,
+  /// b_q() and b_u() of the last one.
+  void add(std::span<const Hypothesis> of_components);
+  void add(const Hypothesis& hypothesis) { add(std::span(&hypothesis, 1)); }
   auto phi() { return phi_.col(size_ - 1).head(columns_); }
   auto psi() { return psi_.col(size_ - 1).head(columns_); }
   auto b_q() { return b_q_.col(size_ - 1); }
@@ -69,26 +79,41 @@ class EventMixture {
   double log_total() const { return log_total_of_first(size_); }
   double log_total_of_first(int count) const;
 
-  /// Moves the mean (q, u) and replaces S = (S_q, S_u), of begin()'s columns, by a square root of
-  /// the mixture's covariance; `S_q` and `S_u` have room for added_columns() more. Returns the new
-  /// number of columns, or 0, with everything as it was, where no hypothesis has a finite weight.
-  Eigen::Index collapse(Eigen::VectorXd& q, Eigen::VectorXd& u, Eigen::MatrixXd& S_q,
-                        Eigen::MatrixXd& S_u);
-  static constexpr Eigen::Index added_columns() { return Eigen::Index{2} * capacity; }
+  /// Makes of begin()'s belief the whole mixture: one Gaussian, or as many components as `keep`
+  /// says at most. Its S has room for added_columns() more. False, with everything as it was, where
+  /// no hypothesis has a finite weight.
+  bool collapse(int keep, Belief& belief);
+  static constexpr Eigen::Index added_columns() {
+    return Eigen::Index{2} * capacity + Eigen::Index{Belief::most_components} * (capacity + 1);
+  }
 
  private:
-  void reflect(Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);
+  // Of a hypothesis: the share of a component in its weight, and what is off for it.
+  struct Part {
+    double share, shift_phi, shift_psi, alpha;
+  };
 
-  Eigen::Index columns_ = 0;
+  void reflect(Belief& belief);
+  void mix_components();
+  void factor(Eigen::Index n);
+  double least_kept(int keep) const;
+
+  Eigen::Index columns_ = 0;  // without components
+  int components_ = 0;
   int size_ = 0;
-  Hypothesis hypotheses_[capacity];
-  Eigen::MatrixXd phi_, psi_;  // columns x hypotheses
-  Eigen::MatrixXd b_q_, b_u_;  // coordinates x hypotheses
+  Hypothesis hypotheses_[capacity];  // over all components
+  Part parts_[capacity][Belief::most_components];
+  Eigen::MatrixXd component_q_, component_u_;  // what each one's mean is off by
+  Eigen::MatrixXd phi_, psi_;                  // columns x hypotheses
+  Eigen::MatrixXd b_q_, b_u_;                  // coordinates x hypotheses
 
   // Scratch of a collapse.
   Eigen::VectorXd w_, mean_phi_, reflection_, xi_, delta_;
-  Eigen::VectorXd off_q_, off_u_;
-  Eigen::MatrixXd joint_;  // within hypotheses, of xi, y and each one's y; then its root
+  Eigen::VectorXd off_q_, off_u_, between_q_, between_u_;
+  Eigen::MatrixXd mixed_q_, mixed_u_;  // of components, a column each hypothesis
+  Eigen::VectorXd all_mixed_q_, all_mixed_u_;
+  Eigen::MatrixXd S_q_, S_u_;  // the new S
+  Eigen::MatrixXd joint_;      // within hypotheses, of xi, y and each one's y; then its root
   Eigen::MatrixXd basis_q_, basis_u_;  // what these are coordinates of
 };
 

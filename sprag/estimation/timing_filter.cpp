@@ -41,28 +41,30 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   const int m = flows_->dynamics().contacts();
   for (int i = 0; i < m; ++i) acceleration_.push_back(flows_->dynamics().free_acceleration(i));
   const Eigen::Index of_drift = uncertainty_.drift_q.cols() + uncertainty_.drift_u.cols();
-  // What is added before columns are merged: by an event of unknown time, or by exact ones.
-  const Eigen::Index added = std::max<Eigen::Index>(EventMixture::added_columns(), 3L * m);
-  const Eigen::Index columns = 4 * f() + of_drift + added;
+  // What merging leaves and a flight adds, and an event before columns are merged again.
+  const bool jitters = uncertainty_.jitter > 0.0;
+  const Eigen::Index merged = 4 * f() + (jitters ? Belief::most_components : 0);
+  const Eigen::Index flown = merged + of_drift + 2;
+  const Eigen::Index columns = flown + (jitters ? EventMixture::added_columns() : 3L * m);
   now_.q.setZero(f());
   now_.u.setZero(f());
   now_.S_q.setZero(f(), columns);
   now_.S_u.setZero(f(), columns);
   no_gaps_.setZero(m);
   if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
-  if (uncertainty_.jitter > 0.0) {
-    unknown_time_.emplace(*flows_, uncertainty_.jitter, columns);
+  if (jitters) {
+    unknown_time_.emplace(*flows_, uncertainty_.jitter, flown);
     scale_is_open_ = is_homogeneous(flows_->dynamics().model());
   }
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
   published_ = sample_;
   // As many columns as merging leaves. Not initialized: memory that is never used
   // stays the system's.
-  const auto bytes = static_cast<std::size_t>(8 * f() * f()) * sizeof(double);
+  const auto bytes = static_cast<std::size_t>(2 * f() * merged) * sizeof(double);
   covariances_.resize(std::clamp<std::size_t>(kept_bytes / bytes, 16, 1024));
   for (Covariance& S : covariances_) {
-    S.S_q.resize(f(), 4 * f());
-    S.S_u.resize(f(), 4 * f());
+    S.S_q.resize(f(), merged);
+    S.S_u.resize(f(), merged);
     S.mean = sample_;
   }
   for (Eigen::VectorXd* x :
@@ -190,6 +192,8 @@ void TimingFilter::go_on(TimingState& state) {
   Covariance& S = slot(state.instants);
   S.instants = state.instants;
   S.columns = now_.columns;
+  S.components = now_.components;
+  S.weights = now_.weights;
   S.S_q.leftCols(S.columns) = now_.S_q.leftCols(S.columns);
   S.S_u.leftCols(S.columns) = now_.S_u.leftCols(S.columns);
   state.covariance_time = t;
@@ -293,6 +297,8 @@ void TimingFilter::load(const Covariance& from, Instant t) {
   last_published_ = {};
   const double tau = t - from.mean.t;
   now_.columns = from.columns;
+  now_.components = from.components;
+  now_.weights = from.weights;
   now_.S_q.leftCols(from.columns) = from.S_q.leftCols(from.columns);
   now_.S_u.leftCols(from.columns) = from.S_u.leftCols(from.columns);
   columns_.move(*from.mean.flow, tau, now_);

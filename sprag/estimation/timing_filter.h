@@ -16,7 +16,9 @@
 // Event times that are off by tau ~ N(0, sigma^2) make each event a mixture over tau
 // (event_mixture.h): what it says and does is linear given tau, for any omega_max sigma. The same
 // mixture is what is published around an event, when it is not known on which side of it a tick
-// lies. Where no event comes though the gap has closed, nothing is known any longer.
+// lies. Up to the next event its likeliest times stay apart, as Gaussians of one covariance
+// (Belief), which are merged again a step later. Where no event comes though the gap has closed,
+// nothing is known any longer.
 //
 // Which contacts take an impulse is not always known: where several close at one instant, or others
 // are closed or open at it. There the impact law decides on the mean, and what it would have been
@@ -29,6 +31,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -187,6 +190,8 @@ class TimingFilter {
   struct Covariance {
     std::int64_t instants = -1;  // another number than a state's: it is gone
     Eigen::Index columns = 0;
+    int components = 0;
+    std::array<double, Belief::most_components> weights{};
     Eigen::MatrixXd S_q, S_u;  // S, f rows each
     Motion mean;               // as it goes on from there
     UncertainEvent event;      // the event that led to it, where events jitter

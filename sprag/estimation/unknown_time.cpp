@@ -26,6 +26,7 @@ constexpr int bisections = 40;
 constexpr double nearly_least = 4.0;
 // The hypotheses themselves: +- so many deviations of what the look has found.
 constexpr double node_reach = 5.0;
+// With 8 and more, sigma of a machine on a stable orbit falls below what rounding leaves.
 constexpr double node_density = 5.2;
 constexpr int least_nodes = 5, most_nodes = 30;
 constexpr int looks_at_nodes = 3;
@@ -36,6 +37,8 @@ constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
 // Standard deviations.
 constexpr double beyond_doubt = 4.0;
+// An angle; below it what a hypothesis makes of the state goes with its time.
+constexpr double straight = 5e-3;
 // Of a variance: what is known exactly is divided by it.
 constexpr double least = 1e-200;
 
@@ -87,42 +90,82 @@ void UnknownTime::look(const Signal& signal, double value_rounding, double rate_
   value_rounding_ = value_rounding;
   rate_rounding_ = rate_rounding;
   rate_noise_ = 0.0;
-  columns_ = belief.columns;
+  components_ = belief.components;
+  columns_ = belief.columns - components_;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(components_); ++k) {
+    roots_[k] = std::sqrt(belief.weights[k]);
+    log_weights_[k] = std::log(belief.weights[k]);
+  }
   best_weight_ = -infinity;
   innovation_ = {};
   belief_.begin(signal, motion, belief);
 }
 
-// Afterwards psi_ is that of a hypothesis.
+// Afterwards psi_ and views_ are those of a hypothesis.
 UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
   belief_.go_back(age);
   Sight sight{};
   sight.value = belief_.value();
   sight.rate = belief_.rate();
-  const auto phi = belief_.phi();
+  const auto phi = belief_.phi().tail(columns_);
   auto psi = psi_.head(columns_);
-  psi = belief_.psi();
+  psi = belief_.psi().tail(columns_);
   const double r = square(value_rounding_) + least;
   sight.s2 = phi.squaredNorm() + r;
+  sight.all_s2 = sight.s2 + belief_.phi().head(components_).squaredNorm();
   const double kappa = phi.dot(psi) / sight.s2;
   psi -= kappa * phi;
-  sight.mu = sight.rate - kappa * sight.value;
   sight.d = std::sqrt(psi.squaredNorm() + square(kappa) * r + square(rate_rounding_) + least);
   sight.rest_phi = r / sight.s2;
-  sight.log_weight = -0.5 * square(sight.value) / sight.s2 - 0.5 * std::log(sight.s2);
+  if (components_ == 0) {
+    views_[0] = view(kind, sight, kappa, sight.value, sight.rate);
+    sight.mean_rate = views_[0].mean_rate;
+    sight.variance = views_[0].variance;
+    sight.log_weight = views_[0].log_weight;
+    return sight;
+  }
+  double highest = -infinity;
+  for (int k = 0; k < components_; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    views_[i] = view(kind, sight, kappa, sight.value + belief_.phi()[k] / roots_[i],
+                     sight.rate + belief_.psi()[k] / roots_[i]);
+    views_[i].log_weight += log_weights_[i];
+    highest = std::max(highest, views_[i].log_weight);
+  }
+  double total = 0.0;
+  double second = 0.0;
+  for (const View& one : std::span(views_).first(static_cast<std::size_t>(components_))) {
+    const double share = std::exp(one.log_weight - highest);
+    if (!(share > 0.0)) continue;
+    total += share;
+    sight.mean_rate += share * one.mean_rate;
+    second += share * (one.variance + square(one.mean_rate));
+  }
+  sight.mean_rate /= total;
+  sight.variance = std::max(second / total - square(sight.mean_rate), 0.0);
+  sight.log_weight = highest + std::log(total);
+  return sight;
+}
+
+UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sight, double kappa,
+                                    double value, double rate) const {
+  View view{};
+  view.value = value;
+  view.mu = rate - kappa * value;
+  view.log_weight = -0.5 * square(value) / sight.s2 - 0.5 * std::log(sight.s2);
   if (kind == UncertainEvent::Kind::stays) {
     // No crossing: the contact has come to rest.
     const double all = square(sight.d) + square(rate_noise_);
-    sight.mean_rate = sight.mu * square(rate_noise_) / all;
-    sight.variance = square(sight.d) * square(rate_noise_) / all;
-    sight.log_weight -= 0.5 * square(sight.mu) / all + 0.5 * std::log(all);
+    view.mean_rate = view.mu * square(rate_noise_) / all;
+    view.variance = square(sight.d) * square(rate_noise_) / all;
+    view.log_weight -= 0.5 * square(view.mu) / all + 0.5 * std::log(all);
   } else {
-    const FluxMoments flux = flux_moments(sight.mu, sight.d);
-    sight.mean_rate = flux.mean;
-    sight.variance = flux.variance;
-    sight.log_weight += flux.log_weight;
+    const FluxMoments flux = flux_moments(view.mu, sight.d);
+    view.mean_rate = flux.mean;
+    view.variance = flux.variance;
+    view.log_weight += flux.log_weight;
   }
-  return sight;
+  return view;
 }
 
 // What has released was closed before, at a time that is not known better.
@@ -139,19 +182,20 @@ double UnknownTime::weigh(const Sight& sight, double age) {
     best_weight_ = weight;
     // The least of tau^2 / sigma^2 + g^2 / s^2 as if g were linear; what is further away is not.
     const double tau = age - delay_;
-    const double here = square(tau / sigma_) + square(sight.value) / sight.s2;
+    const double here = square(tau / sigma_) + square(sight.value) / sight.all_s2;
     const double there =
-        square(sight.value + sight.rate * tau) / (sight.s2 + square(sight.rate * sigma_));
+        square(sight.value + sight.rate * tau) / (sight.all_s2 + square(sight.rate * sigma_));
     innovation_.square = here - there < nearly_least ? there : here;
   }
   return weight;
 }
 
 // Where the signal is zero, between two ages where it is not of one sign.
-double UnknownTime::find_zero(UncertainEvent::Kind kind, double low, double high, double at_low) {
+double UnknownTime::find_zero(double low, double high, double at_low) {
   for (int i = 0; i < bisections; ++i) {
     const double middle = 0.5 * (low + high);
-    const double at_middle = see(kind, middle).value;
+    belief_.go_back(middle);
+    const double at_middle = belief_.value();
     ((at_middle < 0.0) == (at_low < 0.0) ? low : high) = middle;
   }
   return 0.5 * (low + high);
@@ -185,9 +229,9 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
     bool found = false;
     for (int i = 0; i < 8 && !found; ++i) {
       const Sight sight = see(kind, age);
-      const double precision = 1.0 / square(sigma_) + square(sight.rate) / sight.s2;
+      const double precision = 1.0 / square(sigma_) + square(sight.rate) / sight.all_s2;
       const double next = delay_ + sight.rate * (sight.value + sight.rate * (age - delay_)) /
-                                       (sight.s2 * precision);
+                                       (sight.all_s2 * precision);
       deviation = 1.0 / std::sqrt(precision);
       if (std::abs(next - age) < 0.05 * deviation) {
         found = deviation < resolved * step;
@@ -206,7 +250,7 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
     weight = weights[best];
     for (int i = 1; i < scan_nodes && first_scan; ++i) {
       if ((values[i - 1] < 0.0) == (values[i] < 0.0)) continue;
-      const double zero = find_zero(kind, low + (i - 1) * step, low + i * step, values[i - 1]);
+      const double zero = find_zero(low + (i - 1) * step, low + i * step, values[i - 1]);
       const double risen = weigh(see(kind, zero), zero);
       if (!(risen > weight)) continue;
       weight = risen;
@@ -297,38 +341,42 @@ void UnknownTime::add_changed_flow(const Flow& after) {
 void UnknownTime::add(const UncertainEvent& event, double age, double log_weight,
                       bool has_happened) {
   const Sight sight = see(event.kind, age);
-  EventMixture::Hypothesis of;
   const double s = std::sqrt(sight.s2);
-  of.log_weight = sight.log_weight + log_weight;
-  of.rest_phi = sight.rest_phi;
-  of.shift_phi = -sight.value / s;
-  of.shift_psi = (sight.mean_rate - sight.mu) / sight.d;
-  of.taken_along_phi = 1.0;
-  of.taken_along_psi = 1.0 - sight.variance / square(sight.d);
-  const auto phi = belief_.phi();
+  const auto phi = belief_.phi().tail(columns_);
   const auto psi = psi_.head(columns_);
   const bool impact = event.kind == UncertainEvent::Kind::pulse;
+  const double kick =
+      -1.0 -
+      flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
   const Flow* after = nullptr;
-  if (has_happened && impact) {
-    const double kick =
-        -1.0 -
-        flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
-    of.alpha = kick * sight.mean_rate;
-    of.beta = square(kick) * sight.variance;
-    of.slope = kick * sight.variance / sight.d;
-  } else if (has_happened && belief_.reaches(age)) {
+  if (has_happened && !impact && belief_.reaches(age)) {
     const bool stays = event.kind == UncertainEvent::Kind::stays;
     after = flows_->find(stays ? event.held | bit(event.contact) : event.held);
-    if (after != nullptr) of.alpha = 1.0;
   }
-  mixture_.add(of);
+  const auto of_components =
+      std::span(of_components_).first(static_cast<std::size_t>(std::max(components_, 1)));
+  for (std::size_t k = 0; k < of_components.size(); ++k) {
+    const View& view = views_[k];
+    EventMixture::Hypothesis& of = of_components[k] = {};
+    of.log_weight = view.log_weight + log_weight;
+    of.rest_phi = sight.rest_phi;
+    of.shift_phi = -view.value / s;
+    of.shift_psi = (view.mean_rate - view.mu) / sight.d;
+    of.taken_along_phi = 1.0;
+    of.taken_along_psi = 1.0 - view.variance / square(sight.d);
+    if (has_happened && impact) {
+      of.alpha = kick * view.mean_rate;
+      of.beta = square(kick) * view.variance;
+      of.slope = kick * view.variance / sight.d;
+    } else if (after != nullptr) {
+      of.alpha = 1.0;
+    }
+  }
+  mixture_.add(of_components);
   Seen& seen = seen_[seen_size_++];
-  seen = {of.log_weight, age, sight.mean_rate, sight.variance, 0.0, 0.0, 0.0, 0.0};
+  seen = {sight.log_weight + log_weight, age, sight.mean_rate, sight.variance, 0.0, 0.0, 0.0, 0.0};
   if (impact) {
-    // of.alpha and of.beta where it has happened.
-    const double kick =
-        -1.0 -
-        flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
+    // The change of the gap velocity where it has happened.
     seen.after = (1.0 + kick) * sight.mean_rate;
     seen.var_after = square(1.0 + kick) * sight.variance;
     seen.change = kick * sight.mean_rate;
@@ -341,6 +389,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   mixture_.psi() = psi / sight.d;
   if (has_happened && impact) add_moved_impact(age);
   if (after == nullptr) return;
+  const EventMixture::Hypothesis& of = of_components.front();
   xi_.head(columns_) = of.shift_phi / s * phi + of.shift_psi / sight.d * psi;
   add_changed_flow(*after);
 }
@@ -400,8 +449,10 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
                        double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
   closed_since_ = delay + event.held_for;
+  const bool pulse = event.kind == UncertainEvent::Kind::pulse;
+  if (!pulse) belief.components = 0;
   look_for(event, motion, terms, belief);
-  mixture_.begin(columns_);
+  mixture_.begin(belief);
   seen_size_ = 0;
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
   Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
@@ -430,9 +481,15 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
   while (first_over < nodes.count && nodes.first + first_over * nodes.step < 0.0) ++first_over;
   innovation_.to_come = std::exp(mixture_.log_total_of_first(first_over) - mixture_.log_total());
   innovation = innovation_;
-  const Eigen::Index columns = mixture_.collapse(belief.q, belief.u, belief.S_q, belief.S_u);
-  if (columns > 0) belief.columns = columns;
-  return columns > 0;
+  return mixture_.collapse(pulse && is_bent(motion, nodes) ? Belief::most_components : 0, belief);
+}
+
+// Whether what is known behind an event is curved in when that was, to speak of.
+bool UnknownTime::is_bent(const Motion& motion, const Nodes& nodes) const {
+  const double deviation = 0.5 * (nodes.count - 1) * nodes.step / node_reach;
+  const double turns =
+      std::abs(second_rate(belief_.signal(), motion) / rate(belief_.signal(), motion));
+  return deviation * std::max(belief_.fastest(), turns) > straight;
 }
 
 UnknownTime::Impact UnknownTime::impact() const {
@@ -462,8 +519,8 @@ UnknownTime::Impact UnknownTime::impact() const {
 double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
   look_for(due, motion, terms, belief);
-  const Sight sight = see(due.kind, 0.0);
-  return sight.value / std::sqrt(sight.s2);
+  belief_.go_back(0.0);
+  return belief_.value() / std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least);
 }
 
 bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
@@ -485,8 +542,9 @@ bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion,
 double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
                                  const Terms& terms, bool condition, Belief& belief) {
   delay_ = 0.0;
+  belief.components = 0;
   look_for(due, motion, terms, belief);
-  mixture_.begin(columns_);
+  mixture_.begin(belief);
   seen_size_ = 0;
 
   // It has not happened yet.
@@ -527,9 +585,7 @@ double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion
     add(due, at_age, std::log(step) - half_log_two_pi + log_normal_cdf(-at_age / sigma_), true);
   }
   const double total = mixture_.log_total();
-  if (!condition) return total;
-  const Eigen::Index columns = mixture_.collapse(belief.q, belief.u, belief.S_q, belief.S_u);
-  if (columns > 0) belief.columns = columns;
+  if (condition) mixture_.collapse(0, belief);
   return total;
 }
 

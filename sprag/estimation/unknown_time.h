@@ -13,6 +13,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/event_mixture.h"
@@ -24,7 +25,8 @@ namespace sprag {
 
 class UnknownTime {
  public:
-  /// sigma > 0 [s]. For beliefs of up to `columns` columns. `flows` must outlive this.
+  /// sigma > 0 [s]. For beliefs of up to `columns` columns, with room for what a mixture adds.
+  /// `flows` must outlive this.
   UnknownTime(const Flows& flows, double sigma, Eigen::Index columns);
 
   /// A pulse that follows on the contact's last one by less is a burst: its time says nothing.
@@ -43,8 +45,8 @@ class UnknownTime {
   /// Conditions a belief on a report that came `delay` before `motion`, and takes the event. The
   /// belief is that at the motion's time, and the motion its mean, as if the event had not been: on
   /// the flow before. With `so_far`, what would be later than that time has not happened.
-  /// Afterwards the belief has more columns. False where no time at all is possible; the belief is
-  /// then as it was.
+  /// Afterwards the belief has more columns, and components behind a pulse. False where no time at
+  /// all is possible; the belief is then as it was.
   bool take(const UncertainEvent& event, const Motion& motion, const Terms& terms, double delay,
             bool so_far, Belief& belief, Innovation& innovation);
 
@@ -79,11 +81,19 @@ class UnknownTime {
   // What a hypothesis about the age tau of an event says, up to what the impact does.
   struct Sight {
     double value, rate;          // of the signal that is zero at the event
-    double s2;                   // variance of the value, with its rounding
-    double mu, d;                // rate given that the value is zero: mean, deviation
+    double s2;                   // variance of the value in a component, with its rounding
+    double all_s2;               // and in the belief
+    double d;                    // deviation of the rate given that the value is zero
     double mean_rate, variance;  // and weighted by the flux, or known to be nothing
     double log_weight;           // but for that of tau itself
     double rest_phi;
+  };
+  // And what it says of one component.
+  struct View {
+    double value;
+    double mu;                   // mean of the rate given that the value is zero
+    double mean_rate, variance;  // and weighted
+    double log_weight;
   };
   // Where on the time axis the hypotheses lie.
   struct Nodes {
@@ -96,9 +106,12 @@ class UnknownTime {
   void look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
   Sight see(UncertainEvent::Kind kind, double age);
+  View view(UncertainEvent::Kind kind, const Sight& sight, double kappa, double value,
+            double rate) const;
+  bool is_bent(const Motion& motion, const Nodes& nodes) const;
   double log_prior(double age) const;
   double weigh(const Sight& sight, double age);
-  double find_zero(UncertainEvent::Kind kind, double low, double high, double at_low);
+  double find_zero(double low, double high, double at_low);
   Nodes find_nodes(UncertainEvent::Kind kind);
   Nodes nodes_about(double mean, double deviation) const;
   void set_impact(const UncertainEvent& event);
@@ -126,9 +139,13 @@ class UnknownTime {
   // What is looked at.
   Retrodiction belief_;
   double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
-  Eigen::Index columns_ = 0;
+  Eigen::Index columns_ = 0;  // without components
+  int components_ = 0;
+  std::array<double, Belief::most_components> roots_{}, log_weights_{};  // of components
 
   // At one age.
+  std::array<View, Belief::most_components> views_{};
+  std::array<EventMixture::Hypothesis, Belief::most_components> of_components_{};
   Motion after_;
   Eigen::VectorXd psi_, xi_, q_, u_, q_after_, u_after_;
 

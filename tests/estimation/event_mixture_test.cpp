@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <limits>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/random.h"
@@ -69,41 +72,121 @@ struct Dense {
   Eigen::MatrixXd covariance;
 };
 
-// The moments of the mixture with full matrices, one hypothesis after the other.
+/// Mean m and S, with room for what a collapse adds.
+Belief belief_of(const Eigen::VectorXd& m, const Eigen::MatrixXd& S) {
+  const Eigen::Index f = m.size() / 2;
+  Belief belief;
+  belief.q = m.head(f);
+  belief.u = m.tail(f);
+  belief.columns = S.cols();
+  belief.S_q.setZero(f, S.cols() + EventMixture::added_columns());
+  belief.S_u = belief.S_q;
+  belief.S_q.leftCols(S.cols()) = S.topRows(f);
+  belief.S_u.leftCols(S.cols()) = S.bottomRows(f);
+  return belief;
+}
+
+Eigen::VectorXd mean_of(const Belief& belief) {
+  Eigen::VectorXd mean(2 * belief.q.size());
+  mean << belief.q, belief.u;
+  return mean;
+}
+
+Eigen::MatrixXd columns_of(const Belief& belief, Eigen::Index first, Eigen::Index count) {
+  Eigen::MatrixXd S(2 * belief.q.size(), count);
+  S << belief.S_q.middleCols(first, count), belief.S_u.middleCols(first, count);
+  return S;
+}
+
+Eigen::MatrixXd covariance_of(const Belief& belief) {
+  const Eigen::MatrixXd S = columns_of(belief, 0, belief.columns);
+  return S * S.transpose();
+}
+
+// The moments of the mixture with full matrices, one hypothesis and component after the other.
 struct Mixed {
   Eigen::MatrixXd S;  // 2 f x c
-  std::vector<EventMixture::Hypothesis> of;
+  std::vector<double> weights{1.0};
+  std::vector<Eigen::VectorXd> offs;  // of the components' means
+  // What each hypothesis says of each component.
+  std::vector<std::vector<EventMixture::Hypothesis>> of;
   std::vector<Eigen::VectorXd> phi, psi, b;
 
   Dense moments(const Eigen::VectorXd& m) const {
     double total = 0.0;
-    for (const auto& one : of) total += std::exp(one.log_weight);
+    for (const auto& hypothesis : of) {
+      for (const auto& one : hypothesis) total += std::exp(one.log_weight);
+    }
     Dense all{Eigen::VectorXd::Zero(m.size()), Eigen::MatrixXd::Zero(m.size(), m.size())};
     std::vector<Dense> each;
+    std::vector<double> share;
     for (std::size_t j = 0; j < of.size(); ++j) {
-      const auto& one = of[j];
-      const Eigen::VectorXd k = one.shift_phi * phi[j] + one.shift_psi * psi[j];
-      const Eigen::MatrixXd T = Eigen::MatrixXd::Identity(k.size(), k.size()) -
-                                one.taken_along_phi * phi[j] * phi[j].transpose() -
-                                one.taken_along_psi * psi[j] * psi[j].transpose();
-      const Eigen::MatrixXd cross = one.slope * S * psi[j] * b[j].transpose();
-      each.push_back(
-          {m + S * k + one.alpha * b[j],
-           S * T * S.transpose() + one.beta * b[j] * b[j].transpose() + cross + cross.transpose()});
-      all.mean += std::exp(one.log_weight) / total * each.back().mean;
+      for (std::size_t i = 0; i < of[j].size(); ++i) {
+        const auto& one = of[j][i];
+        const Eigen::VectorXd k = one.shift_phi * phi[j] + one.shift_psi * psi[j];
+        const Eigen::MatrixXd T = Eigen::MatrixXd::Identity(k.size(), k.size()) -
+                                  one.taken_along_phi * phi[j] * phi[j].transpose() -
+                                  one.taken_along_psi * psi[j] * psi[j].transpose();
+        const Eigen::MatrixXd cross = one.slope * S * psi[j] * b[j].transpose();
+        each.push_back({m + S * k + one.alpha * b[j], S * T * S.transpose() +
+                                                          one.beta * b[j] * b[j].transpose() +
+                                                          cross + cross.transpose()});
+        if (!offs.empty()) each.back().mean += offs[i];
+        share.push_back(std::exp(one.log_weight) / total);
+        all.mean += share.back() * each.back().mean;
+      }
     }
-    for (std::size_t j = 0; j < of.size(); ++j) {
-      const Eigen::VectorXd off = each[j].mean - all.mean;
-      all.covariance +=
-          std::exp(of[j].log_weight) / total * (each[j].covariance + off * off.transpose());
+    for (std::size_t k = 0; k < each.size(); ++k) {
+      const Eigen::VectorXd off = each[k].mean - all.mean;
+      all.covariance += share[k] * (each[k].covariance + off * off.transpose());
     }
     return all;
+  }
+
+  // The mean given hypothesis j, and its share of the weight.
+  std::pair<Eigen::VectorXd, double> of_hypothesis(std::size_t j, const Eigen::VectorXd& m) const {
+    Mixed alone = *this;
+    alone.of = {of[j]};
+    alone.phi = {phi[j]};
+    alone.psi = {psi[j]};
+    alone.b = {b[j]};
+    double total = 0.0, mine = 0.0;
+    for (std::size_t k = 0; k < of.size(); ++k) {
+      for (const auto& one : of[k]) {
+        total += std::exp(one.log_weight);
+        if (k == j) mine += std::exp(one.log_weight);
+      }
+    }
+    return {alone.moments(m).mean, mine / total};
+  }
+
+  Belief belief(const Eigen::VectorXd& m) const {
+    Eigen::MatrixXd all(S.rows(), S.cols() + static_cast<Eigen::Index>(offs.size()));
+    for (std::size_t i = 0; i < offs.size(); ++i) {
+      all.col(static_cast<Eigen::Index>(i)) = std::sqrt(weights[i]) * offs[i];
+    }
+    all.rightCols(S.cols()) = S;
+    Belief belief = belief_of(m, all);
+    belief.components = static_cast<int>(offs.size());
+    for (std::size_t i = 0; i < offs.size(); ++i) belief.weights[i] = weights[i];
+    return belief;
+  }
+
+  void add_to(EventMixture& mixture) const {
+    const Eigen::Index f = S.rows() / 2;
+    for (std::size_t j = 0; j < of.size(); ++j) {
+      mixture.add(of[j]);
+      mixture.phi() = phi[j];
+      mixture.psi() = psi[j];
+      mixture.b_q() = b[j].head(f);
+      mixture.b_u() = b[j].tail(f);
+    }
   }
 };
 
 // Hypotheses that could be: |psi| so small beside phi, and beta so large beside slope, that each
 // is a covariance.
-Mixed random_mixture(Random& random, Eigen::Index f, Eigen::Index c, int n) {
+Mixed random_mixture(Random& random, Eigen::Index f, Eigen::Index c, int n, int components) {
   const auto normal = [&](Eigen::Index rows, Eigen::Index columns) {
     Eigen::MatrixXd x(rows, columns);
     for (double& one : x.reshaped()) one = random.uniform(-1.0, 1.0);
@@ -111,25 +194,34 @@ Mixed random_mixture(Random& random, Eigen::Index f, Eigen::Index c, int n) {
   };
   Mixed mixed;
   mixed.S = normal(2 * f, c);
+  if (components > 0) mixed.weights.assign(static_cast<std::size_t>(components), 1.0 / components);
+  for (int i = 0; i < components; ++i) mixed.offs.push_back(3.0 * normal(2 * f, 1));
   for (int j = 0; j < n; ++j) {
-    EventMixture::Hypothesis one;
-    one.log_weight = random.uniform(-4.0, 0.0);
     Eigen::VectorXd phi = normal(c, 1);
-    one.rest_phi = random.log_uniform(1e-3, 0.5);
-    phi *= std::sqrt(1.0 - one.rest_phi) / phi.norm();
+    const double rest_phi = random.log_uniform(1e-3, 0.5);
+    phi *= std::sqrt(1.0 - rest_phi) / phi.norm();
     Eigen::VectorXd psi = normal(c, 1);
     psi -= phi * phi.dot(psi) / phi.squaredNorm();
     psi *= random.uniform(0.3, 0.9) / psi.norm();
-    one.taken_along_phi = random.uniform(0.0, 1.0);
-    one.taken_along_psi = random.uniform(0.0, 0.9);
-    one.shift_phi = random.uniform(-1.0, 1.0);
-    one.shift_psi = random.uniform(-1.0, 1.0);
-    if (random.chance(0.8)) {
-      one.alpha = random.uniform(-2.0, 2.0);
-      one.slope = random.uniform(-0.5, 0.5);
-      one.beta = 20.0 * one.slope * one.slope;
+    const double taken_along_phi = random.uniform(0.0, 1.0);
+    const bool jumps = random.chance(0.8);
+    std::vector<EventMixture::Hypothesis> of_components;
+    for (int i = 0; i < std::max(components, 1); ++i) {
+      EventMixture::Hypothesis one;
+      one.log_weight = random.uniform(-4.0, 0.0);
+      one.rest_phi = rest_phi;
+      one.taken_along_phi = taken_along_phi;
+      one.taken_along_psi = random.uniform(0.0, 0.9);
+      one.shift_phi = random.uniform(-1.0, 1.0);
+      one.shift_psi = random.uniform(-1.0, 1.0);
+      if (jumps) {
+        one.alpha = random.uniform(-2.0, 2.0);
+        one.slope = random.uniform(-0.5, 0.5);
+        one.beta = 20.0 * one.slope * one.slope;
+      }
+      of_components.push_back(one);
     }
-    mixed.of.push_back(one);
+    mixed.of.push_back(of_components);
     mixed.phi.push_back(phi);
     mixed.psi.push_back(psi);
     mixed.b.push_back(normal(2 * f, 1));
@@ -137,40 +229,74 @@ Mixed random_mixture(Random& random, Eigen::Index f, Eigen::Index c, int n) {
   return mixed;
 }
 
+// From one Gaussian or several, to one or several: the moments of the whole are the same.
 TEST(EventMixture, CollapsesToTheMomentsOfTheWhole) {
   constexpr std::uint64_t seed = 11;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
-  for (int trial = 0; trial < 200; ++trial) {
+  for (int trial = 0; trial < 400; ++trial) {
+    SCOPED_TRACE("trial " + std::to_string(trial));
     const Eigen::Index f = random.integer(1, 5);
     const Eigen::Index c = random.integer(static_cast<int>(2 * f), static_cast<int>(4 * f));
-    const Mixed mixed = random_mixture(random, f, c, random.integer(1, EventMixture::capacity));
-    EventMixture mixture(c, f);
-    mixture.begin(c);
-    for (std::size_t j = 0; j < mixed.of.size(); ++j) {
-      mixture.add(mixed.of[j]);
-      mixture.phi() = mixed.phi[j];
-      mixture.psi() = mixed.psi[j];
-      mixture.b_q() = mixed.b[j].head(f);
-      mixture.b_u() = mixed.b[j].tail(f);
-    }
+    const int components = trial % 2 == 0 ? 0 : random.integer(2, Belief::most_components);
+    const Mixed mixed =
+        random_mixture(random, f, c, random.integer(1, EventMixture::capacity), components);
     Eigen::VectorXd m(2 * f);
     for (double& one : m) one = random.uniform(-1.0, 1.0);
     const Dense expected = mixed.moments(m);
-    Eigen::VectorXd q = m.head(f), u = m.tail(f);
-    Eigen::MatrixXd S_q = Eigen::MatrixXd::Zero(f, c + EventMixture::added_columns());
-    Eigen::MatrixXd S_u = S_q;
-    S_q.leftCols(c) = mixed.S.topRows(f);
-    S_u.leftCols(c) = mixed.S.bottomRows(f);
-    const Eigen::Index columns = mixture.collapse(q, u, S_q, S_u);
-    ASSERT_GT(columns, 0);
-    Eigen::MatrixXd S(2 * f, columns);
-    S << S_q.leftCols(columns), S_u.leftCols(columns);
-    Eigen::VectorXd mean(2 * f);
-    mean << q, u;
-    EXPECT_LT((mean - expected.mean).norm(), 1e-12 * (1.0 + expected.mean.norm())) << trial;
-    EXPECT_LT((S * S.transpose() - expected.covariance).norm(), 1e-11 * expected.covariance.norm())
-        << trial;
+    EventMixture mixture(c, f);
+    for (const int keep : {0, 3, Belief::most_components}) {
+      Belief belief = mixed.belief(m);
+      mixture.begin(belief);
+      mixed.add_to(mixture);
+      ASSERT_TRUE(mixture.collapse(keep, belief));
+      EXPECT_LE(belief.components, keep);
+      EXPECT_LT((mean_of(belief) - expected.mean).norm(), 1e-12 * (1.0 + expected.mean.norm()));
+      EXPECT_LT((covariance_of(belief) - expected.covariance).norm(),
+                (components > 0 ? 1e-7 : 1e-11) * expected.covariance.norm());
+    }
+  }
+}
+
+// Components are the likeliest hypotheses: their weights, and where their means are, but that all
+// move towards the mean of the whole by as much as each is made wider.
+TEST(EventMixture, ComponentsAreTheLikeliestHypotheses) {
+  constexpr std::uint64_t seed = 12;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  for (int trial = 0; trial < 100; ++trial) {
+    SCOPED_TRACE("trial " + std::to_string(trial));
+    const int components = trial % 2 == 0 ? 0 : Belief::most_components;
+    const Mixed mixed = random_mixture(random, 2, 6, random.integer(4, 20), components);
+    const Eigen::VectorXd m = Eigen::VectorXd::Zero(4);
+    const Dense all = mixed.moments(m);
+    std::vector<std::pair<double, Eigen::VectorXd>> likeliest;
+    for (std::size_t j = 0; j < mixed.of.size(); ++j) {
+      const auto [mean, weight] = mixed.of_hypothesis(j, m);
+      likeliest.emplace_back(weight, mean);
+    }
+    std::sort(likeliest.begin(), likeliest.end(),
+              [](const auto& a, const auto& b) { return a.first > b.first; });
+    Belief belief = mixed.belief(m);
+    EventMixture mixture(6, 2);
+    mixture.begin(belief);
+    mixed.add_to(mixture);
+    ASSERT_TRUE(mixture.collapse(4, belief));
+    ASSERT_EQ(belief.components, 4);
+    double narrower = 0.0;
+    for (int k = 0; k < belief.components; ++k) {
+      const double weight = belief.weights[static_cast<std::size_t>(k)];
+      const auto same =
+          std::find_if(likeliest.begin(), likeliest.begin() + belief.components,
+                       [&](const auto& one) { return std::abs(one.first / weight - 1.0) < 1e-12; });
+      ASSERT_NE(same, likeliest.begin() + belief.components);
+      const Eigen::VectorXd off = columns_of(belief, k, 1) / std::sqrt(weight);
+      const Eigen::VectorXd apart = same->second - all.mean;
+      if (k == 0) narrower = off.norm() / apart.norm();
+      EXPECT_LT((off - narrower * apart).norm(), 1e-10);
+    }
+    EXPECT_GT(narrower, 0.8);
+    EXPECT_LT(narrower, 1.0);
   }
 }
 
@@ -178,23 +304,18 @@ TEST(EventMixture, CollapsesToTheMomentsOfTheWhole) {
 // what was known before.
 TEST(EventMixture, KeepsTheDigitsOfAnExactMeasurement) {
   EventMixture mixture(2, 1);
-  mixture.begin(2);
+  Belief belief = belief_of(Eigen::Vector2d::Zero(),
+                            Eigen::Matrix2d{{0.6, 0.8}, {0.8, -0.6}});  // q is what is measured
+  mixture.begin(belief);
   EventMixture::Hypothesis exact;
   exact.rest_phi = 1e-30;
   exact.taken_along_phi = 1.0;
   mixture.add(exact);
   mixture.phi() = Eigen::Vector2d(0.6, 0.8);
   mixture.psi() = Eigen::Vector2d::Zero();
-  Eigen::VectorXd q = Eigen::VectorXd::Zero(1), u = q;
-  Eigen::MatrixXd S_q = Eigen::MatrixXd::Zero(1, 2 + EventMixture::added_columns());
-  Eigen::MatrixXd S_u = S_q;
-  S_q(0, 0) = 0.6;  // q is what is measured
-  S_q(0, 1) = 0.8;
-  S_u(0, 0) = 0.8;
-  S_u(0, 1) = -0.6;
-  const Eigen::Index columns = mixture.collapse(q, u, S_q, S_u);
-  EXPECT_NEAR(S_q.row(0).head(columns).norm() / 1e-15, 1.0, 0.3);
-  EXPECT_NEAR(S_u.row(0).head(columns).norm(), 1.0, 1e-12);
+  ASSERT_TRUE(mixture.collapse(0, belief));
+  EXPECT_NEAR(belief.S_q.row(0).head(belief.columns).norm() / 1e-15, 1.0, 0.3);
+  EXPECT_NEAR(belief.S_u.row(0).head(belief.columns).norm(), 1.0, 1e-12);
 }
 
 // The time is known to 1e-8 of the machine's, and q does not depend on it: what a hypothesis says
@@ -203,7 +324,8 @@ TEST(EventMixture, KnowsWhatItsHypothesesAgreeIn) {
   constexpr double near = 1e-8;
   for (const double spread : {0.0, 5.0 * near}) {
     EventMixture mixture(2, 1);
-    mixture.begin(2);
+    Belief belief = belief_of(Eigen::Vector2d::Zero(), near * Eigen::Matrix2d::Identity());
+    mixture.begin(belief);
     double total = 0.0, variance = 0.0;
     for (int j = 0; j < 10; ++j) {
       const double x = 1.11 * (j - 4.5);
@@ -224,31 +346,28 @@ TEST(EventMixture, KnowsWhatItsHypothesesAgreeIn) {
       total += w;
       variance += w * ((spread * x) * (spread * x) + (near + of.slope) * (near + of.slope));
     }
-    Eigen::VectorXd q = Eigen::VectorXd::Zero(1), u = q;
-    Eigen::MatrixXd S_q = Eigen::MatrixXd::Zero(1, 2 + EventMixture::added_columns());
-    Eigen::MatrixXd S_u = S_q;
-    S_q(0, 0) = near;
-    S_u(0, 1) = near;
-    const Eigen::Index columns = mixture.collapse(q, u, S_q, S_u);
-    EXPECT_LT(S_q.row(0).head(columns).norm(), 1e-15) << spread;
-    EXPECT_NEAR(S_u.row(0).head(columns).norm() / std::sqrt(variance / total), 1.0, 1e-6) << spread;
+    ASSERT_TRUE(mixture.collapse(0, belief));
+    EXPECT_LT(belief.S_q.row(0).head(belief.columns).norm(), 1e-15) << spread;
+    EXPECT_NEAR(belief.S_u.row(0).head(belief.columns).norm() / std::sqrt(variance / total), 1.0,
+                1e-6)
+        << spread;
   }
 }
 
 TEST(EventMixture, LeavesEverythingAsItIsWhereNothingIsPossible) {
   EventMixture mixture(2, 1);
-  mixture.begin(2);
+  Belief belief = belief_of(Eigen::Vector2d::Ones(), Eigen::Matrix2d::Ones());
+  mixture.begin(belief);
   EventMixture::Hypothesis impossible;
   impossible.log_weight = -std::numeric_limits<double>::infinity();
   mixture.add(impossible);
   impossible.log_weight = std::numeric_limits<double>::quiet_NaN();
   mixture.add(impossible);
-  Eigen::VectorXd q = Eigen::VectorXd::Ones(1), u = q;
-  Eigen::MatrixXd S_q = Eigen::MatrixXd::Ones(1, 2 + EventMixture::added_columns());
-  Eigen::MatrixXd S_u = S_q;
-  EXPECT_EQ(mixture.collapse(q, u, S_q, S_u), 0);
-  EXPECT_EQ(q[0], 1.0);
-  EXPECT_EQ(S_q(0, 0), 1.0);
+  EXPECT_FALSE(mixture.collapse(Belief::most_components, belief));
+  EXPECT_EQ(belief.columns, 2);
+  EXPECT_EQ(belief.components, 0);
+  EXPECT_EQ(belief.q[0], 1.0);
+  EXPECT_EQ(belief.S_q(0, 0), 1.0);
 }
 
 }  // namespace
