@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/estimation/beliefs.h"
 #include "tests/support/random.h"
 
 namespace sprag {
@@ -71,20 +72,6 @@ struct Dense {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
 };
-
-/// Mean m and S, with room for what a collapse adds.
-Belief belief_of(const Eigen::VectorXd& m, const Eigen::MatrixXd& S) {
-  const Eigen::Index f = m.size() / 2;
-  Belief belief;
-  belief.q = m.head(f);
-  belief.u = m.tail(f);
-  belief.columns = S.cols();
-  belief.S_q.setZero(f, S.cols() + EventMixture::added_columns());
-  belief.S_u = belief.S_q;
-  belief.S_q.leftCols(S.cols()) = S.topRows(f);
-  belief.S_u.leftCols(S.cols()) = S.bottomRows(f);
-  return belief;
-}
 
 Eigen::VectorXd mean_of(const Belief& belief) {
   Eigen::VectorXd mean(2 * belief.q.size());

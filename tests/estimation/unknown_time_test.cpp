@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "sprag/estimation/belief.h"
+#include "tests/estimation/beliefs.h"
 #include "tests/support/random.h"
 
 namespace sprag {
@@ -131,19 +132,6 @@ Dense integrate(const Machine& machine, const Eigen::VectorXd& m, const Eigen::M
     all.push_back(at_age(machine, of, low + (high - low) * i / n, sigma));
   }
   return whole(std::move(all));
-}
-
-Belief belief_of(const Eigen::VectorXd& m, const Eigen::MatrixXd& S) {
-  const Eigen::Index f = m.size() / 2;
-  Belief belief;
-  belief.q = m.head(f);
-  belief.u = m.tail(f);
-  belief.columns = S.cols();
-  belief.S_q.setZero(f, 8 * f + Belief::most_components + EventMixture::added_columns());
-  belief.S_u = belief.S_q;
-  belief.S_q.leftCols(S.cols()) = S.topRows(f);
-  belief.S_u.leftCols(S.cols()) = S.bottomRows(f);
-  return belief;
 }
 
 Dense moments_of(const Belief& belief) {
