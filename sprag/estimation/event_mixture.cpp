@@ -363,8 +363,8 @@ bool EventMixture::collapse(int keep, Belief& belief) {
     belief.u += (usual + further) * basis_u_.col(c) + off_u_;
   }
 
+  // Within the hypotheses: basis L.
   factor(n);
-  // Of the basis, L.
   basis_q_.leftCols(c) = S_q;
   basis_u_.leftCols(c) = S_u;
   for (Eigen::Index k = 0; k < n; ++k) {

@@ -1,4 +1,4 @@
-// Beliefs for tests, from mean and columns of one piece.
+// Beliefs for tests, with q above u in one vector and S_q above S_u in one matrix.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,6 +20,24 @@ inline Belief belief_of(const Eigen::VectorXd& m, const Eigen::MatrixXd& S) {
   belief.S_q.leftCols(S.cols()) = S.topRows(f);
   belief.S_u.leftCols(S.cols()) = S.bottomRows(f);
   return belief;
+}
+
+inline Eigen::VectorXd mean_of(const Belief& belief) {
+  Eigen::VectorXd mean(2 * belief.q.size());
+  mean << belief.q, belief.u;
+  return mean;
+}
+
+/// 2 f x count.
+inline Eigen::MatrixXd columns_of(const Belief& belief, Eigen::Index first, Eigen::Index count) {
+  Eigen::MatrixXd S(2 * belief.q.size(), count);
+  S << belief.S_q.middleCols(first, count), belief.S_u.middleCols(first, count);
+  return S;
+}
+
+inline Eigen::MatrixXd covariance_of(const Belief& belief) {
+  const Eigen::MatrixXd S = columns_of(belief, 0, belief.columns);
+  return S * S.transpose();
 }
 
 }  // namespace sprag

@@ -73,23 +73,6 @@ struct Dense {
   Eigen::MatrixXd covariance;
 };
 
-Eigen::VectorXd mean_of(const Belief& belief) {
-  Eigen::VectorXd mean(2 * belief.q.size());
-  mean << belief.q, belief.u;
-  return mean;
-}
-
-Eigen::MatrixXd columns_of(const Belief& belief, Eigen::Index first, Eigen::Index count) {
-  Eigen::MatrixXd S(2 * belief.q.size(), count);
-  S << belief.S_q.middleCols(first, count), belief.S_u.middleCols(first, count);
-  return S;
-}
-
-Eigen::MatrixXd covariance_of(const Belief& belief) {
-  const Eigen::MatrixXd S = columns_of(belief, 0, belief.columns);
-  return S * S.transpose();
-}
-
 // The moments of the mixture with full matrices, one hypothesis and component after the other.
 struct Mixed {
   Eigen::MatrixXd S;  // 2 f x c

@@ -134,15 +134,7 @@ Dense integrate(const Machine& machine, const Eigen::VectorXd& m, const Eigen::M
   return whole(std::move(all));
 }
 
-Dense moments_of(const Belief& belief) {
-  const Eigen::Index f = belief.q.size();
-  Dense moments{Eigen::VectorXd(2 * f), {}, 1.0};
-  moments.mean << belief.q, belief.u;
-  Eigen::MatrixXd S(2 * f, belief.columns);
-  S << belief.S_q.leftCols(belief.columns), belief.S_u.leftCols(belief.columns);
-  moments.covariance = S * S.transpose();
-  return moments;
-}
+Dense moments_of(const Belief& belief) { return {mean_of(belief), covariance_of(belief), 1.0}; }
 
 // In deviations and variances themselves, axis by axis.
 struct Off {
