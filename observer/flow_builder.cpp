@@ -6,7 +6,6 @@ namespace sprag {
 namespace {
 
 constexpr double most_memory = 16 << 20;          // for flows that nobody has asked for yet
-constexpr std::int64_t look = 100'000'000;        // ns
 constexpr std::int64_t look_waiting = 1'000'000;  // ns
 
 // Of one flow [bytes], roughly: its signals and its matrices.
@@ -46,7 +45,7 @@ void FlowBuilder::run() {
     } else if (next_ < flows_.dynamics().contacts() && memory_ < most_memory) {
       build_ahead();
     } else {
-      asked_.wait_until(monotonic_now() + look);
+      asked_.wait_until(monotonic_now() + between_looks);
     }
   }
 }

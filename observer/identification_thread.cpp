@@ -3,11 +3,6 @@
 #include "sprag/mechanics/interrupt.h"
 
 namespace sprag {
-namespace {
-
-constexpr std::int64_t look = 100'000'000;  // ns
-
-}  // namespace
 
 IdentificationThread::IdentificationThread(const MachineFamily& family, std::size_t most_events)
     : family_(family) {
@@ -21,7 +16,7 @@ void IdentificationThread::run() {
         results_[next_] = sprag::run(task_, family_);
         stage_.store(Stage::done, std::memory_order_release);
       } else {
-        asked_.wait_until(monotonic_now() + look);
+        asked_.wait_until(monotonic_now() + between_looks);
       }
     }
   } catch (const Interrupted&) {  // a signal: the run is over

@@ -9,6 +9,9 @@
 
 namespace sprag {
 
+/// A thread that waits for another looks around this often without a signal [ns].
+inline constexpr std::int64_t between_looks = 100'000'000;
+
 class Wake {
  public:
   Wake() { sem_init(&semaphore_, 0, 0); }

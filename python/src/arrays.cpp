@@ -13,7 +13,7 @@ namespace {
 
 static_assert(sizeof(ContactEvent::contact) == sizeof(std::int32_t));
 
-constexpr py::ssize_t number = sizeof(double);
+constexpr py::ssize_t item_size = sizeof(double);
 
 // Numpy would take a number without fields for all three at once, and fields by their order. What
 // is no array becomes a list of tuples, which numpy takes entry by entry.
@@ -39,7 +39,7 @@ py::object with_fields(const py::object& events) {
 py::array matrix_view(const double* data, Eigen::Index rows, Eigen::Index columns,
                       py::ssize_t row_stride, py::ssize_t column_stride, py::handle owner) {
   return read_only(py::array(py::dtype::of<double>(), {rows, columns},
-                             {row_stride * number, column_stride * number}, data, owner));
+                             {row_stride * item_size, column_stride * item_size}, data, owner));
 }
 
 }  // namespace
@@ -51,7 +51,7 @@ py::array read_only(py::array array) {
 
 py::array view(const Eigen::VectorXd& values, py::handle owner) {
   return read_only(
-      py::array(py::dtype::of<double>(), {values.size()}, {number}, values.data(), owner));
+      py::array(py::dtype::of<double>(), {values.size()}, {item_size}, values.data(), owner));
 }
 
 py::array view(const Rows& rows, py::handle owner) {

@@ -12,7 +12,7 @@ namespace {
 constexpr int ticks = 400;
 constexpr double few = 0.05;  // of the ticks, those next to events that jitter
 
-double largest_share(const Estimate& of, const Estimate& start) {
+double largest_of_start(const Estimate& of, const Estimate& start) {
   return std::max(of.sigma_q.cwiseQuotient(start.sigma_q).maxCoeff(),
                   of.sigma_u.cwiseQuotient(start.sigma_u).maxCoeff());
 }
@@ -31,7 +31,7 @@ FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events,
   for (int k = 1; k <= ticks && !(limits.out_of_time && limits.out_of_time()); ++k) {
     observer.set_horizon(k == ticks ? duration : tick_instant(k, h).hi);
     for (const Estimate& estimate : observer.settle()) {
-      shares.push_back(largest_share(estimate, start));
+      shares.push_back(largest_of_start(estimate, start));
       trial.duration = estimate.t;
     }
   }

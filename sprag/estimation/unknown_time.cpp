@@ -40,7 +40,7 @@ constexpr double beyond_doubt = 4.0;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
 // Of a variance: what is known exactly is divided by it.
-constexpr double least = 1e-200;
+constexpr double least_square = 1e-200;
 
 // Mean and deviation of nodes with these weights, given as logarithms, from the first node in
 // steps; `total` is 0 where there is none.
@@ -110,12 +110,13 @@ UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
   const auto phi = belief_.phi().tail(columns_);
   auto psi = psi_.head(columns_);
   psi = belief_.psi().tail(columns_);
-  const double r = square(value_rounding_) + least;
+  const double r = square(value_rounding_) + least_square;
   sight.s2 = phi.squaredNorm() + r;
   sight.all_s2 = sight.s2 + belief_.phi().head(components_).squaredNorm();
   const double kappa = phi.dot(psi) / sight.s2;
   psi -= kappa * phi;
-  sight.d = std::sqrt(psi.squaredNorm() + square(kappa) * r + square(rate_rounding_) + least);
+  sight.d =
+      std::sqrt(psi.squaredNorm() + square(kappa) * r + square(rate_rounding_) + least_square);
   sight.rest_phi = r / sight.s2;
   if (components_ == 0) {
     views_[0] = view(kind, sight, kappa, sight.value, sight.rate);
@@ -402,7 +403,7 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
   belief_.go_back(age);
   const double mu = belief_.rate();
   const auto psi = belief_.psi();
-  const double d = std::sqrt(psi.squaredNorm() + square(rate_rounding_) + least);
+  const double d = std::sqrt(psi.squaredNorm() + square(rate_rounding_) + least_square);
   EventMixture::Hypothesis of;
   of.log_weight = log_prior(age);
   if (has_happened) {
@@ -520,7 +521,8 @@ double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, cons
                            const Belief& belief) {
   look_for(due, motion, terms, belief);
   belief_.go_back(0.0);
-  return belief_.value() / std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least);
+  return belief_.value() /
+         std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least_square);
 }
 
 bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,

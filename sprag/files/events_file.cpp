@@ -108,7 +108,7 @@ EventsFile read_events(InputFile file, int contacts) {
   std::string_view line;
   LineReader::Result got = reader.next(line);
   if (got != LineReader::Result::line || line != events_header) {
-    result.damage = {1, "header must be " + std::string(events_header)};
+    result.damage = {1, std::string("header must be ").append(events_header)};
     result.gaps = {{0.0, infinity}};
     return result;
   }
@@ -118,8 +118,9 @@ EventsFile read_events(InputFile file, int contacts) {
     if (line.empty()) continue;
     const auto row = parse_row(line, fields);
     if (!row) {
-      result.damage = {reader.number(), "garbled line (expected " + std::string(events_header) +
-                                            " with t finite and >= 0)"};
+      std::string expected("garbled line (expected ");
+      expected.append(events_header).append(" with t finite and >= 0)");
+      result.damage = {reader.number(), std::move(expected)};
       add({list.last_t(), infinity}, result.gaps);
       return result;
     }

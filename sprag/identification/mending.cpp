@@ -10,11 +10,11 @@
 namespace sprag {
 namespace {
 
-constexpr double gate = 7.0;          // of what predictions are usually off
-constexpr double wide_gate = 10.0;    // in gates: where a slow impact makes them worse
-constexpr double outlier = 4.5;       // of what the jitter does to one impact
-constexpr double exact = 1e-9;        // of the usual interval: no jitter
-constexpr double most_mended = 0.35;  // of the events; a path that needs more is none
+constexpr double gate = 7.0;             // of what predictions are usually off
+constexpr double wide_gate = 10.0;       // in gates: where a slow impact makes them worse
+constexpr double outlier = 4.5;          // of what the jitter does to one impact
+constexpr double without_jitter = 1e-9;  // of the usual interval: no jitter
+constexpr double most_mended = 0.35;     // of the events; a path that needs more is none
 // One of so many events at most is left out as an outlier, or for coming before the path.
 constexpr std::size_t most_left_out = 8;
 // Of the median: so long between two impacts, one was probably lost.
@@ -368,7 +368,7 @@ bool solve(const MachineFamily& family, const Start& start, std::optional<double
   Likelihood solution = maximize_likelihood(family, start.window, fit);
   constexpr double small = 1e-3;  // of the interval, where no jitter is told
   if (!jitter && solution.scatter() > small * interval) return false;
-  of = std::max(jitter.value_or(solution.scatter()), exact * interval);
+  of = std::max(jitter.value_or(solution.scatter()), without_jitter * interval);
   if (!fits(solution, of, 4.0)) return false;
   followed = {};
   followed.measured = start.window[start.base];

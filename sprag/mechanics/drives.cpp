@@ -11,12 +11,12 @@ namespace {
 
 // z and z' after tau of an oscillator that starts at rest under F = cos Omega t, and z under F =
 // sin Omega t / Omega, whose rate is the first.
-struct Response {
+struct DrivenResponse {
   double cosine, rate, sine;
 };
 
 // By their power series; |tau| times each of the rates involved is at most 1/2.
-Response short_response(double delta, double kappa, double kappa_source, double tau) {
+DrivenResponse short_response(double delta, double kappa, double kappa_source, double tau) {
   constexpr std::size_t terms = 16;
   const double x = 2.0 * delta * tau;
   const double y = kappa * tau * tau;
@@ -35,7 +35,7 @@ Response short_response(double delta, double kappa, double kappa_source, double 
   };
   const std::array<double, terms> cosine = series(1.0, 0.0);
   const std::array<double, terms> sine = series(0.0, tau);
-  Response z{};
+  DrivenResponse z{};
   for (std::size_t n = terms - 1; n >= 2; --n) {
     z.cosine += cosine[n];
     z.rate += static_cast<double>(n) * cosine[n];
@@ -47,8 +47,8 @@ Response short_response(double delta, double kappa, double kappa_source, double 
 
 // The steady response less the free motion that it would begin with. Not near resonance, and not
 // over a small part of a period of the source.
-Response steady_response(const OscillatorKernel& k, double delta, double kappa, double Omega,
-                         double tau) {
+DrivenResponse steady_response(const OscillatorKernel& k, double delta, double kappa, double Omega,
+                               double tau) {
   const double c = std::cos(Omega * tau);
   const double s = std::sin(Omega * tau);
   const double a = kappa - Omega * Omega;
@@ -61,8 +61,8 @@ Response steady_response(const OscillatorKernel& k, double delta, double kappa, 
 
 // Near resonance and over short times the series over a small part of tau, doubled again and again:
 // nothing cancels, and each doubling costs a rounding.
-Response response(const Oscillators& oscillators, Eigen::Index mode, Eigen::Index source,
-                  double tau) {
+DrivenResponse response(const Oscillators& oscillators, Eigen::Index mode, Eigen::Index source,
+                        double tau) {
   const double delta = oscillators.delta()[mode];
   const double kappa = oscillators.kappa()[mode];
   const double Omega = oscillators.root_kappa()[source];
@@ -76,7 +76,7 @@ Response response(const Oscillators& oscillators, Eigen::Index mode, Eigen::Inde
   std::frexp(2.0 * fastest * tau, &doublings);
   doublings = std::max(doublings, 0);
   double part = std::ldexp(tau, -doublings);
-  Response z = short_response(delta, kappa, kappa_source, part);
+  DrivenResponse z = short_response(delta, kappa, kappa_source, part);
   for (; doublings > 0; --doublings) {
     const OscillatorKernel k = oscillators.kernel(mode, part);
     const double c = std::cos(Omega * part);
@@ -107,7 +107,7 @@ void Drives::respond(const Oscillators& oscillators, const OscillatorState& from
   for (const Drive& drive : drives_) {
     if (drive.mode < first) continue;
     if (drive.mode >= end) break;
-    const Response z = response(oscillators, drive.mode, drive.source, tau);
+    const DrivenResponse z = response(oscillators, drive.mode, drive.source, tau);
     const double F = drive.force(from);
     const double rate = drive.force_rate(oscillators, from);
     to.z[drive.mode] += F * z.cosine + rate * z.sine;

@@ -82,9 +82,9 @@ Cells cells_of(const Axis& axis) {
 }
 
 // A script of the figure's size.
-Script begun(const StudyFigure& figure, double above, const std::filesystem::path& output) {
+Script begun(const StudyFigure& figure, double over, const std::filesystem::path& output) {
   double beside = beside_points;
-  double height = above + below_axis - between_panels;
+  double height = over + below_axis - between_panels;
   for (const StudyPanel& panel : figure.panels) {
     height += height_of_study(panel) + between_panels;
     if (in_plane(panel)) {

@@ -56,19 +56,19 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
 
 // The first point at which this estimator's median is not below the target; points.size(): none.
 std::size_t first_above(const std::vector<Point>& points, std::size_t estimator, double target) {
-  const auto above = std::find_if(points.begin(), points.end(), [&](const Point& point) {
+  const auto first = std::find_if(points.begin(), points.end(), [&](const Point& point) {
     return !(point.V[estimator].median < target);
   });
-  return static_cast<std::size_t>(above - points.begin());
+  return static_cast<std::size_t>(first - points.begin());
 }
 
 Limit limit_of(const Point& undisturbed, const std::vector<Point>& points, std::size_t estimator,
                double target) {
   if (!(undisturbed.V[estimator].median < target)) return {};
-  const std::size_t above = first_above(points, estimator, target);
-  if (above == points.size()) return {Limit::Kind::beyond_all, points.back().amount};
-  if (above == 0) return {Limit::Kind::below_all, points.front().amount};
-  const Point &low = points[above - 1], &high = points[above];
+  const std::size_t first = first_above(points, estimator, target);
+  if (first == points.size()) return {Limit::Kind::beyond_all, points.back().amount};
+  if (first == 0) return {Limit::Kind::below_all, points.front().amount};
+  const Point &low = points[first - 1], &high = points[first];
   const double V_low = low.V[estimator].median, V_high = high.V[estimator].median;
   if (!std::isfinite(V_high) || !(V_low > 0.0)) return {Limit::Kind::within, low.amount};
   const double part = std::log(target / V_low) / std::log(V_high / V_low);
