@@ -15,7 +15,10 @@
 //
 // An event happens where the flux through the support is: of two states that both have a gap of
 // zero, the faster one meets it more often. So the gap velocity at an impact has the density
-// (-gamma)^+ N(gamma; mu, d^2) (Rice's formula for level crossings).
+// (-gamma)^+ N(gamma; mu, d^2) (Rice's formula for level crossings). That takes the belief
+// literally: as if the machine had been drawn from it. Where the time of the event is known well it
+// is not asked for, and a belief that allows fast modes more than the machine has in them would
+// turn impact after impact into speed that is not there. There the sign of gamma alone counts.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,12 +28,12 @@
 
 namespace sprag {
 
-/// Of gamma ~ N(mu, d^2), weighted by the flux (-gamma)^+: log of the total weight, mean and
-/// variance. d > 0.
+/// Of gamma ~ N(mu, d^2) where gamma < 0, weighted by the flux and evenly, -gamma + even: log of
+/// the total weight, mean and variance. d > 0, even >= 0.
 struct FluxMoments {
   double log_weight, mean, variance;
 };
-FluxMoments flux_moments(double mu, double d);
+FluxMoments flux_moments(double mu, double d, double even);
 
 /// log of the normal distribution function, and its density over it, for any x without overflow.
 double log_normal_cdf(double x);

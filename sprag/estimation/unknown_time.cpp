@@ -27,7 +27,7 @@ constexpr double nearly_least = 4.0;
 // The hypotheses themselves: +- so many deviations of what the look has found.
 constexpr double node_reach = 5.0;
 // With 8 and more, sigma of a machine on a stable orbit falls below what rounding leaves.
-constexpr double node_density = 5.2;
+constexpr double node_density = 5.6;
 constexpr int least_nodes = 5, most_nodes = 30;
 constexpr int looks_at_nodes = 3;
 constexpr int burst_nodes = 11;
@@ -37,6 +37,8 @@ constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
 // Standard deviations.
 constexpr double beyond_doubt = 4.0;
+// Where nothing vibrates within the jitter the sign of a rate is all that counts.
+constexpr double most_even = 1e6;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
 // Of a variance: what is known exactly is divided by it.
@@ -99,6 +101,7 @@ void UnknownTime::look(const Signal& signal, double value_rounding, double rate_
   best_weight_ = -infinity;
   innovation_ = {};
   belief_.begin(signal, motion, belief);
+  even_ = 0.0;
 }
 
 // Afterwards psi_ and views_ are those of a hypothesis.
@@ -148,6 +151,10 @@ UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
   return sight;
 }
 
+double UnknownTime::even_of(const Sight& sight) const {
+  return std::min(1.0 / square(belief_.fastest() * sigma_), most_even) * sight.d;
+}
+
 UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sight, double kappa,
                                     double value, double rate) const {
   View view{};
@@ -161,7 +168,7 @@ UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sigh
     view.variance = square(sight.d) * square(rate_noise_) / all;
     view.log_weight -= 0.5 * square(view.mu) / all + 0.5 * std::log(all);
   } else {
-    const FluxMoments flux = flux_moments(view.mu, sight.d);
+    const FluxMoments flux = flux_moments(view.mu, sight.d, even_);
     view.mean_rate = flux.mean;
     view.variance = flux.variance;
     view.log_weight += flux.log_weight;
@@ -469,6 +476,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
       rate_noise_ = chatter * std::abs(second_rate(belief_.signal(), motion)) + rate_rounding_;
     }
     const Sight reported = see(event.kind, delay_);
+    even_ = even_of(reported);
     nodes = find_nodes(event.kind);
     innovation_.gap = reported.value;
     innovation_.deviation = std::sqrt(reported.s2 + square(reported.rate * sigma_));

@@ -6,10 +6,12 @@
 // where it was locked and releases), and the gap velocity has the density of a crossing. So tau has
 // the weight
 //
-//   exp(-tau^2 / (2 sigma^2)) N(g; 0, s^2) E[(-gamma)^+ | g = 0],
+//   exp(-tau^2 / (2 sigma^2)) N(g; 0, s^2) E[(-gamma)^+ + v 1(gamma < 0) | g = 0],
 //
 // g, gamma and the deviation s of g from mean and covariance, which have gone back by tau; and the
-// impact that it means has moved since.
+// impact that it means has moved since. v = d / (omega sigma)^2 with the largest frequency omega of
+// the flow and the deviation d of gamma at t_m: the less a time can be off, the less the flux
+// counts.
 #pragma once
 
 #include <Eigen/Core>
@@ -106,6 +108,7 @@ class UnknownTime {
   void look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
   Sight see(UncertainEvent::Kind kind, double age);
+  double even_of(const Sight& sight) const;
   View view(UncertainEvent::Kind kind, const Sight& sight, double kappa, double value,
             double rate) const;
   bool is_bent(const Motion& motion, const Nodes& nodes) const;
@@ -139,6 +142,7 @@ class UnknownTime {
   // What is looked at.
   Retrodiction belief_;
   double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
+  double even_ = 0.0;         // weight that does not go with the flux, of flux_moments()
   Eigen::Index columns_ = 0;  // without components
   int components_ = 0;
   std::array<double, Belief::most_components> roots_{}, log_weights_{};  // of components

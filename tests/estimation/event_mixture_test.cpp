@@ -16,18 +16,18 @@
 namespace sprag {
 namespace {
 
-// Of y = -gamma > 0 with the density y N(y; a, 1), by Simpson's rule in long double.
-FluxMoments by_quadrature(double a) {
+// Of y = -gamma > 0 with the density (y + even) N(y; a, 1), by Simpson's rule in long double.
+FluxMoments by_quadrature(double a, double even) {
   using Real = long double;
   const Real peak = (a + std::sqrt(Real(a) * a + 4)) / 2;
-  const auto log_density = [&](Real y) { return std::log(y) - (y - a) * (y - a) / 2; };
+  const auto log_density = [&](Real y) { return std::log(y + even) - (y - a) * (y - a) / 2; };
   const Real low = std::max<Real>(0, peak - 14);
   const Real high = peak + 14;
   constexpr int n = 200000;
   Real sums[3] = {0, 0, 0};
-  for (int i = 1; i <= n; ++i) {
+  for (int i = 0; i <= n; ++i) {
     const Real y = low + (high - low) * i / n;
-    const Real weight = (i == n       ? 1
+    const Real weight = (i % n == 0   ? 1
                          : i % 2 == 1 ? 4
                                       : 2) *
                         std::exp(log_density(y) - log_density(peak)) * (high - low) / (3 * n);
@@ -43,13 +43,15 @@ FluxMoments by_quadrature(double a) {
 
 TEST(FluxMoments, AreThoseOfTheDensity) {
   for (const double a : {-30.0, -8.5, -7.9, -3.0, -0.5, 0.0, 0.3, 2.0, 7.9, 8.1, 40.0}) {
-    const FluxMoments expected = by_quadrature(a);
-    for (const double d : {1e-9, 1.0, 1e6}) {
-      const FluxMoments moments = flux_moments(-a * d, d);
-      const double tolerance = a < -8.0 ? 1e-3 : 1e-8;
-      EXPECT_NEAR(moments.log_weight - std::log(d), expected.log_weight, tolerance) << a;
-      EXPECT_NEAR(moments.mean / d / expected.mean, 1.0, tolerance) << a;
-      EXPECT_NEAR(moments.variance / (d * d) / expected.variance, 1.0, 10.0 * tolerance) << a;
+    for (const double even : {0.0, 0.3, 1e6}) {
+      const FluxMoments expected = by_quadrature(a, even);
+      for (const double d : {1e-9, 1.0, 1e6}) {
+        const FluxMoments moments = flux_moments(-a * d, d, even * d);
+        const double tolerance = a < -8.0 ? 1e-3 : 1e-8;
+        EXPECT_NEAR(moments.log_weight - std::log(d), expected.log_weight, tolerance) << a;
+        EXPECT_NEAR(moments.mean / d / expected.mean, 1.0, tolerance) << a;
+        EXPECT_NEAR(moments.variance / (d * d) / expected.variance, 1.0, 10.0 * tolerance) << a;
+      }
     }
   }
 }

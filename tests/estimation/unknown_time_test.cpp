@@ -58,9 +58,18 @@ struct Machine {
   }
 };
 
+// Of the gap velocity where the gap is zero, a Gaussian's now: its deviation over (omega sigma)^2.
+double even_of(const Machine& machine, const Eigen::MatrixXd& P, double sigma) {
+  const Eigen::Index f = machine.omega.size();
+  const double s2 = P.topLeftCorner(f, f).sum();
+  const double both = P.topRightCorner(f, f).sum();
+  const double d = std::sqrt(std::max(P.bottomRightCorner(f, f).sum() - both * both / s2, 0.0));
+  return d / std::pow(machine.omega.maxCoeff() * sigma, 2);
+}
+
 // What an impact at this age, reported at none, makes of a Gaussian; `weight` is its logarithm,
 // on top of the Gaussian's own.
-Dense at_age(const Machine& machine, const Dense& of, double age, double sigma) {
+Dense at_age(const Machine& machine, const Dense& of, double age, double sigma, double even) {
   const Eigen::Index f = machine.omega.size();
   const double epsilon = machine.restitution;
   Eigen::VectorXd gap = Eigen::VectorXd::Zero(2 * f), velocity = gap, impact = gap;
@@ -77,7 +86,7 @@ Dense at_age(const Machine& machine, const Dense& of, double age, double sigma) 
   const double mu = v.dot(at.mean);
   const Eigen::VectorXd Pv = at.covariance * v;
   const double d = std::sqrt(std::max(v.dot(Pv), 1e-300));
-  const FluxMoments flux = flux_moments(mu, d);
+  const FluxMoments flux = flux_moments(mu, d, even);
   at.mean += Pv * ((flux.mean - mu) / (d * d));
   at.covariance -= Pv * Pv.transpose() * ((1.0 - flux.variance / (d * d)) / (d * d));
   const Eigen::MatrixXd jump = Eigen::MatrixXd::Identity(2 * f, 2 * f) -
@@ -107,13 +116,14 @@ Dense whole(std::vector<Dense> all) {
 Dense integrate(const Machine& machine, const Eigen::VectorXd& m, const Eigen::MatrixXd& P,
                 double sigma) {
   const Dense of{m, P, 0.0};
+  const double even = even_of(machine, P, sigma);
   // Where the weight is, by halving around the best.
   double low = -6.0 * sigma, high = 6.0 * sigma;
   constexpr int n = 2000;
   for (int zoom = 0; zoom < 40; ++zoom) {
     std::vector<double> weights;
     for (int i = 0; i <= n / 10; ++i)
-      weights.push_back(at_age(machine, of, low + (high - low) * 10 * i / n, sigma).weight);
+      weights.push_back(at_age(machine, of, low + (high - low) * 10 * i / n, sigma, even).weight);
     const double best = *std::max_element(weights.begin(), weights.end());
     int first = n / 10, last = 0;
     for (int i = 0; i <= n / 10; ++i) {
@@ -129,7 +139,7 @@ Dense integrate(const Machine& machine, const Eigen::VectorXd& m, const Eigen::M
   }
   std::vector<Dense> all;
   for (int i = 0; i <= n; ++i) {
-    all.push_back(at_age(machine, of, low + (high - low) * i / n, sigma));
+    all.push_back(at_age(machine, of, low + (high - low) * i / n, sigma, even));
   }
   return whole(std::move(all));
 }
@@ -218,7 +228,8 @@ TEST(UnknownTime, TwoImpactsAreNearTheIntegralOverBothTimes) {
     const Dense prior{m, S * S.transpose(), 0.0};
 
     // The mean's way to its second impact.
-    const Dense first = at_age(machine, prior, 0.0, sigma);
+    const double even = even_of(machine, prior.covariance, sigma);
+    const Dense first = at_age(machine, prior, 0.0, sigma, even);
     const auto gap_after = [&](double tau) {
       return 0.1 + (machine.flow(tau) * first.mean).head(f).sum();
     };
@@ -226,14 +237,15 @@ TEST(UnknownTime, TwoImpactsAreNearTheIntegralOverBothTimes) {
     if (gap_after(flight) < 0.0) continue;  // it has met the support again by then
     while (gap_after(flight) > 0.0) flight += 0.01;
     const Eigen::MatrixXd on = machine.flow(flight);
+    const double even_then = even_of(machine, on * first.covariance * on.transpose(), sigma);
     std::vector<Dense> both;
     constexpr int n = 160;
     const auto age = [&](int i) { return sigma * (10.0 * i / n - 5.0); };
     for (int i = 0; i <= n; ++i) {
-      Dense one = at_age(machine, prior, age(i), sigma);
+      Dense one = at_age(machine, prior, age(i), sigma, even);
       one.mean = on * one.mean;
       one.covariance = on * one.covariance * on.transpose();
-      for (int j = 0; j <= n; ++j) both.push_back(at_age(machine, one, age(j), sigma));
+      for (int j = 0; j <= n; ++j) both.push_back(at_age(machine, one, age(j), sigma, even_then));
     }
     const Dense expected = whole(std::move(both));
 
