@@ -15,10 +15,14 @@
 //
 // An event happens where the flux through the support is: of two states that both have a gap of
 // zero, the faster one meets it more often. So the gap velocity at an impact has the density
-// (-gamma)^+ N(gamma; mu, d^2) (Rice's formula for level crossings). That takes the belief
-// literally: as if the machine had been drawn from it. Where the time of the event is known well it
-// is not asked for, and a belief that allows fast modes more than the machine has in them would
-// turn impact after impact into speed that is not there. There the sign of gamma alone counts.
+// (-gamma)^+ N(gamma; mu, d^2) (Rice's formula for level crossings), if the machine was drawn from
+// the belief. Nobody has drawn it: one that is slower than the belief allows would seem faster
+// impact after impact. What leaves no such trace is Jeffreys' prior, the root of the determinant of
+// Fisher's information. A report of the time T(x) up to sigma, dT/dx = h / |gamma|, multiplies that
+// determinant by 1 + s^2 / (gamma sigma)^2, s the deviation of the gap. With the flux, the weight
+// is sqrt(gamma^2 + s^2 / sigma^2): the flux where the state is known better than the time, nothing
+// but the sign of gamma where the time is. (-gamma)^+ + v, v = s^2 / (|gamma| sigma^2) at the mean,
+// has the same slope there.
 #pragma once
 
 #include <Eigen/Core>

@@ -37,7 +37,7 @@ constexpr double unheard_reach = 5.0;
 constexpr int crossing_steps = 16;
 // Standard deviations.
 constexpr double beyond_doubt = 4.0;
-// Where nothing vibrates within the jitter the sign of a rate is all that counts.
+// Of d; then the sign of a rate is all that counts.
 constexpr double most_even = 1e6;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
@@ -152,7 +152,7 @@ UnknownTime::Sight UnknownTime::see(UncertainEvent::Kind kind, double age) {
 }
 
 double UnknownTime::even_of(const Sight& sight) const {
-  return std::min(1.0 / square(belief_.fastest() * sigma_), most_even) * sight.d;
+  return std::min(sight.s2 / (-sight.mean_rate * square(sigma_)), most_even * sight.d);
 }
 
 UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sight, double kappa,
@@ -521,8 +521,12 @@ UnknownTime::Impact UnknownTime::impact() const {
     }
     return {first, std::sqrt(second / total)};
   };
-  return {moment(&Seen::age, nullptr), moment(&Seen::before, &Seen::var_before),
-          moment(&Seen::after, &Seen::var_after), moment(&Seen::change, &Seen::var_change)};
+  Impact impact{moment(&Seen::age, nullptr), moment(&Seen::before, &Seen::var_before),
+                moment(&Seen::after, &Seen::var_after), moment(&Seen::change, &Seen::var_change)};
+  // Hypotheses are further apart than what the signal's rounding makes of a time.
+  impact.age.deviation =
+      std::max(impact.age.deviation, value_rounding_ / std::abs(impact.before.mean));
+  return impact;
 }
 
 double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,

@@ -9,9 +9,8 @@
 //   exp(-tau^2 / (2 sigma^2)) N(g; 0, s^2) E[(-gamma)^+ + v 1(gamma < 0) | g = 0],
 //
 // g, gamma and the deviation s of g from mean and covariance, which have gone back by tau; and the
-// impact that it means has moved since. v = d / (omega sigma)^2 with the largest frequency omega of
-// the flow and the deviation d of gamma at t_m: the less a time can be off, the less the flux
-// counts.
+// impact that it means has moved since. v = s^2 / (|gamma| sigma^2) at t_m makes the weight that of
+// Jeffreys' prior (event_mixture.h): the better a time is known, the less the flux counts.
 #pragma once
 
 #include <Eigen/Core>
