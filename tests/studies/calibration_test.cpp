@@ -297,7 +297,7 @@ TEST(CalibrationProgram, PrintsATableCsvAndJson) {
 TEST(Calibration, AJitteredChainOfContactsIsNeverTakenForAnother) {
   const Scene scene = machines("chatter:2").front();
   Options options;
-  options.seeds = 4;
+  options.seeds = 30;  // a single run may be a dozen times worse than the others
   study(scene, {1e-3}, {EstimatorKind::both}, options, [](const Row& row) {
     std::cout << table_row(row);
     EXPECT_LT(row.summary.V_largest, 0.1 * row.summary.V_replica);
