@@ -6,12 +6,13 @@
 #include <limits>
 #include <numbers>
 
+#include "sprag/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
 // Beyond it the normal distribution is its asymptotic series to double precision, or nothing.
 constexpr double far = 8.0;
-constexpr double half_log_two_pi = 0.91893853320467274178;
 // A pivot below this share of its diagonal entry is rounding.
 constexpr double least_pivot = 1e-15;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "sprag/mechanics/linear_algebra.h"
@@ -392,6 +393,8 @@ bool TimingFilter::find_published(const TimingState& state) {
   }
   // Several contacts may have met or left their supports.
   ContactSet heard = 0;
+  std::array<UnknownTime::Release, max_contacts> releases;
+  std::size_t released = 0;
   for (UncertainEvent due = next_due(state, published_, heard, unsettled);
        due.kind != UncertainEvent::Kind::none;
        due = next_due(state, published_, heard, unsettled)) {
@@ -399,6 +402,8 @@ bool TimingFilter::find_published(const TimingState& state) {
     unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
     if (due.kind == UncertainEvent::Kind::pulse) {
       enter_motion(*published_.flow, t, published_);
+    } else {
+      releases[released++] = {due.contact, unknown_time_->unheard_age()};
     }
     columns_.merge(now_);
     near = true;
@@ -408,6 +413,11 @@ bool TimingFilter::find_published(const TimingState& state) {
     }
     enter_motion(*published_.flow, t, published_);
     columns_.merge(now_);
+  }
+  if (released > 1) {
+    const std::span all = std::span(releases).first(released);
+    std::ranges::sort(all, std::greater<>(), &UnknownTime::Release::age);
+    unknown_time_->add_interplay(all, published_, now_);
   }
   return near && is_sane(now_);
 }

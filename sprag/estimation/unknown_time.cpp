@@ -13,8 +13,6 @@
 namespace sprag {
 namespace {
 
-constexpr double half_log_two_pi = 0.91893853320467274178;
-
 // A first look at tau, over +- so many sigma.
 constexpr int scan_nodes = 17;
 constexpr double scan_reach = 4.5;
@@ -32,17 +30,10 @@ constexpr int least_nodes = 5, most_nodes = 30;
 constexpr int looks_at_nodes = 3;
 constexpr int burst_nodes = 11;
 constexpr double burst_reach = 3.0;
-constexpr int unheard_nodes = 16;
-constexpr double unheard_reach = 5.0;
-constexpr int crossing_steps = 16;
-// Standard deviations.
-constexpr double beyond_doubt = 4.0;
 // Of d; then the sign of a rate is all that counts.
 constexpr double most_even = 1e6;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
-// Of a variance: what is known exactly is divided by it.
-constexpr double least_square = 1e-200;
 
 // Mean and deviation of nodes with these weights, given as logarithms, from the first node in
 // steps; `total` is 0 where there is none.
@@ -527,80 +518,6 @@ UnknownTime::Impact UnknownTime::impact() const {
   impact.age.deviation =
       std::max(impact.age.deviation, value_rounding_ / std::abs(impact.before.mean));
   return impact;
-}
-
-double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
-                           const Belief& belief) {
-  look_for(due, motion, terms, belief);
-  belief_.go_back(0.0);
-  return belief_.value() /
-         std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least_square);
-}
-
-bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
-                                Belief& belief) {
-  if (!(margin(due, motion, terms, belief) < -beyond_doubt)) return false;
-  const double gap = value(belief_.signal(), motion);
-  const double gap_velocity = rate(belief_.signal(), motion);
-  const Eigen::Index c = belief.columns;
-  belief.q -= gap * impact_u_;
-  belief.u -= gap_velocity * impact_u_;
-  belief.S_q.middleCols(c, 2).setZero();
-  belief.S_u.middleCols(c, 2).setZero();
-  belief.S_q.col(c) = gap * impact_u_;
-  belief.S_u.col(c + 1) = gap_velocity * impact_u_;
-  belief.columns += 2;
-  return true;
-}
-
-double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
-                                 const Terms& terms, bool condition, Belief& belief) {
-  delay_ = 0.0;
-  belief.components = 0;
-  look_for(due, motion, terms, belief);
-  mixture_.begin(belief);
-  seen_size_ = 0;
-
-  // It has not happened yet.
-  Sight sight = see(due.kind, 0.0);
-  const double s = std::sqrt(sight.s2);
-  const double x = sight.value / s;
-  const double hazard = normal_hazard(x);
-  EventMixture::Hypothesis not_yet;
-  not_yet.log_weight = log_normal_cdf(x);
-  not_yet.rest_phi = sight.rest_phi;
-  not_yet.shift_phi = hazard;
-  not_yet.taken_along_phi = std::clamp(hazard * (x + hazard), 0.0, 1.0);
-  mixture_.add(not_yet);
-  mixture_.phi() = belief_.phi() / s;
-  mixture_.psi().setZero();
-
-  // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
-  // shorter than reports may take.
-  double age = 0.0;
-  if (sight.value < 0.0 && !(sight.rate < 0.0)) {
-    for (int i = 1; i <= scan_nodes && !(sight.value < 0.0 && sight.rate < 0.0); ++i) {
-      age = i * latest() / scan_nodes;
-      sight = see(due.kind, age);
-    }
-  }
-  for (int i = 0; i < crossing_steps && sight.rate < 0.0; ++i) {
-    const double next = std::clamp(age + sight.value / sight.rate, 0.0, latest());
-    if (std::abs(next - age) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
-    age = next;
-    sight = see(due.kind, age);
-  }
-  const double width = std::abs(std::sqrt(sight.s2) / sight.rate);
-  const double low = std::max(0.0, age - unheard_reach * width);
-  const double high = std::min(latest(), age + unheard_reach * width);
-  const double step = (high - low) / unheard_nodes;
-  for (int i = 0; i < unheard_nodes && step > 0.0; ++i) {
-    const double at_age = low + (i + 0.5) * step;
-    add(due, at_age, std::log(step) - half_log_two_pi + log_normal_cdf(-at_age / sigma_), true);
-  }
-  const double total = mixture_.log_total();
-  if (condition) mixture_.collapse(0, belief);
-  return total;
 }
 
 }  // namespace sprag

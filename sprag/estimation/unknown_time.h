@@ -15,6 +15,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <span>
 
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/event_mixture.h"
@@ -68,6 +69,18 @@ class UnknownTime {
   double hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                       bool condition, Belief& belief);
 
+  /// When that was, by the mean, if it has happened: how long before the motion [s].
+  double unheard_age() const { return unheard_age_; }
+
+  /// Of several contacts that have released unheard, each was taken as if the others were held.
+  /// What they do to each other is one more unknown of the belief: a column. The earliest comes
+  /// first.
+  struct Release {
+    int contact;
+    double age;
+  };
+  void add_interplay(std::span<const Release> releases, const Motion& motion, Belief& belief);
+
   /// After an unheard pulse: if the contact has met its support once more beyond doubt, it may have
   /// done so many times. Then its gap and gap velocity are nothing, up to what they would be
   /// without. Returns whether this was so.
@@ -79,6 +92,9 @@ class UnknownTime {
                 const Belief& belief);
 
  private:
+  // Of a variance: what is known exactly is divided by it.
+  static constexpr double least_square = 1e-200;
+
   // What a hypothesis about the age tau of an event says, up to what the impact does.
   struct Sight {
     double value, rate;          // of the signal that is zero at the event
@@ -136,6 +152,7 @@ class UnknownTime {
   double closed_since_ = 0.0;  // the contact that releases, by the reports
   EventMixture mixture_;
   double best_weight_ = 0.0;
+  double unheard_age_ = 0.0;
   Innovation innovation_;
 
   // What is looked at.

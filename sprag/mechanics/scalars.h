@@ -8,6 +8,9 @@ namespace sprag {
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
+/// log of the square root of 2 pi: less the log of the normal density at 0.
+inline constexpr double half_log_two_pi = 0.91893853320467274178;
+
 /// Not std::pow, which without optimization is not that product, and not the same in other units.
 constexpr double square(double x) { return x * x; }
 

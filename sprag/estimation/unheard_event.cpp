@@ -1,0 +1,138 @@
+// What it says that no event has been reported.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "sprag/estimation/unknown_time.h"
+#include "sprag/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+// For the last crossing of the mean.
+constexpr int looks_back = 17;
+constexpr int crossing_steps = 16;
+// Hypotheses about when it was, over +- so many of its deviations.
+constexpr int unheard_nodes = 16;
+constexpr double unheard_reach = 5.0;
+// Standard deviations.
+constexpr double beyond_doubt = 4.0;
+
+}  // namespace
+
+double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                           const Belief& belief) {
+  look_for(due, motion, terms, belief);
+  belief_.go_back(0.0);
+  return belief_.value() /
+         std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least_square);
+}
+
+bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                                Belief& belief) {
+  if (!(margin(due, motion, terms, belief) < -beyond_doubt)) return false;
+  const double gap = value(belief_.signal(), motion);
+  const double gap_velocity = rate(belief_.signal(), motion);
+  const Eigen::Index c = belief.columns;
+  belief.q -= gap * impact_u_;
+  belief.u -= gap_velocity * impact_u_;
+  belief.S_q.middleCols(c, 2).setZero();
+  belief.S_u.middleCols(c, 2).setZero();
+  belief.S_q.col(c) = gap * impact_u_;
+  belief.S_u.col(c + 1) = gap_velocity * impact_u_;
+  belief.columns += 2;
+  return true;
+}
+
+double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
+                                 const Terms& terms, bool condition, Belief& belief) {
+  delay_ = 0.0;
+  belief.components = 0;
+  look_for(due, motion, terms, belief);
+  mixture_.begin(belief);
+  seen_size_ = 0;
+
+  // It has not happened yet.
+  Sight sight = see(due.kind, 0.0);
+  const double s = std::sqrt(sight.s2);
+  const double x = sight.value / s;
+  const double hazard = normal_hazard(x);
+  EventMixture::Hypothesis not_yet;
+  not_yet.log_weight = log_normal_cdf(x);
+  not_yet.rest_phi = sight.rest_phi;
+  not_yet.shift_phi = hazard;
+  not_yet.taken_along_phi = std::clamp(hazard * (x + hazard), 0.0, 1.0);
+  mixture_.add(not_yet);
+  mixture_.phi() = belief_.phi() / s;
+  mixture_.psi().setZero();
+
+  // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
+  // shorter than reports may take.
+  double age = 0.0;
+  if (sight.value < 0.0 && !(sight.rate < 0.0)) {
+    for (int i = 1; i <= looks_back && !(sight.value < 0.0 && sight.rate < 0.0); ++i) {
+      age = i * latest() / looks_back;
+      sight = see(due.kind, age);
+    }
+  }
+  for (int i = 0; i < crossing_steps && sight.rate < 0.0; ++i) {
+    const double next = std::clamp(age + sight.value / sight.rate, 0.0, latest());
+    if (std::abs(next - age) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
+    age = next;
+    sight = see(due.kind, age);
+  }
+  unheard_age_ = age;
+  const double width = std::abs(std::sqrt(sight.s2) / sight.rate);
+  const double low = std::max(0.0, age - unheard_reach * width);
+  const double high = std::min(latest(), age + unheard_reach * width);
+  const double step = (high - low) / unheard_nodes;
+  for (int i = 0; i < unheard_nodes && step > 0.0; ++i) {
+    const double at_age = low + (i + 0.5) * step;
+    add(due, at_age, std::log(step) - half_log_two_pi + log_normal_cdf(-at_age / sigma_), true);
+  }
+  const double total = mixture_.log_total();
+  if (condition) mixture_.collapse(0, belief);
+  return total;
+}
+
+void UnknownTime::add_interplay(std::span<const Release> releases, const Motion& motion,
+                                Belief& belief) {
+  const Flow& flow = *motion.flow;
+  belief_.begin(flow.force(releases.front().contact), motion, belief);
+  // Of q_, u_, with what is held from here on.
+  const auto go_on = [&](const Flow& on, Instant from, Instant to) {
+    on.close_gaps(from, q_);
+    on.enter(q_, u_, from, no_gaps_.head(std::popcount(on.locked())), after_);
+    on.propagate(after_, to, after_);
+    on.state(after_, q_, u_);
+  };
+  // One after the other, less one by one.
+  flow.state(motion, q_, u_);
+  const auto others = static_cast<double>(releases.size() - 1);
+  q_after_ = others * q_;
+  u_after_ = others * u_;
+  for (const Release& release : releases) {
+    const Flow* alone = flows_->find(flow.locked() & ~bit(release.contact));
+    if (alone == nullptr) return;
+    belief_.go_back(release.age);
+    flow.state(belief_.mean(), q_, u_);
+    go_on(*alone, belief_.mean().t, motion.t);
+    q_after_ -= q_;
+    u_after_ -= u_;
+  }
+  belief_.go_back(releases.front().age);
+  flow.state(belief_.mean(), q_, u_);
+  ContactSet held = flow.locked();
+  for (std::size_t k = 0; k < releases.size(); ++k) {
+    held &= ~bit(releases[k].contact);
+    const Flow* next = flows_->find(held);
+    if (next == nullptr) return;
+    const double until = k + 1 < releases.size() ? releases[k + 1].age : 0.0;
+    go_on(*next, motion.t + -releases[k].age, motion.t + -until);
+  }
+  belief.S_q.col(belief.columns) = q_after_ + q_;
+  belief.S_u.col(belief.columns) = u_after_ + u_;
+  ++belief.columns;
+}
+
+}  // namespace sprag
