@@ -1,6 +1,5 @@
 // What it says that no event has been reported.
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "sprag/estimation/unknown_time.h"
@@ -99,13 +98,6 @@ void UnknownTime::add_interplay(std::span<const Release> releases, const Motion&
                                 Belief& belief) {
   const Flow& flow = *motion.flow;
   belief_.begin(flow.force(releases.front().contact), motion, belief);
-  // Of q_, u_, with what is held from here on.
-  const auto go_on = [&](const Flow& on, Instant from, Instant to) {
-    on.close_gaps(from, q_);
-    on.enter(q_, u_, from, no_gaps_.head(std::popcount(on.locked())), after_);
-    on.propagate(after_, to, after_);
-    on.state(after_, q_, u_);
-  };
   // One after the other, less one by one.
   flow.state(motion, q_, u_);
   const auto others = static_cast<double>(releases.size() - 1);
@@ -116,7 +108,7 @@ void UnknownTime::add_interplay(std::span<const Release> releases, const Motion&
     if (alone == nullptr) return;
     belief_.go_back(release.age);
     flow.state(belief_.mean(), q_, u_);
-    go_on(*alone, belief_.mean().t, motion.t);
+    go_on(*alone, belief_.mean().t, motion.t, q_, u_);
     q_after_ -= q_;
     u_after_ -= u_;
   }
@@ -128,7 +120,7 @@ void UnknownTime::add_interplay(std::span<const Release> releases, const Motion&
     const Flow* next = flows_->find(held);
     if (next == nullptr) return;
     const double until = k + 1 < releases.size() ? releases[k + 1].age : 0.0;
-    go_on(*next, motion.t + -releases[k].age, motion.t + -until);
+    go_on(*next, motion.t + -releases[k].age, motion.t + -until, q_, u_);
   }
   belief.S_q.col(belief.columns) = q_after_ + q_;
   belief.S_u.col(belief.columns) = u_after_ + u_;

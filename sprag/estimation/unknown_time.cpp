@@ -321,16 +321,22 @@ void UnknownTime::add_moved_impact(double age) {
   mixture_.b_u() = moved_u_.col(0);
 }
 
+// q and u at `from` become those at `to`, with the contacts of this flow held.
+void UnknownTime::go_on(const Flow& flow, Instant from, Instant to, Eigen::VectorXd& q,
+                        Eigen::VectorXd& u) {
+  flow.close_gaps(from, q);
+  flow.enter(q, u, from, no_gaps_.head(std::popcount(flow.locked())), after_);
+  flow.propagate(after_, to, after_);
+  flow.state(after_, q, u);
+}
+
 // b of the hypothesis just added: what it makes of its mean, xi_, that it has moved on another flow
 // since.
 void UnknownTime::add_changed_flow(const Flow& after) {
   const Motion& mean = belief_.mean();
   belief_.set_xi(xi_.head(columns_));
-  belief_.flow().state(mean, q_, u_);
-  after.close_gaps(mean.t, q_);
-  after.enter(q_, u_, mean.t, no_gaps_.head(std::popcount(after.locked())), after_);
-  after.propagate(after_, belief_.motion().t, after_);
-  after.state(after_, q_after_, u_after_);
+  belief_.flow().state(mean, q_after_, u_after_);
+  go_on(after, mean.t, belief_.motion().t, q_after_, u_after_);
   belief_.return_to_motion();
   belief_.flow().state(mean, q_, u_);
   mixture_.b_q() = q_after_ - q_;

@@ -134,6 +134,7 @@ class UnknownTime {
   Nodes nodes_about(double mean, double deviation) const;
   void set_impact(const UncertainEvent& event);
   void add_moved_impact(double age);
+  void go_on(const Flow& flow, Instant from, Instant to, Eigen::VectorXd& q, Eigen::VectorXd& u);
   void add_changed_flow(const Flow& after);
   void add(const UncertainEvent& event, double age, double log_weight, bool has_happened);
   void add_burst(const UncertainEvent& event, double age, bool has_happened);
