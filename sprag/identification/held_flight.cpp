@@ -33,20 +33,19 @@ HeldFlight::HeldFlight(const Machine& machine, ContactSet held)
   fixed_ = Q.leftCols(h);
   N_ = Q.rightCols(r);
   const Eigen::MatrixXd K = full(machine.K, machine.modal), C = full(machine.C, machine.modal);
-  const auto onto = [&](const Eigen::MatrixXd& A) -> Eigen::MatrixXd {
-    return N_.transpose() * A * N_;
-  };
-  if (r > 0) N_ *= eigenpairs(onto(K), Eigen::MatrixXd::Identity(r, r)).vectors;
-  K_ = onto(K);
-  C_ = onto(C);
+  if (r > 0) {
+    N_ = product(N_, eigenpairs(congruent(N_, K), Eigen::MatrixXd::Identity(r, r)).vectors);
+  }
+  K_ = congruent(N_, K);
+  C_ = congruent(N_, C);
   modal_ = is_nearly_diagonal(C_);
   if (modal_) {
     K_ = K_.diagonal().cwiseMax(0.0).eval();
     C_ = C_.diagonal().eval();
   }
-  forces_ = N_.transpose() * machine.constant_forces;
-  pull_ = -(N_.transpose() * K * fixed_);
-  push_ = -(W * inverse(Eigen::MatrixXd(W.transpose() * W)));
+  forces_ = product(N_.transpose(), machine.constant_forces);
+  pull_ = -product(N_.transpose(), product(K, fixed_));
+  push_ = -product(W, inverse(product(W.transpose(), W)));
   offset_.resize(n, machine.groups());
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     Eigen::MatrixXcd response = W.cast<Complex>();
@@ -54,8 +53,9 @@ HeldFlight::HeldFlight(const Machine& machine, ContactSet held)
     VectorCR gaps(h);
     Eigen::Index j = 0;
     for_each(held, [&](int i) { gaps[j++] = machine.gap_response(i, g); });
-    const MatrixCR of_gaps = (W.transpose() * response).cast<std::complex<Extended>>();
-    offset_.col(g) = response * solve(of_gaps, MatrixCR(gaps)).cast<Complex>();
+    const MatrixCR of_gaps = W.transpose().lazyProduct(response).cast<std::complex<Extended>>();
+    const Eigen::VectorXcd forces = solve(of_gaps, MatrixCR(gaps)).col(0).cast<Complex>();
+    offset_.col(g) = response.lazyProduct(forces);
   }
 }
 
@@ -76,14 +76,14 @@ void HeldFlight::move(double t, double tau, const Eigen::MatrixXd& inputs, Eigen
   const Eigen::Index n = Y.rows(), r = N_.cols(), J = forces_.cols(), h = fixed_.cols();
   const auto harmonics = inputs.topRows(2 * offset_.cols());
   const auto constants = inputs.bottomRows(J);
-  const Eigen::MatrixXd before = offset(t) * harmonics;
+  const Eigen::MatrixXd before = product(offset(t), harmonics);
   Y += before.topRows(n);
   U += before.bottomRows(n);
-  const Eigen::MatrixXd p = fixed_.transpose() * Y;
-  Eigen::MatrixXd s = N_.transpose() * Y, v = N_.transpose() * U;
+  const Eigen::MatrixXd p = product(fixed_.transpose(), Y);
+  Eigen::MatrixXd s = product(N_.transpose(), Y), v = product(N_.transpose(), U);
   if (modal_) {
-    Eigen::MatrixXd alpha = pull_ * p;
-    if (J > 0) alpha += forces_ * constants;
+    Eigen::MatrixXd alpha = product(pull_, p);
+    if (J > 0) alpha += product(forces_, constants);
     for (Eigen::Index i = 0; i < r; ++i) {
       const OscillatorStep step = oscillator_step(0.5 * C_(i, 0), K_(i, 0), tau);
       for (Eigen::Index j = 0; j < s.cols(); ++j) step.apply(alpha(i, j), s(i, j), v(i, j));
@@ -92,13 +92,13 @@ void HeldFlight::move(double t, double tau, const Eigen::MatrixXd& inputs, Eigen
     Eigen::MatrixXd forces(r, J + h), x(2 * r + J + h, Y.cols());
     forces << forces_, pull_;
     x << s, v, constants, p;
-    const Eigen::MatrixXd moved = coupled_step(C_, K_, forces, tau) * x;
+    const Eigen::MatrixXd moved = product(coupled_step(C_, K_, forces, tau), x);
     s = moved.topRows(r);
     v = moved.bottomRows(r);
   }
-  const Eigen::MatrixXd behind = offset(t + tau) * harmonics;
-  Y = fixed_ * p + N_ * s - behind.topRows(n);
-  U = N_ * v - behind.bottomRows(n);
+  const Eigen::MatrixXd behind = product(offset(t + tau), harmonics);
+  Y = product(fixed_, p) + product(N_, s) - behind.topRows(n);
+  U = product(N_, v) - behind.bottomRows(n);
 }
 
 Eigen::VectorXd HeldFlight::force(const Eigen::VectorXd& free_rates) const {

@@ -5,6 +5,7 @@
 #include <complex>
 
 #include "sprag/identification/coupled_step.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -172,7 +173,7 @@ void Flights::compose(const Stretch& stretch, std::size_t k) {
     if (held != 0) {
       held_flight(held).move(from, to - from, factors, Y, U);
     } else if (modal_) {
-      const Eigen::MatrixXd alpha = constant_forces_ * constants;
+      const Eigen::MatrixXd alpha = product(constant_forces_, constants);
       for (Eigen::Index i = 0; i < n_; ++i) {
         const OscillatorStep step = oscillator_step(0.5 * C_(i, 0), K_(i, 0), to - from);
         for (Eigen::Index j = 0; j < columns; ++j) step.apply(alpha(i, j), Y(i, j), U(i, j));
@@ -180,7 +181,7 @@ void Flights::compose(const Stretch& stretch, std::size_t k) {
     } else {
       Eigen::MatrixXd X(2 * n_ + J, columns);
       X << Y, U, constants;
-      const Eigen::MatrixXd moved = coupled_step(C_, K_, constant_forces_, to - from) * X;
+      const Eigen::MatrixXd moved = product(coupled_step(C_, K_, constant_forces_, to - from), X);
       Y = moved.topRows(n_);
       U = moved.bottomRows(n_);
     }

@@ -122,8 +122,9 @@ void LinearizedFilter::set_drift(const Scene& fitted) {
     drift_y_.col(j) = family_.to_modes(uncertainty.drift_q.col(j));
     drift_u_.col(j) = family_.to_modes(uncertainty.drift_u.col(j));
   }
-  const double moves = (machine_.W.transpose() * drift_y_).squaredNorm() * interval_ +
-                       (machine_.W.transpose() * drift_u_).squaredNorm() * std::pow(interval_, 3);
+  const double moves =
+      product(machine_.W.transpose(), drift_y_).squaredNorm() * interval_ +
+      product(machine_.W.transpose(), drift_u_).squaredNorm() * std::pow(interval_, 3);
   unit_ = speed_ * speed_ / moves;
 }
 

@@ -93,10 +93,8 @@ struct ModelError : Error {
   using Error::Error;
 };
 
-inline double value(const Output& output, const Eigen::Ref<const Eigen::VectorXd>& q,
-                    const Eigen::Ref<const Eigen::VectorXd>& u) {
-  return output.velocity ? output.direction.dot(u) : output.direction.dot(q);
-}
+double value(const Output& output, const Eigen::Ref<const Eigen::VectorXd>& q,
+             const Eigen::Ref<const Eigen::VectorXd>& u);
 
 inline double value(const Harmonic& harmonic, double t) {
   return harmonic.amplitude * std::cos(harmonic.frequency * t + harmonic.phase);
@@ -117,10 +115,7 @@ inline double gap(const Contact& contact, const Eigen::VectorXd& q, double t) {
 }
 /// The largest that the absolute terms of g_i(q, t) sum up to at any t [m]: what rounding is a
 /// share of.
-inline double gap_scale(const Contact& contact, const Eigen::VectorXd& q) {
-  return contact.w.cwiseAbs().dot(q.cwiseAbs()) + std::abs(contact.motion.amplitude) +
-         std::abs(contact.clearance);
-}
+double gap_scale(const Contact& contact, const Eigen::VectorXd& q);
 /// gamma_i(u, t) [m/s].
 inline double gap_velocity(const Contact& contact, const Eigen::VectorXd& u, double t) {
   return contact.w.dot(u) + rate(contact.motion, t);

@@ -34,16 +34,10 @@ struct ShakenFrame {
 };
 
 /// -M r e''(t).
-inline Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame) {
-  return {-(M * frame.influence), 0.0, second_derivative(frame.motion)};
-}
+Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame);
 
 /// s(t) of a support on the ground, w having f entries.
-inline Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame) {
-  Harmonic motion = frame.motion;
-  motion.amplitude *= w.dot(frame.influence);
-  return motion;
-}
+Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame);
 
 struct Scene {
   std::string name;

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include <string_view>
 
 #include "sprag/files/scene_file.h"
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
 #include "tests/files/scene_texts.h"
 
@@ -94,9 +94,9 @@ TEST(Scene, DampingRatiosArePerMode) {
   const Model model =
       parse(replaced(system_text, "C = [[0.1, 0.0], [0.0, 0.2]]", "damping_ratio = [0.05, 0.1]"))
           .model;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(model.K, model.M);
-  const Eigen::MatrixXd C = modes.eigenvectors().transpose() * model.C * modes.eigenvectors();
-  const Eigen::Vector2d omega = modes.eigenvalues().cwiseSqrt();
+  const Eigenpairs modes = eigenpairs(model.K, model.M);
+  const Eigen::MatrixXd C = congruent(modes.vectors, model.C);
+  const Eigen::Vector2d omega = modes.values.cwiseSqrt();
   EXPECT_NEAR(C(0, 0), 2.0 * 0.05 * omega[0], 1e-13);
   EXPECT_NEAR(C(1, 1), 2.0 * 0.1 * omega[1], 1e-13);
   EXPECT_NEAR(C(0, 1), 0.0, 1e-13);

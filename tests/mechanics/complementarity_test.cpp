@@ -2,13 +2,13 @@
 // extended precision, and against every basis there is.
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <bit>
 #include <cmath>
 #include <optional>
 #include <string>
 
 #include "sprag/mechanics/impact_law.h"
+#include "sprag/mechanics/linear_algebra.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -17,9 +17,7 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using Real = long double;
-using VectorR = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-using MatrixR = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+using Real = Extended;
 
 struct Lcp {
   MatrixXd A;
@@ -67,7 +65,7 @@ VectorR by_all_bases(const Lcp& problem) {
       if ((basis >> i & 1U) != 0) in.push_back(i);
     }
     VectorR x = VectorR::Zero(n);
-    if (!in.empty()) x(in) = -MatrixR(A(in, in)).partialPivLu().solve(VectorR(b(in)));
+    if (!in.empty()) x(in) = -solve(MatrixR(A(in, in)), VectorR(b(in))).X;
     const VectorR y = A * x + b;
     const VectorR terms = A.cwiseAbs() * x.cwiseAbs() + b.cwiseAbs();
     Real violation = 0;

@@ -1,11 +1,10 @@
 #include "tests/support/flight_norm.h"
 
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "sprag/mechanics/energy.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 
@@ -15,7 +14,7 @@ FlightNorm::FlightNorm(const Flows& flows) : free_(&flows[0]) {
   inverse_ = (omega_.array() > 0.0).select(1.0 / omega_.array(), 0.0);
   const Eigen::VectorXd root = modes.mass.cwiseSqrt();
   to_q_ = modes.Phi * root.cwiseInverse().asDiagonal();
-  from_q_ = root.asDiagonal() * modes.Phi.inverse();
+  from_q_ = root.asDiagonal() * inverse(modes.Phi);
 }
 
 double FlightNorm::square(double tau) const {
@@ -37,7 +36,7 @@ double FlightNorm::square(double tau) const {
   for (Eigen::Index j = 0; j < 2 * f; ++j) {
     flight.col(j) = land(Eigen::VectorXd::Unit(2 * f, j)) - forced;
   }
-  return std::min(1.0, std::pow(flight.jacobiSvd().singularValues()[0], 2));
+  return std::min(1.0, std::pow(singular_values(flight).values[0], 2));
 }
 
 }  // namespace sprag

@@ -1,6 +1,6 @@
 #include "tests/support/random.h"
 
-#include <Eigen/QR>
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 
@@ -13,14 +13,14 @@ Eigen::MatrixXd Random::matrix(Eigen::Index rows, Eigen::Index columns) {
 Eigen::VectorXd Random::vector(Eigen::Index n) { return matrix(n, 1); }
 
 Eigen::MatrixXd Random::orthogonal(Eigen::Index n) {
-  return Eigen::HouseholderQR<Eigen::MatrixXd>(matrix(n, n)).householderQ();
+  return QR(matrix(n, n)).Q_times(Eigen::MatrixXd::Identity(n, n));
 }
 
 Eigen::MatrixXd Random::positive_definite(Eigen::Index n, double low, double high) {
   const Eigen::MatrixXd Q = orthogonal(n);
   Eigen::VectorXd values(n);
   for (double& value : values) value = uniform(low, high);
-  const Eigen::MatrixXd A = Q * values.asDiagonal() * Q.transpose();
+  const Eigen::MatrixXd A = product(Q * values.asDiagonal(), Q.transpose());
   return 0.5 * (A + A.transpose());
 }
 

@@ -1,8 +1,9 @@
 #include "tests/support/random_model.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 
@@ -21,7 +22,7 @@ Model random_machine(Random& random, Structure structure, Eigen::Index f) {
   Model model;
   model.M = random.positive_definite(f, 0.5, 3.0);
   // Columns of T are M-orthonormal: T^-T D T^-1 has the modes T.
-  const Matrix L = model.M.llt().matrixL();
+  const Matrix L = CholeskyFactor(model.M).L();
   const Matrix T_inverse = random.orthogonal(f).transpose() * L.transpose();
   const auto with_modes = [&](const Eigen::VectorXd& values) {
     return symmetric(T_inverse.transpose() * values.asDiagonal() * T_inverse);

@@ -1,0 +1,6 @@
+# Read by ctest behind a list of tests that wait for real time: four of them at once, beside two that compute.
+set(lane 0)
+foreach(test IN LISTS discovered)
+  set_tests_properties("${test}" PROPERTIES RESOURCE_LOCK lane_${lane})
+  math(EXPR lane "(${lane} + 1) % 4")
+endforeach()
