@@ -44,6 +44,7 @@ class CholeskyFactor {
   explicit CholeskyFactor(const Eigen::MatrixXd& M);
   /// Whether M is positive definite; the rest makes sense only then.
   bool exists() const { return exists_; }
+  /// n x n.
   const Eigen::MatrixXd& L() const { return L_; }
   /// M^-1 B and L^-1 B, n rows each.
   Eigen::MatrixXd solve(const Eigen::MatrixXd& B) const;

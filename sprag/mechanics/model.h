@@ -93,6 +93,7 @@ struct ModelError : Error {
   using Error::Error;
 };
 
+/// What the output shows of q and u, f entries each.
 double value(const Output& output, const Eigen::Ref<const Eigen::VectorXd>& q,
              const Eigen::Ref<const Eigen::VectorXd>& u);
 
