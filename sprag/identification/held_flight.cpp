@@ -117,7 +117,7 @@ Eigen::VectorXd jump_of(const Machine& machine, int contact, ContactSet staying)
   Eigen::VectorXd direction = w;
   if (others != 0) {
     const Eigen::MatrixXd W = columns_of(machine, others);
-    direction -= W * PivotedQR(W, 1e-12).solve(w);
+    direction -= product(W, PivotedQR(W, 1e-12).solve(w));
   }
   return direction * ((1.0 + epsilon) / w.dot(direction));
 }

@@ -20,9 +20,9 @@
 namespace sprag {
 namespace {
 
-constexpr std::uint64_t seed = 1301;
+constexpr std::uint64_t first_seed = 1301;
 constexpr int machines = 100;
-constexpr double end = 5.0;
+constexpr double trial_end = 5.0;
 constexpr double heartbeat = 0.02;
 constexpr std::size_t most_events = 20000;
 
@@ -37,7 +37,7 @@ std::optional<Run> run_of(const Model& model, const State& start, double h) {
   Master master(model, start);
   State state = start;
   try {
-    for (std::int64_t k = 0; k <= last_tick(end, h); ++k) {
+    for (std::int64_t k = 0; k <= last_tick(trial_end, h); ++k) {
       if (!master.advance(tick_instant(k, h), run.events, most_events - run.events.size())) {
         return std::nullopt;
       }
@@ -60,8 +60,9 @@ struct Arriving {
 std::vector<Arriving> arrivals(Random& random, const Run& run, int contacts, double delay,
                                double lost_from, double lost_to, std::int64_t session) {
   std::vector<Arriving> all;
-  for (const ContactMessage& report : reports_at(
-           event_and_heartbeat_times(run.events, heartbeat, end), run.events, contacts, session)) {
+  for (const ContactMessage& report :
+       reports_at(event_and_heartbeat_times(run.events, heartbeat, trial_end), run.events, contacts,
+                  session)) {
     if (report.horizon > lost_from && report.horizon < lost_to) continue;
     const bool repeats = report.horizon <= lost_from;
     all.push_back(
@@ -147,7 +148,7 @@ double left_by_flights(const Run& run, const FlightNorm& norm) {
                      for (const ContactEvent& event : of_one) chi = after(chi, event);
                      since = of_one.front().t;
                    });
-  land(end);
+  land(trial_end);
   return left;
 }
 
@@ -175,9 +176,9 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
     const auto run = run_of(model, start, h);
     if (!run) return false;
     const bool lossy = session == 2;
-    const double lost_from = lossy ? random.uniform(0.2, 0.6) * end : infinity;
+    const double lost_from = lossy ? random.uniform(0.2, 0.6) * trial_end : infinity;
     const auto arriving = arrivals(random, *run, m, random.log_uniform(1e-3, 1.0), lost_from,
-                                   lost_from + 0.3 * end, session);
+                                   lost_from + 0.3 * trial_end, session);
     const std::size_t hear = session == 1 ? arriving.size() * 2 / 3 : arriving.size();
     const std::int64_t lost_before = observer.lost();
     const Said said = observer.follow(*run, start, replica, arriving, hear);
@@ -211,8 +212,8 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
 }
 
 TEST(ErrorBoundTrial, HoldsAtEveryTickOfRandomMachines) {
-  std::cout << "seed " << seed << '\n';
-  Random random(seed);
+  std::cout << "seed " << first_seed << '\n';
+  Random random(first_seed);
   Totals totals;
   for (int number = 0; totals.kept < repetitions(machines); ++number) {
     SCOPED_TRACE("machine " + std::to_string(number));

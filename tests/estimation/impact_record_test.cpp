@@ -209,17 +209,17 @@ TEST(ImpactRecord, WithMoreausStepperThereIsNone) {
   EXPECT_FALSE(estimator.record_in(records));
 }
 
-struct Jitter {
+struct ImpactTrial {
   const char* scene;
   double sigma;
   double low, high;  // of the mean square
 };
 
-class ImpactsOfJitteringEvents : public testing::TestWithParam<Jitter> {};
+class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 
 // Errors against the deviations that are told, over runs with times of their own.
 TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
-  const Jitter& of = GetParam();
+  const ImpactTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.jitter = of.sigma;
   const double end = 15.0;
@@ -271,12 +271,12 @@ TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   std::cout << '\n';
 }
 INSTANTIATE_TEST_SUITE_P(Machines, ImpactsOfJitteringEvents,
-                         testing::Values(Jitter{"paper_beam.toml", 1e-4, 0.4, 1.4},
-                                         Jitter{"paper_beam.toml", 1e-2, 0.4, 1.4},
-                                         Jitter{"steel_ruler.toml", 1e-3, 0.4, 1.4},
-                                         Jitter{"two_stops_beam.toml", 1e-3, 0.4, 1.4},
-                                         Jitter{"impact_oscillator.toml", 1e-3, 0.4, 1.4},
-                                         Jitter{"paper_beam_chatter.toml", 1e-3, 0.4, 1.4}));
+                         testing::Values(ImpactTrial{"paper_beam.toml", 1e-4, 0.4, 1.4},
+                                         ImpactTrial{"paper_beam.toml", 1e-2, 0.4, 1.4},
+                                         ImpactTrial{"steel_ruler.toml", 1e-3, 0.4, 1.4},
+                                         ImpactTrial{"two_stops_beam.toml", 1e-3, 0.4, 1.4},
+                                         ImpactTrial{"impact_oscillator.toml", 1e-3, 0.4, 1.4},
+                                         ImpactTrial{"paper_beam_chatter.toml", 1e-3, 0.4, 1.4}));
 
 }  // namespace
 }  // namespace sprag

@@ -105,15 +105,15 @@ INSTANTIATE_TEST_SUITE_P(Machines, LearntPredictions,
                          testing::Values("impact_oscillator.toml", "two_stops_beam.toml",
                                          "steel_ruler.toml"));
 
-struct Jitter {
+struct PredictionTrial {
   const char* scene;
   double sigma, end, ahead;
 };
 
-class PredictionsFromJitteringEvents : public testing::TestWithParam<Jitter> {};
+class PredictionsFromJitteringEvents : public testing::TestWithParam<PredictionTrial> {};
 
 TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
-  const Jitter& of = GetParam();
+  const PredictionTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.jitter = of.sigma;
   const double end = of.end, ahead = of.ahead;
@@ -160,11 +160,12 @@ TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
   EXPECT_LT(sum / made, 1.4);
 }
 INSTANTIATE_TEST_SUITE_P(Machines, PredictionsFromJitteringEvents,
-                         testing::Values(Jitter{"impact_oscillator.toml", 1e-3, 15.0, 2.0},
-                                         Jitter{"two_stops_beam.toml", 1e-3, 6.0, 1.0},
-                                         Jitter{"steel_ruler.toml", 1e-4, 2.0, 0.1},
-                                         Jitter{"bouncing_ball.toml", 1e-3, 15.0, 1.0},
-                                         Jitter{"non_proportional.toml", 1e-3, 15.0, 4.0}));
+                         testing::Values(PredictionTrial{"impact_oscillator.toml", 1e-3, 15.0, 2.0},
+                                         PredictionTrial{"two_stops_beam.toml", 1e-3, 6.0, 1.0},
+                                         PredictionTrial{"steel_ruler.toml", 1e-4, 2.0, 0.1},
+                                         PredictionTrial{"bouncing_ball.toml", 1e-3, 15.0, 1.0},
+                                         PredictionTrial{"non_proportional.toml", 1e-3, 15.0,
+                                                         4.0}));
 
 // One mass 1 under a constant force, a support at each of `directions` with its clearance.
 Model mass(double force, std::vector<std::pair<double, double>> supports, double restitution) {

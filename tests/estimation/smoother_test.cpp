@@ -12,7 +12,7 @@
 namespace sprag {
 namespace {
 
-struct Jitter {
+struct SmoothingTrial {
   const char* scene;
   double sigma;
   double duration;
@@ -35,11 +35,11 @@ std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, un
   return events;
 }
 
-class SmoothedPath : public testing::TestWithParam<Jitter> {};
+class SmoothedPath : public testing::TestWithParam<SmoothingTrial> {};
 
 // Against the exact master, over runs with times of their own.
 TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
-  const Jitter& of = GetParam();
+  const SmoothingTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.jitter = of.sigma;
   scene.drift = of.drift;
@@ -111,15 +111,15 @@ TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
 }
 INSTANTIATE_TEST_SUITE_P(
     Machines, SmoothedPath,
-    testing::Values(Jitter{"paper_beam.toml", 1e-4, 100.0, 3.0, 0.95},
-                    Jitter{"paper_beam.toml", 1e-3, 60.0, 3.0, 0.9},
-                    Jitter{"impact_oscillator.toml", 1e-3, 8.0, 1.0, 0.95, 0.0, 40},
-                    Jitter{"two_stops_beam.toml", 1e-4, 20.0, 1.0, 0.02},
-                    Jitter{"steel_ruler.toml", 1e-5, 5.0, 3.0, 0.1},
-                    Jitter{"non_proportional.toml", 1e-4, 60.0, 3.0, 0.9},
-                    Jitter{"paper_beam_frame.toml", 1e-4, 60.0, 3.0, 0.95},
+    testing::Values(SmoothingTrial{"paper_beam.toml", 1e-4, 100.0, 3.0, 0.95},
+                    SmoothingTrial{"paper_beam.toml", 1e-3, 60.0, 3.0, 0.9},
+                    SmoothingTrial{"impact_oscillator.toml", 1e-3, 8.0, 1.0, 0.95, 0.0, 40},
+                    SmoothingTrial{"two_stops_beam.toml", 1e-4, 20.0, 1.0, 0.02},
+                    SmoothingTrial{"steel_ruler.toml", 1e-5, 5.0, 3.0, 0.1},
+                    SmoothingTrial{"non_proportional.toml", 1e-4, 60.0, 3.0, 0.9},
+                    SmoothingTrial{"paper_beam_frame.toml", 1e-4, 60.0, 3.0, 0.95},
                     // The machine does not drift: deviations are too wide then.
-                    Jitter{"paper_beam.toml", 1e-4, 60.0, 3.0, 0.95, 1e-8}));
+                    SmoothingTrial{"paper_beam.toml", 1e-4, 60.0, 3.0, 0.95, 1e-8}));
 
 // Through its weights an output is as sure as the state is, on impacts and between them.
 TEST(Smoother, OutputsAreSureAsTheStateIs) {

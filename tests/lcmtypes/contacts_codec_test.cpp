@@ -16,7 +16,7 @@ namespace {
 
 using enum ContactEventKind;
 
-constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+constexpr double quiet_nan = std::numeric_limits<double>::quiet_NaN();
 
 // LCM's header, the channel's name with its end, the message.
 static_assert(8 + sizeof "SPRAG_CONTACTS" + contacts_message_size < 1400);
@@ -118,10 +118,10 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
   ASSERT_EQ(decode(bytes(good), back), Refusal::none);
 
   const std::vector<std::pair<Refusal, std::function<void(contacts_t&)>>> cases = {
-      {Refusal::bad_speed, [](auto& m) { m.speed = not_a_number; }},
+      {Refusal::bad_speed, [](auto& m) { m.speed = quiet_nan; }},
       {Refusal::bad_speed, [](auto& m) { m.speed = 0.0; }},
       {Refusal::bad_speed, [](auto& m) { m.speed = -infinity; }},
-      {Refusal::bad_time, [](auto& m) { m.horizon = not_a_number; }},
+      {Refusal::bad_time, [](auto& m) { m.horizon = quiet_nan; }},
       {Refusal::bad_time, [](auto& m) { m.horizon = infinity; }},
       {Refusal::bad_time, [](auto& m) { m.horizon = -1.0; }},
       {Refusal::bad_count, [](auto& m) { m.contacts = 0; }},
@@ -137,7 +137,7 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
       {Refusal::bad_count, [](auto& m) { m.records_total = (std::int64_t{1} << 53) + 1; }},
       {Refusal::bad_count, [](auto& m) { m.sequence = -1; }},
       {Refusal::bad_count, [](auto& m) { m.sequence = (std::int64_t{1} << 53) + 1; }},
-      {Refusal::bad_time, [](auto& m) { m.t[1] = not_a_number; }},
+      {Refusal::bad_time, [](auto& m) { m.t[1] = quiet_nan; }},
       {Refusal::bad_time, [](auto& m) { m.t[2] = infinity; }},
       {Refusal::bad_time, [](auto& m) { m.t[0] = -1e-9; }},
       {Refusal::bad_time, [](auto& m) { m.t[2] = 1.999; }},
@@ -159,7 +159,7 @@ TEST(ContactsCodecTest, UnusedRecordsMayHoldAnything) {
   ContactMessage report;
   report.contacts = 1;
   contacts_t message = to_lcm(report);
-  message.t[0] = not_a_number;
+  message.t[0] = quiet_nan;
   message.contact[5] = 99;
   message.kind[119] = -7;
   ContactMessage back;

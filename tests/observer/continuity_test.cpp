@@ -10,11 +10,11 @@
 namespace sprag {
 namespace {
 
-using Verdict = Continuity::Verdict;
-
 /// A master with a heartbeat of 10 ms.
 class ContinuityTest : public ::testing::Test {
  protected:
+  using Verdict = Continuity::Verdict;
+
   ContactMessage next() {
     ContactMessage report;
     report.sequence = ++number_;

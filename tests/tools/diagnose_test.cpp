@@ -136,7 +136,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Mismatch{"two_stops_beam", "excitation amplitude", 0.031, 5.0},
                     Mismatch{"two_stops_beam", "restitution of contact 1", 0.65, 5.0},
                     Mismatch{"two_stops_beam", "clearance of contact 2", 0.06, 5.0},
-                    Mismatch{"two_supports_beam", "restitution of all", 0.45, 6.0}));
+                    Mismatch{"two_supports_beam", "restitution of all", 0.45, 4.0}));
 
 TEST(Diagnose, TheRightModelFits) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "paper_beam_frame",
