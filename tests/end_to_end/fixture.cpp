@@ -3,9 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <thread>
 
 #include "sprag/files/csv.h"
 #include "sprag/files/states_file.h"
@@ -99,6 +101,22 @@ Process& EndToEnd::start_command(const Arguments& command) {
   const std::string label = std::to_string(processes_.size()) + "_" +
                             std::filesystem::path(command.front()).filename().string();
   return *processes_.emplace_back(std::make_unique<Process>(command, directory_ / "", label));
+}
+
+// While the logger waits for a disk it writes nothing, and when it ends it leaves what waits: it is
+// to go to the disk at its end only.
+Process& EndToEnd::start_recorder(const std::string& log, const std::string& channels) {
+  Process& recorder = start_command(
+      {LCM_LOGGER, "--lcm-url=" + url_, "-q", "--flush-interval=1000000", "-c", channels, log});
+  EXPECT_TRUE(in_time([&] { return std::filesystem::exists(log); }));
+  std::this_thread::sleep_for(200ms);
+  return recorder;
+}
+
+void EndToEnd::end_recorder(Process& recorder) {
+  std::this_thread::sleep_for(1s);  // what is still on its way on a busy machine
+  recorder.signal(SIGINT);
+  end_of(recorder);
 }
 
 Process& EndToEnd::start(const std::string& program, const Arguments& arguments) {

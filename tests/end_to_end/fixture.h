@@ -73,6 +73,10 @@ class EndToEnd : public testing::Test {
   /// Starts a master and returns once it is about to run.
   Process& start_master(const Arguments& arguments);
 
+  /// LCM's logger, which listens. What it has heard is in the file after end_recorder().
+  Process& start_recorder(const std::string& log, const std::string& channels = ".*");
+  void end_recorder(Process& recorder);
+
   /// Waits until the master's progress on stderr has reached simulated time `t`.
   void wait_for_time(Process& master, double t);
 

@@ -6,7 +6,6 @@
 #include <fstream>
 #include <functional>
 #include <sprag/contacts_t.hpp>
-#include <utility>
 
 #include "lcmtypes/state_codec.h"
 #include "sprag/mechanics/scalars.h"
@@ -32,21 +31,10 @@ class LiveTroubleTest : public EndToEnd {
 
   /// A recorder beside the observer; the live run must equal the replay of what it has heard.
   void start_recorder() {
-    recorder_ = &start_command({LCM_LOGGER, "--lcm-url=" + url(), "-q", "--flush-interval=1", "-c",
-                                "SPRAG_CONTACTS", file("run.lcmlog")});
-    EXPECT_TRUE(in_time([&] { return std::filesystem::exists(file("run.lcmlog")); }));
-    std::this_thread::sleep_for(200ms);
+    recorder_ = &EndToEnd::start_recorder(file("run.lcmlog"), "SPRAG_CONTACTS");
   }
   void expect_live_as_replay(const std::string& machine, const Arguments& more = {}) {
-    std::uintmax_t size = 0;
-    EXPECT_TRUE(in_time([&] {  // the recorder writes once a second
-      std::this_thread::sleep_for(1200ms);
-      const std::uintmax_t before =
-          std::exchange(size, std::filesystem::file_size(file("run.lcmlog")));
-      return before == size && size > 0;
-    }));
-    recorder_->signal(SIGINT);
-    end_of(*recorder_);
+    end_recorder(*recorder_);
     const std::string offline = read_text(replay(machine, file("run.lcmlog"), more));
     const std::string live = text("live.csv");
     EXPECT_GT(std::ranges::count(live, '\n'), 100);

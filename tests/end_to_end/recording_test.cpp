@@ -2,9 +2,6 @@
 #include <sys/stat.h>
 
 #include <cmath>
-#include <csignal>
-#include <thread>
-#include <utility>
 
 #include "tests/end_to_end/fixture.h"
 
@@ -19,22 +16,13 @@ class RecordingTest : public EndToEnd {
 
 TEST_F(RecordingTest, LcmLoggersRecordingReplaysAndPlaysAsTheRunItself) {
   const std::string recording = file("recording");
-  Process& recorder = start_command({LCM_LOGGER, "--lcm-url=" + url(), "-q", "--flush-interval=1",
-                                     "-c", "SPRAG_CONTACTS", recording});
-  EXPECT_TRUE(in_time([&] { return std::filesystem::exists(recording); }));
+  Process& recorder = start_recorder(recording, "SPRAG_CONTACTS");
   Process& observer =
       start_listening("observer", common_ + Arguments{"--states", file("live.csv")});
   Process& master = start_master(common_ + Arguments{"--speed", "20"});
   EXPECT_EQ(end_of(master).code, 0);
   EXPECT_EQ(end_of(observer).code, 0);
-  std::uintmax_t size = 0;
-  EXPECT_TRUE(in_time([&] {  // what is still on its way on a busy machine
-    std::this_thread::sleep_for(300ms);
-    const std::uintmax_t before = std::exchange(size, std::filesystem::file_size(recording));
-    return before == size && size > 0;
-  }));
-  recorder.signal(SIGINT);
-  end_of(recorder);
+  end_recorder(recorder);
   const std::string live = text("live.csv");
   EXPECT_EQ(count_rows(file("live.csv")), 2561U);
   const Arguments more{"--tick", "0.015625", "--duration", "40"};

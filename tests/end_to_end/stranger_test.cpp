@@ -229,15 +229,12 @@ class KeyTest : public StrangerTest {
 TEST_F(KeyTest, WithAKeyOnlyItsOwnersAreHeardAndNoRecordingOfThem) {
   const Arguments key{"--key", key_file("key", 'a')};
   // A first run, recorded by the enemy.
-  Process& recorder = start_command(
-      {LCM_LOGGER, "-q", "--flush-interval=1", "--lcm-url=" + url(), file("enemy.lcmlog")});
-  ASSERT_TRUE(in_time([&] { return std::filesystem::exists(file("enemy.lcmlog")); }));
+  Process& recorder = start_recorder(file("enemy.lcmlog"));
   Process& first = start_master(
       Arguments{scene("paper_beam"), "--duration", "20", "--tick", "0.015625", "--speed", "10"} +
       key);
   EXPECT_EQ(end_of(first).code, 0);
-  recorder.signal(SIGINT);
-  end_of(recorder);
+  end_recorder(recorder);
 
   start_programs("60", "15", key);
   wait_for_time(*master_, 5.0);
