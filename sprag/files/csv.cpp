@@ -63,17 +63,35 @@ void split_fields(std::string_view line, std::vector<std::string_view>& fields) 
   fields.push_back(line);
 }
 
-LineReader::Result LineReader::next(std::string_view& line) {
-  file_.skip(std::exchange(shown_, 0));
-  std::string_view bytes = file_.ahead(1);
-  std::size_t end = bytes.find('\n');
-  while (end == std::string_view::npos) {
+// Where the first of these is in what comes, npos if it does not come; `bytes` are as many as it
+// took.
+std::size_t LineReader::find(std::string_view characters, std::string_view& bytes) {
+  bytes = file_.ahead(1);
+  std::size_t at = bytes.find_first_of(characters);
+  while (at == std::string_view::npos) {
     const std::size_t seen = bytes.size();
     if (seen >= longest_line) break;
     bytes = file_.ahead(seen + 1);
     if (bytes.size() == seen) break;
-    end = bytes.find('\n', seen);
+    at = bytes.find_first_of(characters, seen);
   }
+  return at;
+}
+
+void LineReader::find_end_of_line() {
+  std::string_view bytes;
+  const std::size_t at = find("\r\n", bytes);
+  end_of_line_ = "\n";
+  if (at == std::string_view::npos || bytes[at] == '\n') return;
+  bytes = file_.ahead(at + 2);
+  if (bytes.size() == at + 1 || bytes[at + 1] != '\n') end_of_line_ = "\r";
+}
+
+LineReader::Result LineReader::next(std::string_view& line) {
+  file_.skip(std::exchange(shown_, 0));
+  if (number_ == 0) find_end_of_line();
+  std::string_view bytes;
+  const std::size_t end = find(end_of_line_, bytes);
   if (file_.failed() && end == std::string_view::npos) return Result::unreadable;
   if (bytes.empty()) return Result::end;
   ++number_;

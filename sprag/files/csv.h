@@ -29,7 +29,7 @@ std::optional<std::int64_t> parse_integer(std::string_view field);
 /// The fields of a line, one more than it has commas.
 void split_fields(std::string_view line, std::vector<std::string_view>& fields);
 
-/// Reads a text file line by line; LF and CRLF end a line.
+/// Reads a text file line by line. LF and CRLF end a line, or CR where it ends the first one.
 class LineReader {
  public:
   /// Throws InputError if the file cannot be opened.
@@ -46,7 +46,11 @@ class LineReader {
   std::size_t number() const { return number_; }
 
  private:
+  std::size_t find(std::string_view characters, std::string_view& bytes);
+  void find_end_of_line();
+
   InputFile file_;
+  std::string_view end_of_line_;
   std::size_t shown_ = 0;  // bytes of the line that next() returned last
   std::size_t number_ = 0;
 };

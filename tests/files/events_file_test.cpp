@@ -148,6 +148,20 @@ TEST_F(EventsFileTest, WindowsLineEndsBlanksAndEmptyLinesAreAccepted) {
   EXPECT_FALSE(result.damage);
 }
 
+TEST_F(EventsFileTest, CarriageReturnsAloneEndLinesToo) {
+  const std::string lines = "t,contact,closed\r1,2,1\r\r2,2,0";
+  const auto whole = read_events(write_text(directory_ / "events.csv", lines + "\r"), 2);
+  ASSERT_EQ(whole.events.size(), 2U);
+  EXPECT_EQ(whole.events.back().t, 2.0);
+  EXPECT_FALSE(whole.damage);
+
+  const auto cut = read_events(write_text(directory_ / "events.csv", lines), 2);
+  EXPECT_EQ(cut.events.size(), 1U);
+  ASSERT_TRUE(cut.damage);
+  EXPECT_EQ(cut.damage->line, 4U);
+  EXPECT_TRUE(cut.damage->what.starts_with("truncated")) << cut.damage->what;
+}
+
 TEST_F(EventsFileTest, FilesThatCannotBeReadAreInputErrors) {
   EXPECT_THROW(read_events(directory_ / "absent.csv", 1), InputError);
   EXPECT_THROW(read_events(directory_ / "", 1), InputError);
