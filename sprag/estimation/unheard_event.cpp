@@ -67,18 +67,23 @@ double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion
 
   // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
   // shorter than reports may take.
-  double age = 0.0;
-  if (sight.value < 0.0 && !(sight.rate < 0.0)) {
-    for (int i = 1; i <= looks_back && !(sight.value < 0.0 && sight.rate < 0.0); ++i) {
-      age = i * latest() / looks_back;
-      sight = see(due.kind, age);
-    }
-  }
-  for (int i = 0; i < crossing_steps && sight.rate < 0.0; ++i) {
-    const double next = std::clamp(age + sight.value / sight.rate, 0.0, latest());
-    if (std::abs(next - age) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
-    age = next;
+  double age = 0.0, since = 0.0;
+  for (int i = 1; i <= looks_back && sight.value < 0.0; ++i) {
+    since = age;
+    age = i * latest() / looks_back;
     sight = see(due.kind, age);
+  }
+  if (age > 0.0 && !(sight.value < 0.0)) {
+    // Newton's steps, between where it is over and where it is to come.
+    double until = age;
+    for (int i = 0; i < crossing_steps; ++i) {
+      const double step = sight.value / sight.rate;
+      if (sight.rate < 0.0 && std::abs(step) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
+      const double next = sight.rate < 0.0 ? age + step : until;
+      age = next > since && next < until ? next : 0.5 * (since + until);
+      sight = see(due.kind, age);
+      (sight.value < 0.0 ? since : until) = age;
+    }
   }
   unheard_age_ = age;
   const double width = std::abs(std::sqrt(sight.s2) / sight.rate);

@@ -362,6 +362,28 @@ TEST(UnknownTime, SilenceIsAsLikelyAsTheGapIsOpen) {
   EXPECT_LT(log_probability(-2e-2), -24.5);
 }
 
+// So it is where its spring turns the machine back within reach of the jitter: on its way down or
+// up again, with the top of its motion not far behind.
+TEST(UnknownTime, SilenceOfAFastMachineIsAsLikelyAsAReportIsLate) {
+  const double omega = 100.0, sigma = 1e-2;
+  const Machine machine{Eigen::VectorXd::Constant(1, omega), Eigen::VectorXd::Constant(1, 0.01),
+                        0.5};
+  const Flows flows(machine.model());
+  UnknownTime unknown(flows, sigma, 2);
+  // At the support, one radian ahead of its lowest point.
+  const Eigen::Vector2d closing(-0.1, -0.1 * omega * std::tan(1.0));
+  Eigen::Matrix2d P = Eigen::Matrix2d::Zero();
+  P.diagonal() << 1e-12, 1e-8;
+  for (double late = 0.1; late < 1.95; late += 0.05) {
+    Belief belief = belief_of(machine.flow(late * sigma) * closing, P);
+    Motion motion;
+    flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
+    const double log_probability = unknown.hear_nothing({UncertainEvent::Kind::pulse, 0, 0}, motion,
+                                                        {1.0, 1.0}, false, belief);
+    EXPECT_NEAR(log_probability, log_normal_cdf(-late), 0.01) << late;
+  }
+}
+
 // The n-th of a row takes what is left for it to take, not the share of restitution once more.
 TEST(UnknownTime, BurstsTakeTheEnergyOfAChatter) {
   const Machine machine{Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Constant(1, 0.01), 0.5};
