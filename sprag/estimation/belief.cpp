@@ -91,13 +91,7 @@ void BeliefColumns::move(const Flow& flow, double tau, Belief& belief) {
   auto v = v_.topLeftCorner(n, c);
   flow.enter_differences(q, u, z, v);
   flow.oscillators().kernels(tau, nf, n, kernels_);
-  for (Eigen::Index k = 0; k < c; ++k) {
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double z_k = z(i, k);
-      z(i, k) = kernels_.zz[nf + i] * z_k + kernels_.zv[nf + i] * v(i, k);
-      v(i, k) = kernels_.vz[nf + i] * z_k + kernels_.vv[nf + i] * v(i, k);
-    }
-  }
+  kernels_.apply(nf, z, v);
   flow.state_differences(z, v, q, u);
 }
 

@@ -85,11 +85,14 @@ FluxMoments flux_moments(double mu, double d, double even) {
 
 EventMixture::EventMixture(Eigen::Index columns, Eigen::Index coordinates) {
   const Eigen::Index all = columns + capacity;
-  const Eigen::Index most = columns + added_columns();
+  const Eigen::Index most = columns + added_columns(columns);
   for (Eigen::MatrixXd* x : {&phi_, &psi_}) x->setZero(columns, capacity);
   for (Eigen::MatrixXd* x : {&b_q_, &b_u_, &mixed_q_, &mixed_u_}) x->setZero(coordinates, capacity);
   for (Eigen::MatrixXd* x : {&component_q_, &component_u_}) {
     x->setZero(coordinates, Belief::most_components);
+  }
+  for (Within& within : within_) {
+    for (Eigen::MatrixXd* x : {&within.S_q, &within.S_u}) x->setZero(coordinates, columns);
   }
   w_.setZero(capacity);
   for (Eigen::VectorXd* x : {&mean_phi_, &reflection_, &xi_, &delta_}) x->setZero(columns);
@@ -105,7 +108,7 @@ EventMixture::EventMixture(Eigen::Index columns, Eigen::Index coordinates) {
 void EventMixture::begin(const Belief& belief) {
   components_ = belief.components;
   columns_ = belief.columns - components_;
-  size_ = 0;
+  size_ = within_size_ = 0;
   for (int k = 0; k < components_; ++k) {
     const double root = std::sqrt(belief.weights[static_cast<std::size_t>(k)]);
     component_q_.col(k) = belief.S_q.col(k) / root;
@@ -282,7 +285,7 @@ bool EventMixture::collapse(int keep, Belief& belief) {
   const double least = least_kept(keep);
   int kept = 0;
   for (int j = 0; j < size_; ++j) kept += w_[j] > least ? 1 : 0;
-  Eigen::Index columns = kept + within;
+  Eigen::Index columns = kept + (within_size_ > 0 ? within_size_ * c : within);
   kept = 0;
   const auto add_column = [&](double factor, const auto& on_q, const auto& on_u) {
     S_q_.col(columns) = factor * on_q;
@@ -372,11 +375,18 @@ bool EventMixture::collapse(int keep, Belief& belief) {
     belief.u += (usual + further) * basis_u_.col(c) + off_u_;
   }
 
-  // Within the hypotheses: basis L.
-  factor(n);
-  basis_q_.leftCols(c) = S_q;
-  basis_u_.leftCols(c) = S_u;
-  for (Eigen::Index k = 0; k < n; ++k) {
+  // Within the hypotheses: what the caller says, or basis L.
+  for (int j = 0; j < within_size_; ++j) {
+    const double root = std::sqrt(within_[j].share);
+    S_q_.middleCols(kept + j * c, c) = root * within_[j].S_q.leftCols(c);
+    S_u_.middleCols(kept + j * c, c) = root * within_[j].S_u.leftCols(c);
+  }
+  if (within_size_ == 0) {
+    factor(n);
+    basis_q_.leftCols(c) = S_q;
+    basis_u_.leftCols(c) = S_u;
+  }
+  for (Eigen::Index k = 0; k < n && within_size_ == 0; ++k) {
     const auto column = joint_.col(k).segment(k, n - k);
     S_q_.col(kept + k).noalias() = basis_q_.middleCols(k, n - k).lazyProduct(column);
     S_u_.col(kept + k).noalias() = basis_u_.middleCols(k, n - k).lazyProduct(column);

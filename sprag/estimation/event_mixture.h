@@ -82,16 +82,31 @@ class EventMixture {
   auto b_q() { return b_q_.col(size_ - 1); }
   auto b_u() { return b_u_.col(size_ - 1); }
 
+  /// Where an event changes the flow, what is not known within a hypothesis has moved on another
+  /// one than the belief's S. Then it is for the caller to say: a root of the covariance within, of
+  /// as many columns as the belief has, for this share of all weight. The shares of all calls are
+  /// to be 1 together.
+  struct Within {
+    double share;
+    Eigen::MatrixXd S_q, S_u;
+  };
+  Within& add_within(double share) {
+    within_[within_size_].share = share;
+    return within_[within_size_++];
+  }
+  static constexpr int most_within = 4;
+
   /// log of the sum of all weights; minus infinity where there is none.
   double log_total() const { return log_total_of_first(size_); }
   double log_total_of_first(int count) const;
 
   /// Makes of begin()'s belief the whole mixture: one Gaussian, or as many components as `keep`
-  /// says at most. Its S has room for added_columns() more. False, with everything as it was, where
-  /// no hypothesis has a finite weight.
+  /// says at most. Its S has room for added_columns(its columns) more. False, with everything as it
+  /// was, where no hypothesis has a finite weight.
   bool collapse(int keep, Belief& belief);
-  static constexpr Eigen::Index added_columns() {
-    return Eigen::Index{2} * capacity + Eigen::Index{Belief::most_components} * (capacity + 1);
+  static constexpr Eigen::Index added_columns(Eigen::Index columns) {
+    return (most_within - 1) * columns + Eigen::Index{2} * capacity +
+           Eigen::Index{Belief::most_components} * (capacity + 1);
   }
 
  private:
@@ -110,6 +125,8 @@ class EventMixture {
   int size_ = 0;
   Hypothesis hypotheses_[capacity];  // over all components
   Part parts_[capacity][Belief::most_components];
+  Within within_[most_within];
+  int within_size_ = 0;
   Eigen::MatrixXd component_q_, component_u_;  // what each one's mean is off by
   Eigen::MatrixXd phi_, psi_;                  // columns x hypotheses
   Eigen::MatrixXd b_q_, b_u_;                  // coordinates x hypotheses

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "sprag/mechanics/scalars.h"
 
@@ -17,14 +18,24 @@ double growth_of(const Oscillators& of, Eigen::Index i) {
   return of.delta()[i] + (excess > 0.0 ? std::sqrt(excess) : 0.0);
 }
 
+// The largest of all modes.
+double growth_of(const Flow& flow) {
+  double growth = 0.0;
+  for (Eigen::Index i = 0; i < flow.modes(); ++i) {
+    growth = std::max(growth, growth_of(flow.oscillators(), flow.frequencies() + i));
+  }
+  return growth;
+}
+
+bool reaches(double growth, double tau) { return -growth * tau <= most_growth; }
+
 }  // namespace
 
 Retrodiction::Retrodiction(const Flows& flows, Eigen::Index columns) {
   const Eigen::Index f = flows.dynamics().coordinates();
   const Eigen::Index n = flows[0].size();
   kernels_.resize(n);
-  Z_.setZero(f, columns);
-  V_.setZero(f, columns);
+  for (Eigen::MatrixXd* x : {&Z_, &V_, &moved_Z_, &moved_V_}) x->setZero(f, columns);
   for (Eigen::VectorXd* x : {&row_z_, &row_v_, &off_z_, &off_v_}) x->setZero(f);
   phi_.setZero(columns);
   psi_.setZero(columns);
@@ -44,24 +55,23 @@ void Retrodiction::begin(const Signal& signal, const Motion& motion, const Belie
   flow.enter_differences(belief.S_q.leftCols(columns_), belief.S_u.leftCols(columns_),
                          Z_.topLeftCorner(n, columns_), V_.topLeftCorner(n, columns_));
   fastest_ = n > 0 ? of.root_kappa().segment(nf, n).maxCoeff() : 0.0;
-  growth_ = 0.0;
-  for (Eigen::Index i = nf; i < nf + n; ++i) growth_ = std::max(growth_, growth_of(of, i));
+  growth_ = growth_of(flow);
   then_ = motion;
 }
 
-bool Retrodiction::reaches(double tau) const { return -growth_ * tau <= most_growth; }
+bool Retrodiction::reaches(double tau) const { return sprag::reaches(growth_, tau); }
 
-// move(tau, first, count) for all modes, each by no more than it reaches.
+// move(tau, first, count) for all modes of a flow, each by no more than it reaches.
 template <typename Move>
-void Retrodiction::for_each_tau(double tau, const Move& move) const {
-  const Eigen::Index n = flow().modes();
-  const Eigen::Index nf = flow().frequencies();
-  if (reaches(tau)) {
+void Retrodiction::for_each_tau(const Flow& flow, double growth, double tau, const Move& move) {
+  const Eigen::Index n = flow.modes();
+  const Eigen::Index nf = flow.frequencies();
+  if (sprag::reaches(growth, tau)) {
     move(tau, nf, n);
     return;
   }
   for (Eigen::Index i = nf; i < nf + n; ++i) {
-    move(std::max(tau, -most_growth / growth_of(flow().oscillators(), i)), i, 1);
+    move(std::max(tau, -most_growth / growth_of(flow.oscillators(), i)), i, 1);
   }
 }
 
@@ -69,7 +79,7 @@ void Retrodiction::go_back(double age) {
   const Oscillators& of = flow().oscillators();
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
-  for_each_tau(-age, [&](double tau, Eigen::Index first, Eigen::Index count) {
+  for_each_tau(flow(), growth_, -age, [&](double tau, Eigen::Index first, Eigen::Index count) {
     of.kernels(tau, first, count, kernels_);
     flow().move_modes(*motion_, tau, first, count, then_.x);
   });
@@ -109,12 +119,38 @@ void Retrodiction::return_to_motion() {
   then_.t = motion_->t;
 }
 
+void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S_q,
+                               Eigen::MatrixXd& S_u) {
+  auto q = S_q.leftCols(columns_);
+  auto u = S_u.leftCols(columns_);
+  const auto modes = [&](const Flow& of) {
+    return std::pair(moved_Z_.topLeftCorner(of.modes(), columns_),
+                     moved_V_.topLeftCorner(of.modes(), columns_));
+  };
+  const auto go = [&](const Flow& on, double growth, double tau) {
+    for_each_tau(on, growth, tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
+      on.oscillators().kernels(of_mode, first, count, kernels_);
+    });
+    auto [z, v] = modes(on);
+    kernels_.apply(on.frequencies(), z, v);
+    on.state_differences(z, v, q, u);
+  };
+  auto [z, v] = modes(flow());
+  z = Z_.topLeftCorner(flow().modes(), columns_);
+  v = V_.topLeftCorner(flow().modes(), columns_);
+  go(flow(), growth_, -age);
+  after.close_gap_differences(q);
+  auto [z_after, v_after] = modes(after);
+  after.enter_differences(q, u, z_after, v_after);
+  go(after, growth_of(after), age);
+}
+
 void Retrodiction::move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,
                         const Eigen::Ref<const Eigen::VectorXd>& v,
                         Eigen::Ref<Eigen::VectorXd> moved_z, Eigen::Ref<Eigen::VectorXd> moved_v) {
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
-  for_each_tau(tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
+  for_each_tau(flow(), growth_, tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
     flow().oscillators().kernels(of_mode, first, count, kernels_);
   });
   moved_z.array() = kernels_.zz.segment(nf, n) * z.array() + kernels_.zv.segment(nf, n) * v.array();

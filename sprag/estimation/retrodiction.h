@@ -42,6 +42,10 @@ class Retrodiction {
   /// The same at the motion's own time; after set_xi().
   void return_to_motion();
 
+  /// S where the machine has been on the flow `after` since `age`; the first columns of S_q and
+  /// S_u.
+  void change_flow(const Flow& after, double age, Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);
+
   /// What differences of the flow's modes become in tau, which may be negative.
   void move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,
             const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::Ref<Eigen::VectorXd> moved_z,
@@ -49,13 +53,14 @@ class Retrodiction {
 
  private:
   template <typename Move>
-  void for_each_tau(double tau, const Move& move) const;
+  static void for_each_tau(const Flow& flow, double growth, double tau, const Move& move);
 
   const Motion* motion_ = nullptr;
   const Signal* signal_ = nullptr;
   double fastest_ = 0.0, growth_ = 0.0;
   Eigen::Index columns_ = 0;
   Eigen::MatrixXd Z_, V_;  // S in the flow's oscillators
+  Eigen::MatrixXd moved_Z_, moved_V_;
 
   Motion then_;
   // What z = 1 and v = 1 become on the way.

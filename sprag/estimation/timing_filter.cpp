@@ -46,7 +46,7 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   const bool jitters = uncertainty_.jitter > 0.0;
   const Eigen::Index merged = 4 * f() + (jitters ? Belief::most_components : 0);
   const Eigen::Index flown = merged + of_drift + 2;
-  const Eigen::Index columns = flown + (jitters ? EventMixture::added_columns() : 3L * m);
+  const Eigen::Index columns = flown + (jitters ? EventMixture::added_columns(flown) : 3L * m);
   now_.q.setZero(f());
   now_.u.setZero(f());
   now_.S_q.setZero(f(), columns);
@@ -395,22 +395,22 @@ bool TimingFilter::find_published(const TimingState& state) {
   ContactSet heard = 0;
   std::array<UnknownTime::Release, max_contacts> releases;
   std::size_t released = 0;
-  for (UncertainEvent due = next_due(state, published_, heard, unsettled);
-       due.kind != UncertainEvent::Kind::none;
-       due = next_due(state, published_, heard, unsettled)) {
+  while (true) {
+    const auto [due, beyond_doubt] = next_due(state, published_, heard, unsettled);
+    if (due.kind == UncertainEvent::Kind::none) break;
+    const bool pulse = due.kind == UncertainEvent::Kind::pulse;
     heard |= bit(due.contact);
     unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
-    if (due.kind == UncertainEvent::Kind::pulse) {
-      enter_motion(*published_.flow, t, published_);
+    // What the others do is seen on the flow behind it, if that is certain.
+    const Flow* flow = pulse ? published_.flow : beyond_doubt ? flows_->find(due.held) : nullptr;
+    if (flow != nullptr) {
+      enter_motion(*flow, t, published_);
     } else {
       releases[released++] = {due.contact, unknown_time_->unheard_age()};
     }
     columns_.merge(now_);
     near = true;
-    if (due.kind != UncertainEvent::Kind::pulse ||
-        !unknown_time_->bring_to_rest(due, published_, state.terms, now_)) {
-      continue;
-    }
+    if (!pulse || !unknown_time_->bring_to_rest(due, published_, state.terms, now_)) continue;
     enter_motion(*published_.flow, t, published_);
     columns_.merge(now_);
   }
@@ -431,11 +431,11 @@ ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) 
   return recently;
 }
 
-// What is most likely to be reported next of any contact but `heard`, if anything is; of those of
-// `unsettled` only what is beyond doubt. `now_` is at the motion's time.
-UncertainEvent TimingFilter::next_due(const TimingState& state, const Motion& motion,
-                                      ContactSet heard, ContactSet unsettled) {
-  UncertainEvent nearest;
+// What is most likely to be reported next of any contact but `heard`, if anything is; of open ones
+// of `unsettled` only what is beyond doubt. `now_` is at the motion's time.
+TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion& motion,
+                                         ContactSet heard, ContactSet unsettled) {
+  Due nearest{};
   double least = deviations_to_expect;
   const ContactSet locked = motion.flow->locked();
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
@@ -447,10 +447,11 @@ UncertainEvent TimingFilter::next_due(const TimingState& state, const Motion& mo
     const double margin = unknown_time_
                               ? unknown_time_->margin(due, motion, state.terms, now_)
                               : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
-    if (contains(unsettled, i) && !(margin < -deviations_to_expect)) continue;
+    const bool beyond_doubt = margin < -deviations_to_expect;
+    if (!held && contains(unsettled, i) && !beyond_doubt) continue;
     if (!(margin < least)) continue;
     least = margin;
-    nearest = due;
+    nearest = {due, beyond_doubt};
   }
   return nearest;
 }
@@ -496,7 +497,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   load(from, t);
   sample_.flow->state(sample_, now_.q, now_.u);
   // The mean goes on from behind what was reported, even where that is still to come.
-  const UncertainEvent due = next_due(state, sample_, recently_reported(state, t), 0);
+  const UncertainEvent due = next_due(state, sample_, recently_reported(state, t), 0).event;
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)

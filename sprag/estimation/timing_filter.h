@@ -233,8 +233,13 @@ class TimingFilter {
   bool publish(const TimingState& state);
   bool find_published(const TimingState& state);
   bool take_so_far(const TimingState& state, Instant t, ContactSet& unsettled);
-  UncertainEvent next_due(const TimingState& state, const Motion& motion, ContactSet heard,
-                          ContactSet unsettled);
+  // An event that may have happened unheard.
+  struct Due {
+    UncertainEvent event;
+    bool beyond_doubt;
+  };
+  Due next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+               ContactSet unsettled);
   ContactSet recently_reported(const TimingState& state, Instant t) const;
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);

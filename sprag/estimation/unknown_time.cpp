@@ -29,6 +29,9 @@ constexpr double node_density = 5.6;
 constexpr int least_nodes = 5, most_nodes = 30;
 constexpr int looks_at_nodes = 3;
 constexpr int burst_nodes = 11;
+// Covariances are looked at at three ages, in deviations from their mean (Gauss-Hermite).
+constexpr double outer_age = 1.7320508075688772;  // sqrt(3)
+constexpr double outer_weight = 1.0 / 6.0;
 constexpr double burst_reach = 3.0;
 // Of d; then the sign of a rate is all that counts.
 constexpr double most_even = 1e6;
@@ -354,10 +357,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
       -1.0 -
       flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
   const Flow* after = nullptr;
-  if (has_happened && !impact && belief_.reaches(age)) {
-    const bool stays = event.kind == UncertainEvent::Kind::stays;
-    after = flows_->find(stays ? event.held | bit(event.contact) : event.held);
-  }
+  if (has_happened && !impact && belief_.reaches(age)) after = flow_after(event);
   const auto of_components =
       std::span(of_components_).first(static_cast<std::size_t>(std::max(components_, 1)));
   for (std::size_t k = 0; k < of_components.size(); ++k) {
@@ -380,6 +380,7 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   mixture_.add(of_components);
   Seen& seen = seen_[seen_size_++];
   seen = {sight.log_weight + log_weight, age, sight.mean_rate, sight.variance, 0.0, 0.0, 0.0, 0.0};
+  seen.changes_flow = after != nullptr;
   if (impact) {
     // The change of the gap velocity where it has happened.
     seen.after = (1.0 + kick) * sight.mean_rate;
@@ -397,6 +398,69 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   const EventMixture::Hypothesis& of = of_components.front();
   xi_.head(columns_) = of.shift_phi / s * phi + of.shift_psi / sight.d * psi;
   add_changed_flow(*after);
+}
+
+// Behind an event that is no pulse; none where it has not been built.
+const Flow* UnknownTime::flow_after(const UncertainEvent& event) const {
+  const bool stays = event.kind == UncertainEvent::Kind::stays;
+  return flows_->find(stays ? event.held | bit(event.contact) : event.held);
+}
+
+// The covariance within the hypotheses of an event that is no pulse: each has been on the flow
+// behind it since its own time, by which a gap that was zero until then is known worse the longer
+// that is.
+void UnknownTime::add_covariances(const UncertainEvent& event, const Belief& belief) {
+  const auto all = std::span(seen_).first(static_cast<std::size_t>(seen_size_));
+  double highest = -infinity;
+  for (const Seen& seen : all) highest = std::max(highest, seen.log_weight);
+  struct Ages {
+    double weight = 0.0, mean = 0.0, square = 0.0;
+  } before, after;
+  for (const Seen& seen : all) {
+    const double w = std::exp(seen.log_weight - highest);
+    if (!(w > 0.0)) continue;
+    Ages& ages = seen.changes_flow ? after : before;
+    ages.weight += w;
+    const double off = seen.age - ages.mean;
+    ages.mean += off * w / ages.weight;
+    ages.square += w * off * (seen.age - ages.mean);
+  }
+  if (!(after.weight > 0.0)) return;
+  const double total = before.weight + after.weight;
+  if (before.weight > 0.0) {
+    add_covariance(event, before.mean, before.weight / total, nullptr, belief);
+  }
+  const Flow* flow = flow_after(event);
+  const double share = after.weight / total;
+  const double outer = outer_age * std::sqrt(after.square / after.weight);
+  add_covariance(event, after.mean, share * (1.0 - 2.0 * outer_weight), flow, belief);
+  for (const double off : {-outer, outer}) {
+    add_covariance(event, after.mean + off, share * outer_weight, flow, belief);
+  }
+}
+
+// That of a hypothesis of this age: on the flow `after` since, if there is one.
+void UnknownTime::add_covariance(const UncertainEvent& event, double age, double share,
+                                 const Flow* after, const Belief& belief) {
+  const Sight sight = see(event.kind, age);
+  EventMixture::Within& within = mixture_.add_within(share);
+  if (after != nullptr) {
+    belief_.change_flow(*after, age, within.S_q, within.S_u);
+  } else {
+    within.S_q.leftCols(columns_) = belief.S_q.leftCols(columns_);
+    within.S_u.leftCols(columns_) = belief.S_u.leftCols(columns_);
+  }
+  // What it measures is known, and its rate up to what the flux says.
+  const auto take = [&](double part, const auto& along) {
+    for (Eigen::MatrixXd* S : {&within.S_q, &within.S_u}) {
+      for (Eigen::Index i = 0; i < S->rows(); ++i) {
+        auto row = S->row(i).head(columns_);
+        row -= part * row.dot(along.transpose()) * along.transpose();
+      }
+    }
+  };
+  take(1.0 / sight.s2, belief_.phi());
+  take((1.0 - std::sqrt(sight.variance) / sight.d) / square(sight.d), psi_.head(columns_));
 }
 
 // A pulse too close to the one before: it turns the gap velocity round wherever it goes, and says
@@ -482,6 +546,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
       const double age = nodes.first + i * nodes.step;
       add(event, age, log_prior(age), has_happened(age));
     }
+    if (!pulse) add_covariances(event, belief);
   }
   int first_over = 0;
   while (first_over < nodes.count && nodes.first + first_over * nodes.step < 0.0) ++first_over;

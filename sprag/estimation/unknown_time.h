@@ -137,12 +137,17 @@ class UnknownTime {
   void go_on(const Flow& flow, Instant from, Instant to, Eigen::VectorXd& q, Eigen::VectorXd& u);
   void add_changed_flow(const Flow& after);
   void add(const UncertainEvent& event, double age, double log_weight, bool has_happened);
+  const Flow* flow_after(const UncertainEvent& event) const;
+  void add_covariances(const UncertainEvent& event, const Belief& belief);
+  void add_covariance(const UncertainEvent& event, double age, double share, const Flow* after,
+                      const Belief& belief);
   void add_burst(const UncertainEvent& event, double age, bool has_happened);
 
   // What a hypothesis says of the gap velocity; each a mean and a variance.
   struct Seen {
     double log_weight, age;
     double before, var_before, after, var_after, change, var_change;
+    bool changes_flow = false;  // by now
   };
   Seen seen_[EventMixture::capacity];
   int seen_size_ = 0;

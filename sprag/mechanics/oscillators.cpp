@@ -113,6 +113,17 @@ void Oscillators::propagate(const OscillatorState& from, const Eigen::ArrayXd& a
   }
 }
 
+void OscillatorKernels::apply(Eigen::Index first, Eigen::Ref<Eigen::MatrixXd> z,
+                              Eigen::Ref<Eigen::MatrixXd> v) const {
+  for (Eigen::Index k = 0; k < z.cols(); ++k) {
+    for (Eigen::Index i = 0; i < z.rows(); ++i) {
+      const double z_k = z(i, k);
+      z(i, k) = zz[first + i] * z_k + zv[first + i] * v(i, k);
+      v(i, k) = vz[first + i] * z_k + vv[first + i] * v(i, k);
+    }
+  }
+}
+
 void Oscillators::kernels(double tau, Eigen::Index first, Eigen::Index count,
                           OscillatorKernels& of) const {
   Neighbours neighbours(tau);

@@ -26,6 +26,10 @@ struct OscillatorKernels {
     for (Eigen::ArrayXd* x : {&zz, &zv, &vz, &vv}) x->resize(n);
   }
 
+  /// In place, oscillators first.. of several states: a row an oscillator, a column a state.
+  void apply(Eigen::Index first, Eigen::Ref<Eigen::MatrixXd> z,
+             Eigen::Ref<Eigen::MatrixXd> v) const;
+
   Eigen::ArrayXd zz, zv, vz, vv;
 };
 

@@ -15,7 +15,7 @@ inline Belief belief_of(const Eigen::VectorXd& m, const Eigen::MatrixXd& S) {
   belief.q = m.head(f);
   belief.u = m.tail(f);
   belief.columns = S.cols();
-  belief.S_q.setZero(f, 8 * f + Belief::most_components + EventMixture::added_columns());
+  belief.S_q.setZero(f, 8 * f + Belief::most_components + EventMixture::added_columns(8 * f));
   belief.S_u = belief.S_q;
   belief.S_q.leftCols(S.cols()) = S.topRows(f);
   belief.S_u.leftCols(S.cols()) = S.bottomRows(f);

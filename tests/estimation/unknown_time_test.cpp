@@ -209,6 +209,135 @@ TEST(UnknownTime, IsTheIntegralOverTheTimeOfTheEvent) {
             << worst_covariance << '\n';
 }
 
+// A contact of this machine is held, and its force is nothing at about t; S keeps its gap and its
+// gap velocity.
+struct Held {
+  Eigen::VectorXd m;
+  Eigen::MatrixXd S;
+};
+Held about_to_leave(const Machine& machine, double spread, Random& random) {
+  const Eigen::Index f = machine.omega.size();
+  Held held{Eigen::VectorXd(2 * f), Eigen::MatrixXd(2 * f, 2 * f - 2)};
+  for (double& one : held.m) one = random.uniform(-1.0, 1.0);
+  for (double& one : held.S.reshaped()) one = spread * random.uniform(-1.0, 1.0);
+  held.S.bottomRows(f) *= machine.omega.mean();
+  held.m.tail(f) *= machine.omega.mean();
+  held.m.head(f).array() -= (0.1 + held.m.head(f).sum()) / static_cast<double>(f);
+  held.m.tail(f).array() -= held.m.tail(f).mean();
+  for (Eigen::Index k = 0; k < held.S.cols(); ++k) {
+    held.S.col(k).head(f).array() -= held.S.col(k).head(f).mean();
+    held.S.col(k).tail(f).array() -= held.S.col(k).tail(f).mean();
+  }
+  const Eigen::VectorXd k = machine.omega.cwiseAbs2();
+  if (k.dot(held.m.tail(f)) > 0.0) held.m.tail(f) *= -1.0;
+  // The springs alone push it on; what the dashpots do is small.
+  const double too_much = k.dot(held.m.head(f)) / (k[0] - k[1]);
+  held.m[0] -= too_much;
+  held.m[1] += too_much;
+  return held;
+}
+
+// What the release of the held contact, reported at t, makes of its belief: every time of it with
+// the flows before and behind it.
+Dense integrate_release(const Flows& flows, const Held& held, Instant t, double sigma) {
+  const Flow& closed = *flows.find(1);
+  const Flow& free = *flows.find(0);
+  const Eigen::Index f = held.m.size() / 2;
+  const Eigen::Index c = held.S.cols();
+  const Eigen::VectorXd no_gap = Eigen::VectorXd::Zero(1);
+  const auto go = [&](const Flow& flow, const Eigen::VectorXd& x, Instant from, double tau,
+                      Motion& motion) {
+    flow.enter(x.head(f), x.tail(f), from, no_gap.head(flow.locked() == 0 ? 0 : 1), motion);
+    flow.propagate(motion, from + tau, motion);
+    Eigen::VectorXd q(f), u(f), moved(2 * f);
+    flow.state(motion, q, u);
+    moved << q, u;
+    return moved;
+  };
+  const Signal& lambda = closed.force(0);
+  std::vector<Dense> all;
+  double even = 0.0;
+  constexpr int n = 1200;
+  // The first one is the report's own time, which says what the sign alone counts.
+  for (int i = -1; i <= n; ++i) {
+    const double age = i < 0 ? 0.0 : 6.0 * sigma * (2.0 * i / n - 1.0);
+    Motion motion;
+    const Eigen::VectorXd m = go(closed, held.m, t, -age, motion);
+    const double l = value(lambda, motion), l_rate = rate(lambda, motion);
+    const Eigen::VectorXd m_now = go(free, m, t + -age, age, motion);
+    Eigen::VectorXd phi(c), psi(c);
+    Eigen::MatrixXd S_now(2 * f, c);
+    for (Eigen::Index k = 0; k < c; ++k) {
+      const Eigen::VectorXd x = go(closed, held.m + held.S.col(k), t, -age, motion);
+      phi[k] = value(lambda, motion) - l;
+      psi[k] = rate(lambda, motion) - l_rate;
+      S_now.col(k) = go(free, x, t + -age, age, motion) - m_now;
+    }
+    const double s2 = phi.squaredNorm();
+    const double kappa = phi.dot(psi) / s2;
+    psi -= kappa * phi;
+    const double mu = l_rate - kappa * l;
+    const double d = psi.norm();
+    if (i < 0) {
+      even = s2 / (-flux_moments(mu, d, 0.0).mean * sigma * sigma);
+      continue;
+    }
+    const FluxMoments flux = flux_moments(mu, d, even);
+    const Eigen::VectorXd xi = -l / s2 * phi + (flux.mean - mu) / (d * d) * psi;
+    const Eigen::MatrixXd T = Eigen::MatrixXd::Identity(c, c) - phi * phi.transpose() / s2 -
+                              psi * psi.transpose() * ((1.0 - flux.variance / (d * d)) / (d * d));
+    all.push_back({m_now + S_now * xi, S_now * T * S_now.transpose(),
+                   -0.5 * std::pow(age / sigma, 2) - 0.5 * l * l / s2 - 0.5 * std::log(s2) +
+                       flux.log_weight});
+  }
+  return whole(std::move(all));
+}
+
+// What is known behind a release is what is known on the free flight since: the gap, which was zero
+// before, as well.
+TEST(UnknownTime, AReleaseIsNearTheIntegralOverItsTime) {
+  constexpr std::uint64_t seed = 31;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  double worst_mean = 0.0, widest = 0.0, narrowest = 1e300;
+  for (int trial = 0; trial < 60; ++trial) {
+    const Eigen::Index f = random.integer(2, 3);
+    Machine machine{Eigen::VectorXd(f), Eigen::VectorXd(f), 0.5};
+    for (double& one : machine.omega) one = random.log_uniform(0.5, 20.0);
+    machine.delta = 0.02 * machine.omega;
+    const double sigma = random.log_uniform(0.03, 0.3) / machine.omega.maxCoeff();
+    const double spread = random.log_uniform(1e-2, 1.0);
+    const Held held = about_to_leave(machine, spread, random);
+    const Flows flows(machine.model());
+    const Dense expected = integrate_release(flows, held, at(1.0), sigma);
+
+    UnknownTime unknown(flows, sigma, 8 * f);
+    Belief belief = belief_of(held.m, held.S);
+    Motion motion;
+    flows.find(1)->enter(belief.q, belief.u, at(1.0), Eigen::VectorXd::Zero(1), motion);
+    UnknownTime::Innovation innovation;
+    ASSERT_TRUE(unknown.take({UncertainEvent::Kind::releases, 0, 0}, motion, {1e-3, 1e-3}, 0.0,
+                             false, belief, innovation));
+    const Dense actual = moments_of(belief);
+    const double of_mean = off(actual, expected).mean;
+    const Eigen::VectorXd one = Eigen::VectorXd::Ones(f);
+    const auto gap = [&](const Dense& of) {
+      return std::sqrt(one.dot(of.covariance.topLeftCorner(f, f) * one));
+    };
+    const double ratio = gap(actual) / gap(expected);
+    worst_mean = std::max(worst_mean, of_mean);
+    widest = std::max(widest, ratio);
+    narrowest = std::min(narrowest, ratio);
+    const std::string where = "trial " + std::to_string(trial) + ", omega sigma " +
+                              std::to_string(sigma * machine.omega.maxCoeff()) + ", spread " +
+                              std::to_string(spread);
+    EXPECT_LT(of_mean, 0.01) << where;
+    EXPECT_NEAR(ratio, 1.0, 0.1) << where;
+  }
+  std::cout << "largest difference of means, in deviations: " << worst_mean
+            << "; deviation of the gap " << narrowest << " to " << widest << " times as large\n";
+}
+
 // Two impacts in a row, against every pair of their times. Between them the likeliest times of the
 // first are kept apart: what is known there is curved, and of one Gaussian the second would make
 // something else.
@@ -257,7 +386,7 @@ TEST(UnknownTime, TwoImpactsAreNearTheIntegralOverBothTimes) {
     const Flows flows(machine.model());
     UnknownTime unknown(flows, sigma, 4 * f + Belief::most_components);
     BeliefColumns columns(flows[0], f,
-                          8 * f + Belief::most_components + EventMixture::added_columns());
+                          8 * f + Belief::most_components + EventMixture::added_columns(8 * f));
     const auto after_both = [&](bool several) {
       Belief belief = belief_of(m, S);
       Motion motion;
