@@ -385,11 +385,11 @@ bool EventMixture::collapse(int keep, Belief& belief) {
     factor(n);
     basis_q_.leftCols(c) = S_q;
     basis_u_.leftCols(c) = S_u;
-  }
-  for (Eigen::Index k = 0; k < n && within_size_ == 0; ++k) {
-    const auto column = joint_.col(k).segment(k, n - k);
-    S_q_.col(kept + k).noalias() = basis_q_.middleCols(k, n - k).lazyProduct(column);
-    S_u_.col(kept + k).noalias() = basis_u_.middleCols(k, n - k).lazyProduct(column);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const auto column = joint_.col(k).segment(k, n - k);
+      S_q_.col(kept + k).noalias() = basis_q_.middleCols(k, n - k).lazyProduct(column);
+      S_u_.col(kept + k).noalias() = basis_u_.middleCols(k, n - k).lazyProduct(column);
+    }
   }
   belief.components = kept;
   belief.columns = columns;

@@ -29,10 +29,10 @@ constexpr double node_density = 5.6;
 constexpr int least_nodes = 5, most_nodes = 30;
 constexpr int looks_at_nodes = 3;
 constexpr int burst_nodes = 11;
+constexpr double burst_reach = 3.0;
 // Covariances are looked at at three ages, in deviations from their mean (Gauss-Hermite).
 constexpr double outer_age = 1.7320508075688772;  // sqrt(3)
 constexpr double outer_weight = 1.0 / 6.0;
-constexpr double burst_reach = 3.0;
 // Of d; then the sign of a rate is all that counts.
 constexpr double most_even = 1e6;
 // An angle; below it what a hypothesis makes of the state goes with its time.
