@@ -173,6 +173,7 @@ TEST(ProgramTest, AnInterruptedProgramHasFailedUnlessItRunsUntilASignal) {
 }
 
 TEST(ProgramTest, SignalsSetTheStopFlag) {
+  std::signal(SIGHUP, SIG_DFL);  // also where the tests run under nohup
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     TestProgram program;
     program.run = [signal](nlohmann::ordered_json&) {

@@ -39,6 +39,7 @@ Process::Process(std::vector<std::string> command, const std::filesystem::path& 
   if (in >= 0 && out >= 0 && err >= 0) pid_ = ::fork();
   if (pid_ == 0) {  // only what is safe between fork and exec
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    std::signal(SIGHUP, SIG_DFL);  // also where the tests run under nohup
     if (::getppid() != parent) ::_exit(127);
     ::dup2(in, STDIN_FILENO);
     ::dup2(out, STDOUT_FILENO);
