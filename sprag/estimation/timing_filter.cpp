@@ -210,7 +210,6 @@ void TimingFilter::enter(ContactSet locked, Instant t, TimingState& state) {
   const Flow* flow = flows_->find(locked);
   if (flow == nullptr) {
     ++state.refused_impacts;
-    locked = 0;
     flow = &(*flows_)[0];
   }
   enter(*flow, t, state.motion);
