@@ -119,6 +119,13 @@ void Retrodiction::return_to_motion() {
   then_.t = motion_->t;
 }
 
+// What tau makes of the modes of a flow.
+void Retrodiction::set_kernels(const Flow& flow, double growth, double tau) {
+  for_each_tau(flow, growth, tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
+    flow.oscillators().kernels(of_mode, first, count, kernels_);
+  });
+}
+
 void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S_q,
                                Eigen::MatrixXd& S_u) {
   auto q = S_q.leftCols(columns_);
@@ -128,9 +135,7 @@ void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S
                      moved_V_.topLeftCorner(of.modes(), columns_));
   };
   const auto go = [&](const Flow& on, double growth, double tau) {
-    for_each_tau(on, growth, tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
-      on.oscillators().kernels(of_mode, first, count, kernels_);
-    });
+    set_kernels(on, growth, tau);
     auto [z, v] = modes(on);
     kernels_.apply(on.frequencies(), z, v);
     on.state_differences(z, v, q, u);
@@ -148,13 +153,10 @@ void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S
 void Retrodiction::move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,
                         const Eigen::Ref<const Eigen::VectorXd>& v,
                         Eigen::Ref<Eigen::VectorXd> moved_z, Eigen::Ref<Eigen::VectorXd> moved_v) {
-  const Eigen::Index n = flow().modes();
-  const Eigen::Index nf = flow().frequencies();
-  for_each_tau(flow(), growth_, tau, [&](double of_mode, Eigen::Index first, Eigen::Index count) {
-    flow().oscillators().kernels(of_mode, first, count, kernels_);
-  });
-  moved_z.array() = kernels_.zz.segment(nf, n) * z.array() + kernels_.zv.segment(nf, n) * v.array();
-  moved_v.array() = kernels_.vz.segment(nf, n) * z.array() + kernels_.vv.segment(nf, n) * v.array();
+  set_kernels(flow(), growth_, tau);
+  moved_z = z;
+  moved_v = v;
+  kernels_.apply(flow().frequencies(), moved_z, moved_v);
 }
 
 }  // namespace sprag

@@ -54,6 +54,7 @@ class Retrodiction {
  private:
   template <typename Move>
   static void for_each_tau(const Flow& flow, double growth, double tau, const Move& move);
+  void set_kernels(const Flow& flow, double growth, double tau);
 
   const Motion* motion_ = nullptr;
   const Signal* signal_ = nullptr;

@@ -410,14 +410,12 @@ const Flow* UnknownTime::flow_after(const UncertainEvent& event) const {
 // behind it since its own time, by which a gap that was zero until then is known worse the longer
 // that is.
 void UnknownTime::add_covariances(const UncertainEvent& event, const Belief& belief) {
-  const auto all = std::span(seen_).first(static_cast<std::size_t>(seen_size_));
-  double highest = -infinity;
-  for (const Seen& seen : all) highest = std::max(highest, seen.log_weight);
   struct Ages {
     double weight = 0.0, mean = 0.0, square = 0.0;
   } before, after;
-  for (const Seen& seen : all) {
-    const double w = std::exp(seen.log_weight - highest);
+  const double total = mixture_.log_total();
+  for (const Seen& seen : std::span(seen_).first(static_cast<std::size_t>(seen_size_))) {
+    const double w = std::exp(seen.log_weight - total);
     if (!(w > 0.0)) continue;
     Ages& ages = seen.changes_flow ? after : before;
     ages.weight += w;
@@ -426,16 +424,12 @@ void UnknownTime::add_covariances(const UncertainEvent& event, const Belief& bel
     ages.square += w * off * (seen.age - ages.mean);
   }
   if (!(after.weight > 0.0)) return;
-  const double total = before.weight + after.weight;
-  if (before.weight > 0.0) {
-    add_covariance(event, before.mean, before.weight / total, nullptr, belief);
-  }
+  if (before.weight > 0.0) add_covariance(event, before.mean, before.weight, nullptr, belief);
   const Flow* flow = flow_after(event);
-  const double share = after.weight / total;
   const double outer = outer_age * std::sqrt(after.square / after.weight);
-  add_covariance(event, after.mean, share * (1.0 - 2.0 * outer_weight), flow, belief);
+  add_covariance(event, after.mean, after.weight * (1.0 - 2.0 * outer_weight), flow, belief);
   for (const double off : {-outer, outer}) {
-    add_covariance(event, after.mean + off, share * outer_weight, flow, belief);
+    add_covariance(event, after.mean + off, after.weight * outer_weight, flow, belief);
   }
 }
 

@@ -163,6 +163,11 @@ Off off(const Dense& actual, const Dense& expected) {
               .maxCoeff()};
 }
 
+std::string name_of(int trial, const Machine& machine, double sigma, double spread) {
+  return "trial " + std::to_string(trial) + ", omega sigma " +
+         std::to_string(sigma * machine.omega.maxCoeff()) + ", spread " + std::to_string(spread);
+}
+
 // From an almost exact time to sigma of a good part of a period, from hardly known states to well
 // known ones: the nodes find where the weight is. (With a longer sigma a free flight can cross the
 // support more than once, which a machine cannot.)
@@ -199,9 +204,7 @@ TEST(UnknownTime, IsTheIntegralOverTheTimeOfTheEvent) {
     const auto [of_mean, of_covariance] = off(moments_of(belief), expected);
     worst_mean = std::max(worst_mean, of_mean);
     worst_covariance = std::max(worst_covariance, of_covariance);
-    const std::string where = "trial " + std::to_string(trial) + ", omega sigma " +
-                              std::to_string(sigma * machine.omega.maxCoeff()) + ", spread " +
-                              std::to_string(spread);
+    const std::string where = name_of(trial, machine, sigma, spread);
     EXPECT_LT(of_mean, 0.05) << where;
     EXPECT_LT(of_covariance, 0.05) << where;
   }
@@ -328,9 +331,7 @@ TEST(UnknownTime, AReleaseIsNearTheIntegralOverItsTime) {
     worst_mean = std::max(worst_mean, of_mean);
     widest = std::max(widest, ratio);
     narrowest = std::min(narrowest, ratio);
-    const std::string where = "trial " + std::to_string(trial) + ", omega sigma " +
-                              std::to_string(sigma * machine.omega.maxCoeff()) + ", spread " +
-                              std::to_string(spread);
+    const std::string where = name_of(trial, machine, sigma, spread);
     EXPECT_LT(of_mean, 0.01) << where;
     EXPECT_NEAR(ratio, 1.0, 0.1) << where;
   }
