@@ -45,6 +45,9 @@ double variance(const Functional& of, const Belief& belief);
 /// rounding.
 inline constexpr double measurement_rounding = 32.0 * std::numeric_limits<double>::epsilon();
 
+/// Impacts happen at doubles: none is at its time but up to this share of it.
+inline constexpr double time_step = std::numeric_limits<double>::epsilon();
+
 /// A scalar measurement by Potter's square root: residual = measured - expected, `phi` what it sees
 /// of each column of S, r the variance of its noise. With alpha = phi^T phi + r and K = S phi /
 /// alpha

@@ -13,8 +13,6 @@ namespace {
 
 // Times of events are not known better than to so many ulps.
 constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
-// And impacts happen at doubles.
-constexpr double time_step = std::numeric_limits<double>::epsilon();
 // Roundings of a run are not in the covariance: an innovation below this share of its terms is no
 // sign of anything.
 constexpr double insignificant = 1e-10;

@@ -163,7 +163,7 @@ class UnknownTime {
 
   // What is looked at.
   Retrodiction belief_;
-  double value_rounding_ = 0.0, rate_rounding_ = 0.0, rate_noise_ = 0.0;
+  double value_rounding_ = 0.0, rate_rounding_ = 0.0, time_rounding_ = 0.0, rate_noise_ = 0.0;
   double even_ = 0.0;         // weight that does not go with the flux, of flux_moments()
   Eigen::Index columns_ = 0;  // without components
   int components_ = 0;

@@ -380,6 +380,51 @@ TEST(TimingFilter, ForgetsJitterAtResonanceToo) {
   }
 }
 
+// Known ever better, but not better than rounding allows: what doubles make of event times has the
+// last word. Steps between hypotheses that are far above it once moved the mean by ten of its
+// deviations.
+TEST(TimingFilter, IsNotSurerThanRoundingAllows) {
+  Scene mass;
+  mass.name = "mass";
+  mass.model.M = mass.model.K = Eigen::MatrixXd::Identity(1, 1);
+  mass.model.C = Eigen::MatrixXd::Constant(1, 1, 0.02);
+  mass.model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {0.5, 1.1, 0.0}});
+  mass.model.contacts.push_back({Eigen::VectorXd::Ones(1), 1.0, {}, 0.7});
+  mass.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  mass.replica = {Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Zero(1)};
+  mass.jitter = 3e-2;
+  Scene rig = cached_scene("lab_rig.toml");
+  rig.jitter = 1e-3;
+  struct Settling {
+    Scene scene;
+    double h, known, end;
+  };
+  for (const auto& [scene, h, known, end] :
+       {Settling{mass, 0.1, 1200.0, 2000.0}, Settling{rig, 0.002, 20.0, 32.0}}) {
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+      Pursuit run(scene, h, uncertainty_of(scene));
+      std::mt19937_64 engine(seed);
+      std::normal_distribution<double> normal;
+      Eigen::VectorXd q(scene.model.coordinates()), u(q.size()), g(scene.model.contacts.size());
+      double farthest = 0.0, largest_V = 0.0;
+      while (static_cast<double>(run.k_) * h < end) {
+        const double V = run.tick([&](std::vector<ContactEvent>& events) {
+          for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
+        });
+        if (static_cast<double>(run.k_) * h < known) continue;
+        largest_V = std::max(largest_V, V);
+        run.filter.deviations(run.state, q, u, g);
+        const Eigen::ArrayXd off_q = (run.mean.q - run.truth.q).array() / q.array();
+        const Eigen::ArrayXd off_u = (run.mean.u - run.truth.u).array() / u.array();
+        farthest = std::max({farthest, off_q.abs().maxCoeff(), off_u.abs().maxCoeff()});
+      }
+      std::cout << scene.name << ", seed " << seed << ": V up to " << largest_V << ", off by up to "
+                << farthest << " deviations\n";
+      EXPECT_LT(farthest, 3.0);
+    }
+  }
+}
+
 // A contact that is held for less than its reports jitter moves the estimate to the support
 // statically: moved in the metric of M, each would have multiplied the energy in the fastest modes.
 TEST(TimingFilter, ShortHoldsPutNoEnergyIntoFastModes) {
