@@ -2,10 +2,10 @@
 // machines, jitters and seeds.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <exception>
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "command_line/program.h"
 #include "sprag/files/output_file.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/table.h"
@@ -96,12 +96,8 @@ int main(int argc, char** argv) {
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   app.add_flag("--json", arguments.json, "Print one JSON array instead of a table");
   app.add_option("--csv", arguments.csv, "Also write the rows here");
-  CLI11_PARSE(app, argc, argv);
-  try {
+  return sprag::run_program(argc, argv, app, {}, [&](nlohmann::ordered_json&) {
     run(arguments);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "calibration: %s\n", error.what());
-    return 1;
-  }
-  return 0;
+    return sprag::exit_done;
+  });
 }

@@ -1,0 +1,46 @@
+// The exact posterior of a machine's state, given when its impacts were reported: what a filter
+// that is right would know. With a Gaussian N(m, R^T R) for the state x at the begin of a window,
+// and impacts in it reported at t_k with t_k - t_k(x) ~ N(0, sigma^2), t_k(x) those of the master
+// from x on, x has the density
+//
+//   p(x) ~ exp(-|R^-T (x - m)|^2 / 2 - sum_k (t_k - t_k(x))^2 / (2 sigma^2)),
+//
+// nothing where the master's impacts are others. A random walk (Metropolis 1953) draws from it;
+// each draw is carried on to the window's end by the master. From the begin on there is no
+// Gaussian, no linearization and no code of the filter in it.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/flows.h"
+
+namespace sprag::posterior {
+
+struct Window {
+  double begin, end;  ///< [s]; no contact is held at the begin
+  // Of (q, u) at the begin, 2 f entries.
+  Eigen::VectorXd x;                 ///< the true state
+  Eigen::VectorXd mean;              ///< m
+  Eigen::MatrixXd root;              ///< R, upper triangular
+  std::vector<ContactEvent> events;  ///< the true ones
+  std::vector<double> reported;      ///< times of their reports [s]
+};
+
+/// Of (q, u) at the window's end, 2 f entries each.
+struct Moments {
+  Eigen::VectorXd mean, deviation;
+  double accepted = 0.0;  ///< share of the steps that count
+};
+
+/// By a walk of `steps` steps, the first quarter of which only finds its way, with draws
+/// of `seed`. None where the master's events are others even from the true state on, or close to
+/// it. jitter > 0 [s].
+std::optional<Moments> moments(const Flows& flows, const Window& window, double jitter, int steps,
+                               std::uint64_t seed);
+
+}  // namespace sprag::posterior
