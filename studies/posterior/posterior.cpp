@@ -71,13 +71,13 @@ class Density {
 
  private:
   bool derivatives(const Eigen::VectorXd& y, double step, Eigen::MatrixXd& J) {
-    Eigen::VectorXd later(size()), earlier(size()), at = y;
+    Eigen::VectorXd later(size()), earlier(size()), beside = y;
     for (Eigen::Index j = 0; j < n(); ++j) {
-      at[j] = y[j] + step;
-      if (!residuals(at, later)) return false;
-      at[j] = y[j] - step;
-      if (!residuals(at, earlier)) return false;
-      at[j] = y[j];
+      beside[j] = y[j] + step;
+      if (!residuals(beside, later)) return false;
+      beside[j] = y[j] - step;
+      if (!residuals(beside, earlier)) return false;
+      beside[j] = y[j];
       J.col(j) = (later - earlier) / (2.0 * step);
     }
     return true;

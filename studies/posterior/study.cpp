@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <optional>
+#include <span>
+#include <vector>
 
 #include "command_line/in_parallel.h"
 #include "sprag/estimation/timing_filter.h"
@@ -29,43 +32,31 @@ struct Begin {
   std::size_t events;
 };
 
-Window window_from(const Begin& begin, double end, std::size_t last,
-                   std::span<const ContactEvent> events, std::span<const ContactEvent> reports) {
-  Window window{begin.t, end, begin.x, begin.mean, begin.root, {}, {}};
-  for (std::size_t k = begin.events; k < last; ++k) {
-    window.events.push_back(events[k]);
-    window.reported.push_back(reports[k].t);
-  }
-  return window;
+// What happened, and when that was reported.
+struct Recording {
+  std::span<const ContactEvent> events, reports;
+  double jitter;
+};
+
+bool is_near_an_event(const Recording& of, double t) {
+  return std::any_of(of.events.begin(), of.events.end(), [&](const ContactEvent& event) {
+    return std::abs(event.t - t) < away * of.jitter;
+  });
 }
 
-bool keeps_apart(const Window& window, double distance) {
-  for (std::size_t k = 1; k < window.events.size(); ++k) {
-    if (window.events[k].t - window.events[k - 1].t < distance) return false;
-  }
-  return true;
-}
-
-// The exact moments at `end`, before which so many events were, from the last begin on that has so
-// many impacts behind it; none where there is no such begin or no such moments.
-std::optional<Moments> exact_moments(const Flows& flows, const std::vector<Begin>& begins,
-                                     std::size_t impacts, double end, std::size_t last,
-                                     const calibration::Truth& truth,
-                                     std::span<const ContactEvent> reports, double jitter,
-                                     int steps, std::uint64_t seed) {
+// The last window to `end`, before which `last` events were, with at least so many of them in it.
+std::optional<Window> window_to(double end, std::size_t last, std::size_t impacts,
+                                const std::vector<Begin>& begins, const Recording& of) {
   const auto begin = std::find_if(begins.rbegin(), begins.rend(),
                                   [&](const Begin& one) { return one.events + impacts <= last; });
   if (begin == begins.rend()) return {};
-  const Window window = window_from(*begin, end, last, truth.events, reports);
-  if (!keeps_apart(window, apart * jitter)) return {};
-  return moments(flows, window, jitter, steps, seed);
-}
-
-bool is_near_an_event(const calibration::Truth& truth, double t, double distance) {
-  for (const ContactEvent& event : truth.events) {
-    if (std::abs(event.t - t) < distance) return true;
+  Window window{begin->t, end, begin->x, begin->mean, begin->root, {}, {}};
+  for (std::size_t k = begin->events; k < last; ++k) {
+    if (k > begin->events && of.events[k].t - of.events[k - 1].t < apart * of.jitter) return {};
+    window.events.push_back(of.events[k]);
+    window.reported.push_back(of.reports[k].t);
   }
-  return false;
+  return window;
 }
 
 // R of P = S S^T = R^T R.
@@ -95,6 +86,7 @@ void follow(const Scene& told, const calibration::Truth& truth,
   const auto impacts = static_cast<std::size_t>(options.window);
   Eigen::VectorXd x(2 * f), mean(2 * f), sigma(2 * f), sigma_g(told.model.contacts.size());
   Belief belief;
+  const Recording recording{truth.events, reports, told.jitter};
   std::vector<Begin> begins;
   auto next = reports.begin();
   std::size_t happened = 0;
@@ -109,12 +101,15 @@ void follow(const Scene& told, const calibration::Truth& truth,
     for (; happened < truth.events.size() && truth.events[happened].t <= t; ++happened) {
       chi = after(chi, truth.events[happened]);
     }
-    if (is_near_an_event(truth, t, away * told.jitter)) continue;
+    if (is_near_an_event(recording, t)) continue;
     x << truth.q.col(sample), truth.u.col(sample);
     filter.output(state, mean.head(f), mean.tail(f));
     if (2 * sample >= samples && sample % every == 0) {
-      const auto exact = exact_moments(flows, begins, impacts, t, happened, truth, reports,
-                                       told.jitter, options.steps, other_seed(seed, sample));
+      const auto window = window_to(t, happened, impacts, begins, recording);
+      std::optional<Moments> exact;
+      if (window) {
+        exact = moments(flows, *window, told.jitter, options.steps, other_seed(seed, sample));
+      }
       sums.of.skipped += exact ? 0 : 1;
       if (exact) {
         ++sums.of.instants;
