@@ -399,19 +399,21 @@ TEST(TimingFilter, IsNotSurerThanRoundingAllows) {
     Scene scene;
     double h, known, end;
   };
-  for (const auto& [scene, h, known, end] :
+  for (const Settling& settling :
        {Settling{mass, 0.1, 1200.0, 2000.0}, Settling{rig, 0.002, 20.0, 32.0}}) {
+    const Scene& scene = settling.scene;
+    const double h = settling.h;
     for (std::uint64_t seed = 1; seed <= 6; ++seed) {
       Pursuit run(scene, h, uncertainty_of(scene));
       std::mt19937_64 engine(seed);
       std::normal_distribution<double> normal;
       Eigen::VectorXd q(scene.model.coordinates()), u(q.size()), g(scene.model.contacts.size());
       double farthest = 0.0, largest_V = 0.0;
-      while (static_cast<double>(run.k_) * h < end) {
+      while (static_cast<double>(run.k_) * h < settling.end) {
         const double V = run.tick([&](std::vector<ContactEvent>& events) {
           for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
         });
-        if (static_cast<double>(run.k_) * h < known) continue;
+        if (static_cast<double>(run.k_) * h < settling.known) continue;
         largest_V = std::max(largest_V, V);
         run.filter.deviations(run.state, q, u, g);
         const Eigen::ArrayXd off_q = (run.mean.q - run.truth.q).array() / q.array();

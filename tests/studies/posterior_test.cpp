@@ -40,7 +40,7 @@ TEST(Posterior, OfABouncingBallIsALine) {
   constexpr int impacts = 6;
   constexpr double jitter = 1e-5;
   const Flows flows(ball());
-  for (const std::uint64_t seed : {1, 2, 3}) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     Window window{0.0, 0.0, fall, fall + wide, wide.asDiagonal(), {}, {}};
     Master master(flows, {fall.head(1), fall.tail(1)}, 0.0, 0);
     ASSERT_FALSE(master.advance(at(1e3), window.events, impacts));
