@@ -34,6 +34,9 @@ constexpr double outer_age = 1.7320508075688772;  // sqrt(3)
 constexpr double outer_weight = 1.0 / 6.0;
 // Of d; then the sign of a rate is all that counts.
 constexpr double most_even = 1e6;
+// Of the rounding of a time: what several contacts do to each other when they let go at nearly one
+// instant is not known better.
+constexpr double release_rounding = 256.0;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
 
@@ -500,6 +503,7 @@ void UnknownTime::look_for(const UncertainEvent& event, const Motion& motion, co
     const double largest = largest_terms(force, motion);
     look(force, measurement_rounding * largest, measurement_rounding * largest / sigma_, motion,
          belief);
+    time_rounding_ *= release_rounding;
   } else {
     look(motion.flow->gap(event.contact), measurement_rounding * terms.length,
          measurement_rounding * terms.speed, motion, belief);
