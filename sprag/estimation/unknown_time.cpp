@@ -84,10 +84,10 @@ UnknownTime::UnknownTime(const Flows& flows, double sigma, Eigen::Index columns)
 
 // `signal` is zero at the event, on the flow of the motion.
 void UnknownTime::look(const Signal& signal, double value_rounding, double rate_rounding,
-                       const Motion& motion, const Belief& belief) {
+                       double time_rounding, const Motion& motion, const Belief& belief) {
   value_rounding_ = value_rounding;
   rate_rounding_ = rate_rounding;
-  time_rounding_ = time_step * motion.t.hi;
+  time_rounding_ = time_rounding;
   rate_noise_ = 0.0;
   components_ = belief.components;
   columns_ = belief.columns - components_;
@@ -498,15 +498,15 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
 // Closings are seen by the gap, releases by the force.
 void UnknownTime::look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
+  const double time_rounding = time_step * motion.t.hi;
   if (event.kind == UncertainEvent::Kind::releases) {
     const Signal& force = motion.flow->force(event.contact);
     const double largest = largest_terms(force, motion);
-    look(force, measurement_rounding * largest, measurement_rounding * largest / sigma_, motion,
-         belief);
-    time_rounding_ *= release_rounding;
+    look(force, measurement_rounding * largest, measurement_rounding * largest / sigma_,
+         release_rounding * time_rounding, motion, belief);
   } else {
     look(motion.flow->gap(event.contact), measurement_rounding * terms.length,
-         measurement_rounding * terms.speed, motion, belief);
+         measurement_rounding * terms.speed, time_rounding, motion, belief);
     set_impact(event);
   }
 }

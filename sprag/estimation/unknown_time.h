@@ -118,8 +118,8 @@ class UnknownTime {
     int count;
   };
 
-  void look(const Signal& signal, double value_rounding, double rate_rounding, const Motion& motion,
-            const Belief& belief);
+  void look(const Signal& signal, double value_rounding, double rate_rounding, double time_rounding,
+            const Motion& motion, const Belief& belief);
   void look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
   Sight see(UncertainEvent::Kind kind, double age);

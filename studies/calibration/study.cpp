@@ -32,21 +32,6 @@ std::uint64_t other_seed(int seed, int purpose) {
 const Consistency& consistency_of(const TimingState& state) { return state.consistency; }
 const Consistency& consistency_of(const SupervisedState& state) { return state.filter.consistency; }
 
-// The estimator through all ticks; on_sample(sample) at sampled ones.
-template <Estimator E, typename OnTick, typename OnSample>
-void run(E& estimator, typename E::State& state, std::span<const ContactEvent> events,
-         const Truth& truth, const OnTick& on_tick, const OnSample& on_sample) {
-  auto next = events.begin();
-  const std::int64_t last = truth.q.cols() * truth.stride;
-  for (std::int64_t k = 1; k <= last; ++k) {
-    const auto first = next;
-    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
-    estimator.tick({first, next}, state);
-    if (first != next) on_tick(k);
-    if (k % truth.stride == 0) on_sample(k / truth.stride - 1);
-  }
-}
-
 double duration_of(const Scene& scene) {
   const double T = usual_duration(scene.model);
   Master master(scene.model, scene.master);

@@ -2,10 +2,13 @@
 // jittered events, and what its errors are against the standard deviations that it tells.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "sprag/estimation/estimator.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/mechanics/scene.h"
 #include "studies/calibration/statistics.h"
@@ -49,6 +52,22 @@ struct Truth {
 /// Throws SimulationError, or std::invalid_argument for a machine without a usual duration if none
 /// is given.
 Truth simulate(const Scene& scene, const Options& options);
+
+/// A started estimator through all ticks of `truth`, told the events as they arrive; on_tick(k) at
+/// ticks with events, on_sample(sample) at sampled ones.
+template <Estimator E, typename OnTick, typename OnSample>
+void run(E& estimator, typename E::State& state, std::span<const ContactEvent> events,
+         const Truth& truth, const OnTick& on_tick, const OnSample& on_sample) {
+  auto next = events.begin();
+  const std::int64_t last = truth.q.cols() * truth.stride;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    const auto first = next;
+    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
+    estimator.tick({first, next}, state);
+    if (first != next) on_tick(k);
+    if (k % truth.stride == 0) on_sample(k / truth.stride - 1);
+  }
+}
 
 /// One run: `told` is the machine as the estimator knows it, with the jitter and the start that it
 /// is told; `events` as they arrive.

@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/common/random.h"
@@ -100,8 +101,8 @@ bool find_top(Density& density, Eigen::VectorXd& y, Eigen::MatrixXd& root) {
   if (!density.residuals(y, r)) return false;
   for (int i = 0; i < most_iterations; ++i) {
     if (!density.derivatives(y, J)) return false;
-    const Eigen::LLT<Eigen::MatrixXd> information(J.transpose() * J);
-    root = information.matrixU().solve(Eigen::MatrixXd::Identity(n, n));
+    const CholeskyFactor information(product(J.transpose(), J));
+    root = information.solve_L(Eigen::MatrixXd::Identity(n, n)).transpose();
     const Eigen::VectorXd step = -information.solve(J.transpose() * r);
     if ((J * step).norm() < converged) return true;
     double share = 1.0;

@@ -13,7 +13,6 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "sprag/mechanics/contact_event.h"
@@ -37,9 +36,9 @@ struct Moments {
   double accepted = 0.0;  ///< share of the steps that count
 };
 
-/// By a walk of `steps` steps, the first quarter of which only finds its way, with draws
-/// of `seed`. None where the master's events are others even from the true state on, or close to
-/// it. jitter > 0 [s].
+/// By a walk of `steps` steps, the first quarter of which only finds its way, with draws of `seed`.
+/// None where the master's events are others even from the true state on, or close to it, and where
+/// the walk does not settle. jitter > 0 [s].
 std::optional<Moments> moments(const Flows& flows, const Window& window, double jitter, int steps,
                                std::uint64_t seed);
 

@@ -1,6 +1,5 @@
 #include "studies/posterior/study.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <mutex>
@@ -10,7 +9,7 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/estimation/timing_filter.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/calibration/study.h"
 #include "studies/common/disturbance.h"
@@ -59,13 +58,7 @@ std::optional<Window> window_to(double end, std::size_t last, std::size_t impact
   return window;
 }
 
-// R of P = S S^T = R^T R.
-Eigen::MatrixXd upper_root(const Eigen::MatrixXd& S) {
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(S.transpose());
-  return qr.matrixQR().topRows(S.rows()).triangularView<Eigen::Upper>();
-}
-
-std::uint64_t other_seed(int seed, Eigen::Index sample) {
+std::uint64_t seed_of_walk(int seed, Eigen::Index sample) {
   return 100000 * static_cast<std::uint64_t>(seed) + static_cast<std::uint64_t>(sample);
 }
 
@@ -88,45 +81,44 @@ void follow(const Scene& told, const calibration::Truth& truth,
   Belief belief;
   const Recording recording{truth.events, reports, told.jitter};
   std::vector<Begin> begins;
-  auto next = reports.begin();
   std::size_t happened = 0;
   ContactSet chi = 0;
-  for (Eigen::Index sample = 0; sample < samples; ++sample) {
-    for (std::int64_t k = sample * truth.stride + 1; k <= (sample + 1) * truth.stride; ++k) {
-      const auto first = next;
-      while (next != reports.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
-      filter.tick({first, next}, state);
+  const auto compare_at = [&](Eigen::Index sample, double t) {
+    const auto window = window_to(t, happened, impacts, begins, recording);
+    std::optional<Moments> exact;
+    if (window) {
+      exact = moments(flows, *window, told.jitter, options.steps, seed_of_walk(seed, sample));
     }
+    if (!exact) {
+      ++sums.of.skipped;
+      return;
+    }
+    ++sums.of.instants;
+    filter.deviations(state, sigma.head(f), sigma.tail(f), sigma_g);
+    for (Eigen::Index i = 0; i < 2 * f; ++i) {
+      sums.of.filter.add(mean[i] - x[i], sigma[i]);
+      sums.of.exact.add(exact->mean[i] - x[i], exact->deviation[i]);
+      sums.logs += std::log(sigma[i] / exact->deviation[i]);
+      sums.squares += square((mean[i] - exact->mean[i]) / exact->deviation[i]);
+    }
+  };
+  const auto on_sample = [&](Eigen::Index sample) {
     const double t = tick_instant((sample + 1) * truth.stride, truth.tick).hi;
     for (; happened < truth.events.size() && truth.events[happened].t <= t; ++happened) {
       chi = after(chi, truth.events[happened]);
     }
-    if (is_near_an_event(recording, t)) continue;
+    if (is_near_an_event(recording, t)) return;
     x << truth.q.col(sample), truth.u.col(sample);
     filter.output(state, mean.head(f), mean.tail(f));
-    if (2 * sample >= samples && sample % every == 0) {
-      const auto window = window_to(t, happened, impacts, begins, recording);
-      std::optional<Moments> exact;
-      if (window) {
-        exact = moments(flows, *window, told.jitter, options.steps, other_seed(seed, sample));
-      }
-      sums.of.skipped += exact ? 0 : 1;
-      if (exact) {
-        ++sums.of.instants;
-        filter.deviations(state, sigma.head(f), sigma.tail(f), sigma_g);
-        for (Eigen::Index i = 0; i < 2 * f; ++i) {
-          sums.of.filter.add(mean[i] - x[i], sigma[i]);
-          sums.of.exact.add(exact->mean[i] - x[i], exact->deviation[i]);
-          sums.logs += std::log(sigma[i] / exact->deviation[i]);
-          sums.squares += square((mean[i] - exact->mean[i]) / exact->deviation[i]);
-        }
-      }
-    }
-    if (chi != 0 || !filter.belief(state, 0.0, belief)) continue;
-    Eigen::MatrixXd S(2 * f, belief.columns);
-    S << belief.S_q.leftCols(belief.columns), belief.S_u.leftCols(belief.columns);
-    begins.push_back({t, mean, upper_root(S), x, happened});
-  }
+    if (2 * sample >= samples && sample % every == 0) compare_at(sample, t);
+    if (chi != 0 || !filter.belief(state, 0.0, belief)) return;
+    Eigen::MatrixXd S_transposed(belief.columns, 2 * f);
+    S_transposed << belief.S_q.leftCols(belief.columns).transpose(),
+        belief.S_u.leftCols(belief.columns).transpose();
+    begins.push_back({t, mean, QR(S_transposed).R(), x, happened});
+  };
+  calibration::run(
+      filter, state, reports, truth, [](std::int64_t) {}, on_sample);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
-// The timing filter beside the exact posterior (posterior.h), at the same instants of the same
-// runs: what its standard deviations lack, and what no estimator could tell.
+// The timing filter beside the exact posterior (posterior.h) from what it believed so many impacts
+// before, at the same instants of the same runs: what its approximations cost, and what no mean and
+// deviation could tell better.
 #pragma once
 
 #include "sprag/files/scene_file.h"
@@ -10,7 +11,7 @@ namespace sprag::posterior {
 struct Options {
   int seeds = 100;    ///< runs, with the events of seeds 1, 2, ... of the calibration study
   int instants = 10;  ///< in the second half of each, further than 6 sigma from any event
-  int window = 40;    ///< impacts before each
+  int window = 40;    ///< impacts before each, at least, that are taken exactly
   int steps = 4000;   ///< of a walk
   int threads = 2;
 };
