@@ -249,7 +249,10 @@ void TimingFilter::open_tick(TimingState& state) const {
 
 void TimingFilter::take(std::span<const ContactEvent> of_one_instant, TimingState& state) {
   const Instant t = at(of_one_instant.front().t);
-  state.motion.flow->propagate(state.motion, t, state.motion);
+  // In one step from the last instant, so that roundings do not depend on the tick.
+  const Covariance& last = slot(state.instants);
+  const Motion& from = last.instants == state.instants ? last.mean : state.motion;
+  from.flow->propagate(from, t, state.motion);
   listen(t, state);
   take_instant(of_one_instant, state);
 }
