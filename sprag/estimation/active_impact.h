@@ -23,6 +23,17 @@ struct Closing {
   double gamma = 0.0, gamma_rate = 0.0, gamma_second_rate = 0.0;  ///< before the impact
 };
 
+/// The impact of one contact while others are held (gamma = 0), by the impact law itself. It is
+/// homogeneous in gamma_i-, so that who of them is thrown off depends on nothing else.
+struct SingleImpact {
+  Solved solved = Solved::yes;
+  double change = 0.0;     ///< of gamma_i, over -gamma_i-: 1 + epsilon_i unless others give back
+  ContactSet staying = 0;  ///< of those that were held; the others are thrown off
+  ContactVector Lambda;    ///< of the contact and of those held, by ascending index, for a change
+                           ///< of gamma_i by one
+};
+SingleImpact single_impact(const Dynamics& dynamics, int contact, double epsilon, ContactSet held);
+
 class ActiveImpact {
  public:
   /// `dynamics` must outlive this. Nothing else here allocates.

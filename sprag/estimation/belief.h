@@ -16,7 +16,7 @@ namespace sprag {
 
 struct Belief {
   /// Most Gaussians that a belief is made of.
-  static constexpr int most_components = 8;
+  static constexpr int most_components = 12;
 
   Eigen::VectorXd q, u;      ///< mean, f entries each
   Eigen::MatrixXd S_q, S_u;  ///< f rows each; the first `columns` columns are S
@@ -105,16 +105,22 @@ struct UncertainEvent {
   enum class Kind : std::int8_t {
     none,     ///< no event, or several at one instant
     pulse,    ///< an impact
+    sticks,   ///< an impact without restitution: the contact stays closed
     burst,    ///< an impact so soon after the last that their times cannot be told apart
-    stays,    ///< an impact after which the contact stays closed
+    stays,    ///< bounces have come to an end: the contact stays closed
     releases  ///< of a contact that was locked
   };
   Kind kind = Kind::none;
   int contact = 0;
-  ContactSet held = 0;  ///< closed before and after
+  ContactSet held = 0;  ///< other contacts, closed before and after
   int in_row = 0;       ///< of a burst: how many since a pulse that was none, counting it
   /// Of a release: how long the contact had been closed, by the reports [s].
   double held_for = std::numeric_limits<double>::infinity();
 };
+
+/// One whose time is told by the gap, and which changes the gap velocity.
+inline bool is_impact(const UncertainEvent& event) {
+  return event.kind == UncertainEvent::Kind::pulse || event.kind == UncertainEvent::Kind::sticks;
+}
 
 }  // namespace sprag

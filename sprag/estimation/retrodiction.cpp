@@ -126,7 +126,8 @@ void Retrodiction::set_kernels(const Flow& flow, double growth, double tau) {
   });
 }
 
-void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S_q,
+void Retrodiction::change_flow(const Flow& after, double age, double kick,
+                               const Eigen::VectorXd& impact_u, Eigen::MatrixXd& S_q,
                                Eigen::MatrixXd& S_u) {
   auto q = S_q.leftCols(columns_);
   auto u = S_u.leftCols(columns_);
@@ -144,6 +145,7 @@ void Retrodiction::change_flow(const Flow& after, double age, Eigen::MatrixXd& S
   z = Z_.topLeftCorner(flow().modes(), columns_);
   v = V_.topLeftCorner(flow().modes(), columns_);
   go(flow(), growth_, -age);
+  for (Eigen::Index j = 0; j < columns_; ++j) u.col(j) += kick * psi_[j] * impact_u;
   after.close_gap_differences(q);
   auto [z_after, v_after] = modes(after);
   after.enter_differences(q, u, z_after, v_after);

@@ -42,9 +42,11 @@ class Retrodiction {
   /// The same at the motion's own time; after set_xi().
   void return_to_motion();
 
-  /// S where the machine has been on the flow `after` since `age`; the first columns of S_q and
-  /// S_u.
-  void change_flow(const Flow& after, double age, Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);
+  /// S where the machine has been on the flow `after` since `age`, behind an impact that changed u
+  /// by `impact_u` times `kick` times the rate of the signal, as go_back(age) has left it; the
+  /// first columns of S_q and S_u.
+  void change_flow(const Flow& after, double age, double kick, const Eigen::VectorXd& impact_u,
+                   Eigen::MatrixXd& S_q, Eigen::MatrixXd& S_u);
 
   /// What differences of the flow's modes become in tau, which may be negative.
   void move(double tau, const Eigen::Ref<const Eigen::VectorXd>& z,

@@ -58,7 +58,7 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
     scale_is_open_ = is_homogeneous(flows_->dynamics().model());
   }
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
-  published_ = sample_;
+  published_ = stuck_ = sample_;
   // As many columns as merging leaves. Not initialized: memory that is never used
   // stays the system's.
   const auto bytes = static_cast<std::size_t>(2 * f() * merged) * sizeof(double);
@@ -122,7 +122,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.tick = k;
   state.chi = chi;
   state.instants = -1;
-  state.inside = 0;
+  state.inside = state.thrown = 0;
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
@@ -178,6 +178,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
   }
   now_.q = q;
   now_.u = u;
+  state.thrown = 0;
   state.consistency = {};
   event_ = {};
   go_on(state);
@@ -186,9 +187,9 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
 // Mean and covariance, `now_`, go on from the motion's instant.
 void TimingFilter::go_on(TimingState& state) {
   const Instant t = state.motion.t;
-  const ContactSet closed = state.chi & ~state.inside;
-  const ContactSet kept = state.motion.flow->locked() & closed;
-  enter(kept | independent_of(flows_->dynamics().G(), kept, closed), t, state);
+  const ContactSet all = closed(state);
+  const ContactSet kept = state.motion.flow->locked() & all;
+  enter(kept | independent_of(flows_->dynamics().G(), kept, all), t, state);
   ++state.instants;
   Covariance& S = slot(state.instants);
   S.instants = state.instants;
@@ -402,13 +403,13 @@ bool TimingFilter::find_published(const TimingState& state) {
     if (due.kind == UncertainEvent::Kind::none) break;
     const bool pulse = due.kind == UncertainEvent::Kind::pulse;
     heard |= bit(due.contact);
-    unknown_time_->hear_nothing(due, published_, state.terms, true, now_);
+    unknown_time_->take_silence(due, published_, state.terms, beyond_doubt, now_);
     // What the others do is seen on the flow behind it, if that is certain.
-    const Flow* flow = pulse ? published_.flow : beyond_doubt ? flows_->find(due.held) : nullptr;
-    if (flow != nullptr) {
-      enter_motion(*flow, t, published_);
-    } else {
+    const Flow* flow = beyond_doubt ? unknown_time_->flow_after(due) : nullptr;
+    if (flow == nullptr && due.kind == UncertainEvent::Kind::releases) {
       releases[released++] = {due.contact, unknown_time_->unheard_age()};
+    } else {
+      enter_motion(flow != nullptr ? *flow : *published_.flow, t, published_);
     }
     columns_.merge(now_);
     near = true;
@@ -437,25 +438,60 @@ ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) 
 // of `unsettled` only what is beyond doubt. `now_` is at the motion's time.
 TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion& motion,
                                          ContactSet heard, ContactSet unsettled) {
-  Due nearest{};
-  double least = deviations_to_expect;
   const ContactSet locked = motion.flow->locked();
+  const auto release = [&](int i) {
+    return UncertainEvent{UncertainEvent::Kind::releases, i, locked & ~bit(i)};
+  };
+  const auto any = [&](int i) {
+    return contains(locked, i) ? release(i)
+                               : UncertainEvent{UncertainEvent::Kind::pulse, i, locked};
+  };
+  int nearest = -1;
+  double least = deviations_to_expect;
+  ContactSet beyond_doubt = 0;
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
-    if (contains(heard | state.inside, i) || (contains(state.chi, i) && !held)) continue;
-    if (held && !unknown_time_) continue;
-    const UncertainEvent due{held ? UncertainEvent::Kind::releases : UncertainEvent::Kind::pulse, i,
-                             locked & ~bit(i)};
+    if (contains(heard | state.inside, i) || (contains(closed(state), i) && !held)) continue;
+    if (held && (!unknown_time_ || contains(state.thrown, i))) continue;
     const double margin = unknown_time_
-                              ? unknown_time_->margin(due, motion, state.terms, now_)
+                              ? unknown_time_->margin(any(i), motion, state.terms, now_)
                               : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
-    const bool beyond_doubt = margin < -deviations_to_expect;
-    if (!held && contains(unsettled, i) && !beyond_doubt) continue;
+    if (margin < -deviations_to_expect) {
+      beyond_doubt |= bit(i);
+    } else if (!held && contains(unsettled, i)) {
+      continue;
+    }
     if (!(margin < least)) continue;
     least = margin;
-    nearest = {due, beyond_doubt};
+    nearest = i;
   }
-  return nearest;
+  if (nearest < 0) return {};
+  // Of several that have happened the first.
+  if (unknown_time_ && std::popcount(beyond_doubt) > 1) {
+    double oldest = -1.0;
+    for_each(beyond_doubt, [&](int i) {
+      unknown_time_->log_of_silence(any(i), motion, state.terms, now_);
+      if (!(unknown_time_->unheard_age() > oldest)) return;
+      oldest = unknown_time_->unheard_age();
+      nearest = i;
+    });
+  }
+  const UncertainEvent event =
+      contains(locked, nearest)
+          ? release(nearest)
+          : impact_of(nearest, restitution_of(nearest) == 0.0 && would_stick(nearest, motion),
+                      motion);
+  return {event, contains(beyond_doubt, nearest)};
+}
+
+// Whether what takes a contact's gap velocity away also presses it down.
+bool TimingFilter::would_stick(int contact, const Motion& motion) {
+  const Flow* flow = flows_->find(motion.flow->locked() | bit(contact));
+  if (flow == nullptr) return false;
+  motion.flow->state(motion, on_flow_, u_before_);
+  flow->close_gaps(motion.t, on_flow_);
+  flow->enter(on_flow_, u_before_, motion.t, no_gaps_.head(std::popcount(flow->locked())), stuck_);
+  return value(flow->force(contact), stuck_) > 0.0;
 }
 
 double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
@@ -468,6 +504,14 @@ double TimingFilter::deviation_of_gap(int contact, const TimingState& state) con
 // Silence is information: an open contact whose gap is negative beyond doubt must have closed.
 void TimingFilter::listen(Instant t, TimingState& state) {
   const double since = t - state.covariance_time;
+  // Of two reports of one instant the other must have come.
+  if (!state.unknown && state.thrown != 0 &&
+      t.hi > state.thrown_since + 2.0 * unknown_time_->latest()) {
+    state.unknown = true;
+    ++state.silences;
+    state.last = {state.thrown_since, std::countr_zero(state.thrown), Suspicion::missing_event,
+                  infinity};
+  }
   while (!state.unknown) {
     const double next =
         state.watched == 0.0
@@ -491,7 +535,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   bool suspect = false;
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(sample_.flow->locked(), i);
-    if (contains(state.inside, i) || (contains(state.chi, i) && !held)) continue;
+    if (contains(state.inside, i) || (contains(closed(state), i) && !held)) continue;
     const Signal& margin = held ? sample_.flow->force(i) : sample_.flow->gap(i);
     suspect = suspect || value(margin, sample_) < 0.0;
   }
@@ -502,7 +546,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   const UncertainEvent due = next_due(state, sample_, recently_reported(state, t), 0).event;
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
-      unknown_time_ ? unknown_time_->hear_nothing(due, sample_, state.terms, false, now_)
+      unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)
                     : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
                                      deviation_of_gap(due.contact, state));
   return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};

@@ -68,7 +68,11 @@ struct TimingState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
   ContactSet inside = 0;  ///< closed since t = 0, where the machine may have started inside
-  Motion motion;          ///< of the mean; t as in ReplicaState
+  /// Thrown off by another's impact, where the reports of that and of the opening are two, of which
+  /// one has come: who is in chi is open already, who is not is closed until the impact is told.
+  ContactSet thrown = 0;
+  double thrown_since = 0.0;  ///< when the first of them was reported [s]
+  Motion motion;              ///< of the mean; t as in ReplicaState
   TickedFlight::Anchor anchor;
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
   std::int64_t instants = 0;  ///< instants with events since the start
@@ -202,9 +206,15 @@ class TimingFilter {
   }
   Covariance& slot(std::int64_t instants) { return covariances_[slot_of(instants)]; }
   Eigen::Index f() const { return flows_->dynamics().coordinates(); }
+  double restitution_of(int contact) const {
+    return flows_->dynamics().model().contacts[static_cast<std::size_t>(contact)].restitution;
+  }
   void set_looks(const Flow& free);
   double expected_energy() const;
   void go_on(TimingState& state);
+  ContactSet closed(const TimingState& state) const {
+    return (state.chi ^ state.thrown) & ~state.inside;
+  }
   bool load(const TimingState& state, Instant t);
   void load(const Covariance& from, Instant t);
   void enter(ContactSet locked, Instant t, TimingState& state);
@@ -217,16 +227,21 @@ class TimingFilter {
   void take_instant(std::span<const ContactEvent> events, TimingState& state);
   void take_exact(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
   void take_uncertain(const ContactEvent& event, ContactSet before, TimingState& state);
+  void throw_off(ContactSet thrown, TimingState& state) const;
+  bool is_thrown_off(const UncertainEvent& release, const TimingState& state);
+  UncertainEvent impact_of(int contact, bool stays, const Motion& motion);
+  ContactSet pulled_off(const UncertainEvent& event, const SingleImpact& impact,
+                        const Motion& motion);
   ContactSet drop_redundant(ContactSet held, ContactSet closing, TimingState& state) const;
   void measure_release(int contact, TimingState& state);
   void measure_closings(bool several, TimingState& state);
   double condition(double residual, double noise, double scale, Consistency& consistency);
   void record(std::span<const ContactEvent> events, ContactSet struck, const TimingState& state);
   void record_as_it_is(const ContactEvent& event, const TimingState& state);
-  void record_uncertain(const ContactEvent& event, const UncertainEvent& uncertain);
+  void record_uncertain(const ContactEvent& event, ContactSet held);
   void strike(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
-  void add_time_rounding(const TimingState& state);
+  void add_time_rounding(double share, const TimingState& state);
   void add_unknown(const Eigen::VectorXd& on_u);
 
   // What is said of the present, and what does not come.
@@ -241,6 +256,7 @@ class TimingFilter {
   Due next_due(const TimingState& state, const Motion& motion, ContactSet heard,
                ContactSet unsettled);
   ContactSet recently_reported(const TimingState& state, Instant t) const;
+  bool would_stick(int contact, const Motion& motion);
   double deviation_of_gap(int contact, const TimingState& state) const;
   void listen(Instant t, TimingState& state);
   Inconsistency overdue(const TimingState& state, Instant t);
@@ -271,7 +287,7 @@ class TimingFilter {
   Eigen::VectorXd phi_;                // what a measurement sees of each column
   Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
-  Motion sample_, published_;
+  Motion sample_, published_, stuck_;
   // Of which state `now_` is what is published, and whether it is more than the mean alone.
   struct Published {
     const TimingState* state = nullptr;

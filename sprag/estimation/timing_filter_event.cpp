@@ -22,6 +22,10 @@ constexpr double remainder_tells = 100.0;
 constexpr double touching = 1e-12;
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
+// Of the force that is left.
+constexpr double deviations_to_pull = 2.0;
+// Of squares of deviations.
+constexpr double clearly_less = 4.0;
 
 }  // namespace
 
@@ -31,7 +35,6 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     for (const ContactEvent& event : events) take_instant({&event, 1}, state);
     return;
   }
-  const ContactSet before = state.motion.flow->locked();
   const Instant t = state.motion.t;
   if (recorder_ != nullptr && remembers(state)) {
     const Covariance& from = slot(state.instants);
@@ -40,13 +43,6 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   if (!load(state, t)) ++state.forgotten;
   state.motion.flow->state(state.motion, now_.q, now_.u);
   state.began_again = state.unknown;
-  if (state.unknown) {
-    now_.q = start_.q;
-    now_.u = start_.u;
-    set_start(uncertainty_, now_);
-    state.consistency = {};
-  }
-  state.consistency.largest = 0.0;
   event_ = {};
   ContactSet leaving = 0;
   for (const ContactEvent& event : events) {
@@ -56,12 +52,17 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
       leaving |= bit(event.contact);
     }
   }
-  // What happened until then is not in the model.
-  if (leaving != 0) {
+  // Nothing is known, or what happened until then is not in the model.
+  if (state.unknown || leaving != 0) {
+    if (state.unknown) state.consistency = {};
+    state.thrown = 0;
     now_.q = start_.q;
     now_.u = start_.u;
     set_start(uncertainty_, now_);
+    go_on(state);
   }
+  state.consistency.largest = 0.0;
+  const ContactSet before = state.motion.flow->locked();
   if (unknown_time_) {
     take_uncertain(events.front(), before, state);
   } else {
@@ -120,7 +121,10 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   record(events.subspan(recorded), 0, state);
   if (!closed) return;
   if (stages > 1) add_sequence(events, before, state);
-  add_time_rounding(state);
+  // By as much as the closing was measured with: impacts at slightly other times would have led to
+  // slightly other states, and none of the closings behind is to tell from that how large the
+  // motion is.
+  add_time_rounding(time_rounding, state);
 }
 
 // Events of the present instant, where these contacts were struck.
@@ -140,7 +144,7 @@ void TimingFilter::record_as_it_is(const ContactEvent& event, const TimingState&
 }
 
 // The same of one that jitters: what the mixture over its time says, which take() has made.
-void TimingFilter::record_uncertain(const ContactEvent& event, const UncertainEvent& uncertain) {
+void TimingFilter::record_uncertain(const ContactEvent& event, ContactSet held) {
   if (recorder_ == nullptr) return;
   const Dynamics& dynamics = flows_->dynamics();
   const UnknownTime::Impact impact = unknown_time_->impact();
@@ -150,38 +154,35 @@ void TimingFilter::record_uncertain(const ContactEvent& event, const UncertainEv
   record.kind = event.kind;
   record.from_filter = true;
   record.time = {event.t - impact.age.mean, impact.age.deviation};
-  if (uncertain.kind == UncertainEvent::Kind::releases) {
+  if (event.kind == ContactEventKind::opens) {
     record.before = record.after = record.impulse = {0.0, 0.0};
     recorder_->add(record);
     return;
   }
-  // Of one unit of change, on this contact and on those that are held.
-  ContactVector held(std::popcount(uncertain.held)), Lambda;
-  Eigen::Index row = 0;
   const int i = event.contact;
-  for_each(uncertain.held, [&](int j) { held[row++] = dynamics.G()(j, i); });
-  double G = dynamics.G()(i, i);
-  if (uncertain.held != 0 &&
-      arrest(of_contacts(dynamics.G(), uncertain.held), held, Lambda) == Solved::yes) {
-    G += held.dot(Lambda);
-  } else {
-    Lambda.setZero(held.size());
-  }
+  const double epsilon = event.kind == ContactEventKind::closes ? 0.0 : restitution_of(i);
+  SingleImpact of_one = single_impact(dynamics, i, epsilon, held);
+  if (of_one.solved != Solved::yes) of_one = single_impact(dynamics, i, epsilon, held = 0);
   record.before = {impact.before.mean, impact.before.deviation};
   record.after = {impact.after.mean, impact.after.deviation};
-  record.impulse = {impact.change.mean / G, impact.change.deviation / G};
+  const auto impulse = [&](double Lambda) -> Uncertain {
+    return {Lambda * impact.change.mean, std::abs(Lambda) * impact.change.deviation};
+  };
+  const Eigen::Index of_contact = std::popcount(held & (bit(i) - 1));
+  record.impulse = impulse(of_one.Lambda[of_contact]);
   recorder_->add(record);
-  row = 0;
-  for_each(uncertain.held, [&](int j) {
-    const double share = Lambda[row++];
-    recorder_->push(j, {share * record.impulse.value, std::abs(share) * record.impulse.sigma});
+  Eigen::Index row = 0;
+  for_each(held | bit(i), [&](int j) {
+    const double Lambda = of_one.Lambda[row++];
+    if (j != i) recorder_->push(j, impulse(Lambda));
   });
 }
 
-// An impact at a time that is a rounded double: what it adds to u has moved q by more or less.
-void TimingFilter::add_time_rounding(const TimingState& state) {
+// An impact at a time that is known to a share of it: what it adds to u has moved q by more or
+// less.
+void TimingFilter::add_time_rounding(double share, const TimingState& state) {
   if (now_.columns == now_.S_q.cols()) columns_.merge(now_);
-  now_.S_q.col(now_.columns) = time_step * state.motion.t.hi * (now_.u - u_before_);
+  now_.S_q.col(now_.columns) = share * state.motion.t.hi * (now_.u - u_before_);
   now_.S_u.col(now_.columns).setZero();
   ++now_.columns;
 }
@@ -214,25 +215,36 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                                   TimingState& state) {
   const bool closes = event.kind != ContactEventKind::opens;
   const int i = event.contact;
+  // What is thrown off and said to be closed has been reported to open in the meantime, at least.
+  if (contains(state.chi, i) || event.kind == ContactEventKind::closes) state.thrown &= ~bit(i);
   state.chi = after(state.chi, event);
   if (contains(state.inside, i) || contains(before, i) == closes) {
     record_as_it_is(event, state);
     return;
   }
-  UncertainEvent uncertain{UncertainEvent::Kind::releases, i, before & state.chi};
+  UncertainEvent uncertain;
   if (closes) {
-    const ContactSet redundant = drop_redundant(uncertain.held, bit(i), state);
+    const ContactSet redundant = drop_redundant(before, bit(i), state);
     if (redundant != 0) {
       record_as_it_is(event, state);
       return;
     }
-    uncertain.kind = event.kind == ContactEventKind::closes ? UncertainEvent::Kind::stays
-                     : event.t - state.last_report[i] < unknown_time_->indistinct()
-                         ? UncertainEvent::Kind::burst
-                         : UncertainEvent::Kind::pulse;
+    uncertain = impact_of(i, event.kind == ContactEventKind::closes, state.motion);
+    if (uncertain.kind == UncertainEvent::Kind::pulse &&
+        event.t - state.last_report[i] < unknown_time_->indistinct()) {
+      uncertain.kind = UncertainEvent::Kind::burst;
+    }
+    throw_off(before & ~uncertain.held, state);
     state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
   } else {
-    uncertain.held_for = event.t - state.last_report[i];
+    uncertain = {UncertainEvent::Kind::releases, i, before & ~bit(i), 0,
+                 event.t - state.last_report[i]};
+    if (is_thrown_off(uncertain, state)) {
+      throw_off(bit(i), state);
+      state.last_report[i] = event.t;
+      record_as_it_is(event, state);
+      return;
+    }
   }
   uncertain.in_row = uncertain.kind == UncertainEvent::Kind::burst ? state.bursts[i] + 1 : 0;
   state.bursts[i] = uncertain.in_row;
@@ -246,8 +258,8 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     record_as_it_is(event, state);
     return;
   }
-  record_uncertain(event, uncertain);
-  add_time_rounding(state);
+  record_uncertain(event, before);
+  add_time_rounding(time_rounding, state);
   columns_.merge(now_);
   event_ = uncertain;
   if (!innovation.measured) return;
@@ -255,11 +267,82 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
 }
 
+// What contact i does when it meets its support, to those that are held in this motion as well:
+// `now_` is what is known of it.
+UncertainEvent TimingFilter::impact_of(int i, bool stays, const Motion& motion) {
+  const ContactSet held = motion.flow->locked();
+  const double epsilon = restitution_of(i);
+  if (stays && epsilon > 0.0) return {UncertainEvent::Kind::stays, i, held};
+  UncertainEvent event{stays ? UncertainEvent::Kind::sticks : UncertainEvent::Kind::pulse, i, held};
+  if (held == 0) return event;
+  const SingleImpact impact = single_impact(flows_->dynamics(), i, epsilon, held);
+  if (impact.solved != Solved::yes) return event;
+  event.held = impact.staying & ~pulled_off(event, impact, motion);
+  return event;
+}
+
+// Those that stay by the impact law, but are pulled at behind it: dashpots feel another velocity.
+ContactSet TimingFilter::pulled_off(const UncertainEvent& event, const SingleImpact& impact,
+                                    const Motion& motion) {
+  const Dynamics& dynamics = flows_->dynamics();
+  const ContactSet held = motion.flow->locked();
+  const ContactSet stays = event.kind == UncertainEvent::Kind::sticks ? bit(event.contact) : 0;
+  const Flow* flow = flows_->find(impact.staying | stays);
+  if (impact.staying == 0 || flow == nullptr) return 0;
+  motion.flow->state(motion, on_flow_, u_sequence_);
+  const double change =
+      -impact.change *
+      gap_velocity(dynamics.model().contacts[index(event.contact)], u_sequence_, motion.t.hi);
+  Eigen::Index row = 0;
+  for_each(held | bit(event.contact),
+           [&](int j) { u_sequence_ += change * impact.Lambda[row++] * dynamics.MinvW().col(j); });
+  flow->close_gaps(motion.t, on_flow_);
+  flow->enter(on_flow_, u_sequence_, motion.t, no_gaps_.head(std::popcount(flow->locked())),
+              stuck_);
+  ContactSet pulled = 0;
+  for_each(impact.staying, [&](int j) {
+    const Signal& force = flow->force(j);
+    columns_.see(*flow, force, now_, phi_);
+    const double sigma = phi_.head(now_.columns).norm();
+    if (value(force, stuck_) < -deviations_to_pull * sigma) pulled |= bit(j);
+  });
+  return pulled;
+}
+
+// Contacts of which the one report has come, of an impact that throws them off or that they are
+// open: the other is awaited, or was.
+void TimingFilter::throw_off(ContactSet thrown, TimingState& state) const {
+  if (thrown == 0) return;
+  if (state.thrown == 0) state.thrown_since = state.motion.t.hi;
+  state.thrown ^= thrown;
+}
+
+// Whether a contact that is reported to open was rather thrown off by another's impact, which has
+// not been reported, than let go.
+bool TimingFilter::is_thrown_off(const UncertainEvent& release, const TimingState& state) {
+  // Its force is known once it is known to have been closed.
+  if (release.held_for < unknown_time_->latest()) return false;
+  double lets_go = -1.0;
+  const ContactSet locked = state.motion.flow->locked();
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    if (contains(locked | state.inside, i)) continue;
+    const UncertainEvent hit = impact_of(i, restitution_of(i) == 0.0, state.motion);
+    if (contains(hit.held, release.contact)) continue;
+    const auto misfit = [&](const UncertainEvent& event) {
+      return unknown_time_->misfit(event, state.motion, state.terms, now_);
+    };
+    if (lets_go < 0.0) lets_go = misfit(release);
+    if (misfit(hit) + clearly_less < lets_go) return true;
+  }
+  return false;
+}
+
 // As if the machine were started now. No event fits less than one after which nothing is known.
 void TimingFilter::begin_again(int contact, TimingState& state) {
   now_.q = start_.q;
   now_.u = start_.u;
   set_start(uncertainty_, now_);
+  state.thrown = 0;
   state.consistency = {};
   state.consistency.largest = infinity;
   state.last = {state.motion.t.hi, contact, Suspicion::model, infinity};

@@ -39,12 +39,35 @@ bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion,
   belief.S_u.middleCols(c, 2).setZero();
   belief.S_q.col(c) = gap * impact_u_;
   belief.S_u.col(c + 1) = gap_velocity * impact_u_;
-  belief.columns += 2;
+  // What that has done to the rest of the machine since.
+  move_impact(unheard_age_);
+  belief.S_q.col(c + 2) = gap_velocity * moved_q_;
+  belief.S_u.col(c + 2) = gap_velocity * moved_u_;
+  belief.columns += 3;
   return true;
 }
 
-double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion,
-                                 const Terms& terms, bool condition, Belief& belief) {
+double UnknownTime::log_of_silence(const UncertainEvent& due, const Motion& motion,
+                                   const Terms& terms, Belief& belief) {
+  changes_flow_ = false;
+  hear_nothing(due, motion, terms, belief);
+  return mixture_.log_total();
+}
+
+void UnknownTime::take_silence(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                               bool is_over, Belief& belief) {
+  const bool releases = due.kind == UncertainEvent::Kind::releases;
+  const Flow* after = flow_after(due);
+  // An impact that may have been has not been gone on from for long.
+  changes_flow_ = releases || (is_over && after != nullptr && after != motion.flow);
+  hear_nothing(due, motion, terms, belief);
+  if (changes_flow_ && !releases) add_covariances(due, belief);
+  mixture_.collapse(0, belief);
+}
+
+// The hypotheses.
+void UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                               Belief& belief) {
   delay_ = 0.0;
   belief.components = 0;
   look_for(due, motion, terms, belief);
@@ -94,9 +117,6 @@ double UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion
     const double at_age = low + (i + 0.5) * step;
     add(due, at_age, std::log(step) - half_log_two_pi + log_normal_cdf(-at_age / sigma_), true);
   }
-  const double total = mixture_.log_total();
-  if (condition) mixture_.collapse(0, belief);
-  return total;
 }
 
 void UnknownTime::add_interplay(std::span<const Release> releases, const Motion& motion,

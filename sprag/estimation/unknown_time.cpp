@@ -6,6 +6,7 @@
 #include <numbers>
 #include <span>
 
+#include "sprag/estimation/active_impact.h"
 #include "sprag/mechanics/impact_law.h"
 #include "sprag/mechanics/scalars.h"
 
@@ -13,12 +14,13 @@ namespace sprag {
 namespace {
 
 // A first look at tau, over +- so many sigma.
-constexpr int scan_nodes = 17;
 constexpr double scan_reach = 4.5;
 // What is narrower than so many of its steps is looked at more closely.
 constexpr double resolved = 1.2;
 constexpr double closer = 1.5;
 constexpr int bisections = 40;
+// A signal that changes by so many of its deviations from one node to the next.
+constexpr double scan_resolves = 2.0;
 // From one node to the best place beside it, the exponent falls by less.
 constexpr double nearly_least = 4.0;
 // The hypotheses themselves: +- so many deviations of what the look has found.
@@ -195,15 +197,58 @@ double UnknownTime::weigh(const Sight& sight, double age) {
   return weight;
 }
 
-// Where the signal is zero, between two ages where it is not of one sign.
+// Where the signal is zero to a tenth of its deviation, between two ages where it is not of one
+// sign: by Newton's steps, or by halves.
 double UnknownTime::find_zero(double low, double high, double at_low) {
+  double age = 0.5 * (low + high);
   for (int i = 0; i < bisections; ++i) {
-    const double middle = 0.5 * (low + high);
-    belief_.go_back(middle);
-    const double at_middle = belief_.value();
-    ((at_middle < 0.0) == (at_low < 0.0) ? low : high) = middle;
+    belief_.go_back(age);
+    const double value = belief_.value();
+    if (square(value) < 0.01 * (belief_.phi().squaredNorm() + square(value_rounding_))) break;
+    ((value < 0.0) == (at_low < 0.0) ? low : high) = age;
+    const double next = age + value / belief_.rate();
+    age = next > low && next < high ? next : 0.5 * (low + high);
   }
-  return 0.5 * (low + high);
+  return age;
+}
+
+// Where the signal crosses zero from one node of a scan to the next, far faster than it is unknown:
+// what is known better elsewhere may be the best of the nodes without being likely at all.
+bool UnknownTime::find_crossing(UncertainEvent::Kind kind, const Scan& scan, double& age,
+                                double& weight) {
+  bool found = false;
+  for (int i = 1; i < scan_nodes; ++i) {
+    const double before = scan.values[i - 1], behind = scan.values[i];
+    if ((before < 0.0) == (behind < 0.0)) continue;
+    if (std::abs(behind - before) < scan_resolves * std::sqrt(scan.all_s2[i])) continue;
+    const double zero = find_zero(scan.age(i - 1), scan.age(i), before);
+    const double risen = weigh(see(kind, zero), zero);
+    if (!(risen > weight)) continue;
+    weight = risen;
+    age = zero;
+    found = true;
+  }
+  return found;
+}
+
+// From `age`, where the weight is this, to where it is highest, by Gauss-Newton on the exponent as
+// long as it rises, within the scan. Whether it got there; the deviation there.
+bool UnknownTime::climb(UncertainEvent::Kind kind, const Scan& scan, double& age, double weight,
+                        double& deviation) {
+  for (int i = 0; i < 8; ++i) {
+    const Sight sight = see(kind, age);
+    const double precision = 1.0 / square(sigma_) + square(sight.rate) / sight.all_s2;
+    const double next = delay_ + sight.rate * (sight.value + sight.rate * (age - delay_)) /
+                                     (sight.all_s2 * precision);
+    deviation = 1.0 / std::sqrt(precision);
+    if (std::abs(next - age) < 0.05 * deviation) return true;
+    if (!(next > scan.low && next < scan.age(scan_nodes - 1))) return false;
+    const double risen = weigh(see(kind, next), next);
+    if (!(risen > weight)) return false;
+    weight = risen;
+    age = next;
+  }
+  return false;
 }
 
 UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
@@ -213,61 +258,41 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
   bool first_scan = true;
   double deviation = 0.0;  // NOLINT(clang-analyzer-deadcode.DeadStores): g++ warns without
   while (true) {
-    const double step = (high - low) / (scan_nodes - 1);
-    double weights[scan_nodes], values[scan_nodes];
+    Scan scan{low, (high - low) / (scan_nodes - 1)};
+    double weights[scan_nodes];
     int best = 0;
     for (int i = 0; i < scan_nodes; ++i) {
-      const Sight sight = see(kind, low + i * step);
-      values[i] = sight.value;
-      weights[i] = weigh(sight, low + i * step);
+      const Sight sight = see(kind, scan.age(i));
+      scan.values[i] = sight.value;
+      scan.all_s2[i] = sight.all_s2;
+      weights[i] = weigh(sight, scan.age(i));
       if (!(weights[i] <= weights[best]) && weights[i] > -infinity) best = i;
     }
-    const Moments moments = moments_of(weights);
-    mean = low + moments.mean * step;
-    deviation = moments.deviation * step;
-    if (deviation >= resolved * step || !(step > time_rounding_) || !(moments.total > 0.0)) break;
-
-    // Narrow: by Gauss-Newton on the exponent, as long as the weight rises.
-    double age = low + best * step;
+    double age = scan.age(best);
     double weight = weights[best];
-    bool found = false;
-    for (int i = 0; i < 8 && !found; ++i) {
-      const Sight sight = see(kind, age);
-      const double precision = 1.0 / square(sigma_) + square(sight.rate) / sight.all_s2;
-      const double next = delay_ + sight.rate * (sight.value + sight.rate * (age - delay_)) /
-                                       (sight.all_s2 * precision);
-      deviation = 1.0 / std::sqrt(precision);
-      if (std::abs(next - age) < 0.05 * deviation) {
-        found = deviation < resolved * step;
-        mean = age;
-        break;
-      }
-      const double risen = weigh(see(kind, next), next);
-      if (!(risen > weight)) break;
-      weight = risen;
-      age = next;
-    }
-    if (found) break;
-    // Or where it is zero: what is not known so well elsewhere may seem to be the best of the
-    // nodes.
-    double around = low + best * step;
-    weight = weights[best];
-    for (int i = 1; i < scan_nodes && first_scan; ++i) {
-      if ((values[i - 1] < 0.0) == (values[i] < 0.0)) continue;
-      const double zero = find_zero(low + (i - 1) * step, low + i * step, values[i - 1]);
-      const double risen = weigh(see(kind, zero), zero);
-      if (!(risen > weight)) continue;
-      weight = risen;
-      around = zero;
-    }
+    const bool crosses = first_scan && find_crossing(kind, scan, age, weight);
     first_scan = false;
-    low = around - closer * step;
-    high = around + closer * step;
+    const Moments moments = moments_of(weights);
+    mean = low + moments.mean * scan.step;
+    deviation = moments.deviation * scan.step;
+    const bool is_seen = deviation >= resolved * scan.step && !crosses;
+    if (is_seen || !(scan.step > time_rounding_) || !(weight > -infinity)) break;
+    const double around = age;
+    if (climb(kind, scan, age, weight, deviation) && deviation < resolved * scan.step) {
+      mean = age;
+      break;
+    }
+    low = around - closer * scan.step;
+    high = around + closer * scan.step;
   }
   // What lies where is then seen by the nodes themselves, which may have to move.
   Nodes nodes{};
   for (int look = 0; look < looks_at_nodes; ++look) {
-    nodes = nodes_about(mean, std::max(deviation, time_rounding_));
+    // Each component knows the time better than all of them do.
+    const Sight sight = see(kind, mean);
+    const double of_one = 1.0 / std::sqrt(1.0 / square(sigma_) + square(sight.rate) / sight.s2);
+    nodes = nodes_about(mean, std::max(deviation, time_rounding_),
+                        std::max(std::min(deviation, of_one), time_rounding_));
     double weights[EventMixture::capacity];
     for (int i = 0; i < nodes.count; ++i) {
       const double age = nodes.first + i * nodes.step;
@@ -286,42 +311,52 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
   return nodes;
 }
 
-UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation) const {
+UnknownTime::Nodes UnknownTime::nodes_about(double mean, double deviation, double narrowest) const {
   const double spacing =
-      2.0 * std::numbers::pi / (2.0 * belief_.fastest() + node_density / deviation);
+      2.0 * std::numbers::pi / (2.0 * belief_.fastest() + node_density / narrowest);
   const double wanted = std::ceil(2.0 * node_reach * deviation / spacing) + 1.0;
   const int count = static_cast<int>(
       std::clamp(wanted, static_cast<double>(least_nodes), static_cast<double>(most_nodes)));
   return {mean - node_reach * deviation, 2.0 * node_reach * deviation / (count - 1), count};
 }
 
-// The impact of the contact for one unit of change of its gap velocity; what is held stays.
+// The impact of the contact on the machine before the event, for one unit of change of its gap
+// velocity.
 void UnknownTime::set_impact(const UncertainEvent& event) {
   const Dynamics& dynamics = flows_->dynamics();
-  const int i = event.contact;
-  impact_u_ = dynamics.MinvW().col(i);
-  if (event.held != 0) {
-    ContactVector pushed(std::popcount(event.held)), Lambda;
-    Eigen::Index row = 0;
-    for_each(event.held, [&](int j) { pushed[row++] = dynamics.G()(j, i); });
-    if (arrest(of_contacts(dynamics.G(), event.held), pushed, Lambda) == Solved::yes) {
-      row = 0;
-      for_each(event.held, [&](int j) { impact_u_ += Lambda[row++] * dynamics.MinvW().col(j); });
-    }
-  }
-  impact_u_ /= dynamics.W().col(i).dot(impact_u_);
   const Flow& flow = belief_.flow();
+  const int i = event.contact;
+  const double epsilon = event.kind == UncertainEvent::Kind::sticks
+                             ? 0.0
+                             : dynamics.model().contacts[static_cast<std::size_t>(i)].restitution;
+  const ContactSet held = flow.locked() & ~bit(i);
+  const SingleImpact impact = single_impact(dynamics, i, epsilon, held);
+  if (impact.solved == Solved::yes) {
+    impact_u_.setZero();
+    Eigen::Index row = 0;
+    for_each(held | bit(i),
+             [&](int j) { impact_u_ += impact.Lambda[row++] * dynamics.MinvW().col(j); });
+    kick_ = -impact.change;
+  } else {
+    impact_u_ = dynamics.MinvW().col(i) / dynamics.G()(i, i);
+    kick_ = -1.0 - epsilon;
+  }
   const Eigen::Index n = flow.modes();
   flow.enter_differences(no_q_, impact_u_, impact_z_.topRows(n), impact_v_.topRows(n));
 }
 
-// b of the hypothesis just added: the impact, moved on by `age`.
-void UnknownTime::add_moved_impact(double age) {
+// The impact, moved on by `age`.
+void UnknownTime::move_impact(double age) {
   const Flow& flow = belief_.flow();
   const Eigen::Index n = flow.modes();
   belief_.move(age, impact_z_.col(0).head(n), impact_v_.col(0).head(n), moved_z_.col(0).head(n),
                moved_v_.col(0).head(n));
   flow.state_differences(moved_z_.topRows(n), moved_v_.topRows(n), moved_q_, moved_u_);
+}
+
+// b of the hypothesis just added.
+void UnknownTime::add_moved_impact(double age) {
+  move_impact(age);
   mixture_.b_q() = moved_q_.col(0);
   mixture_.b_u() = moved_u_.col(0);
 }
@@ -336,11 +371,12 @@ void UnknownTime::go_on(const Flow& flow, Instant from, Instant to, Eigen::Vecto
 }
 
 // b of the hypothesis just added: what it makes of its mean, xi_, that it has moved on another flow
-// since.
-void UnknownTime::add_changed_flow(const Flow& after) {
+// since, behind an impact that changes the gap velocity.
+void UnknownTime::add_changed_flow(const Flow& after, double gap_velocity_change) {
   const Motion& mean = belief_.mean();
   belief_.set_xi(xi_.head(columns_));
   belief_.flow().state(mean, q_after_, u_after_);
+  u_after_ += gap_velocity_change * impact_u_;
   go_on(after, mean.t, belief_.motion().t, q_after_, u_after_);
   belief_.return_to_motion();
   belief_.flow().state(mean, q_, u_);
@@ -354,12 +390,10 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   const double s = std::sqrt(sight.s2);
   const auto phi = belief_.phi().tail(columns_);
   const auto psi = psi_.head(columns_);
-  const bool impact = event.kind == UncertainEvent::Kind::pulse;
-  const double kick =
-      -1.0 -
-      flows_->dynamics().model().contacts[static_cast<std::size_t>(event.contact)].restitution;
+  const bool impact = is_impact(event);
   const Flow* after = nullptr;
-  if (has_happened && !impact && belief_.reaches(age)) after = flow_after(event);
+  if (has_happened && changes_flow_ && belief_.reaches(age)) after = flow_after(event);
+  const bool kicks = has_happened && impact && after == nullptr;
   const auto of_components =
       std::span(of_components_).first(static_cast<std::size_t>(std::max(components_, 1)));
   for (std::size_t k = 0; k < of_components.size(); ++k) {
@@ -371,10 +405,10 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
     of.shift_psi = (view.mean_rate - view.mu) / sight.d;
     of.taken_along_phi = 1.0;
     of.taken_along_psi = 1.0 - view.variance / square(sight.d);
-    if (has_happened && impact) {
-      of.alpha = kick * view.mean_rate;
-      of.beta = square(kick) * view.variance;
-      of.slope = kick * view.variance / sight.d;
+    if (kicks) {
+      of.alpha = kick_ * view.mean_rate;
+      of.beta = square(kick_) * view.variance;
+      of.slope = kick_ * view.variance / sight.d;
     } else if (after != nullptr) {
       of.alpha = 1.0;
     }
@@ -385,30 +419,31 @@ void UnknownTime::add(const UncertainEvent& event, double age, double log_weight
   seen.changes_flow = after != nullptr;
   if (impact) {
     // The change of the gap velocity where it has happened.
-    seen.after = (1.0 + kick) * sight.mean_rate;
-    seen.var_after = square(1.0 + kick) * sight.variance;
-    seen.change = kick * sight.mean_rate;
-    seen.var_change = square(kick) * sight.variance;
+    seen.after = (1.0 + kick_) * sight.mean_rate;
+    seen.var_after = square(1.0 + kick_) * sight.variance;
+    seen.change = kick_ * sight.mean_rate;
+    seen.var_change = square(kick_) * sight.variance;
   } else if (event.kind == UncertainEvent::Kind::stays) {
     seen.change = -sight.mean_rate;
     seen.var_change = sight.variance;
   }
   mixture_.phi() = phi / s;
   mixture_.psi() = psi / sight.d;
-  if (has_happened && impact) add_moved_impact(age);
+  if (kicks) add_moved_impact(age);
   if (after == nullptr) return;
   const EventMixture::Hypothesis& of = of_components.front();
   xi_.head(columns_) = of.shift_phi / s * phi + of.shift_psi / sight.d * psi;
-  add_changed_flow(*after);
+  add_changed_flow(*after, impact ? kick_ * sight.mean_rate : 0.0);
 }
 
-// Behind an event that is no pulse; none where it has not been built.
+// None where it has not been built.
 const Flow* UnknownTime::flow_after(const UncertainEvent& event) const {
-  const bool stays = event.kind == UncertainEvent::Kind::stays;
+  const bool stays =
+      event.kind == UncertainEvent::Kind::stays || event.kind == UncertainEvent::Kind::sticks;
   return flows_->find(stays ? event.held | bit(event.contact) : event.held);
 }
 
-// The covariance within the hypotheses of an event that is no pulse: each has been on the flow
+// The covariance within the hypotheses of an event that changes the flow: each has been on the one
 // behind it since its own time, by which a gap that was zero until then is known worse the longer
 // that is.
 void UnknownTime::add_covariances(const UncertainEvent& event, const Belief& belief) {
@@ -441,7 +476,8 @@ void UnknownTime::add_covariance(const UncertainEvent& event, double age, double
   const Sight sight = see(event.kind, age);
   EventMixture::Within& within = mixture_.add_within(share);
   if (after != nullptr) {
-    belief_.change_flow(*after, age, within.S_q, within.S_u);
+    const double kick = is_impact(event) ? kick_ : 0.0;
+    belief_.change_flow(*after, age, kick, impact_u_, within.S_q, within.S_u);
   } else {
     within.S_q.leftCols(columns_) = belief.S_q.leftCols(columns_);
     within.S_u.leftCols(columns_) = belief.S_u.leftCols(columns_);
@@ -515,15 +551,17 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
                        double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
   closed_since_ = delay + event.held_for;
-  const bool pulse = event.kind == UncertainEvent::Kind::pulse;
-  if (!pulse) belief.components = 0;
+  const bool is_burst = event.kind == UncertainEvent::Kind::burst;
+  const Flow* after = flow_after(event);
+  changes_flow_ = !is_burst && after != motion.flow && (after != nullptr || !is_impact(event));
+  if (is_burst || changes_flow_) belief.components = 0;
   look_for(event, motion, terms, belief);
   mixture_.begin(belief);
   seen_size_ = 0;
   const auto has_happened = [&](double age) { return !so_far || age >= 0.0; };
   Nodes nodes{delay_ - burst_reach * sigma_, 2.0 * burst_reach * sigma_ / (burst_nodes - 1),
               burst_nodes};
-  if (event.kind == UncertainEvent::Kind::burst) {
+  if (is_burst) {
     for (int i = 0; i < nodes.count; ++i) {
       const double age = nodes.first + i * nodes.step;
       add_burst(event, age, has_happened(age));
@@ -543,13 +581,24 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
       const double age = nodes.first + i * nodes.step;
       add(event, age, log_prior(age), has_happened(age));
     }
-    if (!pulse) add_covariances(event, belief);
+    if (changes_flow_) add_covariances(event, belief);
   }
   int first_over = 0;
   while (first_over < nodes.count && nodes.first + first_over * nodes.step < 0.0) ++first_over;
   innovation_.to_come = std::exp(mixture_.log_total_of_first(first_over) - mixture_.log_total());
   innovation = innovation_;
-  return mixture_.collapse(pulse && is_bent(motion, nodes) ? Belief::most_components : 0, belief);
+  const bool goes_on = event.kind == UncertainEvent::Kind::pulse && !changes_flow_;
+  return mixture_.collapse(goes_on && is_bent(motion, nodes) ? Belief::most_components : 0, belief);
+}
+
+double UnknownTime::misfit(const UncertainEvent& event, const Motion& motion, const Terms& terms,
+                           const Belief& belief) {
+  delay_ = 0.0;
+  closed_since_ = event.held_for;
+  look_for(event, motion, terms, belief);
+  even_ = even_of(see(event.kind, delay_));
+  find_nodes(event.kind);
+  return innovation_.square;
 }
 
 // Whether what is known behind an event is curved in when that was, to speak of.

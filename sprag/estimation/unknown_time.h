@@ -31,6 +31,11 @@ class UnknownTime {
   /// `flows` must outlive this.
   UnknownTime(const Flows& flows, double sigma, Eigen::Index columns);
 
+  double sigma() const { return sigma_; }
+
+  /// That of the machine behind an event; null where it has not been built.
+  const Flow* flow_after(const UncertainEvent& event) const;
+
   /// A pulse that follows on the contact's last one by less is a burst: its time says nothing.
   double indistinct() const { return 2.0 * sigma_; }
   /// What is reported at t has happened before t + latest(), and what happens is reported by then.
@@ -52,6 +57,10 @@ class UnknownTime {
   bool take(const UncertainEvent& event, const Motion& motion, const Terms& terms, double delay,
             bool so_far, Belief& belief, Innovation& innovation);
 
+  /// The innovation's square alone, of a report that comes at `motion`.
+  double misfit(const UncertainEvent& event, const Motion& motion, const Terms& terms,
+                const Belief& belief);
+
   /// What the last event that was taken did, and when: mean and deviation over its hypotheses.
   struct Moment {
     double mean = 0.0, deviation = 0.0;
@@ -64,10 +73,14 @@ class UnknownTime {
   Impact impact() const;
 
   /// log of the probability that by now, at `motion`, nothing has been reported of a contact: that
-  /// it has closed (due.kind pulse), or that it has released. Conditions the belief on it where
-  /// `condition`.
-  double hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
-                      bool condition, Belief& belief);
+  /// it has closed (due.kind pulse or sticks), or that it has released. Of the belief only
+  /// components are merged.
+  double log_of_silence(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                        Belief& belief);
+
+  /// Conditions the belief on that; `is_over`: beyond doubt it has happened.
+  void take_silence(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                    bool is_over, Belief& belief);
 
   /// When that was, by the mean, if it has happened: how long before the motion [s].
   double unheard_age() const { return unheard_age_; }
@@ -112,6 +125,14 @@ class UnknownTime {
     double mean_rate, variance;  // and weighted
     double log_weight;
   };
+  // A look at some ages.
+  static constexpr int scan_nodes = 17;
+  struct Scan {
+    double low, step;
+    double values[scan_nodes]{}, all_s2[scan_nodes]{};
+
+    double age(int i) const { return low + i * step; }
+  };
   // Where on the time axis the hypotheses lie.
   struct Nodes {
     double first, step;
@@ -130,17 +151,22 @@ class UnknownTime {
   double log_prior(double age) const;
   double weigh(const Sight& sight, double age);
   double find_zero(double low, double high, double at_low);
+  bool find_crossing(UncertainEvent::Kind kind, const Scan& scan, double& age, double& weight);
+  bool climb(UncertainEvent::Kind kind, const Scan& scan, double& age, double weight,
+             double& deviation);
   Nodes find_nodes(UncertainEvent::Kind kind);
-  Nodes nodes_about(double mean, double deviation) const;
+  Nodes nodes_about(double mean, double deviation, double narrowest) const;
   void set_impact(const UncertainEvent& event);
+  void move_impact(double age);
   void add_moved_impact(double age);
   void go_on(const Flow& flow, Instant from, Instant to, Eigen::VectorXd& q, Eigen::VectorXd& u);
-  void add_changed_flow(const Flow& after);
+  void add_changed_flow(const Flow& after, double gap_velocity_change);
   void add(const UncertainEvent& event, double age, double log_weight, bool has_happened);
-  const Flow* flow_after(const UncertainEvent& event) const;
   void add_covariances(const UncertainEvent& event, const Belief& belief);
   void add_covariance(const UncertainEvent& event, double age, double share, const Flow* after,
                       const Belief& belief);
+  void hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                    Belief& belief);
   void add_burst(const UncertainEvent& event, double age, bool has_happened);
 
   // What a hypothesis says of the gap velocity; each a mean and a variance.
@@ -175,6 +201,8 @@ class UnknownTime {
   Motion after_;
   Eigen::VectorXd psi_, xi_, q_, u_, q_after_, u_after_;
 
+  bool changes_flow_ = false;  // the event
+  double kick_ = 0.0;          // change of the gap velocity by the impact, over that
   // The impact for one unit of change of the gap velocity.
   Eigen::VectorXd no_q_, impact_u_, no_gaps_;
   Eigen::MatrixXd impact_z_, impact_v_, moved_z_, moved_v_, moved_q_, moved_u_;

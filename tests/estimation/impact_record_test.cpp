@@ -228,7 +228,8 @@ TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   for (const TrueImpact& impact : truth) exact.push_back(impact.event);
   double squares[5] = {};
   int rows = 0, releases = 0;
-  for (int seed = 1; seed <= 20; ++seed) {
+  // On a stable orbit all rows of a run are off by the same deviations.
+  for (int seed = 1; seed <= 100; ++seed) {
     std::mt19937_64 engine(static_cast<unsigned>(seed));
     const auto events = late_in_order(exact, of.sigma, engine);
     AnyEstimator estimator(scene, 0.01, EstimatorKind::timing);

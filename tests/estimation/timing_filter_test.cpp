@@ -284,7 +284,8 @@ TEST(TimingFilter, StaysPositiveDefiniteForVeryManyEvents) {
     std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
               << ", largest V " << worst << " in " << run.impacts << " events, "
               << run.state.silences << " silences\n";
-    EXPECT_LT(worst, sigma == 0.0 ? 1e-17 : 1e-2);
+    // At the end t is 6e5, and doubles are 1e-10 apart: times are told to be known to 16 of that.
+    EXPECT_LT(worst, sigma == 0.0 ? 1e-14 : 1e-2);
   }
 }
 

@@ -482,8 +482,7 @@ TEST(UnknownTime, SilenceIsAsLikelyAsTheGapIsOpen) {
     Belief belief = belief_of(Eigen::Vector2d(gap - 0.1, -1.0), 1e-6 * Eigen::Matrix2d::Identity());
     Motion motion;
     flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
-    return unknown.hear_nothing({UncertainEvent::Kind::pulse, 0, 0}, motion, {1.0, 1.0}, false,
-                                belief);
+    return unknown.log_of_silence({UncertainEvent::Kind::pulse, 0, 0}, motion, {1.0, 1.0}, belief);
   };
   EXPECT_NEAR(log_probability(1e-2), 0.0, 1e-6);
   // It was at contact 1 sigma ago: a report that is as late as that or later.
@@ -508,8 +507,8 @@ TEST(UnknownTime, SilenceOfAFastMachineIsAsLikelyAsAReportIsLate) {
     Belief belief = belief_of(machine.flow(late * sigma) * closing, P);
     Motion motion;
     flows[0].enter(belief.q, belief.u, at(1.0), Eigen::VectorXd(), motion);
-    const double log_probability = unknown.hear_nothing({UncertainEvent::Kind::pulse, 0, 0}, motion,
-                                                        {1.0, 1.0}, false, belief);
+    const double log_probability =
+        unknown.log_of_silence({UncertainEvent::Kind::pulse, 0, 0}, motion, {1.0, 1.0}, belief);
     EXPECT_NEAR(log_probability, log_normal_cdf(-late), 0.01) << late;
   }
 }
