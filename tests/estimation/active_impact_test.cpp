@@ -58,7 +58,9 @@ TEST(SingleImpact, ThrowsOffWhatItPullsAndWhatGivesBack) {
     EXPECT_GE(change[1], -1e-15);
     EXPECT_GE(impact.Lambda.minCoeff(), 0.0);
     EXPECT_EQ(of.stays, std::abs(change[1]) < 1e-15) << of.coupling;
-    if (of.law == ImpactLaw::newton) EXPECT_NEAR(impact.change, 1.8, 1e-15);
+    if (of.law == ImpactLaw::newton) {
+      EXPECT_NEAR(impact.change, 1.8, 1e-15);
+    }
   }
 }
 
