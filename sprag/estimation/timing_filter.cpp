@@ -540,10 +540,16 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
     suspect = suspect || value(margin, sample_) < 0.0;
   }
   if (!suspect) return {};
-  load(from, t);
-  sample_.flow->state(sample_, now_.q, now_.u);
   // The mean goes on from behind what was reported, even where that is still to come.
-  const UncertainEvent due = next_due(state, sample_, recently_reported(state, t), 0).event;
+  const ContactSet recently = recently_reported(state, t);
+  ContactSet unsettled = recently;
+  if (unknown_time_ && take_so_far(state, t, unsettled)) {
+    sample_ = published_;
+  } else {
+    load(from, t);
+    sample_.flow->state(sample_, now_.q, now_.u);
+  }
+  const UncertainEvent due = next_due(state, sample_, recently, 0).event;
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)

@@ -363,6 +363,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Machine{"random:101", "an impact throws off a contact that is held", 1e-3, 5},
         Machine{"random:51", "the same, with short holds", 1e-2, 5},
+        Machine{"random:107",
+                "a report comes before its impact, behind which another gap is closed", 1e-2, 5},
         Machine{"chatter:44", "nearly simultaneous releases, of which the last is known", 1e-2, 5},
         Machine{"random:79", "components know a time better than all of them do", 1e-3, 20},
         Machine{"random:80", "two contacts have closed unheard", 1e-2, 5},
