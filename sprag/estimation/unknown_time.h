@@ -31,8 +31,6 @@ class UnknownTime {
   /// `flows` must outlive this.
   UnknownTime(const Flows& flows, double sigma, Eigen::Index columns);
 
-  double sigma() const { return sigma_; }
-
   /// That of the machine behind an event; null where it has not been built.
   const Flow* flow_after(const UncertainEvent& event) const;
 
