@@ -482,8 +482,10 @@ void UnknownTime::add_covariance(const UncertainEvent& event, double age, double
     within.S_q.leftCols(columns_) = belief.S_q.leftCols(columns_);
     within.S_u.leftCols(columns_) = belief.S_u.leftCols(columns_);
   }
-  // What it measures is known, and its rate up to what the flux says.
-  const auto take = [&](double part, const auto& along) {
+  // What it measures is known, and its rate up to what the flux says: I - taken along along^T of the
+  // variance is left, `rest` of it in this direction.
+  const auto take = [&](double taken, const auto& along, double rest) {
+    const double part = taken / (1.0 + std::sqrt(rest));
     for (Eigen::MatrixXd* S : {&within.S_q, &within.S_u}) {
       for (Eigen::Index i = 0; i < S->rows(); ++i) {
         auto row = S->row(i).head(columns_);
@@ -491,8 +493,10 @@ void UnknownTime::add_covariance(const UncertainEvent& event, double age, double
       }
     }
   };
-  take(1.0 / sight.s2, belief_.phi());
-  take((1.0 - std::sqrt(sight.variance) / sight.d) / square(sight.d), psi_.head(columns_));
+  take(1.0 / sight.s2, belief_.phi(), sight.rest_phi);
+  const auto psi = psi_.head(columns_);
+  const double of_rate = (1.0 - sight.variance / square(sight.d)) / square(sight.d);
+  take(of_rate, psi, std::max(1.0 - of_rate * psi.squaredNorm(), 0.0));
 }
 
 // A pulse too close to the one before: it turns the gap velocity round wherever it goes, and says
