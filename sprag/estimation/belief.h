@@ -116,6 +116,9 @@ struct UncertainEvent {
   int in_row = 0;       ///< of a burst: how many since a pulse that was none, counting it
   /// Of a release: how long the contact had been closed, by the reports [s].
   double held_for = std::numeric_limits<double>::infinity();
+  /// When the contact's last event was, by what was known then: how long before the report [s], and
+  /// the deviation of that.
+  double since_last = std::numeric_limits<double>::infinity(), since_deviation = 0.0;
 };
 
 /// One whose time is told by the gap, and which changes the gap velocity.

@@ -133,6 +133,8 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.consistency = {};
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
+  state.last_time = state.last_report;
+  state.last_deviation.setZero(flows_->dynamics().contacts());
   state.bursts.setZero(flows_->dynamics().contacts());
   event_ = {};
   last_published_ = {};
@@ -348,21 +350,33 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
   if (first == state.instants) return false;
   load(slot(first), t);
   slot(first).mean.flow->propagate(slot(first).mean, t, published_);
+  ContactSet to_come = 0;  // is closed where that is still to be opened, or the other way round
   while (first < state.instants) {
     const Covariance& next = slot(++first);
+    UncertainEvent event = next.event;
+    const ContactSet locked = next.mean.flow->locked();
+    const bool toggles = contains(locked ^ slot(first - 1).mean.flow->locked(), event.contact);
+    if (contains(to_come, event.contact)) {
+      // All the more is what follows it.
+      if (toggles) to_come ^= bit(event.contact);
+      continue;
+    }
+    event.held ^= to_come;
     published_.flow->state(published_, now_.q, now_.u);
     UnknownTime::Innovation innovation;
-    if (!unknown_time_->take(next.event, published_, state.terms, t - next.mean.t, true, now_,
+    if (!unknown_time_->take(event, published_, state.terms, t - next.mean.t, true, now_,
                              innovation)) {
       return false;
     }
     columns_.merge(now_);
     if (innovation.to_come < as_good_as_over) {
-      unsettled &= ~bit(next.event.contact);
+      unsettled &= ~bit(event.contact);
     } else {
-      unsettled |= bit(next.event.contact);
+      unsettled |= bit(event.contact);
     }
-    enter_motion(*next.mean.flow, t, published_);
+    if (toggles && innovation.to_come > 0.5) to_come |= bit(event.contact);
+    const Flow* flow = flows_->find(locked ^ to_come);
+    enter_motion(flow != nullptr ? *flow : *next.mean.flow, t, published_);
     if (first < state.instants)
       published_.flow->close_gap_differences(now_.S_q.leftCols(now_.columns));
   }

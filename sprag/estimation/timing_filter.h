@@ -90,6 +90,7 @@ struct TimingState {
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
   Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
+  Eigen::VectorXd last_time, last_deviation;  ///< per contact: of its last event, as believed [s]
   Eigen::VectorXi bursts;        ///< per contact: in a row, up to its last report
   Innovation innovation;
   Consistency consistency;

@@ -249,6 +249,10 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   uncertain.in_row = uncertain.kind == UncertainEvent::Kind::burst ? state.bursts[i] + 1 : 0;
   state.bursts[i] = uncertain.in_row;
   state.last_report[i] = event.t;
+  uncertain.since_last = event.t - state.last_time[i];
+  uncertain.since_deviation = state.last_deviation[i];
+  state.last_time[i] = event.t;
+  state.last_deviation[i] = uncertainty_.jitter;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
                            state.motion);
   u_before_ = now_.u;
@@ -258,6 +262,9 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     record_as_it_is(event, state);
     return;
   }
+  const UnknownTime::Moment age = unknown_time_->impact().age;
+  state.last_time[i] = event.t - age.mean;
+  state.last_deviation[i] = age.deviation;
   record_uncertain(event, before);
   add_time_rounding(time_rounding, state);
   columns_.merge(now_);

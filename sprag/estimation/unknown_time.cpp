@@ -39,6 +39,9 @@ constexpr double most_even = 1e6;
 // Of the rounding of a time: what several contacts do to each other when they let go at nearly one
 // instant is not known better.
 constexpr double release_rounding = 256.0;
+// Deviations of a contact's last event; and how much is held against an event before that.
+constexpr double surely_before = 3.0;
+constexpr double most_against_order = 50.0;
 // An angle; below it what a hypothesis makes of the state goes with its time.
 constexpr double straight = 5e-3;
 
@@ -175,11 +178,20 @@ UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sigh
   return view;
 }
 
-// What has released was closed before, at a time that is not known better.
+// What has released was closed before, at a time that is not known better. And no event is before
+// the contact's last one, where going back on the flow behind that would find another.
 double UnknownTime::log_prior(double age) const {
-  const double of_report = -0.5 * square((age - delay_) / sigma_);
-  if (!(closed_since_ < infinity)) return of_report;
-  return of_report + log_normal_cdf((closed_since_ - age) / sigma_);
+  double log_weight = -0.5 * square((age - delay_) / sigma_);
+  if (closed_since_ < infinity) log_weight += log_normal_cdf((closed_since_ - age) / sigma_);
+  const double before_last = (age - oldest_) / oldest_deviation_ - surely_before;
+  if (before_last > 0.0) log_weight -= std::min(0.5 * square(before_last), most_against_order);
+  return log_weight;
+}
+
+void UnknownTime::set_oldest(const UncertainEvent& event, const Motion& motion) {
+  oldest_ = delay_ + event.since_last;
+  oldest_deviation_ =
+      std::max(event.since_deviation, release_rounding * time_step * std::abs(motion.t.hi));
 }
 
 // log of the weight of a reported event's age. Remembers how well the best one fits.
@@ -198,14 +210,17 @@ double UnknownTime::weigh(const Sight& sight, double age) {
 }
 
 // Where the signal is zero to a tenth of its deviation, between two ages where it is not of one
-// sign: by Newton's steps, or by halves.
+// sign: by Newton's steps, or by halves. Where it rises from a touch it has yet to fall.
 double UnknownTime::find_zero(double low, double high, double at_low) {
   double age = 0.5 * (low + high);
   for (int i = 0; i < bisections; ++i) {
     belief_.go_back(age);
     const double value = belief_.value();
-    if (square(value) < 0.01 * (belief_.phi().squaredNorm() + square(value_rounding_))) break;
-    ((value < 0.0) == (at_low < 0.0) ? low : high) = age;
+    const bool is_zero =
+        square(value) < 0.01 * (belief_.phi().squaredNorm() + square(value_rounding_));
+    const bool rises = at_low < 0.0 && belief_.rate() > 0.0;
+    if (is_zero && !rises) break;
+    (!is_zero && (value < 0.0) == (at_low < 0.0) ? low : high) = age;
     const double next = age + value / belief_.rate();
     age = next > low && next < high ? next : 0.5 * (low + high);
   }
@@ -218,10 +233,13 @@ bool UnknownTime::find_crossing(UncertainEvent::Kind kind, const Scan& scan, dou
                                 double& weight) {
   bool found = false;
   for (int i = 1; i < scan_nodes; ++i) {
-    const double before = scan.values[i - 1], behind = scan.values[i];
-    if ((before < 0.0) == (behind < 0.0)) continue;
+    // At the contact's last event it leaves zero.
+    const bool is_behind_last = scan.age(i) < oldest_;
+    const double high = is_behind_last ? scan.age(i) : oldest_;
+    const double before = scan.values[i - 1], behind = is_behind_last ? scan.values[i] : 0.0;
+    if (!(scan.age(i - 1) < high) || (before < 0.0) == (behind < 0.0)) continue;
     if (std::abs(behind - before) < scan_resolves * std::sqrt(scan.all_s2[i])) continue;
-    const double zero = find_zero(scan.age(i - 1), scan.age(i), before);
+    const double zero = find_zero(scan.age(i - 1), high, before);
     const double risen = weigh(see(kind, zero), zero);
     if (!(risen > weight)) continue;
     weight = risen;
@@ -555,6 +573,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
                        double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
   closed_since_ = delay + event.held_for;
+  set_oldest(event, motion);
   const bool is_burst = event.kind == UncertainEvent::Kind::burst;
   const Flow* after = flow_after(event);
   changes_flow_ = !is_burst && after != motion.flow && (after != nullptr || !is_impact(event));
@@ -599,6 +618,7 @@ double UnknownTime::misfit(const UncertainEvent& event, const Motion& motion, co
                            const Belief& belief) {
   delay_ = 0.0;
   closed_since_ = event.held_for;
+  set_oldest(event, motion);
   look_for(event, motion, terms, belief);
   even_ = even_of(see(event.kind, delay_));
   find_nodes(event.kind);

@@ -147,6 +147,7 @@ class UnknownTime {
             double rate) const;
   bool is_bent(const Motion& motion, const Nodes& nodes) const;
   double log_prior(double age) const;
+  void set_oldest(const UncertainEvent& event, const Motion& motion);
   double weigh(const Sight& sight, double age);
   double find_zero(double low, double high, double at_low);
   bool find_crossing(UncertainEvent::Kind kind, const Scan& scan, double& age, double& weight);
@@ -180,6 +181,7 @@ class UnknownTime {
   double sigma_;
   double delay_ = 0.0;
   double closed_since_ = 0.0;  // the contact that releases, by the reports
+  double oldest_ = 0.0, oldest_deviation_ = 1.0;  // age of the contact's last event
   EventMixture mixture_;
   double best_weight_ = 0.0;
   double unheard_age_ = 0.0;
