@@ -104,6 +104,7 @@ double largest_terms(const Signal& signal, const Motion& motion);
 struct UncertainEvent {
   enum class Kind : std::int8_t {
     none,     ///< no event, or several at one instant
+    known,    ///< says nothing that is not known by another's report
     pulse,    ///< an impact
     sticks,   ///< an impact without restitution: the contact stays closed
     burst,    ///< an impact so soon after the last that their times cannot be told apart
@@ -119,6 +120,8 @@ struct UncertainEvent {
   /// When the contact's last event was, by what was known then: how long before the report [s], and
   /// the deviation of that.
   double since_last = std::numeric_limits<double>::infinity(), since_deviation = 0.0;
+  /// For how long surely nothing has happened to the machine that has been reported [s].
+  double quiet_for = std::numeric_limits<double>::infinity();
 };
 
 /// One whose time is told by the gap, and which changes the gap velocity.

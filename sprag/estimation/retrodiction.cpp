@@ -99,6 +99,15 @@ void Retrodiction::go_back(double age) {
   depend(-r * kappa, p - 2.0 * r * delta, psi_.head(columns_));
 }
 
+double Retrodiction::value_at(double age) {
+  for_each_tau(flow(), growth_, -age, [&](double tau, Eigen::Index first, Eigen::Index count) {
+    flow().move_modes(*motion_, tau, first, count, then_.x);
+  });
+  then_.t = motion_->t + -age;
+  flow().set_phases(then_.t, then_.x);
+  return value();
+}
+
 void Retrodiction::set_xi(const Eigen::Ref<const Eigen::VectorXd>& xi) {
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();

@@ -31,6 +31,8 @@ class Retrodiction {
   /// Goes to `age` before the motion, which may be negative: what was if nothing has happened
   /// since.
   void go_back(double age);
+  /// The signal of the mean alone; mean() is then that of the age.
+  double value_at(double age);
   const Motion& mean() const { return then_; }
   double value() const { return sprag::value(*signal_, then_); }
   double rate() const { return sprag::rate(*signal_, then_); }

@@ -58,7 +58,7 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
     scale_is_open_ = is_homogeneous(flows_->dynamics().model());
   }
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
-  published_ = stuck_ = sample_;
+  published_ = stuck_ = hit_ = sample_;
   // As many columns as merging leaves. Not initialized: memory that is never used
   // stays the system's.
   const auto bytes = static_cast<std::size_t>(2 * f() * merged) * sizeof(double);
@@ -350,18 +350,21 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
   if (first == state.instants) return false;
   load(slot(first), t);
   slot(first).mean.flow->propagate(slot(first).mean, t, published_);
-  ContactSet to_come = 0;  // is closed where that is still to be opened, or the other way round
+  const Flow* behind = nullptr;  // the last event taken
+  ContactSet to_come = 0;  // closed where that is still to be opened, or the other way round
   while (first < state.instants) {
     const Covariance& next = slot(++first);
     UncertainEvent event = next.event;
+    if (event.kind == UncertainEvent::Kind::known) continue;
     const ContactSet locked = next.mean.flow->locked();
-    const bool toggles = contains(locked ^ slot(first - 1).mean.flow->locked(), event.contact);
+    const ContactSet changed = locked ^ slot(first - 1).mean.flow->locked();
     if (contains(to_come, event.contact)) {
       // All the more is what follows it.
-      if (toggles) to_come ^= bit(event.contact);
+      to_come ^= changed;
       continue;
     }
     event.held ^= to_come;
+    if (behind != nullptr) enter(*behind, t, published_);
     published_.flow->state(published_, now_.q, now_.u);
     UnknownTime::Innovation innovation;
     if (!unknown_time_->take(event, published_, state.terms, t - next.mean.t, true, now_,
@@ -374,12 +377,12 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
     } else {
       unsettled |= bit(event.contact);
     }
-    if (toggles && innovation.to_come > 0.5) to_come |= bit(event.contact);
-    const Flow* flow = flows_->find(locked ^ to_come);
-    enter_motion(flow != nullptr ? *flow : *next.mean.flow, t, published_);
-    if (first < state.instants)
-      published_.flow->close_gap_differences(now_.S_q.leftCols(now_.columns));
+    if (innovation.to_come > 0.5) to_come ^= changed;
+    behind = flows_->find(locked ^ to_come);
+    if (behind == nullptr) behind = next.mean.flow;
   }
+  if (behind == nullptr) return false;
+  enter_motion(*behind, t, published_);
   return true;
 }
 
@@ -409,17 +412,22 @@ bool TimingFilter::find_published(const TimingState& state) {
     published_.flow->state(published_, now_.q, now_.u);
   }
   // Several contacts may have met or left their supports.
-  ContactSet heard = 0;
+  Unheard unheard;
   std::array<UnknownTime::Release, max_contacts> releases;
   std::size_t released = 0;
   while (true) {
-    const auto [due, beyond_doubt] = next_due(state, published_, heard, unsettled);
+    const auto [due, beyond_doubt] = next_due(state, published_, unheard, unsettled);
     if (due.kind == UncertainEvent::Kind::none) break;
     const bool pulse = due.kind == UncertainEvent::Kind::pulse;
-    heard |= bit(due.contact);
     unknown_time_->take_silence(due, published_, state.terms, beyond_doubt, now_);
+    unheard.quiet_for = std::min(unheard.quiet_for, unknown_time_->unheard_age());
     // What the others do is seen on the flow behind it, if that is certain.
     const Flow* flow = beyond_doubt ? unknown_time_->flow_after(due) : nullptr;
+    // What has closed may be open again, or the other way round; but not more often.
+    if (flow == nullptr || flow == published_.flow || contains(unheard.once, due.contact)) {
+      unheard.done |= bit(due.contact);
+    }
+    unheard.once |= bit(due.contact);
     if (flow == nullptr && due.kind == UncertainEvent::Kind::releases) {
       releases[released++] = {due.contact, unknown_time_->unheard_age()};
     } else {
@@ -448,24 +456,29 @@ ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) 
   return recently;
 }
 
-// What is most likely to be reported next of any contact but `heard`, if anything is; of open ones
-// of `unsettled` only what is beyond doubt. `now_` is at the motion's time.
+// What is most likely to be reported next, if anything is, behind what has happened unheard; of
+// open contacts of `unsettled` only what is beyond doubt. `now_` is at the motion's time.
 TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion& motion,
-                                         ContactSet heard, ContactSet unsettled) {
+                                         const Unheard& unheard, ContactSet unsettled) {
   const ContactSet locked = motion.flow->locked();
-  const auto release = [&](int i) {
-    return UncertainEvent{UncertainEvent::Kind::releases, i, locked & ~bit(i)};
-  };
   const auto any = [&](int i) {
-    return contains(locked, i) ? release(i)
-                               : UncertainEvent{UncertainEvent::Kind::pulse, i, locked};
+    const bool held = contains(locked, i);
+    UncertainEvent event{held ? UncertainEvent::Kind::releases : UncertainEvent::Kind::pulse, i,
+                         locked & ~bit(i)};
+    set_last(motion.t.hi, state, event);
+    event.quiet_for = std::min(event.quiet_for, unheard.quiet_for);
+    if (contains(unheard.once, i)) {
+      event.since_last = std::min(event.since_last, unheard.quiet_for);
+    }
+    return event;
   };
   int nearest = -1;
   double least = deviations_to_expect;
   ContactSet beyond_doubt = 0;
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
-    if (contains(heard | state.inside, i) || (contains(closed(state), i) && !held)) continue;
+    if (contains(unheard.done | state.inside, i)) continue;
+    if (contains(closed(state) & ~unheard.once, i) && !held) continue;
     if (held && (!unknown_time_ || contains(state.thrown, i))) continue;
     const double margin = unknown_time_
                               ? unknown_time_->margin(any(i), motion, state.terms, now_)
@@ -490,12 +503,21 @@ TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion&
       nearest = i;
     });
   }
-  const UncertainEvent event =
-      contains(locked, nearest)
-          ? release(nearest)
-          : impact_of(nearest, restitution_of(nearest) == 0.0 && would_stick(nearest, motion),
-                      motion);
-  return {event, contains(beyond_doubt, nearest)};
+  const bool is_over = contains(beyond_doubt, nearest);
+  if (contains(locked, nearest)) return {any(nearest), is_over};
+  bool stays = restitution_of(nearest) == 0.0;
+  if (stays && is_over && unknown_time_) {
+    unknown_time_->log_of_silence(any(nearest), motion, state.terms, now_);
+    motion.flow->propagate(motion, motion.t + -unknown_time_->unheard_age(), hit_);
+    stays = would_stick(nearest, hit_);
+  } else if (stays) {
+    stays = would_stick(nearest, motion);
+  }
+  UncertainEvent impact = any(nearest);
+  const UncertainEvent of = impact_of(nearest, stays, motion);
+  impact.kind = of.kind;
+  impact.held = of.held;
+  return {impact, is_over};
 }
 
 // Whether what takes a contact's gap velocity away also presses it down.
@@ -563,7 +585,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
     load(from, t);
     sample_.flow->state(sample_, now_.q, now_.u);
   }
-  const UncertainEvent due = next_due(state, sample_, recently, 0).event;
+  const UncertainEvent due = next_due(state, sample_, {.done = recently}, 0).event;
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)

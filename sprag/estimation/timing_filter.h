@@ -230,6 +230,7 @@ class TimingFilter {
   void take_uncertain(const ContactEvent& event, ContactSet before, TimingState& state);
   void throw_off(ContactSet thrown, TimingState& state) const;
   bool is_thrown_off(const UncertainEvent& release, const TimingState& state);
+  void set_last(double t, const TimingState& state, UncertainEvent& event) const;
   UncertainEvent impact_of(int contact, bool stays, const Motion& motion);
   ContactSet pulled_off(const UncertainEvent& event, const SingleImpact& impact,
                         const Motion& motion);
@@ -254,7 +255,13 @@ class TimingFilter {
     UncertainEvent event;
     bool beyond_doubt;
   };
-  Due next_due(const TimingState& state, const Motion& motion, ContactSet heard,
+  // What has been taken to have happened unheard: contacts of which nothing more is expected, those
+  // with an event already, and how long the last one is ago at least [s].
+  struct Unheard {
+    ContactSet done = 0, once = 0;
+    double quiet_for = std::numeric_limits<double>::infinity();
+  };
+  Due next_due(const TimingState& state, const Motion& motion, const Unheard& unheard,
                ContactSet unsettled);
   ContactSet recently_reported(const TimingState& state, Instant t) const;
   bool would_stick(int contact, const Motion& motion);
@@ -288,7 +295,7 @@ class TimingFilter {
   Eigen::VectorXd phi_;                // what a measurement sees of each column
   Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
-  Motion sample_, published_, stuck_;
+  Motion sample_, published_, stuck_, hit_;
   // Of which state `now_` is what is published, and whether it is more than the mean alone.
   struct Published {
     const TimingState* state = nullptr;

@@ -24,6 +24,7 @@ constexpr double touching = 1e-12;
 constexpr double same_impact = 1e-9;
 // Of the force that is left.
 constexpr double deviations_to_pull = 2.0;
+constexpr double deviations_to_be_sure = 3.0;
 // Of squares of deviations.
 constexpr double clearly_less = 4.0;
 
@@ -218,17 +219,15 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   // What is thrown off and said to be closed has been reported to open in the meantime, at least.
   if (contains(state.chi, i) || event.kind == ContactEventKind::closes) state.thrown &= ~bit(i);
   state.chi = after(state.chi, event);
-  if (contains(state.inside, i) || contains(before, i) == closes) {
+  const auto is_known = [&] {
+    event_.kind = UncertainEvent::Kind::known;
     record_as_it_is(event, state);
-    return;
-  }
+  };
+  if (contains(state.inside, i) || contains(before, i) == closes) return is_known();
   UncertainEvent uncertain;
   if (closes) {
     const ContactSet redundant = drop_redundant(before, bit(i), state);
-    if (redundant != 0) {
-      record_as_it_is(event, state);
-      return;
-    }
+    if (redundant != 0) return is_known();
     uncertain = impact_of(i, event.kind == ContactEventKind::closes, state.motion);
     if (uncertain.kind == UncertainEvent::Kind::pulse &&
         event.t - state.last_report[i] < unknown_time_->indistinct()) {
@@ -242,15 +241,13 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     if (is_thrown_off(uncertain, state)) {
       throw_off(bit(i), state);
       state.last_report[i] = event.t;
-      record_as_it_is(event, state);
-      return;
+      return is_known();
     }
   }
   uncertain.in_row = uncertain.kind == UncertainEvent::Kind::burst ? state.bursts[i] + 1 : 0;
   state.bursts[i] = uncertain.in_row;
   state.last_report[i] = event.t;
-  uncertain.since_last = event.t - state.last_time[i];
-  uncertain.since_deviation = state.last_deviation[i];
+  set_last(event.t, state, uncertain);
   state.last_time[i] = event.t;
   state.last_deviation[i] = uncertainty_.jitter;
   state.motion.flow->enter(now_.q, now_.u, state.motion.t, no_gaps_.head(std::popcount(before)),
@@ -272,6 +269,14 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
+}
+
+// When the last event of its contact was, and of any, for one at t.
+void TimingFilter::set_last(double t, const TimingState& state, UncertainEvent& event) const {
+  event.since_last = t - state.last_time[event.contact];
+  event.since_deviation = state.last_deviation[event.contact];
+  event.quiet_for =
+      t - (state.last_time + deviations_to_be_sure * state.last_deviation).maxCoeff();
 }
 
 // What contact i does when it meets its support, to those that are held in this motion as well:

@@ -16,20 +16,45 @@ constexpr int unheard_nodes = 16;
 constexpr double unheard_reach = 5.0;
 // Standard deviations.
 constexpr double beyond_doubt = 4.0;
+constexpr double surely_behind = 3.0;
 
 }  // namespace
 
 double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
   look_for(due, motion, terms, belief);
-  belief_.go_back(0.0);
+  return find_least_margin(due);
+}
+
+double UnknownTime::margin_at(double age) {
+  belief_.go_back(age);
   return belief_.value() /
          std::sqrt(belief_.phi().squaredNorm() + square(value_rounding_) + least_square);
 }
 
+// What has been beyond doubt may be over: the motion of which nothing has been heard would have
+// come back.
+double UnknownTime::find_least_margin(const UncertainEvent& due) {
+  const double now = margin_at(0.0);
+  least_age_ = 0.0;
+  if (now < -beyond_doubt || !(belief_.rate() > 0.0)) return now;
+  const double oldest = std::min(latest(), due.quiet_for);
+  double least = -beyond_doubt;
+  for (int i = 1; i <= looks_back && oldest > 0.0; ++i) {
+    const double age = i * oldest / looks_back;
+    if (!(belief_.value_at(age) < 0.0)) continue;
+    const double then = margin_at(age);
+    if (!(then < least)) continue;
+    least = then;
+    least_age_ = age;
+  }
+  return least_age_ > 0.0 ? least : now;
+}
+
 bool UnknownTime::bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                                 Belief& belief) {
-  if (!(margin(due, motion, terms, belief) < -beyond_doubt)) return false;
+  look_for(due, motion, terms, belief);
+  if (!(margin_at(0.0) < -beyond_doubt)) return false;
   const double gap = value(belief_.signal(), motion);
   const double gap_velocity = rate(belief_.signal(), motion);
   const Eigen::Index c = belief.columns;
@@ -75,7 +100,8 @@ void UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion, 
   seen_size_ = 0;
 
   // It has not happened yet.
-  Sight sight = see(due.kind, 0.0);
+  find_least_margin(due);
+  Sight sight = see(due.kind, least_age_);
   const double s = std::sqrt(sight.s2);
   const double x = sight.value / s;
   const double hazard = normal_hazard(x);
@@ -90,15 +116,23 @@ void UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion, 
 
   // It has, and will be reported. The mean's last crossing, which may be over: a shallow one lasts
   // shorter than reports may take.
-  double age = 0.0, since = 0.0;
+  const bool is_behind_last = due.since_last < latest() &&
+                              surely_behind * due.since_deviation < due.since_last - least_age_;
+  const double oldest = is_behind_last ? due.since_last : latest();
+  double age = least_age_, since = least_age_;
   for (int i = 1; i <= looks_back && sight.value < 0.0; ++i) {
     since = age;
-    age = i * latest() / looks_back;
+    age = least_age_ + i * (oldest - least_age_) / looks_back;
+    // At the contact's last event it leaves zero.
+    if (is_behind_last && i == looks_back) break;
     sight = see(due.kind, age);
   }
-  if (age > 0.0 && !(sight.value < 0.0)) {
+  const bool from_last = is_behind_last && age == oldest;
+  if (age > least_age_ && (from_last || !(sight.value < 0.0))) {
     // Newton's steps, between where it is over and where it is to come.
     double until = age;
+    if (from_last) sight = see(due.kind, age = 0.5 * (since + until));
+    (sight.value < 0.0 ? since : until) = age;
     for (int i = 0; i < crossing_steps; ++i) {
       const double step = sight.value / sight.rate;
       if (sight.rate < 0.0 && std::abs(step) * -sight.rate < 0.1 * std::sqrt(sight.s2)) break;
@@ -110,8 +144,8 @@ void UnknownTime::hear_nothing(const UncertainEvent& due, const Motion& motion, 
   }
   unheard_age_ = age;
   const double width = std::abs(std::sqrt(sight.s2) / sight.rate);
-  const double low = std::max(0.0, age - unheard_reach * width);
-  const double high = std::min(latest(), age + unheard_reach * width);
+  const double low = std::max(least_age_, age - unheard_reach * width);
+  const double high = std::min(oldest, age + unheard_reach * width);
   const double step = (high - low) / unheard_nodes;
   for (int i = 0; i < unheard_nodes && step > 0.0; ++i) {
     const double at_age = low + (i + 0.5) * step;

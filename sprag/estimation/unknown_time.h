@@ -98,7 +98,8 @@ class UnknownTime {
   bool bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                      Belief& belief);
 
-  /// How far it is from that, in standard deviations of the belief.
+  /// How far it is from that, in standard deviations of the belief; negative where it must have
+  /// happened.
   double margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                 const Belief& belief);
 
@@ -164,6 +165,8 @@ class UnknownTime {
   void add_covariances(const UncertainEvent& event, const Belief& belief);
   void add_covariance(const UncertainEvent& event, double age, double share, const Flow* after,
                       const Belief& belief);
+  double margin_at(double age);
+  double find_least_margin(const UncertainEvent& due);
   void hear_nothing(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                     Belief& belief);
   void add_burst(const UncertainEvent& event, double age, bool has_happened);
@@ -185,6 +188,7 @@ class UnknownTime {
   EventMixture mixture_;
   double best_weight_ = 0.0;
   double unheard_age_ = 0.0;
+  double least_age_ = 0.0;  // of the least margin
   Innovation innovation_;
 
   // What is looked at.
