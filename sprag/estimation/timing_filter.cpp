@@ -351,7 +351,7 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
   load(slot(first), t);
   slot(first).mean.flow->propagate(slot(first).mean, t, published_);
   const Flow* behind = nullptr;  // the last event taken
-  ContactSet to_come = 0;  // closed where that is still to be opened, or the other way round
+  ContactSet to_come = 0;        // closed where that is still to be opened, or the other way round
   while (first < state.instants) {
     const Covariance& next = slot(++first);
     UncertainEvent event = next.event;

@@ -91,7 +91,7 @@ struct TimingState {
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
   Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
   Eigen::VectorXd last_time, last_deviation;  ///< per contact: of its last event, as believed [s]
-  Eigen::VectorXi bursts;        ///< per contact: in a row, up to its last report
+  Eigen::VectorXi bursts;                     ///< per contact: in a row, up to its last report
   Innovation innovation;
   Consistency consistency;
   Terms terms;  ///< the largest so far

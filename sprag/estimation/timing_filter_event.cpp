@@ -275,8 +275,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
 void TimingFilter::set_last(double t, const TimingState& state, UncertainEvent& event) const {
   event.since_last = t - state.last_time[event.contact];
   event.since_deviation = state.last_deviation[event.contact];
-  event.quiet_for =
-      t - (state.last_time + deviations_to_be_sure * state.last_deviation).maxCoeff();
+  event.quiet_for = t - (state.last_time + deviations_to_be_sure * state.last_deviation).maxCoeff();
 }
 
 // What contact i does when it meets its support, to those that are held in this motion as well:
@@ -343,8 +342,12 @@ bool TimingFilter::is_thrown_off(const UncertainEvent& release, const TimingStat
     const auto misfit = [&](const UncertainEvent& event) {
       return unknown_time_->misfit(event, state.motion, state.terms, now_);
     };
-    if (lets_go < 0.0) lets_go = misfit(release);
-    if (misfit(hit) + clearly_less < lets_go) return true;
+    if (lets_go < 0.0) lets_go = misfit(release).square;
+    const UnknownTime::Misfit thrown = misfit(hit);
+    if (!(thrown.square + clearly_less < lets_go)) continue;
+    // It must have been closed until then.
+    const double held = unknown_time_->margin(release, state.motion, state.terms, now_, thrown.age);
+    if (thrown.square - 2.0 * log_normal_cdf(held) + clearly_less < lets_go) return true;
   }
   return false;
 }

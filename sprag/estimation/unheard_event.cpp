@@ -26,6 +26,12 @@ double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, cons
   return find_least_margin(due);
 }
 
+double UnknownTime::margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                           const Belief& belief, double age) {
+  look_for(due, motion, terms, belief);
+  return margin_at(age);
+}
+
 double UnknownTime::margin_at(double age) {
   belief_.go_back(age);
   return belief_.value() /

@@ -199,6 +199,7 @@ double UnknownTime::weigh(const Sight& sight, double age) {
   const double weight = sight.log_weight + log_prior(age);
   if (weight > best_weight_) {
     best_weight_ = weight;
+    best_age_ = age;
     // The least of tau^2 / sigma^2 + g^2 / s^2 as if g were linear; what is further away is not.
     const double tau = age - delay_;
     const double here = square(tau / sigma_) + square(sight.value) / sight.all_s2;
@@ -500,8 +501,8 @@ void UnknownTime::add_covariance(const UncertainEvent& event, double age, double
     within.S_q.leftCols(columns_) = belief.S_q.leftCols(columns_);
     within.S_u.leftCols(columns_) = belief.S_u.leftCols(columns_);
   }
-  // What it measures is known, and its rate up to what the flux says: I - taken along along^T of the
-  // variance is left, `rest` of it in this direction.
+  // What it measures is known, and its rate up to what the flux says: I - taken along along^T of
+  // the variance is left, `rest` of it in this direction.
   const auto take = [&](double taken, const auto& along, double rest) {
     const double part = taken / (1.0 + std::sqrt(rest));
     for (Eigen::MatrixXd* S : {&within.S_q, &within.S_u}) {
@@ -614,15 +615,15 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
   return mixture_.collapse(goes_on && is_bent(motion, nodes) ? Belief::most_components : 0, belief);
 }
 
-double UnknownTime::misfit(const UncertainEvent& event, const Motion& motion, const Terms& terms,
-                           const Belief& belief) {
+UnknownTime::Misfit UnknownTime::misfit(const UncertainEvent& event, const Motion& motion,
+                                        const Terms& terms, const Belief& belief) {
   delay_ = 0.0;
   closed_since_ = event.held_for;
   set_oldest(event, motion);
   look_for(event, motion, terms, belief);
   even_ = even_of(see(event.kind, delay_));
   find_nodes(event.kind);
-  return innovation_.square;
+  return {innovation_.square, best_age_};
 }
 
 // Whether what is known behind an event is curved in when that was, to speak of.

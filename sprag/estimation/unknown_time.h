@@ -55,8 +55,11 @@ class UnknownTime {
   bool take(const UncertainEvent& event, const Motion& motion, const Terms& terms, double delay,
             bool so_far, Belief& belief, Innovation& innovation);
 
-  /// The innovation's square alone, of a report that comes at `motion`.
-  double misfit(const UncertainEvent& event, const Motion& motion, const Terms& terms,
+  /// The innovation's square alone, of a report that comes at `motion`, and when that was [s].
+  struct Misfit {
+    double square, age;
+  };
+  Misfit misfit(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                 const Belief& belief);
 
   /// What the last event that was taken did, and when: mean and deviation over its hypotheses.
@@ -98,8 +101,11 @@ class UnknownTime {
   bool bring_to_rest(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                      Belief& belief);
 
-  /// How far it is from that, in standard deviations of the belief; negative where it must have
-  /// happened.
+  /// How far it was from that `age` before, in standard deviations of the belief.
+  double margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
+                const Belief& belief, double age);
+
+  /// How far it is now; negative where it must have happened, though it may be over.
   double margin(const UncertainEvent& due, const Motion& motion, const Terms& terms,
                 const Belief& belief);
 
@@ -183,10 +189,10 @@ class UnknownTime {
   const Flows* flows_;
   double sigma_;
   double delay_ = 0.0;
-  double closed_since_ = 0.0;  // the contact that releases, by the reports
+  double closed_since_ = 0.0;                     // the contact that releases, by the reports
   double oldest_ = 0.0, oldest_deviation_ = 1.0;  // age of the contact's last event
   EventMixture mixture_;
-  double best_weight_ = 0.0;
+  double best_weight_ = 0.0, best_age_ = 0.0;
   double unheard_age_ = 0.0;
   double least_age_ = 0.0;  // of the least margin
   Innovation innovation_;
