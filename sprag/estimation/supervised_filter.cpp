@@ -116,7 +116,7 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     filter_.restart(q_, u_, believed, state.filter);
     return;
   }
-  if (consistency.largest <= largest_innovation && consistency.mean <= largest_mean_innovation) {
+  if (consistency.fits()) {
     if (consistency.count >= 2 * q_.size() + state.trial) {
       state.trusted = !filter_.scale_is_open();
     }

@@ -61,6 +61,8 @@ struct Consistency {
   std::int64_t count = 0;  ///< innovations since the start
   double mean = 1.0;       ///< over about the last 16, weights falling exponentially
   double largest = 0.0;    ///< at the last instant with events
+
+  bool fits() const { return largest <= largest_innovation && mean <= largest_mean_innovation; }
 };
 
 /// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.

@@ -269,6 +269,8 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
+  // A belief that does not hold an event possible is wrong, however certain.
+  if (!state.consistency.fits()) begin_again(i, state);
 }
 
 // When the last event of its contact was, and of any, for one at t.
@@ -358,9 +360,12 @@ void TimingFilter::begin_again(int contact, TimingState& state) {
   now_.u = start_.u;
   set_start(uncertainty_, now_);
   state.thrown = 0;
+  const double square =
+      state.consistency.largest > largest_innovation ? state.consistency.largest : infinity;
+  state.last = {state.motion.t.hi, contact, Suspicion::model, square};
   state.consistency = {};
-  state.consistency.largest = infinity;
-  state.last = {state.motion.t.hi, contact, Suspicion::model, infinity};
+  state.consistency.largest = square;
+  event_ = {};
   ++state.lost;
 }
 
