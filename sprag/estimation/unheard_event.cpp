@@ -15,7 +15,6 @@ constexpr int crossing_steps = 16;
 constexpr int unheard_nodes = 16;
 constexpr double unheard_reach = 5.0;
 // Standard deviations.
-constexpr double beyond_doubt = 4.0;
 constexpr double surely_behind = 3.0;
 
 }  // namespace

@@ -179,19 +179,23 @@ UnknownTime::View UnknownTime::view(UncertainEvent::Kind kind, const Sight& sigh
 }
 
 // What has released was closed before, at a time that is not known better. And no event is before
-// the contact's last one, where going back on the flow behind that would find another.
+// the contact's last one, where going back on the flow behind that would find another, nor behind
+// what had to bring it about before.
 double UnknownTime::log_prior(double age) const {
   double log_weight = -0.5 * square((age - delay_) / sigma_);
   if (closed_since_ < infinity) log_weight += log_normal_cdf((closed_since_ - age) / sigma_);
   const double before_last = (age - oldest_) / oldest_deviation_ - surely_before;
   if (before_last > 0.0) log_weight -= std::min(0.5 * square(before_last), most_against_order);
+  if (age < over_.since) log_weight -= over_.against(age);
   return log_weight;
 }
 
-void UnknownTime::set_oldest(const UncertainEvent& event, const Motion& motion) {
+void UnknownTime::set_order(const UncertainEvent& event, const Motion& motion) {
   oldest_ = delay_ + event.since_last;
   oldest_deviation_ =
       std::max(event.since_deviation, release_rounding * time_step * std::abs(motion.t.hi));
+  quiet_since_ = delay_ + event.quiet_for;
+  over_.since = -infinity;
 }
 
 // log of the weight of a reported event's age. Remembers how well the best one fits.
@@ -208,6 +212,22 @@ double UnknownTime::weigh(const Sight& sight, double age) {
     innovation_.square = here - there < nearly_least ? there : here;
   }
   return weight;
+}
+
+// Where the event has happened beyond doubt by one of these ages, it has not happened later.
+bool UnknownTime::find_over(const Scan& scan) {
+  double against = 0.0;
+  for (int i = scan_nodes - 1; i >= 0; --i) {
+    const double x = scan.values[i] / std::sqrt(scan.all_s2[i]);
+    if (scan.age(i) < quiet_since_ && x < -beyond_doubt) {
+      if (against == 0.0) over_.since = scan.age(i);
+      against = std::max(against, std::min(-log_normal_cdf(x), most_against_order));
+    }
+    over_.by_node[i] = against;
+  }
+  over_.low = scan.low;
+  over_.step = scan.step;
+  return against > 0.0;
 }
 
 // Where the signal is zero to a tenth of its deviation, between two ages where it is not of one
@@ -286,6 +306,14 @@ UnknownTime::Nodes UnknownTime::find_nodes(UncertainEvent::Kind kind) {
       scan.all_s2[i] = sight.all_s2;
       weights[i] = weigh(sight, scan.age(i));
       if (!(weights[i] <= weights[best]) && weights[i] > -infinity) best = i;
+    }
+    if (first_scan && kind != UncertainEvent::Kind::stays && find_over(scan)) {
+      best = scan_nodes - 1;
+      best_weight_ = -infinity;
+      for (int i = best; i >= 0; --i) {
+        weights[i] = weigh(see(kind, scan.age(i)), scan.age(i));
+        if (weights[i] > weights[best]) best = i;
+      }
     }
     double age = scan.age(best);
     double weight = weights[best];
@@ -574,7 +602,7 @@ bool UnknownTime::take(const UncertainEvent& event, const Motion& motion, const 
                        double delay, bool so_far, Belief& belief, Innovation& innovation) {
   delay_ = delay;
   closed_since_ = delay + event.held_for;
-  set_oldest(event, motion);
+  set_order(event, motion);
   const bool is_burst = event.kind == UncertainEvent::Kind::burst;
   const Flow* after = flow_after(event);
   changes_flow_ = !is_burst && after != motion.flow && (after != nullptr || !is_impact(event));
@@ -619,7 +647,7 @@ UnknownTime::Misfit UnknownTime::misfit(const UncertainEvent& event, const Motio
                                         const Terms& terms, const Belief& belief) {
   delay_ = 0.0;
   closed_since_ = event.held_for;
-  set_oldest(event, motion);
+  set_order(event, motion);
   look_for(event, motion, terms, belief);
   even_ = even_of(see(event.kind, delay_));
   find_nodes(event.kind);

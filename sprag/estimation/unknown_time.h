@@ -14,7 +14,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <span>
 
 #include "sprag/estimation/belief.h"
@@ -112,6 +114,8 @@ class UnknownTime {
  private:
   // Of a variance: what is known exactly is divided by it.
   static constexpr double least_square = 1e-200;
+  // Standard deviations.
+  static constexpr double beyond_doubt = 4.0;
 
   // What a hypothesis about the age tau of an event says, up to what the impact does.
   struct Sight {
@@ -138,6 +142,17 @@ class UnknownTime {
 
     double age(int i) const { return low + i * step; }
   };
+  // What is held against an age since the event must have happened before; of the nodes of a scan,
+  // up to the youngest that is not younger.
+  struct Over {
+    double since, low, step;
+    double by_node[scan_nodes];
+
+    double against(double age) const {
+      return by_node[std::clamp(static_cast<int>(std::ceil((age - low) / step)), 0,
+                                scan_nodes - 1)];
+    }
+  };
   // Where on the time axis the hypotheses lie.
   struct Nodes {
     double first, step;
@@ -154,8 +169,9 @@ class UnknownTime {
             double rate) const;
   bool is_bent(const Motion& motion, const Nodes& nodes) const;
   double log_prior(double age) const;
-  void set_oldest(const UncertainEvent& event, const Motion& motion);
+  void set_order(const UncertainEvent& event, const Motion& motion);
   double weigh(const Sight& sight, double age);
+  bool find_over(const Scan& scan);
   double find_zero(double low, double high, double at_low);
   bool find_crossing(UncertainEvent::Kind kind, const Scan& scan, double& age, double& weight);
   bool climb(UncertainEvent::Kind kind, const Scan& scan, double& age, double weight,
@@ -189,7 +205,9 @@ class UnknownTime {
   const Flows* flows_;
   double sigma_;
   double delay_ = 0.0;
-  double closed_since_ = 0.0;                     // the contact that releases, by the reports
+  double closed_since_ = 0.0;  // the contact that releases, by the reports
+  double quiet_since_ = 0.0;
+  Over over_{};
   double oldest_ = 0.0, oldest_deviation_ = 1.0;  // age of the contact's last event
   EventMixture mixture_;
   double best_weight_ = 0.0, best_age_ = 0.0;
