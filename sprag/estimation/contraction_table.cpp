@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/modal_analysis.h"
+#include "sprag/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
-
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 // |A| tau of the first node: then so many terms of the exponential series are exact to rounding.
 constexpr double first_reach = 0.125;
@@ -54,13 +52,15 @@ struct Propagator {
   double norm() const {
     const double n = static_cast<double>(E.rows());
     const double largest = eigenvalues(product(E.transpose(), E))[E.rows() - 1];
-    const double square = largest + 8.0 * n * epsilon * E.squaredNorm();
+    const double square = largest + 8.0 * n * machine_epsilon * E.squaredNorm();
     return std::sqrt(square) + error;
   }
 
  private:
   // Of a product of two such matrices.
-  double rounding() const { return static_cast<double>(E.rows()) * epsilon * E.squaredNorm(); }
+  double rounding() const {
+    return static_cast<double>(E.rows()) * machine_epsilon * E.squaredNorm();
+  }
 };
 
 /// d/dt (omega z, z') = A (omega z, z'), without omega z where omega = 0.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include "sprag/mechanics/impact_law.h"
 #include "sprag/mechanics/linear_algebra.h"
@@ -12,8 +11,6 @@
 
 namespace sprag {
 namespace {
-
-constexpr double epsilon_machine = std::numeric_limits<double>::epsilon();
 
 // Roundings of a state from one event to the next, in ulps: generous.
 constexpr double state_ulps = 64.0;
@@ -126,7 +123,7 @@ ErrorBound::ErrorBound(const Flows& flows)
     damping_ = 2.0 * free.oscillators().delta().maxCoeff();
     // As of the energy (energy.h), which does not see them either.
     const double noise =
-        free.path() == FlowPath::modal ? static_cast<double>(free.modes()) * epsilon_machine : 0.0;
+        free.path() == FlowPath::modal ? static_cast<double>(free.modes()) * machine_epsilon : 0.0;
     rigid_ = std::sqrt(noise) * omega_max_;
   }
   const CholeskyFactor M(dynamics.model().M);
@@ -158,12 +155,12 @@ double ErrorBound::bound(const ErrorBoundState& state, double initial, Instant t
   const double b = std::sqrt(under_way(tau)) * (std::sqrt(initial * state.share) + state.remainder);
   // sqrt(2 E) rises by the forces alone.
   const double moving = b + std::sqrt(state.energy) + force_ * tau;
-  return square(b + state_ulps * epsilon_machine * moving);
+  return square(b + state_ulps * machine_epsilon * moving);
 }
 
 double ErrorBound::contraction(double tau) {
   const Flow& free = (*flows_)[0];
-  const double rounding = state_ulps * epsilon_machine;
+  const double rounding = state_ulps * machine_epsilon;
   if (free.path() == FlowPath::dense) return std::min(1.0, square(dense_(tau)) + rounding);
   const Oscillators& o = free.oscillators();
   const Eigen::Index nf = free.frequencies();
@@ -217,7 +214,7 @@ void ErrorBound::event(ContactSet before, ContactSet closing, ContactSet chi,
   state.from_start = at_start ? state.from_start | chi : state.from_start & chi;
   if (closing == 0) return;
   note_energy(motion, state);
-  state.remainder += epsilon_machine * (state_ulps * std::sqrt(state.energy) +
+  state.remainder += machine_epsilon * (state_ulps * std::sqrt(state.energy) +
                                         time_ulps * motion.t.hi * acceleration(state.energy));
   strike(before, closing, chi, epsilon, motion, state);
 }

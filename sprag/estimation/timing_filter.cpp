@@ -17,16 +17,7 @@ constexpr std::size_t kept_bytes = 64 << 20;
 // A restart takes this multiple of the squares by which two estimates differ, and not nothing.
 constexpr double reserve = 4.0;
 constexpr double least_share = 1e-12;
-// An event may be on its way where the gap, or the force, is less than so many of its deviations.
-constexpr double deviations_to_expect = 4.0;
-// Silence that is less likely than a deviation of seven sigma is no silence.
-constexpr double most_square = 49.0;
 constexpr double looks_a_period = 16.0;
-constexpr double growth_of_looks = 0.25;
-// What is published looks at so many of the last reports again.
-constexpr std::int64_t most_unsettled = 4;
-constexpr double as_good_as_over = 1e-6;  // probability that it is not
-
 }  // namespace
 
 TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
@@ -122,7 +113,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.tick = k;
   state.chi = chi;
   state.instants = -1;
-  state.inside = state.thrown = 0;
+  state.inside = 0;
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
@@ -133,16 +124,12 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.consistency = {};
   state.terms = {};
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
-  state.last_time = state.last_report;
-  state.last_deviation.setZero(flows_->dynamics().contacts());
   state.bursts.setZero(flows_->dynamics().contacts());
   event_ = {};
   last_published_ = {};
   if (recorder_ != nullptr) recorder_->start();
   start_ = start;
-  now_.q = start.q;
-  now_.u = start.u;
-  set_start(uncertainty_, now_);
+  forget(state);
   state.motion.flow = &(*flows_)[0];
   state.motion.t = tick_instant(k, h_);
   go_on(state);
@@ -173,14 +160,13 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
       share_[i] = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
     }
   }
-  set_start(uncertainty_, now_);
+  forget(state);
   for (Eigen::Index i = 0; i < f(); ++i) {
     now_.S_q.col(i) *= std::sqrt(share_[i]);
     now_.S_u.col(f() + i) *= std::sqrt(share_[i]);
   }
   now_.q = q;
   now_.u = u;
-  state.thrown = 0;
   state.consistency = {};
   event_ = {};
   go_on(state);
@@ -229,8 +215,7 @@ void TimingFilter::enter(const Flow& flow, Instant t, Motion& motion) {
 // The mean alone.
 void TimingFilter::enter_motion(const Flow& flow, Instant t, Motion& motion) {
   on_flow_ = now_.q;
-  flow.close_gaps(t, on_flow_);
-  flow.enter(on_flow_, now_.u, t, no_gaps_.head(std::popcount(flow.locked())), motion);
+  flow.enter_closed(on_flow_, now_.u, t, motion);
 }
 
 void TimingFilter::tick(std::span<const ContactEvent> events, TimingState& state) {
@@ -332,266 +317,6 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
     gap[i] =
         std::hypot(seen_of_gaps_.row(i).head(c).norm(), measurement_rounding * state.terms.length);
   }
-}
-
-// What the last reports say of t, in `now_` and `published_`: what they are about may have happened
-// by then, or not, and not in their order. Contacts for which it certainly has leave `unsettled`.
-// False where there are none.
-bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& unsettled) {
-  std::int64_t first = state.instants;
-  while (first > 0 && state.instants - first < most_unsettled) {
-    const Covariance& last = slot(first);
-    const Covariance& before = slot(first - 1);
-    const bool kept = last.instants == first && before.instants == first - 1;
-    if (!kept || last.event.kind == UncertainEvent::Kind::none) break;
-    if (!(t - last.mean.t < unknown_time_->latest()) || last.mean.t - before.mean.t < 0.0) break;
-    --first;
-  }
-  if (first == state.instants) return false;
-  load(slot(first), t);
-  slot(first).mean.flow->propagate(slot(first).mean, t, published_);
-  const Flow* behind = nullptr;  // the last event taken
-  ContactSet to_come = 0;        // closed where that is still to be opened, or the other way round
-  while (first < state.instants) {
-    const Covariance& next = slot(++first);
-    UncertainEvent event = next.event;
-    if (event.kind == UncertainEvent::Kind::known) continue;
-    const ContactSet locked = next.mean.flow->locked();
-    const ContactSet changed = locked ^ slot(first - 1).mean.flow->locked();
-    if (contains(to_come, event.contact)) {
-      // All the more is what follows it.
-      to_come ^= changed;
-      continue;
-    }
-    event.held ^= to_come;
-    if (behind != nullptr) enter(*behind, t, published_);
-    published_.flow->state(published_, now_.q, now_.u);
-    UnknownTime::Innovation innovation;
-    if (!unknown_time_->take(event, published_, state.terms, t - next.mean.t, true, now_,
-                             innovation)) {
-      return false;
-    }
-    columns_.merge(now_);
-    if (innovation.to_come < as_good_as_over) {
-      unsettled &= ~bit(event.contact);
-    } else {
-      unsettled |= bit(event.contact);
-    }
-    if (innovation.to_come > 0.5) to_come ^= changed;
-    behind = flows_->find(locked ^ to_come);
-    if (behind == nullptr) behind = next.mean.flow;
-  }
-  if (behind == nullptr) return false;
-  enter_motion(*behind, t, published_);
-  return true;
-}
-
-// Around an event that jitters: the expectation over what may have happened by the present tick,
-// in `now_`. False where there is nothing of the kind.
-bool TimingFilter::publish(const TimingState& state) {
-  const Published wanted{&state, state.tick, state.instants, false};
-  const Published& last = last_published_;
-  // Mean and deviations are asked for one after the other. Whatever changes a state loads another
-  // covariance.
-  if (wanted.state != last.state || wanted.tick != last.tick || wanted.instants != last.instants) {
-    const bool near = find_published(state);
-    last_published_ = wanted;
-    last_published_.near = near;
-  }
-  return last_published_.near;
-}
-
-bool TimingFilter::find_published(const TimingState& state) {
-  const Instant t = tick_instant(state.tick, h_);
-  ContactSet unsettled = recently_reported(state, t);
-  bool near = take_so_far(state, t, unsettled);
-  if (!near) {
-    load(state, t);
-    published_ = state.motion;
-    published_.t = t;
-    published_.flow->state(published_, now_.q, now_.u);
-  }
-  // Several contacts may have met or left their supports.
-  Unheard unheard;
-  std::array<UnknownTime::Release, max_contacts> releases;
-  std::size_t released = 0;
-  while (true) {
-    const auto [due, beyond_doubt] = next_due(state, published_, unheard, unsettled);
-    if (due.kind == UncertainEvent::Kind::none) break;
-    const bool pulse = due.kind == UncertainEvent::Kind::pulse;
-    unknown_time_->take_silence(due, published_, state.terms, beyond_doubt, now_);
-    unheard.quiet_for = std::min(unheard.quiet_for, unknown_time_->unheard_age());
-    // What the others do is seen on the flow behind it, if that is certain.
-    const Flow* flow = beyond_doubt ? unknown_time_->flow_after(due) : nullptr;
-    // What has closed may be open again, or the other way round; but not more often.
-    if (flow == nullptr || flow == published_.flow || contains(unheard.once, due.contact)) {
-      unheard.done |= bit(due.contact);
-    }
-    unheard.once |= bit(due.contact);
-    if (flow == nullptr && due.kind == UncertainEvent::Kind::releases) {
-      releases[released++] = {due.contact, unknown_time_->unheard_age()};
-    } else {
-      enter_motion(flow != nullptr ? *flow : *published_.flow, t, published_);
-    }
-    columns_.merge(now_);
-    near = true;
-    if (!pulse || !unknown_time_->bring_to_rest(due, published_, state.terms, now_)) continue;
-    enter_motion(*published_.flow, t, published_);
-    columns_.merge(now_);
-  }
-  if (released > 1) {
-    const std::span all = std::span(releases).first(released);
-    std::ranges::sort(all, std::greater<>(), &UnknownTime::Release::age);
-    unknown_time_->add_interplay(all, published_, now_);
-  }
-  return near && is_sane(now_);
-}
-
-// Contacts whose last reports may be of what is still to come.
-ContactSet TimingFilter::recently_reported(const TimingState& state, Instant t) const {
-  ContactSet recently = 0;
-  for (int i = 0; i < flows_->dynamics().contacts() && unknown_time_; ++i) {
-    if (t.hi - state.last_report[i] < unknown_time_->latest()) recently |= bit(i);
-  }
-  return recently;
-}
-
-// What is most likely to be reported next, if anything is, behind what has happened unheard; of
-// open contacts of `unsettled` only what is beyond doubt. `now_` is at the motion's time.
-TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion& motion,
-                                         const Unheard& unheard, ContactSet unsettled) {
-  const ContactSet locked = motion.flow->locked();
-  const auto any = [&](int i) {
-    const bool held = contains(locked, i);
-    UncertainEvent event{held ? UncertainEvent::Kind::releases : UncertainEvent::Kind::pulse, i,
-                         locked & ~bit(i)};
-    set_last(motion.t.hi, state, event);
-    event.quiet_for = std::min(event.quiet_for, unheard.quiet_for);
-    if (contains(unheard.once, i)) {
-      event.since_last = std::min(event.since_last, unheard.quiet_for);
-    }
-    return event;
-  };
-  int nearest = -1;
-  double least = deviations_to_expect;
-  ContactSet beyond_doubt = 0;
-  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
-    const bool held = contains(locked, i);
-    if (contains(unheard.done | state.inside, i)) continue;
-    if (contains(closed(state) & ~unheard.once, i) && !held) continue;
-    if (held && (!unknown_time_ || contains(state.thrown, i))) continue;
-    const double margin = unknown_time_
-                              ? unknown_time_->margin(any(i), motion, state.terms, now_)
-                              : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
-    if (margin < -deviations_to_expect) {
-      beyond_doubt |= bit(i);
-    } else if (!held && contains(unsettled, i)) {
-      continue;
-    }
-    if (!(margin < least)) continue;
-    least = margin;
-    nearest = i;
-  }
-  if (nearest < 0) return {};
-  // Of several that have happened the first.
-  if (unknown_time_ && std::popcount(beyond_doubt) > 1) {
-    double oldest = -1.0;
-    for_each(beyond_doubt, [&](int i) {
-      unknown_time_->log_of_silence(any(i), motion, state.terms, now_);
-      if (!(unknown_time_->unheard_age() > oldest)) return;
-      oldest = unknown_time_->unheard_age();
-      nearest = i;
-    });
-  }
-  const bool is_over = contains(beyond_doubt, nearest);
-  if (contains(locked, nearest)) return {any(nearest), is_over};
-  bool stays = restitution_of(nearest) == 0.0;
-  if (stays && is_over && unknown_time_) {
-    unknown_time_->log_of_silence(any(nearest), motion, state.terms, now_);
-    motion.flow->propagate(motion, motion.t + -unknown_time_->unheard_age(), hit_);
-    stays = would_stick(nearest, hit_);
-  } else if (stays) {
-    stays = would_stick(nearest, motion);
-  }
-  UncertainEvent impact = any(nearest);
-  const UncertainEvent of = impact_of(nearest, stays, motion);
-  impact.kind = of.kind;
-  impact.held = of.held;
-  return {impact, is_over};
-}
-
-// Whether what takes a contact's gap velocity away also presses it down.
-bool TimingFilter::would_stick(int contact, const Motion& motion) {
-  const Flow* flow = flows_->find(motion.flow->locked() | bit(contact));
-  if (flow == nullptr) return false;
-  motion.flow->state(motion, on_flow_, u_before_);
-  flow->close_gaps(motion.t, on_flow_);
-  flow->enter(on_flow_, u_before_, motion.t, no_gaps_.head(std::popcount(flow->locked())), stuck_);
-  return value(flow->force(contact), stuck_) > 0.0;
-}
-
-double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
-  const auto w = flows_->dynamics().W().col(contact);
-  double variance = square(measurement_rounding * state.terms.length);
-  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(w.dot(now_.S_q.col(j)));
-  return std::sqrt(variance);
-}
-
-// Silence is information: an open contact whose gap is negative beyond doubt must have closed.
-void TimingFilter::listen(Instant t, TimingState& state) {
-  const double since = t - state.covariance_time;
-  // Of two reports of one instant the other must have come.
-  if (!state.unknown && state.thrown != 0 &&
-      t.hi > state.thrown_since + 2.0 * unknown_time_->latest()) {
-    state.unknown = true;
-    ++state.silences;
-    state.last = {state.thrown_since, std::countr_zero(state.thrown), Suspicion::missing_event,
-                  infinity};
-  }
-  while (!state.unknown) {
-    const double next =
-        state.watched == 0.0
-            ? first_look_
-            : state.watched + std::min(growth_of_looks * state.watched, longest_look_);
-    if (!(next <= since)) return;
-    state.watched = next;
-    const Inconsistency silence = overdue(state, state.covariance_time + next);
-    if (!(silence.square > most_square)) continue;
-    state.unknown = true;
-    ++state.silences;
-    state.last = silence;
-  }
-}
-
-// How unlikely it is that nothing has been reported by t.
-Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
-  const Covariance& from = slot(state.instants);
-  if (from.instants != state.instants) return {};
-  from.mean.flow->propagate(from.mean, t, sample_);
-  bool suspect = false;
-  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
-    const bool held = contains(sample_.flow->locked(), i);
-    if (contains(state.inside, i) || (contains(closed(state), i) && !held)) continue;
-    const Signal& margin = held ? sample_.flow->force(i) : sample_.flow->gap(i);
-    suspect = suspect || value(margin, sample_) < 0.0;
-  }
-  if (!suspect) return {};
-  // The mean goes on from behind what was reported, even where that is still to come.
-  const ContactSet recently = recently_reported(state, t);
-  ContactSet unsettled = recently;
-  if (unknown_time_ && take_so_far(state, t, unsettled)) {
-    sample_ = published_;
-  } else {
-    load(from, t);
-    sample_.flow->state(sample_, now_.q, now_.u);
-  }
-  const UncertainEvent due = next_due(state, sample_, {.done = recently}, 0).event;
-  if (due.kind == UncertainEvent::Kind::none) return {};
-  const double log_probability =
-      unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)
-                    : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
-                                     deviation_of_gap(due.contact, state));
-  return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};
 }
 
 void TimingFilter::output_deviations(const TimingState& state,

@@ -223,6 +223,7 @@ class TimingFilter {
   void enter(ContactSet locked, Instant t, TimingState& state);
   void enter(const Flow& flow, Instant t, Motion& motion);
   void enter_motion(const Flow& flow, Instant t, Motion& motion);
+  void forget(TimingState& state);
   void begin_again(int contact, TimingState& state);
   void note(double square, Consistency& consistency) const;
 

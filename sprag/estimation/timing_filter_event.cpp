@@ -56,10 +56,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   // Nothing is known, or what happened until then is not in the model.
   if (state.unknown || leaving != 0) {
     if (state.unknown) state.consistency = {};
-    state.thrown = 0;
-    now_.q = start_.q;
-    now_.u = start_.u;
-    set_start(uncertainty_, now_);
+    forget(state);
     go_on(state);
   }
   state.consistency.largest = 0.0;
@@ -309,9 +306,7 @@ ContactSet TimingFilter::pulled_off(const UncertainEvent& event, const SingleImp
   Eigen::Index row = 0;
   for_each(held | bit(event.contact),
            [&](int j) { u_sequence_ += change * impact.Lambda[row++] * dynamics.MinvW().col(j); });
-  flow->close_gaps(motion.t, on_flow_);
-  flow->enter(on_flow_, u_sequence_, motion.t, no_gaps_.head(std::popcount(flow->locked())),
-              stuck_);
+  flow->enter_closed(on_flow_, u_sequence_, motion.t, stuck_);
   ContactSet pulled = 0;
   for_each(impact.staying, [&](int j) {
     const Signal& force = flow->force(j);
@@ -354,12 +349,19 @@ bool TimingFilter::is_thrown_off(const UncertainEvent& release, const TimingStat
   return false;
 }
 
-// As if the machine were started now. No event fits less than one after which nothing is known.
-void TimingFilter::begin_again(int contact, TimingState& state) {
+// As if the machine were started now; of events no more is known than what was reported.
+void TimingFilter::forget(TimingState& state) {
   now_.q = start_.q;
   now_.u = start_.u;
   set_start(uncertainty_, now_);
   state.thrown = 0;
+  state.last_time = state.last_report;
+  state.last_deviation.setConstant(state.last_report.size(), uncertainty_.jitter);
+}
+
+// No event fits less than one after which nothing is known.
+void TimingFilter::begin_again(int contact, TimingState& state) {
+  forget(state);
   const double square =
       state.consistency.largest > largest_innovation ? state.consistency.largest : infinity;
   state.last = {state.motion.t.hi, contact, Suspicion::model, square};

@@ -116,6 +116,11 @@ class UnknownTime {
   static constexpr double least_square = 1e-200;
   // Standard deviations.
   static constexpr double beyond_doubt = 4.0;
+  // The hypotheses: +- so many deviations of the time.
+  static constexpr double node_reach = 5.0;
+  // Of the rounding of a time: what several contacts do to each other when they let go at nearly
+  // one instant is not known better.
+  static constexpr double release_rounding = 256.0;
 
   // What a hypothesis about the age tau of an event says, up to what the impact does.
   struct Sight {
@@ -232,7 +237,7 @@ class UnknownTime {
   bool changes_flow_ = false;  // the event
   double kick_ = 0.0;          // change of the gap velocity by the impact, over that
   // The impact for one unit of change of the gap velocity.
-  Eigen::VectorXd no_q_, impact_u_, no_gaps_;
+  Eigen::VectorXd no_q_, impact_u_;
   Eigen::MatrixXd impact_z_, impact_v_, moved_z_, moved_v_, moved_q_, moved_u_;
 };
 

@@ -19,7 +19,6 @@ constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i)
 
 // Lower bounds have one term more, the remainder.
 constexpr int degree = bernstein::degree - 1;
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 // Below this a motion has died out; its roundings are no longer relative.
 constexpr double nothing = 1e-290;
 
@@ -121,7 +120,7 @@ Expansion expand_signal(const Signal& signal, double sign, double constant, cons
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
   e.bound = bound * inverse_factorials[degree + 1];
-  e.noise = 4.0 * epsilon * magnitude + nothing;
+  e.noise = 4.0 * machine_epsilon * magnitude + nothing;
   return e;
 }
 
@@ -159,7 +158,7 @@ double noise_of(int order, const Signal& signal, const Point& at) {
     }
     magnitude += std::abs(signal.p[k] * before) + std::abs(signal.r[k] * now);
   }
-  return 8.0 * epsilon * magnitude * inverse_factorials[index(order)] + nothing;
+  return 8.0 * machine_epsilon * magnitude * inverse_factorials[index(order)] + nothing;
 }
 
 struct Verdict {
@@ -328,7 +327,7 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   for (int j = 0; j < order; ++j) scale *= end * H;
   Verdict verdict{end * H, infinity, at_end.value * scale};
   if (low < infinity && !(omitted > 0.0)) {
-    verdict.root = accepted_root(phi, low, at_end, epsilon * (now + end * H));
+    verdict.root = accepted_root(phi, low, at_end, machine_epsilon * (now + end * H));
   }
   return verdict;
 }
@@ -472,7 +471,7 @@ void EventSearch::expand() {
     tau_ = certified_ + root;
     return;
   }
-  const double resolution = epsilon * t;
+  const double resolution = machine_epsilon * t;
   if (!need_all_ && certified <= 0.25 * resolution) {
     // Time cannot tell this from the zero that lies ahead.
     for (WatchState& state : states_) state.fires = state.certified <= resolution;

@@ -1,5 +1,7 @@
 #include "sprag/mechanics/flow.h"
 
+#include <array>
+#include <bit>
 #include <cmath>
 
 #include "sprag/mechanics/dynamics.h"
@@ -175,6 +177,13 @@ void Flow::close_gaps(Instant t, Eigen::VectorXd& q) const {
     const Contact& contact = dynamics_->model().contacts[static_cast<std::size_t>(i)];
     q -= sprag::gap(contact, q, t.hi) * static_shapes_.col(k++);
   });
+}
+
+void Flow::enter_closed(Eigen::VectorXd& q, const Eigen::Ref<const Eigen::VectorXd>& u, Instant t,
+                        Motion& motion) const {
+  static constexpr std::array<double, max_contacts> no_gaps{};
+  close_gaps(t, q);
+  enter(q, u, t, Eigen::VectorXd::Map(no_gaps.data(), std::popcount(locked_)), motion);
 }
 
 void Flow::close_gap_differences(Eigen::Ref<Eigen::MatrixXd> q) const {

@@ -125,6 +125,9 @@ class Flow {
   /// energy: a static deflection. Where q is not known to fit L, the metric of M, in which enter()
   /// projects, would put the misfit into the highest modes.
   void close_gaps(Instant t, Eigen::VectorXd& q) const;
+  /// enter() behind that, with held gaps of zero.
+  void enter_closed(Eigen::VectorXd& q, const Eigen::Ref<const Eigen::VectorXd>& u, Instant t,
+                    Motion& motion) const;
   /// The same for differences of q, one a column.
   void close_gap_differences(Eigen::Ref<Eigen::MatrixXd> q) const;
 

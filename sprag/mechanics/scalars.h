@@ -7,6 +7,7 @@
 namespace sprag {
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
+inline constexpr double machine_epsilon = std::numeric_limits<double>::epsilon();
 
 /// log of the square root of 2 pi: less the log of the normal density at 0.
 inline constexpr double half_log_two_pi = 0.91893853320467274178;
