@@ -259,9 +259,9 @@ class TimingFilter {
     bool beyond_doubt;
   };
   // What has been taken to have happened unheard: contacts of which nothing more is expected, those
-  // with an event already, and how long the last one is ago at least [s].
+  // that have closed, and how long the last event is ago at least [s].
   struct Unheard {
-    ContactSet done = 0, once = 0;
+    ContactSet done = 0, closed = 0;
     double quiet_for = std::numeric_limits<double>::infinity();
   };
   Due next_due(const TimingState& state, const Motion& motion, const Unheard& unheard,

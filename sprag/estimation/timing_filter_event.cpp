@@ -267,7 +267,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
   // A belief that does not hold an event possible is wrong, however certain.
-  if (!state.consistency.fits()) begin_again(i, state);
+  if (innovation.square > largest_innovation) begin_again(i, state);
 }
 
 // When the last event of its contact was, and of any, for one at t.

@@ -112,11 +112,13 @@ bool TimingFilter::find_published(const TimingState& state) {
     unheard.quiet_for = std::min(unheard.quiet_for, unknown_time_->unheard_age());
     // What the others do is seen on the flow behind it, if that is certain.
     const Flow* flow = beyond_doubt ? unknown_time_->flow_after(due) : nullptr;
-    // What has closed may be open again, or the other way round; but not more often.
-    if (flow == nullptr || flow == published_.flow || contains(unheard.once, due.contact)) {
+    // What has closed may be open again. That what has opened is closed again is not looked at: it
+    // leaves so slowly that its gap is long of no sign.
+    if (flow != nullptr && due.kind == UncertainEvent::Kind::sticks) {
+      unheard.closed |= bit(due.contact);
+    } else {
       unheard.done |= bit(due.contact);
     }
-    unheard.once |= bit(due.contact);
     if (flow == nullptr && due.kind == UncertainEvent::Kind::releases) {
       releases[released++] = {due.contact, unknown_time_->unheard_age()};
     } else {
@@ -156,7 +158,7 @@ TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion&
                          locked & ~bit(i)};
     set_last(motion.t.hi, state, event);
     event.quiet_for = std::min(event.quiet_for, unheard.quiet_for);
-    if (contains(unheard.once, i)) {
+    if (contains(unheard.closed, i)) {
       event.since_last = std::min(event.since_last, unheard.quiet_for);
     }
     return event;
@@ -166,8 +168,7 @@ TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion&
   ContactSet beyond_doubt = 0;
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
-    if (contains(unheard.done | state.inside, i)) continue;
-    if (contains(closed(state) & ~unheard.once, i) && !held) continue;
+    if (contains(unheard.done | state.inside, i) || (contains(closed(state), i) && !held)) continue;
     if (held && (!unknown_time_ || contains(state.thrown, i))) continue;
     const double margin = unknown_time_
                               ? unknown_time_->margin(any(i), motion, state.terms, now_)

@@ -510,6 +510,38 @@ TEST(TimingFilter, ExpectsMoreThanOneUnheardBounce) {
   EXPECT_LT(worst, 4.0);
 }
 
+// An event that cannot be, by what is believed, is the end of that belief, however sure it was.
+TEST(TimingFilter, AnEventThatCannotBeEndsWhatIsKnown) {
+  Scene scene = cached_scene("paper_beam.toml");
+  scene.jitter = 1e-4;
+  const double h = 1e-2;
+  Pursuit run(scene, h, uncertainty_of(scene));
+  const Eigen::Index f = scene.model.coordinates();
+  Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(1);
+  const auto sigma = [&] {
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    return sigma_q.norm();
+  };
+  const double of_start = sigma();
+  double t = 0.0;
+  while (t < 50.0) {
+    run.tick([&](std::vector<ContactEvent>& events) {
+      for (const ContactEvent& event : events) t = event.t;
+    });
+  }
+  const double learnt = sigma();
+  ASSERT_LT(learnt, 1e-2 * of_start);
+  ASSERT_EQ(run.state.lost, 0);
+  // In the middle of a flight.
+  for (int i = 0; i < 20; ++i) run.tick([](std::vector<ContactEvent>&) {});
+  run.tick([&](std::vector<ContactEvent>& events) {
+    events = {{tick_instant(run.state.tick, h).hi + 0.5 * h, 0, ContactEventKind::pulse}};
+  });
+  EXPECT_EQ(run.state.lost, 1);
+  EXPECT_GT(run.state.last.square, largest_innovation);
+  EXPECT_GT(sigma(), 0.3 * of_start);
+}
+
 // What the model lacks is known to the filter: its covariance does not close.
 TEST(TimingFilter, DriftKeepsTheCovarianceOpen) {
   Scene scene = cached_scene("paper_beam.toml");
