@@ -27,6 +27,8 @@ constexpr int looks_at_nodes = 3;
 // Deviations of a contact's last event; and how much is held against an event before that.
 constexpr double surely_before = 3.0;
 constexpr double most_against_order = 50.0;
+// So many deviations are no tail of a belief that is not quite Gaussian.
+constexpr double certainly = 100.0;
 
 // Mean and deviation of nodes with these weights, given as logarithms, from the first node in
 // steps; `total` is 0 where there is none.
@@ -62,7 +64,7 @@ double UnknownTime::log_prior(double age) const {
   if (closed_since_ < infinity) log_weight += log_normal_cdf((closed_since_ - age) / sigma_);
   const double before_last = (age - oldest_) / oldest_deviation_ - surely_before;
   if (before_last > 0.0) log_weight -= std::min(0.5 * square(before_last), most_against_order);
-  if (age < over_.since) log_weight -= over_.against(age);
+  if (age < over_since_) log_weight -= most_against_order;
   return log_weight;
 }
 
@@ -71,7 +73,7 @@ void UnknownTime::set_order(const UncertainEvent& event, const Motion& motion) {
   oldest_deviation_ =
       std::max(event.since_deviation, release_rounding * time_step * std::abs(motion.t.hi));
   quiet_since_ = delay_ + event.quiet_for;
-  over_.since = -infinity;
+  over_since_ = -infinity;
 }
 
 // log of the weight of a reported event's age. Remembers how well the best one fits.
@@ -90,20 +92,15 @@ double UnknownTime::weigh(const Sight& sight, double age) {
   return weight;
 }
 
-// Where the event has happened beyond doubt by one of these ages, it has not happened later.
+// Where the event has certainly happened by one of these ages, it has not happened later.
 bool UnknownTime::find_over(const Scan& scan) {
-  double against = 0.0;
-  for (int i = scan_nodes - 1; i >= 0; --i) {
-    const double x = scan.values[i] / std::sqrt(scan.all_s2[i]);
-    if (scan.age(i) < quiet_since_ && x < -beyond_doubt) {
-      if (against == 0.0) over_.since = scan.age(i);
-      against = std::max(against, std::min(-log_normal_cdf(x), most_against_order));
-    }
-    over_.by_node[i] = against;
+  for (int i = scan_nodes - 1; i > 0; --i) {
+    if (!(scan.age(i) < quiet_since_)) continue;
+    if (!(scan.values[i] < -certainly * std::sqrt(scan.all_s2[i]))) continue;
+    over_since_ = scan.age(i);
+    return true;
   }
-  over_.low = scan.low;
-  over_.step = scan.step;
-  return against > 0.0;
+  return false;
 }
 
 // Where the signal is zero to a tenth of its deviation, between two ages where it is not of one

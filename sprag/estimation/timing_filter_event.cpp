@@ -25,6 +25,8 @@ constexpr double same_impact = 1e-9;
 // Of the force that is left.
 constexpr double deviations_to_pull = 2.0;
 constexpr double deviations_to_be_sure = 3.0;
+// Of an innovation's square: no tail of what is not quite Gaussian reaches so far.
+constexpr double impossible = 1e4;
 // Of squares of deviations.
 constexpr double clearly_less = 4.0;
 
@@ -267,7 +269,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
   // A belief that does not hold an event possible is wrong, however certain.
-  if (innovation.square > largest_innovation) begin_again(i, state);
+  if (innovation.square > impossible) begin_again(i, state);
 }
 
 // When the last event of its contact was, and of any, for one at t.
@@ -363,7 +365,7 @@ void TimingFilter::forget(TimingState& state) {
 void TimingFilter::begin_again(int contact, TimingState& state) {
   forget(state);
   const double square =
-      state.consistency.largest > largest_innovation ? state.consistency.largest : infinity;
+      state.consistency.largest > impossible ? state.consistency.largest : infinity;
   state.last = {state.motion.t.hi, contact, Suspicion::model, square};
   state.consistency = {};
   state.consistency.largest = square;

@@ -274,7 +274,8 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
     load(from, t);
     sample_.flow->state(sample_, now_.q, now_.u);
   }
-  const UncertainEvent due = next_due(state, sample_, {.done = recently}, 0).event;
+  const UncertainEvent due =
+      next_due(state, sample_, {.done = recently, .quiet_for = 0.0}, 0).event;
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)

@@ -14,9 +14,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <span>
 
 #include "sprag/estimation/belief.h"
@@ -147,17 +145,6 @@ class UnknownTime {
 
     double age(int i) const { return low + i * step; }
   };
-  // What is held against an age since the event must have happened before; of the nodes of a scan,
-  // up to the youngest that is not younger.
-  struct Over {
-    double since, low, step;
-    double by_node[scan_nodes];
-
-    double against(double age) const {
-      return by_node[std::clamp(static_cast<int>(std::ceil((age - low) / step)), 0,
-                                scan_nodes - 1)];
-    }
-  };
   // Where on the time axis the hypotheses lie.
   struct Nodes {
     double first, step;
@@ -211,8 +198,7 @@ class UnknownTime {
   double sigma_;
   double delay_ = 0.0;
   double closed_since_ = 0.0;  // the contact that releases, by the reports
-  double quiet_since_ = 0.0;
-  Over over_{};
+  double quiet_since_ = 0.0, over_since_ = 0.0;
   double oldest_ = 0.0, oldest_deviation_ = 1.0;  // age of the contact's last event
   EventMixture mixture_;
   double best_weight_ = 0.0, best_age_ = 0.0;
