@@ -260,7 +260,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   }
   const UnknownTime::Moment age = unknown_time_->impact().age;
   state.last_time[i] = event.t - age.mean;
-  state.last_deviation[i] = age.deviation;
+  state.last_deviation[i] = std::min(age.deviation, uncertainty_.jitter);
   record_uncertain(event, before);
   add_time_rounding(time_rounding, state);
   columns_.merge(now_);

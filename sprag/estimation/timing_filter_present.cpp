@@ -33,6 +33,8 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
     const Covariance& before = slot(first - 1);
     const bool kept = last.instants == first && before.instants == first - 1;
     if (!kept || last.event.kind == UncertainEvent::Kind::none) break;
+    // Reports of one contact that have changed places.
+    if (last.event.kind == UncertainEvent::Kind::known && last.mean.flow != before.mean.flow) break;
     if (!(t - last.mean.t < unknown_time_->latest()) || last.mean.t - before.mean.t < 0.0) break;
     --first;
   }
