@@ -11,7 +11,6 @@
 #include <numbers>
 
 #include "sprag/mechanics/scalars.h"
-#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

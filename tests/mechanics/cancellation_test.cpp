@@ -12,7 +12,7 @@
 
 #include "sprag/estimation/replica.h"
 #include "sprag/mechanics/master.h"
-#include "tests/support/machine_epsilon.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

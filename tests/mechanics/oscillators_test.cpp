@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "tests/support/machine_epsilon.h"
+#include "sprag/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -14,7 +14,6 @@
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/scalars.h"
-#include "tests/support/machine_epsilon.h"
 #include "tests/support/random.h"
 
 namespace sprag {
