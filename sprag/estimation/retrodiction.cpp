@@ -79,12 +79,8 @@ void Retrodiction::go_back(double age) {
   const Oscillators& of = flow().oscillators();
   const Eigen::Index n = flow().modes();
   const Eigen::Index nf = flow().frequencies();
-  for_each_tau(flow(), growth_, -age, [&](double tau, Eigen::Index first, Eigen::Index count) {
-    of.kernels(tau, first, count, kernels_);
-    flow().move_modes(*motion_, tau, first, count, then_.x);
-  });
-  then_.t = motion_->t + -age;
-  flow().set_phases(then_.t, then_.x);
+  set_kernels(flow(), growth_, -age);
+  value_at(age);
   const auto depend = [&](const auto& p, const auto& r, auto on) {
     row_z_.head(n) = p * kernels_.zz.segment(nf, n) + r * kernels_.vz.segment(nf, n);
     row_v_.head(n) = p * kernels_.zv.segment(nf, n) + r * kernels_.vv.segment(nf, n);

@@ -1,9 +1,7 @@
 #include "sprag/estimation/timing_filter.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <functional>
 #include <numbers>
 
 #include "sprag/mechanics/linear_algebra.h"

@@ -243,7 +243,8 @@ class TimingFilter {
   double condition(double residual, double noise, double scale, Consistency& consistency);
   void record(std::span<const ContactEvent> events, ContactSet struck, const TimingState& state);
   void record_as_it_is(const ContactEvent& event, const TimingState& state);
-  void record_uncertain(const ContactEvent& event, ContactSet held);
+  void record_uncertain(const ContactEvent& event, ContactSet held,
+                        const UnknownTime::Impact& impact);
   void strike(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
   void add_time_rounding(double share, const TimingState& state);

@@ -144,10 +144,10 @@ void TimingFilter::record_as_it_is(const ContactEvent& event, const TimingState&
 }
 
 // The same of one that jitters: what the mixture over its time says, which take() has made.
-void TimingFilter::record_uncertain(const ContactEvent& event, ContactSet held) {
+void TimingFilter::record_uncertain(const ContactEvent& event, ContactSet held,
+                                    const UnknownTime::Impact& impact) {
   if (recorder_ == nullptr) return;
   const Dynamics& dynamics = flows_->dynamics();
-  const UnknownTime::Impact impact = unknown_time_->impact();
   ImpactRecord record;
   record.t = event.t;
   record.contact = event.contact;
@@ -258,10 +258,10 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     record_as_it_is(event, state);
     return;
   }
-  const UnknownTime::Moment age = unknown_time_->impact().age;
-  state.last_time[i] = event.t - age.mean;
-  state.last_deviation[i] = std::min(age.deviation, uncertainty_.jitter);
-  record_uncertain(event, before);
+  const UnknownTime::Impact impact = unknown_time_->impact();
+  state.last_time[i] = event.t - impact.age.mean;
+  state.last_deviation[i] = std::min(impact.age.deviation, uncertainty_.jitter);
+  record_uncertain(event, before, impact);
   add_time_rounding(time_rounding, state);
   columns_.merge(now_);
   event_ = uncertain;

@@ -1,7 +1,6 @@
 #include "sprag/estimation/unknown_time.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 #include <span>
