@@ -95,18 +95,22 @@ void BeliefColumns::move(const Flow& flow, double tau, Belief& belief) {
   flow.state_differences(z, v, q, u);
 }
 
-void BeliefColumns::see(const Flow& flow, const Signal& signal, const Belief& belief,
-                        Eigen::VectorXd& phi) {
+double BeliefColumns::see(const Flow& flow, const Signal& signal, const Belief& belief,
+                          Eigen::VectorXd& phi) {
   const Eigen::Index n = flow.modes();
   const Eigen::Index nf = flow.frequencies();
   const Eigen::Index c = belief.columns;
   auto z = z_.topLeftCorner(n, c);
   auto v = v_.topLeftCorner(n, c);
   flow.enter_differences(belief.S_q.leftCols(c), belief.S_u.leftCols(c), z, v);
+  const auto p = signal.p.segment(nf, n);
+  const auto r = signal.r.segment(nf, n);
+  double terms = 0.0;
   for (Eigen::Index k = 0; k < c; ++k) {
-    phi[k] = (signal.p.segment(nf, n) * z.col(k).array()).sum() +
-             (signal.r.segment(nf, n) * v.col(k).array()).sum();
+    phi[k] = (p * z.col(k).array()).sum() + (r * v.col(k).array()).sum();
+    terms += square((p * z.col(k).array()).abs().sum() + (r * v.col(k).array()).abs().sum());
   }
+  return std::sqrt(terms);
 }
 
 void BeliefColumns::merge(Belief& belief) {

@@ -77,8 +77,9 @@ class BeliefColumns {
   /// S on this flow for tau; nothing where tau is not positive. The mean stays.
   void move(const Flow& flow, double tau, Belief& belief);
 
-  /// phi: what a signal of this flow sees of each column, `columns` entries of `phi`.
-  void see(const Flow& flow, const Signal& signal, const Belief& belief, Eigen::VectorXd& phi);
+  /// phi: what a signal of this flow sees of each column, `columns` entries of `phi`. Returns the
+  /// root of the sum of squares of what their terms are together: roundings are in proportion.
+  double see(const Flow& flow, const Signal& signal, const Belief& belief, Eigen::VectorXd& phi);
 
   /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
   /// 2 f zero. Those of components stay.

@@ -111,7 +111,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.tick = k;
   state.chi = chi;
   state.instants = -1;
-  state.inside = 0;
+  state.inside = state.touched = 0;
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;

@@ -74,6 +74,7 @@ struct TimingState {
   /// one has come: who is in chi is open already, who is not is closed until the impact is told.
   ContactSet thrown = 0;
   double thrown_since = 0.0;  ///< when the first of them was reported [s]
+  ContactSet touched = 0;     ///< whose gaps may not be zero where they close next
   Motion motion;              ///< of the mean; t as in ReplicaState
   TickedFlight::Anchor anchor;
   Instant covariance_time;    ///< the instant to which covariance number `instants` belongs
@@ -230,6 +231,7 @@ class TimingFilter {
   // An instant with events.
   void take_instant(std::span<const ContactEvent> events, TimingState& state);
   void take_exact(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
+  void note_touched(std::span<const ContactEvent> events, TimingState& state) const;
   void take_uncertain(const ContactEvent& event, ContactSet before, TimingState& state);
   void throw_off(ContactSet thrown, TimingState& state) const;
   bool is_thrown_off(const UncertainEvent& release, const TimingState& state);
@@ -296,7 +298,8 @@ class TimingFilter {
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
   Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
-  Eigen::VectorXd phi_;                // what a measurement sees of each column
+  double spread_ = 1.0;  // of the gap velocities before impacts: what they may be over their means
+  Eigen::VectorXd phi_;  // what a measurement sees of each column
   Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_, stuck_, hit_;

@@ -20,6 +20,8 @@ constexpr double insignificant = 1e-10;
 constexpr double remainder_tells = 100.0;
 // The master's: gaps that are less than this share of their terms are closed.
 constexpr double touching = 1e-12;
+// An estimate's gap is not quite the master's.
+constexpr double surely_touching = 2.0;
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
 // Of the force that is left.
@@ -67,6 +69,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     take_uncertain(events.front(), before, state);
   } else {
     take_exact(events, before, state);
+    if (state.consistency.largest > impossible) begin_again(events.back().contact, state);
   }
   state.inside &= ~leaving;
   columns_.merge(now_);
@@ -81,6 +84,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   bool closed = false;
   int stages = 0;
   std::size_t recorded = 0;
+  spread_ = 1.0;
   u_before_ = now_.u;
   if (recorder_ != nullptr) recorder_->before(now_);
   for (std::size_t first = 0; first < events.size();) {
@@ -120,11 +124,28 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   }
   record(events.subspan(recorded), 0, state);
   if (!closed) return;
+  note_touched(events, state);
   if (stages > 1) add_sequence(events, before, state);
   // By as much as the closing was measured with: impacts at slightly other times would have led to
   // slightly other states, and none of the closings behind is to tell from that how large the
   // motion is.
-  add_time_rounding(time_rounding, state);
+  add_time_rounding(spread_ * time_rounding, state);
+}
+
+// A contact that touches where another one is hit may be off its support by as much as the master
+// takes for a touch. From there the master goes on, and finds it closed where it comes back to
+// that.
+void TimingFilter::note_touched(std::span<const ContactEvent> events, TimingState& state) const {
+  const Model& model = flows_->dynamics().model();
+  ContactSet told = 0;
+  for (const ContactEvent& event : events) told |= bit(event.contact);
+  const double reach = surely_touching * touching * state.terms.length;
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    if (told == bit(i)) continue;
+    const double g = gap(model.contacts[index(i)], now_.q, state.motion.t.hi);
+    state.touched = std::abs(g) < reach ? state.touched | bit(i) : state.touched & ~bit(i);
+  }
+  state.touched &= ~state.chi;
 }
 
 // Events of the present instant, where these contacts were struck.
@@ -386,15 +407,16 @@ ContactSet TimingFilter::drop_redundant(ContactSet held, ContactSet closing,
 // lambda_i = 0, of a contact that is locked.
 void TimingFilter::measure_release(int contact, TimingState& state) {
   const Signal& lambda = state.motion.flow->force(contact);
-  columns_.see(*state.motion.flow, lambda, now_, phi_);
+  // What is not known may be larger than the mean.
+  const double terms = std::max(columns_.see(*state.motion.flow, lambda, now_, phi_),
+                                largest_terms(lambda, state.motion));
   const double off = time_rounding * state.motion.t.hi * rate(lambda, state.motion);
   if (recorder_ != nullptr) {
-    const double floor = measurement_rounding * largest_terms(lambda, state.motion);
+    const double floor = measurement_rounding * terms;
     recorder_->measured_release(contact, phi_.head(now_.columns), -value(lambda, state.motion),
                                 off * off + floor * floor);
   }
-  condition(-value(lambda, state.motion), off * off, largest_terms(lambda, state.motion),
-            state.consistency);
+  condition(-value(lambda, state.motion), off * off, terms, state.consistency);
 }
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
@@ -412,13 +434,17 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     const Functional& acceleration = acceleration_[index(closing.contact)];
     auto phi = phi_.head(c);
     phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
-    const double speed2 = closing.gamma * closing.gamma + phi.squaredNorm();
+    const double speed2 = square(closing.gamma) + phi.squaredNorm();
+    if (closing.gamma != 0.0)
+      spread_ = std::max(spread_, std::sqrt(speed2) / std::abs(closing.gamma));
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
     const double gap_before = gap(contact, now_.q, t);
     state.terms.include(contact, now_.q, now_.u);
     double noise = square(time_rounding * t) * speed2;
     // The master takes for one impact what touches within its rounding.
-    if (several) noise += square(touching * state.terms.length);
+    if (several || contains(state.touched, closing.contact)) {
+      noise += square(touching * state.terms.length);
+    }
     const double deviation = condition(-gap_before, noise, state.terms.length, state.consistency);
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};

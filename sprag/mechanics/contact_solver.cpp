@@ -113,6 +113,8 @@ void ContactSolver::enter(ContactSet locked, ContactSet geometric, ContactSet& u
   Eigen::Index count = 0;
   for_each(flow.locked(),
            [&](int i) { held_locked_[count++] = contains(geometric, i) ? 0.0 : gap(i, motion); });
+  // What a touch is off goes into the machine as an estimator, who knows no better, moves it.
+  flow.close_gaps(geometric, motion.t, state_.q);
   flow.enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
 }
 

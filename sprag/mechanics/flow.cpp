@@ -171,18 +171,20 @@ void Flow::state_differences(const Eigen::Ref<const Eigen::MatrixXd>& z,
   }
 }
 
-void Flow::close_gaps(Instant t, Eigen::VectorXd& q) const {
+void Flow::close_gaps(ContactSet contacts, Instant t, Eigen::VectorXd& q) const {
   Eigen::Index k = 0;
   for_each(locked_, [&](int i) {
+    const auto shape = static_shapes_.col(k++);
+    if (!contains(contacts, i)) return;
     const Contact& contact = dynamics_->model().contacts[static_cast<std::size_t>(i)];
-    q -= sprag::gap(contact, q, t.hi) * static_shapes_.col(k++);
+    q -= sprag::gap(contact, q, t.hi) * shape;
   });
 }
 
 void Flow::enter_closed(Eigen::VectorXd& q, const Eigen::Ref<const Eigen::VectorXd>& u, Instant t,
                         Motion& motion) const {
   static constexpr std::array<double, max_contacts> no_gaps{};
-  close_gaps(t, q);
+  close_gaps(locked_, t, q);
   enter(q, u, t, Eigen::VectorXd::Map(no_gaps.data(), std::popcount(locked_)), motion);
 }
 

@@ -121,11 +121,11 @@ class Flow {
 
   Signal signal(const Functional& functional) const;
 
-  /// Moves q, f entries, so that all contacts of L have g = 0 at t, by what takes the least elastic
-  /// energy: a static deflection. Where q is not known to fit L, the metric of M, in which enter()
+  /// Moves q, f entries, so that these contacts of L have g = 0 at t, by what takes the least
+  /// elastic energy: a static deflection. Where q does not fit L, the metric of M, in which enter()
   /// projects, would put the misfit into the highest modes.
-  void close_gaps(Instant t, Eigen::VectorXd& q) const;
-  /// enter() behind that, with held gaps of zero.
+  void close_gaps(ContactSet contacts, Instant t, Eigen::VectorXd& q) const;
+  /// enter() behind that of all of L, with held gaps of zero.
   void enter_closed(Eigen::VectorXd& q, const Eigen::Ref<const Eigen::VectorXd>& u, Instant t,
                     Motion& motion) const;
   /// The same for differences of q, one a column.

@@ -536,7 +536,7 @@ TEST_P(FlowOfAStructure, ClosesGapsStatically) {
     const State state = random_state(random, model);
     const double t = random.uniform(0, 10);
     Eigen::VectorXd q = state.q;
-    flow.close_gaps(at(t), q);
+    flow.close_gaps(flow.locked(), at(t), q);
     for (const Contact& contact : model.contacts) {
       EXPECT_NEAR(exact_gap(contact, q, t), 0.0, 1e-12 * (1 + state.q.norm()));
     }

@@ -373,6 +373,8 @@ INSTANTIATE_TEST_SUITE_P(
         Machine{"random:80", "two contacts have closed unheard", 1e-2, 5},
         Machine{"random:141", "two contacts have closed unheard", 1e-2, 5},
         Machine{"random:159", "rounded times, none of them a noise", 0.0, 1},
+        Machine{"chatter:69", "contacts that touch where others are hit", 0.0, 1},
+        Machine{"chatter:63", "nothing tells how large the motion is, far above its mean", 0.0, 1},
         Machine{"random:1", "an impact without restitution", 1e-4, 10, {0.0}},
         Machine{"random:1", "a contact that touches and leaves", 1e-2, 10, {0.0}},
         Machine{"chatter:16",
