@@ -435,8 +435,9 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     auto phi = phi_.head(c);
     phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
     const double speed2 = square(closing.gamma) + phi.squaredNorm();
-    if (closing.gamma != 0.0)
+    if (closing.gamma != 0.0) {
       spread_ = std::max(spread_, std::sqrt(speed2) / std::abs(closing.gamma));
+    }
     phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
     const double gap_before = gap(contact, now_.q, t);
     state.terms.include(contact, now_.q, now_.u);
