@@ -80,9 +80,12 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   app.add_option("--tick", options.tick, "Default: a twenty-thousandth of the duration [s]")
       ->check(CLI::PositiveNumber);
-  app.add_option("--start", options.start, "scene: where the scene says; prior: drawn from it")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Start>{{"scene", Start::scene}, {"prior", Start::prior}}));
+  app.add_option(
+         "--start", options.start,
+         "scene: where the scene says; prior: the estimate off the machine by what it is told; "
+         "machine: the machine off the estimate by that, another path each run")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, Start>{
+          {"scene", Start::scene}, {"prior", Start::prior}, {"machine", Start::machine}}));
   app.add_option(
          "--trouble", options.trouble,
          "none, spurious, missing, mixed or wrong: a tenth more events, a tenth less, both, "

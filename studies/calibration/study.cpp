@@ -20,6 +20,7 @@ constexpr double usual_ticks = 20000.0;
 constexpr std::size_t enough_events = 2500;
 constexpr Eigen::Index large = 40;  // coordinates
 constexpr int fewer_seeds = 5;
+constexpr int most_draws = 1000;
 constexpr double troubled_share = 0.1;
 constexpr double much_worse = 10.0;
 constexpr double rounding = 1e-20;  // of V, over V at the start
@@ -102,18 +103,37 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
   return trial;
 }
 
-// The scene with the start of its estimate drawn out of its uncertainty.
-Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
-  common::Random random(seed);
-  const Uncertainty uncertainty = uncertainty_of(scene);
+// A start that is off this one by what an estimate is told of it.
+State drawn(const State& start, const Uncertainty& uncertainty, common::Random& random) {
   const auto draw = [&](const Eigen::MatrixXd& S) {
     Eigen::VectorXd normal(S.cols());
     for (double& one : normal) one = random.normal();
     return Eigen::VectorXd(S * normal);
   };
-  scene.replica.q = scene.master.q + draw(uncertainty.q);
-  scene.replica.u = scene.master.u + draw(uncertainty.u);
+  Eigen::VectorXd q = start.q + draw(uncertainty.q);
+  return {std::move(q), start.u + draw(uncertainty.u)};
+}
+
+Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
+  common::Random random(seed);
+  scene.replica = drawn(scene.master, uncertainty_of(scene), random);
   return scene;
+}
+
+bool is_inside(const Model& model, const Eigen::VectorXd& q) {
+  return std::any_of(model.contacts.begin(), model.contacts.end(),
+                     [&](const Contact& contact) { return gap(contact, q, 0.0) < 0.0; });
+}
+
+// A machine does not start inside its supports.
+Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
+  common::Random random(seed);
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  for (int i = 0; i < most_draws; ++i) {
+    scene.master = drawn(scene.replica, uncertainty, random);
+    if (!is_inside(scene.model, scene.master.q)) return scene;
+  }
+  throw std::invalid_argument(scene.name + ": what is told of its start is inside the supports");
 }
 
 // One parameter off by 1 to 5 %, to either side; a phase by 0.01 to 0.05 rad.
@@ -203,22 +223,30 @@ void study(const Scene& scene, const std::vector<double>& jitters,
            const std::vector<EstimatorKind>& estimators, const Options& options,
            const std::function<void(const Row&)>& on_row) {
   const Truth truth = simulate(scene, options);
+  Options of_one_length = options;
+  of_one_length.duration = truth.duration;
+  of_one_length.tick = truth.tick;
   const auto contacts = static_cast<int>(scene.model.contacts.size());
   const bool is_large = scene.model.coordinates() > large;
   const int seeds = is_large ? std::max(options.seeds / fewer_seeds, 1) : options.seeds;
   for (const double jitter : jitters) {
     std::vector<std::vector<Trial>> trials(estimators.size(),
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
-    in_parallel(options.threads, seeds, [&](int i) {
-      const Scene told = told_of(scene, jitter, options, i + 1);
+    const auto try_on = [&](int i, const Scene& machine, const Truth& path) {
+      const Scene told = told_of(machine, jitter, options, i + 1);
       const auto events = common::disturb(
-          truth.events, disturbance(jitter, options.trouble, truth, scene.model.contacts.size()),
-          contacts, truth.duration, static_cast<std::uint64_t>(i) + 1);
-      const std::vector<double> V_replica = follow_replica(told, scene, events, truth);
+          path.events, disturbance(jitter, options.trouble, path, machine.model.contacts.size()),
+          contacts, path.duration, static_cast<std::uint64_t>(i) + 1);
+      const std::vector<double> V_replica = follow_replica(told, machine, events, path);
       for (std::size_t j = 0; j < estimators.size(); ++j) {
         trials[j][static_cast<std::size_t>(i)] =
-            follow(estimators[j], told, scene, events, truth, V_replica);
+            follow(estimators[j], told, machine, events, path, V_replica);
       }
+    };
+    in_parallel(options.threads, seeds, [&](int i) {
+      if (options.start != Start::machine) return try_on(i, scene, truth);
+      const Scene machine = with_machine_of_prior(scene, other_seed(i + 1, 3));
+      try_on(i, machine, simulate(machine, of_one_length));
     });
     for (std::size_t j = 0; j < estimators.size(); ++j) {
       Row row;

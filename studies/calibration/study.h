@@ -18,8 +18,9 @@ namespace sprag::calibration {
 
 /// Where the estimate starts.
 enum class Start {
-  scene,  ///< where the scene says
-  prior   ///< anew each seed: off the master's start by what the scene's uncertainty says
+  scene,   ///< where the scene says
+  prior,   ///< anew each seed: off the master's start by what the scene's uncertainty says
+  machine  ///< where the scene says, and the master off it by that, anew each seed: another path
 };
 
 /// What befalls an estimator beside jitter.
@@ -92,8 +93,8 @@ struct Row {
   std::vector<std::string> missed;  ///< bars; none are held against runs in trouble
 };
 
-/// A row for each jitter and estimator, handed out as soon as it is known. `scene` with an
-/// uncertainty where Start::prior is asked for. Throws as simulate().
+/// A row for each jitter and estimator, handed out as soon as it is known. Throws as simulate(),
+/// and std::invalid_argument where Start::machine finds no start outside the supports.
 void study(const Scene& scene, const std::vector<double>& jitters,
            const std::vector<EstimatorKind>& estimators, const Options& options,
            const std::function<void(const Row&)>& on_row);

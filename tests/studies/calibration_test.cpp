@@ -223,6 +223,29 @@ TEST(CalibrationStudy, TellsWhatAFilterIsWorth) {
   }
 }
 
+// Machines that are drawn from what the filter is told of their start, each on a path of its own.
+TEST(CalibrationStudy, DrawsMachines) {
+  Options options;
+  options.seeds = repetitions(150);
+  options.duration = 64.0;
+  options.tick = 0.01;
+  options.start = Start::machine;
+  Scene scene = machines(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml").front();
+  Row row;
+  study(scene, {1e-5}, {EstimatorKind::timing}, options, [&](const Row& one) { row = one; });
+  const Summary& of = row.summary;
+  std::cout << "seeds 1 to " << row.seeds << ": z2 " << of.state.mean_square() << " +- "
+            << of.deviation << ", V " << of.V << " against " << of.V_replica << '\n';
+  EXPECT_LT(of.V, of.V_replica);
+  EXPECT_EQ(of.state.not_numbers() + of.state.unknown(), 0);
+  if (!sanitized) {
+    EXPECT_NEAR(of.state.mean_square(), 1.0, 0.3);
+  }
+  scene.replica.q *= 1e4;
+  EXPECT_THROW(study(scene, {1e-5}, {EstimatorKind::timing}, options, [](const Row&) {}),
+               std::invalid_argument);
+}
+
 TEST(CalibrationStudy, TroubleShows) {
   Options options;
   options.seeds = 4;
