@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iostream>
 #include <limits>
 #include <map>
 #include <random>
 
 #include "sprag/estimation/replica.h"
+#include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "tests/estimation/recorded_run.h"
@@ -450,6 +452,23 @@ TEST(TimingFilter, ShortHoldsPutNoEnergyIntoFastModes) {
             << held << " holds\n";
   EXPECT_GT(held, 10);
   EXPECT_LT(largest, 0.2 * at_start);
+}
+
+// The start is off by more than the scene admits. What then cannot be ends what is known, and the
+// filter finds the state from the events behind it.
+TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
+  const Scene scene =
+      read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/estimation/machines/s005.toml");
+  Pursuit run(scene, 0.01, uncertainty_of(scene));
+  double largest = 0.0;
+  for (int k = 1; k <= 4000; ++k) {
+    const double V = run.tick();
+    if (k > 1000) largest = std::max(largest, V);
+  }
+  std::cout << "V from t = 10 on " << largest << ", " << run.state.lost + run.state.silences
+            << " times nothing was known\n";
+  EXPECT_GT(run.state.lost, 0);
+  EXPECT_LT(largest, 1e-10);
 }
 
 // Pulses that come within two sigma of the one before, and what ends a row of them.

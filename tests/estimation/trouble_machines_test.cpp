@@ -15,15 +15,11 @@
 namespace sprag {
 namespace {
 
-Scene machine(const std::string& name) {
-  return read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/estimation/machines" /
-                    (name + ".toml"));
-}
-
 class ChatteringMachine : public testing::TestWithParam<const char*> {};
 
 TEST_P(ChatteringMachine, IsNotTakenForAnother) {
-  Scene scene = machine(GetParam());
+  Scene scene = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/estimation/machines" /
+                           (std::string(GetParam()) + ".toml"));
   const ErrorEnergy energy(scene.model);
   const Eigen::Index f = scene.model.coordinates();
   const Eigen::VectorXd V_i =
@@ -63,34 +59,6 @@ TEST_P(ChatteringMachine, IsNotTakenForAnother) {
 INSTANTIATE_TEST_SUITE_P(All, ChatteringMachine,
                          testing::Values("b025", "fc18", "s005", "s027", "b019"),
                          [](const auto& parameter) { return std::string(parameter.param); });
-
-// The start is off by more than the scene admits. What then cannot be ends what is known, and the
-// filter finds the state from the events behind it.
-TEST(ChatteringMachines, AreFoundByTheTimingFilterThatWasToldTooSmallAnUncertainty) {
-  const Scene scene = machine("s005");
-  const ErrorEnergy energy(scene.model);
-  const Eigen::Index f = scene.model.coordinates();
-  constexpr double h = 0.01;
-  TimingFilter filter(scene.model, h, uncertainty_of(scene));
-  TimingFilter::State state;
-  filter.start(scene.replica, 0, 0, state);
-  Master master(scene.model, scene.master);
-  Eigen::VectorXd q(f), u(f), q_m(f), u_m(f);
-  std::vector<ContactEvent> events;
-  double largest = 0.0;
-  for (std::int64_t k = 1; k <= 4000; ++k) {
-    events.clear();
-    master.advance(tick_instant(k, h), events);
-    filter.tick(events, state);
-    master.state(tick_instant(k, h), q_m, u_m);
-    filter.output(state, q, u);
-    if (k > 1000) largest = std::max(largest, energy(q_m, u_m, q, u)[0]);
-  }
-  std::cout << "V from t = 10 on " << largest << ", " << state.lost + state.silences
-            << " times nothing was known\n";
-  EXPECT_GT(state.lost, 0);
-  EXPECT_LT(largest, 1e-10);
-}
 
 }  // namespace
 }  // namespace sprag
