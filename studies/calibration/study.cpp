@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
@@ -219,20 +220,45 @@ Trial follow(EstimatorKind estimator, const Scene& told, const Scene& machine,
              : follow<TimingFilter>(told, machine, events, truth, V_replica);
 }
 
+namespace {
+
+// A machine and its run.
+struct Path {
+  Scene machine;
+  Truth truth;
+};
+
+// One a seed, as long as `of_scene`.
+std::vector<Path> drawn_paths(const Scene& scene, const Truth& of_scene, Options options,
+                              int seeds) {
+  options.duration = of_scene.duration;
+  options.tick = of_scene.tick;
+  std::vector<Path> paths(static_cast<std::size_t>(seeds));
+  in_parallel(options.threads, seeds, [&](int i) {
+    Scene machine = with_machine_of_prior(scene, other_seed(i + 1, 3));
+    Truth truth = simulate(machine, options);
+    paths[static_cast<std::size_t>(i)] = {std::move(machine), std::move(truth)};
+  });
+  return paths;
+}
+
+}  // namespace
+
 void study(const Scene& scene, const std::vector<double>& jitters,
            const std::vector<EstimatorKind>& estimators, const Options& options,
            const std::function<void(const Row&)>& on_row) {
   const Truth truth = simulate(scene, options);
-  Options of_one_length = options;
-  of_one_length.duration = truth.duration;
-  of_one_length.tick = truth.tick;
   const auto contacts = static_cast<int>(scene.model.contacts.size());
   const bool is_large = scene.model.coordinates() > large;
   const int seeds = is_large ? std::max(options.seeds / fewer_seeds, 1) : options.seeds;
+  const std::vector<Path> paths = options.start == Start::machine
+                                      ? drawn_paths(scene, truth, options, seeds)
+                                      : std::vector<Path>{{scene, truth}};
   for (const double jitter : jitters) {
     std::vector<std::vector<Trial>> trials(estimators.size(),
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
-    const auto try_on = [&](int i, const Scene& machine, const Truth& path) {
+    in_parallel(options.threads, seeds, [&](int i) {
+      const auto& [machine, path] = paths[static_cast<std::size_t>(i) % paths.size()];
       const Scene told = told_of(machine, jitter, options, i + 1);
       const auto events = common::disturb(
           path.events, disturbance(jitter, options.trouble, path, machine.model.contacts.size()),
@@ -242,11 +268,6 @@ void study(const Scene& scene, const std::vector<double>& jitters,
         trials[j][static_cast<std::size_t>(i)] =
             follow(estimators[j], told, machine, events, path, V_replica);
       }
-    };
-    in_parallel(options.threads, seeds, [&](int i) {
-      if (options.start != Start::machine) return try_on(i, scene, truth);
-      const Scene machine = with_machine_of_prior(scene, other_seed(i + 1, 3));
-      try_on(i, machine, simulate(machine, of_one_length));
     });
     for (std::size_t j = 0; j < estimators.size(); ++j) {
       Row row;
