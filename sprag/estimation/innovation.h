@@ -2,6 +2,9 @@
 // where the estimate is right.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+
 namespace sprag {
 
 struct Innovation {
@@ -17,5 +20,21 @@ struct Innovation {
 inline constexpr double largest_innovation = 45.0;
 inline constexpr double largest_mean_innovation = 4.0;
 inline constexpr double innovation_window = 16.0;
+
+/// How many events must fit before a filter that did not fit is believed again: the 2 f that
+/// determine its state, and so many more, twice as many each time that it fails anew, until 8 times
+/// as many have fitted.
+struct Probation {
+  static constexpr std::int64_t shortest = 8, longest = 1024, forgiven_after = 8;
+  std::int64_t events = shortest;
+
+  void fail() { events = std::min(2 * events, longest); }
+  /// So many have fitted of a machine of f coordinates. Whether it is passed.
+  bool pass(std::int64_t fitted, std::int64_t f) {
+    const bool passed = fitted >= 2 * f + events;
+    if (fitted >= forgiven_after * events) events = shortest;
+    return passed;
+  }
+};
 
 }  // namespace sprag

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "sprag/estimation/innovation.h"
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
@@ -16,11 +15,6 @@ constexpr double most_energy = 1.2;
 // times or of a model that is slightly wrong.
 constexpr double long_inside = 0.05;
 constexpr double far_away = 0.05;
-
-// A trial takes twice as many events each time that the model is to blame, until so many times as
-// many have fitted.
-constexpr std::int64_t longest_trial = 1024;
-constexpr std::int64_t forgiven_after = 8;
 
 }  // namespace
 
@@ -37,7 +31,7 @@ void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactS
   replica_.start(start, k, chi, state);
   filter_.start(start, k, chi, state.filter);
   state.trusted = !filter_.scale_is_open();
-  state.trial = trial_events;
+  state.probation = {};
   state.inconsistencies = 0;
   state.last = {};
 }
@@ -117,18 +111,13 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     return;
   }
   if (consistency.fits()) {
-    if (consistency.count >= 2 * q_.size() + state.trial) {
-      state.trusted = !filter_.scale_is_open();
-    }
-    if (consistency.count >= forgiven_after * state.trial) state.trial = trial_events;
+    if (state.probation.pass(consistency.count, q_.size())) state.trusted = !filter_.scale_is_open();
     return;
   }
   const Innovation& innovation = state.filter.innovation;
   state.last = {innovation.t, innovation.contact, suspicion(state), consistency.largest};
   ++state.inconsistencies;
-  if (state.last.suspicion == Suspicion::model) {
-    state.trial = std::min(2 * state.trial, longest_trial);
-  }
+  if (state.last.suspicion == Suspicion::model) state.probation.fail();
   state.trusted = false;
   replica_.output(state, q_, u_);
   filter_.restart(q_, u_, believed, state.filter);

@@ -4,7 +4,7 @@
 // expects of it, and their mean over about 16; and whether an event has not come that had to. While
 // they fit, the estimate is the filter's. Where they do not, it is the replica's, and the filter
 // starts again from there; it is believed again after the 2 f events that determine it and as many
-// more as a trial takes, which grows if the model fails again and again.
+// more as a probation takes, which grows if the model fails again and again.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "sprag/estimation/confidence.h"
+#include "sprag/estimation/innovation.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/timing_filter.h"
 
@@ -22,7 +23,7 @@ namespace sprag {
 struct SupervisedState : ReplicaState {
   TimingState filter;
   bool trusted = true;
-  std::int64_t trial = 0;  ///< events that must fit before the filter is believed again
+  Probation probation;
   std::int64_t inconsistencies = 0;
   Inconsistency last;
 };
@@ -60,9 +61,6 @@ class SupervisedFilter {
   Flows& flows() { return *flows_; }
   Replica& replica() { return replica_; }
   TimingFilter& filter() { return filter_; }
-
-  /// Of the first trial.
-  static constexpr std::int64_t trial_events = 8;
 
  private:
   void record(const SupervisedState& state);

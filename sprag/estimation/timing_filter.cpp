@@ -115,8 +115,11 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.redundancy = {};
   state.refused_impacts = 0;
   state.ambiguous_impacts = 0;
-  state.lost = state.silences = state.forgotten = 0;
+  state.misfits = state.silences = state.forgotten = 0;
   state.unknown = state.began_again = false;
+  state.trusted = true;
+  state.probation = {};
+  state.fitted = 0;
   state.last = {};
   state.innovation = {};
   state.consistency = {};
@@ -166,6 +169,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
   now_.q = q;
   now_.u = u;
   state.consistency = {};
+  state.trusted = true;
   event_ = {};
   go_on(state);
 }
@@ -296,7 +300,7 @@ void TimingFilter::load(const Covariance& from, Instant t) {
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                               Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap) {
-  if (state.unknown || state.inside != 0 || scale_is_open_) {
+  if (!is_known(state)) {
     q.setConstant(infinity);
     u.setConstant(infinity);
     gap.setConstant(infinity);
@@ -320,7 +324,7 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
 void TimingFilter::output_deviations(const TimingState& state,
                                      Eigen::Ref<Eigen::VectorXd> outputs) {
   if (outputs.size() == 0) return;
-  if (state.unknown || state.inside != 0 || scale_is_open_) {
+  if (!is_known(state)) {
     outputs.setConstant(infinity);
     return;
   }
@@ -357,7 +361,7 @@ TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingStat
 }
 
 bool TimingFilter::belief(const TimingState& state, double ahead, Belief& belief) {
-  if (state.unknown || scale_is_open_ || state.inside != 0 || !remembers(state)) return false;
+  if (!is_known(state) || !remembers(state)) return false;
   load(state, tick_instant(state.tick, h_));
   state.motion.flow->state(state.motion, now_.q, now_.u);
   const Eigen::Index known = now_.columns;
@@ -401,7 +405,7 @@ void TimingFilter::note(const TimingState& state, Confidence& confidence) const 
   confidence.remembered = remembers(state);
   confidence.forgotten = state.forgotten;
   confidence.filter = state.innovation;
-  confidence.inconsistencies = state.silences + state.lost;
+  confidence.inconsistencies = state.silences + state.misfits;
   confidence.last = state.last;
   confidence.redundancy = state.redundancy;
   confidence.refused_impacts = state.refused_impacts;

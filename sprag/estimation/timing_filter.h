@@ -24,6 +24,9 @@
 // are closed or open at it. There the impact law decides on the mean, and what it would have been
 // otherwise widens the covariance.
 //
+// Deviations are told as long as the innovations fit them. Those of a filter that did not fit, or
+// had to begin again, are infinite until it has passed a probation (innovation.h).
+//
 // The covariance is kept as P = S S^T, propagated column by column and conditioned by Potter's
 // square root for scalar measurements, so that it cannot turn indefinite and stays accurate
 // relative to the smallest of its axes, with exact measurements too. Columns that events add are
@@ -82,14 +85,20 @@ struct TimingState {
   Redundancy redundancy;
   std::int64_t refused_impacts = 0;    ///< sets of closed contacts without a flow
   std::int64_t ambiguous_impacts = 0;  ///< decided by the mean
-  std::int64_t lost = 0;               ///< how often it was no longer a number and began again
-  std::int64_t silences = 0;           ///< how often an event did not come that had to
+  /// How often it was believed and then did not fit, or so little that it began again.
+  std::int64_t misfits = 0;
+  std::int64_t silences = 0;  ///< how often an event did not come that had to
   /// The last event that did not come: when that was certain, twice minus the log of the
-  /// probability of having heard nothing. Or one after which nothing was known, any square.
+  /// probability of having heard nothing. Or the last that did not fit; where nothing was known
+  /// behind it, of any square.
   Inconsistency last;
-  std::int64_t forgotten = 0;    ///< covariances that were gone when they were needed
-  bool unknown = false;          ///< nothing is known until the next event
-  bool began_again = false;      ///< at the last instant, behind what was not known
+  std::int64_t forgotten = 0;  ///< covariances that were gone when they were needed
+  bool unknown = false;        ///< nothing is known until the next event
+  bool began_again = false;    ///< at the last instant, behind what was not known
+  /// Deviations are told. A filter that did not fit, or began again, is on probation.
+  bool trusted = true;
+  Probation probation;
+  std::int64_t fitted = 0;       ///< innovations since it last did not fit
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
   Eigen::VectorXd last_report;   ///< per contact [s]; none yet: -infinity
@@ -120,7 +129,8 @@ class TimingFilter {
 
   /// Puts the mean at (q, u), f entries each, at the instant that it is at. Mode by mode, its
   /// covariance is that of a start, less as far as the filter, had it heard of no event since
-  /// instant number `believed`, would have been both sure and close to (q, u).
+  /// instant number `believed`, would have been both sure and close to (q, u). Who knows where to
+  /// put the mean judges whether to believe it: deviations are told at once.
   void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
                const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
                TimingState& state);
@@ -143,7 +153,7 @@ class TimingFilter {
               Eigen::Ref<Eigen::VectorXd> u);
 
   /// Standard deviations of q and u, f entries each, and of the gaps of all contacts, at the
-  /// present tick; infinite where nothing is known.
+  /// present tick; infinite where nothing is known, or what is known does not fit.
   void deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
                   Eigen::Ref<Eigen::VectorXd> u, Eigen::Ref<Eigen::VectorXd> gap);
 
@@ -216,6 +226,10 @@ class TimingFilter {
   void set_looks(const Flow& free);
   double expected_energy() const;
   void go_on(TimingState& state);
+  bool is_known(const TimingState& state) const {
+    return state.trusted && !state.unknown && state.inside == 0 && !scale_is_open_;
+  }
+  void judge(std::span<const ContactEvent> events, std::int64_t measured, TimingState& state) const;
   ContactSet closed(const TimingState& state) const {
     return (state.chi ^ state.thrown) & ~state.inside;
   }

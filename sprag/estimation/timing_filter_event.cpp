@@ -64,6 +64,7 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     go_on(state);
   }
   state.consistency.largest = 0.0;
+  const std::int64_t count = state.consistency.count;
   const ContactSet before = state.motion.flow->locked();
   if (unknown_time_) {
     take_uncertain(events.front(), before, state);
@@ -74,7 +75,27 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   state.inside &= ~leaving;
   columns_.merge(now_);
   if (!is_sane(now_)) begin_again(events.back().contact, state);
+  judge(events, state.consistency.count - count, state);
   go_on(state);
+}
+
+// By what these events say, of which so many have been measured.
+void TimingFilter::judge(std::span<const ContactEvent> events, std::int64_t measured,
+                         TimingState& state) const {
+  const bool fits = state.consistency.fits();
+  if (fits && !state.began_again) {
+    state.fitted += measured;
+    if (state.probation.pass(state.fitted, f())) state.trusted = true;
+    return;
+  }
+  if (!fits && state.trusted) {
+    ++state.misfits;
+    state.last = {state.motion.t.hi, events.back().contact, Suspicion::model,
+                  state.consistency.largest};
+    state.probation.fail();
+  }
+  state.fitted = 0;
+  state.trusted = false;
 }
 
 // One impact after the other: what a contact does twice at one instant is two of them.
@@ -391,7 +412,7 @@ void TimingFilter::begin_again(int contact, TimingState& state) {
   state.consistency = {};
   state.consistency.largest = square;
   event_ = {};
-  ++state.lost;
+  if (!state.trusted) ++state.misfits;
 }
 
 // Those of `closing` that take no impulse of their own, since others hold their directions.

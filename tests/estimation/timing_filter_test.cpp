@@ -313,7 +313,7 @@ TEST(TimingFilter, BearsAnyOmegaSigma) {
       run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
       ASSERT_FALSE(sigma_q.hasNaN() || sigma_u.hasNaN() || sigma_g.hasNaN()) << name;
     }
-    EXPECT_EQ(run.state.lost, 0) << name;
+    EXPECT_EQ(run.state.misfits, 0) << name;
   }
 }
 
@@ -465,9 +465,9 @@ TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
     const double V = run.tick();
     if (k > 1000) largest = std::max(largest, V);
   }
-  std::cout << "V from t = 10 on " << largest << ", " << run.state.lost + run.state.silences
+  std::cout << "V from t = 10 on " << largest << ", " << run.state.misfits + run.state.silences
             << " times nothing was known\n";
-  EXPECT_GT(run.state.lost, 0);
+  EXPECT_GT(run.state.misfits, 0);
   EXPECT_LT(largest, 1e-10);
 }
 
@@ -550,13 +550,13 @@ TEST(TimingFilter, AnEventThatCannotBeEndsWhatIsKnown) {
   }
   const double learnt = sigma();
   ASSERT_LT(learnt, 1e-2 * of_start);
-  ASSERT_EQ(run.state.lost, 0);
+  ASSERT_EQ(run.state.misfits, 0);
   // In the middle of a flight.
   for (int i = 0; i < 20; ++i) run.tick([](std::vector<ContactEvent>&) {});
   run.tick([&](std::vector<ContactEvent>& events) {
     events = {{tick_instant(run.state.tick, h).hi + 0.5 * h, 0, ContactEventKind::pulse}};
   });
-  EXPECT_EQ(run.state.lost, 1);
+  EXPECT_EQ(run.state.misfits, 1);
   EXPECT_GT(run.state.last.square, 1e4);
   EXPECT_GT(sigma(), 0.3 * of_start);
 }

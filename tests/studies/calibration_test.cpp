@@ -268,6 +268,31 @@ TEST(CalibrationStudy, TroubleShows) {
   EXPECT_GT(row_with(Trouble::missing, EstimatorKind::timing).worse, 0.1);
 }
 
+// A filter alone cannot go on where events get lost or are none. It says so: deviations that are
+// told and are wrong are those of the time that it takes to find out.
+TEST(CalibrationStudy, AFilterAloneSaysThatEventsDoNotFit) {
+  Options options;
+  options.seeds = 4;
+  options.samples = 400;
+  double worst = 0.0;
+  for (const char* name : {"random:3", "random:7", "chatter:2"}) {
+    const Scene scene = machines(name).front();
+    for (const Trouble trouble : {Trouble::spurious, Trouble::missing, Trouble::mixed}) {
+      options.trouble = trouble;
+      study(scene, {0.0, 1e-4}, {EstimatorKind::timing}, options, [&](const Row& row) {
+        const NormalizedErrors& errors = row.summary.state;
+        const auto all = static_cast<double>(errors.count() + errors.unknown());
+        const double wrong =
+            errors.count() > 0 ? errors.beyond() * static_cast<double>(errors.count()) / all : 0.0;
+        EXPECT_LT(wrong, 0.02) << name << ", jitter " << row.jitter;
+        EXPECT_GT(row.summary.inconsistencies, 0) << name;
+        worst = std::max(worst, wrong);
+      });
+    }
+  }
+  std::cout << "at most " << 100.0 * worst << " % told and wrong\n";
+}
+
 TEST(CalibrationStudy, AReplicaIsFollowedAtTheSamples) {
   Options options;
   options.duration = 20.0;
