@@ -135,13 +135,14 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   if (inconsistencies_.total > before && first_.size() < most_kept) first_.push_back(last);
   if (!told) return;
   out << "t = " << last.t << ", contact " << last.contact + 1 << ": ";
-  if (confidence.has_replica) {
-    out << (confidence.parameters.any() ? "the joint" : "the timing") << " filter does not fit, "
-        << advice(last.suspicion) << " The estimate is the replica's.\n";
+  if (!confidence.has_replica && last.suspicion == Suspicion::missing_event) {
+    out << "an event has not come that had to: a missing event? ";
   } else {
-    out << "an event has not come that had to: a missing event? Until the next one nothing is "
-           "known.\n";
+    out << (confidence.parameters.any() ? "the joint" : "the timing") << " filter does not fit, "
+        << advice(last.suspicion) << ' ';
   }
+  out << (confidence.has_replica ? "The estimate is the replica's.\n"
+                                 : "Sigma is infinite until events have fitted again.\n");
 }
 
 void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
@@ -193,11 +194,10 @@ void ConfidenceRecord::print(std::ostream& out) const {
   out << (last_.parameters.any() ? "joint filter: " : "timing filter: ");
   if (last_.has_replica) {
     out << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
-        << " % of the ticks, did not fit " << inconsistencies_.total << " times\n";
-    if (last_.parameters.any()) print_parameters(last_.parameters, out);
-  } else {
-    out << inconsistencies_.total << " events did not come that had to\n";
+        << " % of the ticks, ";
   }
+  out << "did not fit " << inconsistencies_.total << " times\n";
+  if (last_.parameters.any()) print_parameters(last_.parameters, out);
 }
 
 }  // namespace sprag

@@ -285,7 +285,7 @@ class TimingFilter {
                ContactSet unsettled);
   ContactSet recently_reported(const TimingState& state, Instant t) const;
   bool would_stick(int contact, const Motion& motion);
-  double deviation_of_gap(int contact, const TimingState& state) const;
+  double exact_margin(int contact, const Motion& motion, const TimingState& state);
   void listen(Instant t, TimingState& state);
   Inconsistency overdue(const TimingState& state, Instant t);
 

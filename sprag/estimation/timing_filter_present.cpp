@@ -171,10 +171,9 @@ TimingFilter::Due TimingFilter::next_due(const TimingState& state, const Motion&
   for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
     const bool held = contains(locked, i);
     if (contains(unheard.done | state.inside, i) || (contains(closed(state), i) && !held)) continue;
-    if (held && (!unknown_time_ || contains(state.thrown, i))) continue;
-    const double margin = unknown_time_
-                              ? unknown_time_->margin(any(i), motion, state.terms, now_)
-                              : value(motion.flow->gap(i), motion) / deviation_of_gap(i, state);
+    if (held && contains(state.thrown, i)) continue;
+    const double margin = unknown_time_ ? unknown_time_->margin(any(i), motion, state.terms, now_)
+                                        : exact_margin(i, motion, state);
     if (margin < -deviations_to_expect) {
       beyond_doubt |= bit(i);
     } else if (!held && contains(unsettled, i)) {
@@ -221,14 +220,21 @@ bool TimingFilter::would_stick(int contact, const Motion& motion) {
   return value(flow->force(contact), stuck_) > 0.0;
 }
 
-double TimingFilter::deviation_of_gap(int contact, const TimingState& state) const {
-  const auto w = flows_->dynamics().W().col(contact);
-  double variance = square(measurement_rounding * state.terms.length);
-  for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(w.dot(now_.S_q.col(j)));
-  return std::sqrt(variance);
+// How far a contact's gap, or its force if it is held, is above zero, in deviations of `now_`,
+// where events come at their own times.
+double TimingFilter::exact_margin(int contact, const Motion& motion, const TimingState& state) {
+  const Flow& flow = *motion.flow;
+  const bool held = contains(flow.locked(), contact);
+  const Signal& signal = held ? flow.force(contact) : flow.gap(contact);
+  const double of_columns = columns_.see(flow, signal, now_, phi_);
+  const double terms =
+      held ? std::max(of_columns, largest_terms(signal, motion)) : state.terms.length;
+  return value(signal, motion) /
+         std::hypot(phi_.head(now_.columns).norm(), measurement_rounding * terms);
 }
 
-// Silence is information: an open contact whose gap is negative beyond doubt must have closed.
+// Silence is information: an open contact whose gap is negative beyond doubt must have closed, a
+// held one whose force would have to pull must have opened.
 void TimingFilter::listen(Instant t, TimingState& state) {
   const double since = t - state.covariance_time;
   // Of two reports of one instant the other must have come.
@@ -281,8 +287,7 @@ Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   if (due.kind == UncertainEvent::Kind::none) return {};
   const double log_probability =
       unknown_time_ ? unknown_time_->log_of_silence(due, sample_, state.terms, now_)
-                    : log_normal_cdf(value(sample_.flow->gap(due.contact), sample_) /
-                                     deviation_of_gap(due.contact, state));
+                    : log_normal_cdf(exact_margin(due.contact, sample_, state));
   return {t.hi, due.contact, Suspicion::missing_event, -2.0 * log_probability};
 }
 

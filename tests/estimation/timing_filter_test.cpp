@@ -471,6 +471,39 @@ TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
   EXPECT_LT(largest, 1e-10);
 }
 
+// Of a contact that is held, too: the force that would have to pull says that it has opened. With
+// exact times, on a machine that is pressed down and lifted; one opening is not told.
+TEST(TimingFilter, HearsThatAHeldContactMustHaveOpened) {
+  const Scene scene = cached_scene("paper_beam_chatter.toml");
+  constexpr double h = 0.01;
+  constexpr int told_openings = 4;
+  Pursuit run(scene, h, uncertainty_of(scene));
+  Eigen::VectorXd sigma_q(3), sigma_u(3), sigma_g(1);
+  const auto is_open = [](const ContactEvent& event) {
+    return event.kind == ContactEventKind::opens;
+  };
+  int openings = 0;
+  double left_out = 0.0;
+  while (left_out == 0.0) {
+    EXPECT_EQ(run.state.silences, 0);
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    run.tick([&](std::vector<ContactEvent>& events) {
+      const auto opens = std::find_if(events.begin(), events.end(), is_open);
+      if (opens == events.end() || ++openings <= told_openings) return;
+      left_out = opens->t;
+      events.erase(opens);
+    });
+  }
+  EXPECT_LT(sigma_q[0], 1e-9);
+  for (int k = 0; k < 2; ++k) run.tick();
+  std::cout << "opened at " << left_out << ", told at " << run.state.last.t << '\n';
+  EXPECT_EQ(run.state.silences, 1);
+  EXPECT_EQ(run.state.last.suspicion, Suspicion::missing_event);
+  EXPECT_NEAR(run.state.last.t, left_out, 2.0 * h);
+  run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+  EXPECT_EQ(sigma_q[0], infinity);
+}
+
 // Pulses that come within two sigma of the one before, and what ends a row of them.
 TEST(TimingFilter, CountsBurstsInARow) {
   Scene scene = cached_scene("paper_beam_chatter.toml");

@@ -83,7 +83,23 @@ TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
   EXPECT_EQ(said.report["confidence"]["inconsistencies"], 0);
   EXPECT_EQ(said.report["confidence"]["forgotten_covariances"], 0);
   EXPECT_EQ(said.report["confidence"]["ticks_with_sigma_of_start"], 0);
-  EXPECT_EQ(said.lines, "timing filter: 0 events did not come that had to\n");
+  EXPECT_EQ(said.lines, "timing filter: did not fit 0 times\n");
+}
+
+// It says the same where it is wrong about the machine, and that its sigma is not to be had.
+TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
+  const Scene& scene = cached_scene("paper_beam.toml");
+  Scene told = scene;
+  told.model.contacts[0].restitution *= 0.98;
+  told.jitter = 1e-4;
+  const Said said = said_of<TimingFilter>(told, master_events(scene, 100.0), 100.0);
+  const auto& confidence = said.report["confidence"];
+  EXPECT_GE(confidence["inconsistencies"], 1);
+  EXPECT_EQ(confidence["first_inconsistencies"][0]["suspicion"], "model");
+  EXPECT_EQ(confidence["sigma_q"].dump(), "[null,null,null]");
+  EXPECT_NE(said.lines.find(", contact 1: the timing filter does not fit, "), std::string::npos);
+  EXPECT_NE(said.lines.find("Sigma is infinite until events have fitted again."),
+            std::string::npos);
 }
 
 // JSON has no infinity.
