@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "sprag/estimation/innovation.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/linear_algebra.h"
@@ -18,7 +19,6 @@ constexpr std::int64_t longest_window = 160;
 constexpr double far_inside = 0.05;
 // Of the machine's own.
 constexpr double most_energy = 0.25;
-constexpr std::int64_t trial_events = 8;
 
 // Impacts that are nearer to each other are not told apart.
 constexpr double close_in_sigmas = 10.0;
@@ -306,7 +306,7 @@ void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
 
 // Events that determine the state, and a few more.
 std::int64_t AdaptiveEstimator::trial() const {
-  return 2 * static_cast<std::int64_t>(joint_->family.n()) + trial_events;
+  return 2 * static_cast<std::int64_t>(joint_->family.n()) + Probation::shortest;
 }
 
 // One event that was none, or one that was lost, is no reason to give up what is known; the next

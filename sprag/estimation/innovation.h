@@ -1,5 +1,6 @@
 // What an estimate said of the last closing that it was told of: its own gap there, which is zero
-// where the estimate is right.
+// where the estimate is right. And when a filter fits its innovations, and when one that did not is
+// believed again.
 #pragma once
 
 #include <algorithm>

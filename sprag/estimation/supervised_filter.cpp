@@ -111,8 +111,9 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     return;
   }
   if (consistency.fits()) {
-    if (state.probation.pass(consistency.count, q_.size()))
+    if (state.probation.pass(consistency.count, q_.size())) {
       state.trusted = !filter_.scale_is_open();
+    }
     return;
   }
   const Innovation& innovation = state.filter.innovation;
