@@ -119,6 +119,7 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.unknown = state.began_again = false;
   state.trusted = true;
   state.probation = {};
+  state.widened = 1.0;
   state.fitted = 0;
   state.last = {};
   state.innovation = {};
@@ -161,6 +162,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
       share_[i] = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
     }
   }
+  state.widened = 1.0;
   forget(state);
   for (Eigen::Index i = 0; i < f(); ++i) {
     now_.S_q.col(i) *= std::sqrt(share_[i]);

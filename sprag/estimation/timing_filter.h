@@ -25,7 +25,8 @@
 // otherwise widens the covariance.
 //
 // Deviations are told as long as the innovations fit them. Those of a filter that did not fit, or
-// had to begin again, are infinite until it has passed a probation (innovation.h).
+// had to begin again, are infinite until it has passed a probation (innovation.h). Where what comes
+// at once behind a start does not fit, the next start is less sure.
 //
 // The covariance is kept as P = S S^T, propagated column by column and conditioned by Potter's
 // square root for scalar measurements, so that it cannot turn indefinite and stays accurate
@@ -98,6 +99,9 @@ struct TimingState {
   /// Deviations are told. A filter that did not fit, or began again, is on probation.
   bool trusted = true;
   Probation probation;
+  /// How many times the told deviations of a start it begins again with: more than one where it was
+  /// told to be too sure of that.
+  double widened = 1.0;
   std::int64_t fitted = 0;       ///< innovations since it last did not fit
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
@@ -239,6 +243,7 @@ class TimingFilter {
   void enter(const Flow& flow, Instant t, Motion& motion);
   void enter_motion(const Flow& flow, Instant t, Motion& motion);
   void forget(TimingState& state);
+  void widen_start(TimingState& state);
   void begin_again(int contact, TimingState& state);
   void note(double square, Consistency& consistency) const;
 

@@ -59,8 +59,11 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   // Nothing is known, or what happened until then is not in the model.
   if (state.unknown || leaving != 0) {
-    if (state.unknown) state.consistency = {};
     forget(state);
+    if (state.unknown) {
+      widen_start(state);
+      state.consistency = {};
+    }
     go_on(state);
   }
   state.consistency.largest = 0.0;
@@ -85,7 +88,10 @@ void TimingFilter::judge(std::span<const ContactEvent> events, std::int64_t meas
   const bool fits = state.consistency.fits();
   if (fits && !state.began_again) {
     state.fitted += measured;
-    if (state.probation.pass(state.fitted, f())) state.trusted = true;
+    if (state.probation.pass(state.fitted, f())) {
+      state.trusted = true;
+      state.widened = 1.0;
+    }
     return;
   }
   if (!fits && state.trusted) {
@@ -398,14 +404,38 @@ void TimingFilter::forget(TimingState& state) {
   now_.q = start_.q;
   now_.u = start_.u;
   set_start(uncertainty_, now_);
+  now_.S_q.leftCols(now_.columns) *= state.widened;
+  now_.S_u.leftCols(now_.columns) *= state.widened;
   state.thrown = 0;
   state.last_time = state.last_report;
   state.last_deviation.setConstant(state.last_report.size(), uncertainty_.jitter);
 }
 
+// For the next time, where what came at once did not fit: as long as it is less than from one end
+// of the motion to the other. What comes later is not the start's fault. `now_` is as at a start.
+void TimingFilter::widen_start(TimingState& state) {
+  constexpr double step = 4.0;
+  constexpr std::int64_t at_once = 2;
+  if (state.consistency.count > at_once) {
+    state.widened = std::max(state.widened / step, 1.0);
+    return;
+  }
+  auto phi = phi_.head(now_.columns);
+  const auto falls_short = [&](const Eigen::MatrixXd& S, const Contact& contact, double terms) {
+    phi.noalias() = S.leftCols(now_.columns).transpose().lazyProduct(contact.w);
+    return 0.0 < phi.squaredNorm() && phi.norm() < 2.0 * terms;
+  };
+  const auto is_narrow = [&](const Contact& contact) {
+    return falls_short(now_.S_q, contact, state.terms.length) ||
+           falls_short(now_.S_u, contact, state.terms.speed);
+  };
+  if (std::ranges::any_of(flows_->dynamics().model().contacts, is_narrow)) state.widened *= step;
+}
+
 // No event fits less than one after which nothing is known.
 void TimingFilter::begin_again(int contact, TimingState& state) {
   forget(state);
+  widen_start(state);
   const double square =
       state.consistency.largest > impossible ? state.consistency.largest : infinity;
   state.last = {state.motion.t.hi, contact, Suspicion::model, square};

@@ -15,6 +15,7 @@
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
 
@@ -469,6 +470,49 @@ TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
             << " times nothing was known\n";
   EXPECT_GT(run.state.misfits, 0);
   EXPECT_LT(largest, 1e-10);
+}
+
+// Far too small, on machines that are drawn: what comes at once does not fit, so each start is
+// wider than the last, until one holds the machine possible. What is told then is right.
+TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
+  constexpr double h = 0.01;
+  for (const double jitter : {0.0, 1e-5}) {
+    Random random(1);
+    std::mt19937_64 engine(1);
+    std::normal_distribution<double> normal;
+    int machines = 0, found = 0;
+    std::int64_t told = 0, wrong = 0;
+    for (int i = 0; i < repetitions(24); ++i) {
+      const ImpactingMachine machine = random_impacting_machine(random);
+      Scene scene;
+      scene.model = machine.model;
+      scene.master = scene.replica = machine.start;
+      const Eigen::Index f = scene.model.coordinates();
+      scene.replica.q += 0.3 * random.vector(f);
+      scene.replica.u += 0.3 * random.vector(f);
+      const Eigen::MatrixXd deviation = 1e-6 * Eigen::MatrixXd::Identity(f, f);
+      Pursuit run(scene, h, {deviation, deviation, jitter, {}, {}});
+      Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
+      for (int k = 1; k <= 20000; ++k) {
+        run.tick([&](std::vector<ContactEvent>& events) {
+          for (ContactEvent& event : events) event.t += jitter * normal(engine);
+        });
+        run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+        if (k < 10000 || !sigma_q.allFinite()) continue;
+        ++told;
+        const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
+        if ((off > 5.0 * sigma_q.array()).any()) ++wrong;
+      }
+      if (run.impacts < 100 || run.state.misfits + run.state.silences == 0) continue;
+      ++machines;
+      if (sigma_q.allFinite()) ++found;
+    }
+    std::cout << "seed 1, jitter " << jitter << ": " << found << " of " << machines << " found, "
+              << wrong << " of " << told << " ticks beyond 5 sigma\n";
+    EXPECT_GT(machines, 0);
+    EXPECT_EQ(found, machines);
+    EXPECT_LT(wrong, told / 100 + 1);
+  }
 }
 
 // Of a contact that is held, too: the force that would have to pull says that it has opened. With
