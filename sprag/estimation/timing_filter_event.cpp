@@ -423,7 +423,8 @@ void TimingFilter::widen_start(TimingState& state) {
   auto phi = phi_.head(now_.columns);
   const auto falls_short = [&](const Eigen::MatrixXd& S, const Contact& contact, double terms) {
     phi.noalias() = S.leftCols(now_.columns).transpose().lazyProduct(contact.w);
-    return 0.0 < phi.squaredNorm() && phi.norm() < 2.0 * terms;
+    const double sigma = phi.norm();
+    return 0.0 < sigma && sigma < 2.0 * terms;
   };
   const auto is_narrow = [&](const Contact& contact) {
     return falls_short(now_.S_q, contact, state.terms.length) ||

@@ -1,0 +1,148 @@
+// The timing filter where what comes does not fit: starts that are told too small an uncertainty,
+// openings that are lost, events that cannot be.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <iostream>
+#include <random>
+#include <vector>
+
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/linear_algebra.h"
+#include "tests/estimation/pursuit.h"
+#include "tests/estimation/recorded_run.h"
+#include "tests/support/random_model.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+// The start is off by more than the scene admits. What then cannot be ends what is known, and the
+// filter finds the state from the events behind it.
+TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
+  const Scene scene =
+      read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/estimation/machines/s005.toml");
+  Pursuit run(scene, 0.01, uncertainty_of(scene));
+  double largest = 0.0;
+  for (int k = 1; k <= 4000; ++k) {
+    const double V = run.tick();
+    if (k > 1000) largest = std::max(largest, V);
+  }
+  std::cout << "V from t = 10 on " << largest << ", " << run.state.misfits + run.state.silences
+            << " times nothing was known\n";
+  EXPECT_GT(run.state.misfits, 0);
+  EXPECT_LT(largest, 1e-10);
+}
+
+// Far too small, on machines that are drawn: what comes at once does not fit, so each start is
+// wider than the last, until one holds the machine possible. What is told then is right.
+TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
+  constexpr double h = 0.01;
+  for (const double jitter : {0.0, 1e-5}) {
+    Random random(1);
+    std::mt19937_64 engine(1);
+    std::normal_distribution<double> normal;
+    int machines = 0, found = 0;
+    std::int64_t told = 0, wrong = 0;
+    for (int i = 0; i < repetitions(24); ++i) {
+      const ImpactingMachine machine = random_impacting_machine(random);
+      Scene scene;
+      scene.model = machine.model;
+      scene.master = scene.replica = machine.start;
+      const Eigen::Index f = scene.model.coordinates();
+      scene.replica.q += 0.3 * random.vector(f);
+      scene.replica.u += 0.3 * random.vector(f);
+      const Eigen::MatrixXd deviation = 1e-6 * Eigen::MatrixXd::Identity(f, f);
+      Pursuit run(scene, h, {deviation, deviation, jitter, {}, {}});
+      Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
+      for (int k = 1; k <= 20000; ++k) {
+        run.tick([&](std::vector<ContactEvent>& events) {
+          for (ContactEvent& event : events) event.t += jitter * normal(engine);
+        });
+        run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+        if (k < 10000 || !sigma_q.allFinite()) continue;
+        ++told;
+        const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
+        if ((off > 5.0 * sigma_q.array()).any()) ++wrong;
+      }
+      if (run.impacts < 100 || run.state.misfits + run.state.silences == 0) continue;
+      ++machines;
+      if (sigma_q.allFinite()) ++found;
+    }
+    std::cout << "seed 1, jitter " << jitter << ": " << found << " of " << machines << " found, "
+              << wrong << " of " << told << " ticks beyond 5 sigma\n";
+    EXPECT_GT(machines, 0);
+    EXPECT_EQ(found, machines);
+    EXPECT_LT(wrong, told / 100 + 1);
+  }
+}
+
+// Of a contact that is held, too: the force that would have to pull says that it has opened. With
+// exact times, on a machine that is pressed down and lifted; one opening is not told.
+TEST(TimingFilter, HearsThatAHeldContactMustHaveOpened) {
+  const Scene scene = cached_scene("paper_beam_chatter.toml");
+  constexpr double h = 0.01;
+  constexpr int told_openings = 4;
+  Pursuit run(scene, h, uncertainty_of(scene));
+  Eigen::VectorXd sigma_q(3), sigma_u(3), sigma_g(1);
+  const auto is_open = [](const ContactEvent& event) {
+    return event.kind == ContactEventKind::opens;
+  };
+  int openings = 0;
+  double left_out = 0.0;
+  while (left_out == 0.0) {
+    EXPECT_EQ(run.state.silences, 0);
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    run.tick([&](std::vector<ContactEvent>& events) {
+      const auto opens = std::find_if(events.begin(), events.end(), is_open);
+      if (opens == events.end() || ++openings <= told_openings) return;
+      left_out = opens->t;
+      events.erase(opens);
+    });
+  }
+  EXPECT_LT(sigma_q[0], 1e-9);
+  for (int k = 0; k < 2; ++k) run.tick();
+  std::cout << "opened at " << left_out << ", told at " << run.state.last.t << '\n';
+  EXPECT_EQ(run.state.silences, 1);
+  EXPECT_EQ(run.state.last.suspicion, Suspicion::missing_event);
+  EXPECT_NEAR(run.state.last.t, left_out, 2.0 * h);
+  run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+  EXPECT_EQ(sigma_q[0], infinity);
+}
+
+// An event that cannot be, by what is believed, is the end of that belief, however sure it was.
+TEST(TimingFilter, AnEventThatCannotBeEndsWhatIsKnown) {
+  Scene scene = cached_scene("paper_beam.toml");
+  scene.jitter = 1e-4;
+  const double h = 1e-2;
+  Pursuit run(scene, h, uncertainty_of(scene));
+  const Eigen::Index f = scene.model.coordinates();
+  Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(1);
+  const auto sigma = [&] {
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    return sigma_q.norm();
+  };
+  const double of_start = sigma();
+  double t = 0.0;
+  while (t < 50.0) {
+    run.tick([&](std::vector<ContactEvent>& events) {
+      for (const ContactEvent& event : events) t = event.t;
+    });
+  }
+  const double learnt = sigma();
+  ASSERT_LT(learnt, 1e-2 * of_start);
+  ASSERT_EQ(run.state.misfits, 0);
+  // In the middle of a flight.
+  for (int i = 0; i < 20; ++i) run.tick([](std::vector<ContactEvent>&) {});
+  run.tick([&](std::vector<ContactEvent>& events) {
+    events = {{tick_instant(run.state.tick, h).hi + 0.5 * h, 0, ContactEventKind::pulse}};
+  });
+  EXPECT_EQ(run.state.misfits, 1);
+  EXPECT_GT(run.state.last.square, 1e4);
+  EXPECT_GT(sigma(), 0.3 * of_start);
+}
+
+}  // namespace
+}  // namespace sprag
