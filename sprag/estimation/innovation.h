@@ -21,6 +21,9 @@ struct Innovation {
 inline constexpr double largest_innovation = 45.0;
 inline constexpr double largest_mean_innovation = 4.0;
 inline constexpr double innovation_window = 16.0;
+/// A filter that says more than this of an event did not hold it possible, and begins again: no
+/// tail of what is not quite Gaussian reaches so far.
+inline constexpr double impossible_innovation = 1e4;
 
 /// How many events must fit before a filter that did not fit is believed again: the 2 f that
 /// determine its state, and so many more, twice as many each time that it fails anew, until 8 times

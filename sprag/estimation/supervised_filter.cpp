@@ -1,6 +1,7 @@
 #include "sprag/estimation/supervised_filter.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "sprag/mechanics/scalars.h"
@@ -8,7 +9,7 @@
 namespace sprag {
 namespace {
 
-// Of the start's: a filter that expects more of its error has lost more than it has learnt.
+// Of all that can be off: a filter that expects more of its error has lost more than it has learnt.
 constexpr double most_energy = 1.2;
 
 // Shares of a flight's duration, and of the machine's displacements, that are no matter of event
@@ -34,6 +35,8 @@ void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactS
   state.probation = {};
   state.inconsistencies = 0;
   state.last = {};
+  state.begun = 0;
+  state.energy = 0.0;
 }
 
 void SupervisedFilter::tick(std::span<const ContactEvent> events, SupervisedState& state) {
@@ -100,15 +103,24 @@ void SupervisedFilter::supervise_silence(std::int64_t silences, SupervisedState&
 
 // At an instant with events. `believed`: the filter's last instant before it.
 void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) {
-  const Consistency& consistency = state.filter.consistency;
-  // Where sigma is so large against the machine's periods that the filter knows less than it did at
-  // the start, the replica knows more.
-  if (state.filter.began_again ||
-      state.filter.expected_energy > most_energy * filter_.energy_of_start()) {
+  replica_.output(state, q_, u_);
+  state.energy = std::max(state.energy, filter_.energy(q_, u_));
+  // A start may be told to be better known than it is, or than events that jitter keep it.
+  const double of_start = filter_.energy_of_start();
+  const double at_most = std::max(of_start, state.energy);
+  const auto restart = [&] {
     state.trusted = false;
-    replica_.output(state, q_, u_);
-    filter_.restart(q_, u_, believed, state.filter);
-    return;
+    // Before 2 f events have determined a state, a filter knows no more than it was told.
+    const bool determined = believed - state.begun >= 2 * q_.size();
+    filter_.restart(q_, u_, determined ? std::optional(believed) : std::nullopt, at_most / of_start,
+                    state.filter);
+    state.begun = state.filter.instants;
+  };
+  const Consistency& consistency = state.filter.consistency;
+  // Where sigma is so large against the machine's periods that the filter knows next to nothing,
+  // the replica knows more.
+  if (state.filter.began_again || state.filter.expected_energy > most_energy * at_most) {
+    return restart();
   }
   if (consistency.fits()) {
     if (state.probation.pass(consistency.count, q_.size())) {
@@ -120,9 +132,7 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
   state.last = {innovation.t, innovation.contact, suspicion(state), consistency.largest};
   ++state.inconsistencies;
   if (state.last.suspicion == Suspicion::model) state.probation.fail();
-  state.trusted = false;
-  replica_.output(state, q_, u_);
-  filter_.restart(q_, u_, believed, state.filter);
+  restart();
 }
 
 Suspicion SupervisedFilter::suspicion(const SupervisedState& state) {

@@ -26,6 +26,8 @@ struct SupervisedState : ReplicaState {
   Probation probation;
   std::int64_t inconsistencies = 0;
   Inconsistency last;
+  std::int64_t begun = 0;  ///< how many instants with events the filter had met when it last began
+  double energy = 0.0;     ///< of the replica's motion, its largest at an event
 };
 
 class SupervisedFilter {

@@ -12,10 +12,8 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t kept_bytes = 64 << 20;
-// A restart takes this multiple of the squares by which two estimates differ, and not nothing.
-constexpr double reserve = 4.0;
-constexpr double least_share = 1e-12;
 constexpr double looks_a_period = 16.0;
+
 }  // namespace
 
 TimingFilter::TimingFilter(Model model, double h, Uncertainty uncertainty)
@@ -26,6 +24,7 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
       h_(h),
       uncertainty_(std::move(uncertainty)),
       impact_(flows_->dynamics()) {
+  is_homogeneous_ = is_homogeneous(flows_->dynamics().model());
   build_foreseeable(*flows_);
   flight_ = TickedFlight((*flows_)[0], h);
   const int m = flows_->dynamics().contacts();
@@ -44,7 +43,6 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   if (m > 0) largest_w_ = flows_->dynamics().W().cwiseAbs().maxCoeff();
   if (jitters) {
     unknown_time_.emplace(*flows_, uncertainty_.jitter, flown);
-    scale_is_open_ = is_homogeneous(flows_->dynamics().model());
   }
   (*flows_)[0].enter(now_.q, now_.u, Instant{}, no_gaps_.head(0), sample_);
   published_ = stuck_ = hit_ = sample_;
@@ -63,32 +61,36 @@ TimingFilter::TimingFilter(std::shared_ptr<Flows> flows, double h, Uncertainty u
   }
   from_start_q_ = inverse(uncertainty_.q);
   from_start_u_ = inverse(uncertainty_.u);
+  Wt_ = flows_->dynamics().W().transpose();
+  start_gaps_ = product(Wt_, uncertainty_.q).rowwise().norm();
+  start_speeds_ = product(Wt_, uncertainty_.u).rowwise().norm();
   closings_.reserve(static_cast<std::size_t>(m));
   phi_.setZero(columns);
-  Wt_ = flows_->dynamics().W().transpose();
   seen_of_gaps_.setZero(m, columns);
   const Flow& free = (*flows_)[0];
   columns_ = BeliefColumns(free, f(), columns);
   set_looks(free);
   set_start(uncertainty_, now_);
-  energy_of_start_ = expected_energy();
+  energy_of_start_ = energy_of_error();
 }
 
-// Of the error, by the covariance.
-double TimingFilter::expected_energy() const {
+double TimingFilter::energy(const Eigen::Ref<const Eigen::VectorXd>& q,
+                            const Eigen::Ref<const Eigen::VectorXd>& u) const {
   const Model& model = flows_->dynamics().model();
-  const auto trace = [&](const Eigen::MatrixXd& A, const Eigen::MatrixXd& S) {
+  const auto square_in = [&](const Eigen::MatrixXd& A, const auto& x) {
+    if (flows_->dynamics().diagonal()) return (A.diagonal().array() * x.array().square()).sum();
     double sum = 0.0;
-    for (Eigen::Index j = 0; j < now_.columns; ++j) {
-      if (flows_->dynamics().diagonal()) {
-        sum += (A.diagonal().array() * S.col(j).array().square()).sum();
-      } else {
-        for (Eigen::Index i = 0; i < f(); ++i) sum += S(i, j) * A.col(i).dot(S.col(j));
-      }
-    }
-    return 0.5 * sum;
+    for (Eigen::Index i = 0; i < f(); ++i) sum += x[i] * A.col(i).dot(x);
+    return sum;
   };
-  return trace(model.K, now_.S_q) + trace(model.M, now_.S_u);
+  return 0.5 * (square_in(model.K, q) + square_in(model.M, u));
+}
+
+// Expected, by the covariance.
+double TimingFilter::energy_of_error() const {
+  double sum = 0.0;
+  for (Eigen::Index j = 0; j < now_.columns; ++j) sum += energy(now_.S_q.col(j), now_.S_u.col(j));
+  return sum;
 }
 
 // Silence is judged when a share of the slowest motion has passed since an instant, and then again
@@ -104,76 +106,6 @@ void TimingFilter::set_looks(const Flow& free) {
   longest_look_ = slowest < infinity ? period / looks_a_period : infinity;
   first_look_ =
       slowest < infinity ? longest_look_ / looks_a_period : flows_->dynamics().model().chatter_time;
-}
-
-void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet chi,
-                         TimingState& state) {
-  state.tick = k;
-  state.chi = chi;
-  state.instants = -1;
-  state.inside = state.touched = 0;
-  state.redundancy = {};
-  state.refused_impacts = 0;
-  state.ambiguous_impacts = 0;
-  state.misfits = state.silences = state.forgotten = 0;
-  state.unknown = state.began_again = false;
-  state.trusted = true;
-  state.probation = {};
-  state.widened = 1.0;
-  state.fitted = 0;
-  state.last = {};
-  state.innovation = {};
-  state.consistency = {};
-  state.terms = {};
-  state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
-  state.bursts.setZero(flows_->dynamics().contacts());
-  event_ = {};
-  last_published_ = {};
-  if (recorder_ != nullptr) recorder_->start();
-  start_ = start;
-  forget(state);
-  state.motion.flow = &(*flows_)[0];
-  state.motion.t = tick_instant(k, h_);
-  go_on(state);
-}
-
-void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
-                           const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
-                           TimingState& state) {
-  const Instant t = state.motion.t;
-  last_published_ = {};
-  const Covariance& from = slot(believed);
-  share_.setOnes();
-  if (from.instants == believed) {
-    load(from, t);
-    from.mean.flow->propagate(from.mean, t, sample_);
-    sample_.flow->state(sample_, now_.q, now_.u);
-    off_q_ = q - now_.q;
-    off_u_ = u - now_.u;
-    for (Eigen::Index i = 0; i < f(); ++i) {
-      // In terms of the mode's deviations at a start.
-      const auto of_q = from_start_q_.row(i);
-      const auto of_u = from_start_u_.row(i);
-      const double apart = square(of_q.dot(off_q_)) + square(of_u.dot(off_u_));
-      double unsure = 0.0;
-      for (Eigen::Index j = 0; j < now_.columns; ++j) {
-        unsure += square(of_q.dot(now_.S_q.col(j))) + square(of_u.dot(now_.S_u.col(j)));
-      }
-      share_[i] = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, 1.0);
-    }
-  }
-  state.widened = 1.0;
-  forget(state);
-  for (Eigen::Index i = 0; i < f(); ++i) {
-    now_.S_q.col(i) *= std::sqrt(share_[i]);
-    now_.S_u.col(f() + i) *= std::sqrt(share_[i]);
-  }
-  now_.q = q;
-  now_.u = u;
-  state.consistency = {};
-  state.trusted = true;
-  event_ = {};
-  go_on(state);
 }
 
 // Mean and covariance, `now_`, go on from the motion's instant.
@@ -193,7 +125,7 @@ void TimingFilter::go_on(TimingState& state) {
   state.covariance_time = t;
   state.watched = 0.0;
   state.unknown = false;
-  if (unknown_time_) state.expected_energy = expected_energy();
+  if (unknown_time_) state.expected_energy = energy_of_error();
   S.mean = state.motion;
   S.event = event_;
 }

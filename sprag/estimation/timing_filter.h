@@ -67,6 +67,7 @@ struct Consistency {
   double largest = 0.0;    ///< at the last instant with events
 
   bool fits() const { return largest <= largest_innovation && mean <= largest_mean_innovation; }
+  bool is_lost() const { return largest > impossible_innovation; }  ///< at the last instant
 };
 
 /// Everything that changes, at tick `tick`. Copies between states of one filter do not allocate.
@@ -102,6 +103,9 @@ struct TimingState {
   /// How many times the told deviations of a start it begins again with: more than one where it was
   /// told to be too sure of that.
   double widened = 1.0;
+  /// Of a homogeneous machine: the share of the motion's energy that the events behind a start have
+  /// left, its log.
+  double log_left = 0.0;
   std::int64_t fitted = 0;       ///< innovations since it last did not fit
   double expected_energy = 0.0;  ///< of the error behind the last instant, where events jitter
   double watched = 0.0;          ///< silence since the last instant is judged up to here [s]
@@ -132,12 +136,13 @@ class TimingFilter {
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
 
   /// Puts the mean at (q, u), f entries each, at the instant that it is at. Mode by mode, its
-  /// covariance is that of a start, less as far as the filter, had it heard of no event since
-  /// instant number `believed`, would have been both sure and close to (q, u). Who knows where to
-  /// put the mean judges whether to believe it: deviations are told at once.
+  /// covariance is that of a start times as much as the filter, had it heard of no event since
+  /// instant number `believed`, would have been unsure of (q, u) or away from it, at most `most` >=
+  /// 1 times; without such an instant `most` times. Who knows where to put the mean judges whether
+  /// to believe it: deviations are told at once.
   void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
-               const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
-               TimingState& state);
+               const Eigen::Ref<const Eigen::VectorXd>& u, std::optional<std::int64_t> believed,
+               double most, TimingState& state);
 
   /// As Replica's. They do not allocate once the locked sets that occur have been met.
   void tick(std::span<const ContactEvent> events, TimingState& state);
@@ -192,10 +197,14 @@ class TimingFilter {
 
   /// Whether events say nothing of how large the motion is (is_homogeneous), and jitter, which is
   /// in proportion to it, keeps the covariance from telling so. Deviations are infinite then.
-  bool scale_is_open() const { return scale_is_open_; }
+  bool scale_is_open() const { return is_homogeneous_ && unknown_time_.has_value(); }
 
   /// Expected energy of the error of a start, of which nothing more is known.
   double energy_of_start() const { return energy_of_start_; }
+
+  /// 1/2 q^T K q + 1/2 u^T M u, of f entries each. Does not allocate.
+  double energy(const Eigen::Ref<const Eigen::VectorXd>& q,
+                const Eigen::Ref<const Eigen::VectorXd>& u) const;
 
   /// Records each event from now on, of a filter that never goes back; null: nothing. Allocates
   /// then.
@@ -228,10 +237,11 @@ class TimingFilter {
     return flows_->dynamics().model().contacts[static_cast<std::size_t>(contact)].restitution;
   }
   void set_looks(const Flow& free);
-  double expected_energy() const;
+  double energy_of_error() const;
+  double energy_of_motion() const { return energy(now_.q, now_.u) + energy_of_error(); }
   void go_on(TimingState& state);
   bool is_known(const TimingState& state) const {
-    return state.trusted && !state.unknown && state.inside == 0 && !scale_is_open_;
+    return state.trusted && !state.unknown && state.inside == 0 && !scale_is_open();
   }
   void judge(std::span<const ContactEvent> events, std::int64_t measured, TimingState& state) const;
   ContactSet closed(const TimingState& state) const {
@@ -243,9 +253,10 @@ class TimingFilter {
   void enter(const Flow& flow, Instant t, Motion& motion);
   void enter_motion(const Flow& flow, Instant t, Motion& motion);
   void forget(TimingState& state);
-  void widen_start(TimingState& state);
-  void begin_again(int contact, TimingState& state);
+  void widen_start(TimingState& state) const;
+  void begin_again(TimingState& state);
   void note(double square, Consistency& consistency) const;
+  void note_left(double share, TimingState& state) const;
 
   // An instant with events.
   void take_instant(std::span<const ContactEvent> events, TimingState& state);
@@ -261,7 +272,7 @@ class TimingFilter {
   ContactSet drop_redundant(ContactSet held, ContactSet closing, TimingState& state) const;
   void measure_release(int contact, TimingState& state);
   void measure_closings(bool several, TimingState& state);
-  double condition(double residual, double noise, double scale, Consistency& consistency);
+  double condition(double residual, double noise, double scale, TimingState& state);
   void record(std::span<const ContactEvent> events, ContactSet struck, const TimingState& state);
   void record_as_it_is(const ContactEvent& event, const TimingState& state);
   void record_uncertain(const ContactEvent& event, ContactSet held,
@@ -298,13 +309,14 @@ class TimingFilter {
   double h_;
   double largest_w_ = 1.0;
   double energy_of_start_ = 0.0;
-  bool scale_is_open_ = false;
+  bool is_homogeneous_ = false;
   double first_look_ = 0.0, longest_look_ = 0.0;  // at silence, after an instant [s]
   Uncertainty uncertainty_;
   sprag::State start_;
   TickedFlight flight_;
   std::vector<Functional> acceleration_;         // gamma_i' without contact forces
   Eigen::MatrixXd from_start_q_, from_start_u_;  // inverses of the uncertainty of a start
+  Eigen::VectorXd start_gaps_, start_speeds_;    // its deviations, per contact
   std::vector<Covariance> covariances_;
   std::optional<UnknownTime> unknown_time_;  // where events jitter
   ImpactRecorder* recorder_ = nullptr;

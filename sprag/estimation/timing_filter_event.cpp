@@ -27,8 +27,6 @@ constexpr double same_impact = 1e-9;
 // Of the force that is left.
 constexpr double deviations_to_pull = 2.0;
 constexpr double deviations_to_be_sure = 3.0;
-// Of an innovation's square: no tail of what is not quite Gaussian reaches so far.
-constexpr double impossible = 1e4;
 // Of squares of deviations.
 constexpr double clearly_less = 4.0;
 
@@ -59,11 +57,11 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   // Nothing is known, or what happened until then is not in the model.
   if (state.unknown || leaving != 0) {
-    forget(state);
     if (state.unknown) {
       widen_start(state);
       state.consistency = {};
     }
+    forget(state);
     go_on(state);
   }
   state.consistency.largest = 0.0;
@@ -73,35 +71,12 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
     take_uncertain(events.front(), before, state);
   } else {
     take_exact(events, before, state);
-    if (state.consistency.largest > impossible) begin_again(events.back().contact, state);
   }
   state.inside &= ~leaving;
   columns_.merge(now_);
-  if (!is_sane(now_)) begin_again(events.back().contact, state);
+  if (state.consistency.is_lost() || !is_sane(now_)) begin_again(state);
   judge(events, state.consistency.count - count, state);
   go_on(state);
-}
-
-// By what these events say, of which so many have been measured.
-void TimingFilter::judge(std::span<const ContactEvent> events, std::int64_t measured,
-                         TimingState& state) const {
-  const bool fits = state.consistency.fits();
-  if (fits && !state.began_again) {
-    state.fitted += measured;
-    if (state.probation.pass(state.fitted, f())) {
-      state.trusted = true;
-      state.widened = 1.0;
-    }
-    return;
-  }
-  if (!fits && state.trusted) {
-    ++state.misfits;
-    state.last = {state.motion.t.hi, events.back().contact, Suspicion::model,
-                  state.consistency.largest};
-    state.probation.fail();
-  }
-  state.fitted = 0;
-  state.trusted = false;
 }
 
 // One impact after the other: what a contact does twice at one instant is two of them.
@@ -302,7 +277,7 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   u_before_ = now_.u;
   UnknownTime::Innovation innovation;
   if (!unknown_time_->take(uncertain, state.motion, state.terms, 0.0, false, now_, innovation)) {
-    begin_again(i, state);
+    state.consistency.largest = infinity;
     record_as_it_is(event, state);
     return;
   }
@@ -316,8 +291,6 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
   if (!innovation.measured) return;
   note(innovation.square, state.consistency);
   if (closes) state.innovation = {event.t, i, innovation.gap, innovation.deviation};
-  // A belief that does not hold an event possible is wrong, however certain.
-  if (innovation.square > impossible) begin_again(i, state);
 }
 
 // When the last event of its contact was, and of any, for one at t.
@@ -399,53 +372,6 @@ bool TimingFilter::is_thrown_off(const UncertainEvent& release, const TimingStat
   return false;
 }
 
-// As if the machine were started now; of events no more is known than what was reported.
-void TimingFilter::forget(TimingState& state) {
-  now_.q = start_.q;
-  now_.u = start_.u;
-  set_start(uncertainty_, now_);
-  now_.S_q.leftCols(now_.columns) *= state.widened;
-  now_.S_u.leftCols(now_.columns) *= state.widened;
-  state.thrown = 0;
-  state.last_time = state.last_report;
-  state.last_deviation.setConstant(state.last_report.size(), uncertainty_.jitter);
-}
-
-// For the next time, where what came at once did not fit: as long as it is less than from one end
-// of the motion to the other. What comes later is not the start's fault. `now_` is as at a start.
-void TimingFilter::widen_start(TimingState& state) {
-  constexpr double step = 4.0;
-  constexpr std::int64_t at_once = 2;
-  if (state.consistency.count > at_once) {
-    state.widened = std::max(state.widened / step, 1.0);
-    return;
-  }
-  auto phi = phi_.head(now_.columns);
-  const auto falls_short = [&](const Eigen::MatrixXd& S, const Contact& contact, double terms) {
-    phi.noalias() = S.leftCols(now_.columns).transpose().lazyProduct(contact.w);
-    const double sigma = phi.norm();
-    return 0.0 < sigma && sigma < 2.0 * terms;
-  };
-  const auto is_narrow = [&](const Contact& contact) {
-    return falls_short(now_.S_q, contact, state.terms.length) ||
-           falls_short(now_.S_u, contact, state.terms.speed);
-  };
-  if (std::ranges::any_of(flows_->dynamics().model().contacts, is_narrow)) state.widened *= step;
-}
-
-// No event fits less than one after which nothing is known.
-void TimingFilter::begin_again(int contact, TimingState& state) {
-  forget(state);
-  widen_start(state);
-  const double square =
-      state.consistency.largest > impossible ? state.consistency.largest : infinity;
-  state.last = {state.motion.t.hi, contact, Suspicion::model, square};
-  state.consistency = {};
-  state.consistency.largest = square;
-  event_ = {};
-  if (!state.trusted) ++state.misfits;
-}
-
 // Those of `closing` that take no impulse of their own, since others hold their directions.
 ContactSet TimingFilter::drop_redundant(ContactSet held, ContactSet closing,
                                         TimingState& state) const {
@@ -468,7 +394,7 @@ void TimingFilter::measure_release(int contact, TimingState& state) {
     recorder_->measured_release(contact, phi_.head(now_.columns), -value(lambda, state.motion),
                                 off * off + floor * floor);
   }
-  condition(-value(lambda, state.motion), off * off, terms, state.consistency);
+  condition(-value(lambda, state.motion), off * off, terms, state);
 }
 
 // g_i = 0 of the contacts that close, gamma_i = 0 of those whose bounces have come to an end.
@@ -498,7 +424,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     if (several || contains(state.touched, closing.contact)) {
       noise += square(touching * state.terms.length);
     }
-    const double deviation = condition(-gap_before, noise, state.terms.length, state.consistency);
+    const double deviation = condition(-gap_before, noise, state.terms.length, state);
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};
     }
@@ -510,7 +436,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     const double off = std::max(model.chatter_time, time_rounding * t);
     const double left = off * off * (square(closing.gamma_rate) + variance(acceleration, now_));
     if (phi.squaredNorm() > remainder_tells * left) {
-      condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state.consistency);
+      condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state);
     }
   }
 }
@@ -523,8 +449,7 @@ void TimingFilter::note(double square, Consistency& consistency) const {
 
 // Conditions on the measurement whose columns' parts are phi_: residual = measured - expected.
 // Returns the standard deviation that the residual was expected to have.
-double TimingFilter::condition(double residual, double noise, double scale,
-                               Consistency& consistency) {
+double TimingFilter::condition(double residual, double noise, double scale, TimingState& state) {
   const Eigen::Index c = now_.columns;
   auto phi = phi_.head(c);
   const double known = phi.squaredNorm();
@@ -533,13 +458,25 @@ double TimingFilter::condition(double residual, double noise, double scale,
   const double alpha = known + r;
   const double deviation = std::sqrt(alpha);
   if (deviation > 0.0) {
-    note(residual * residual / (alpha + square(insignificant * scale)), consistency);
+    note(residual * residual / (alpha + square(insignificant * scale)), state.consistency);
   }
   if (!(known > floor * floor)) return deviation;
+  const double before = is_homogeneous_ ? energy_of_motion() : 0.0;
   const PotterUpdate update(phi, residual, r);
   update.apply(now_.q, now_.S_q.leftCols(c));
   update.apply(now_.u, now_.S_u.leftCols(c));
+  if (before > 0.0) note_left(energy_of_motion() / before, state);
   return deviation;
+}
+
+// Of a homogeneous machine an event is h^T x = 0, and a mean x = S z has the innovation phi^T z,
+// phi = S^T h: it is within |z| of its deviations however wrong it is, since a motion that is small
+// enough fits any event. So what is watched is how much of the motion the events leave. Those that
+// fit one leave that as it is, others make all of it vanish. Where what is left is as unlikely as
+// an innovation that does not fit, no motion does.
+void TimingFilter::note_left(double share, TimingState& state) const {
+  state.log_left += std::log(share);
+  if (-2.0 * state.log_left > largest_innovation) state.consistency.largest = infinity;
 }
 
 // The impact of the contacts that close, with those of `staying` held; those of `leaving` were

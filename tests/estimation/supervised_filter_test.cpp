@@ -132,6 +132,70 @@ TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
   }
 }
 
+/// The replica's start is off by `off` in each coordinate and velocity, and told to be off by
+/// `sigma`.
+Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
+  Scene told = scene;
+  const Eigen::Index f = scene.model.coordinates();
+  told.replica.q = scene.master.q + off * random.vector(f);
+  told.replica.u = scene.master.u + off * random.vector(f);
+  told.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
+  return told;
+}
+
+/// Machines that are hit often enough to be found.
+std::vector<Scene> drawn_machines(int count, Random& random) {
+  std::vector<Scene> scenes;
+  while (std::ssize(scenes) < count) {
+    const ImpactingMachine machine = random_impacting_machine(random);
+    Scene scene;
+    scene.model = machine.model;
+    scene.master = scene.replica = machine.start;
+    if (master_events(scene, length).size() > 200) scenes.push_back(std::move(scene));
+  }
+  return scenes;
+}
+
+// A start that is known far better than jitter lets a filter know the machine later: that it then
+// expects more error than at the start is no reason to give it up.
+TEST(SupervisedFilter, BelievesAFilterWhoseStartIsKnownWell) {
+  Random random(3);
+  std::mt19937_64 engine(3);
+  int better = 0, machines = 0;
+  for (const Scene& scene : drawn_machines(repetitions(20), random)) {
+    Scene told = with_start(scene, 1e-6, 1e-6, random);
+    told.jitter = 1e-3;
+    const Outcome o =
+        outcome(scene, told, jittered(master_events(scene, length), told.jitter, engine));
+    print("start known to 1e-6", o);
+    EXPECT_GT(o.trusted, 0.9);
+    ++machines;
+    if (o.log_both < o.log_replica) ++better;
+  }
+  EXPECT_GE(better, machines - machines / 10);
+}
+
+// The replica comes to where the filter can start, and does so however sure the scene is of
+// another start.
+TEST(SupervisedFilter, FindsAMachineOfWhoseStartItIsToldTooMuch) {
+  Random random(5);
+  std::mt19937_64 engine(5);
+  for (const double jitter : {0.0, 1e-5}) {
+    int found = 0, machines = 0;
+    for (const Scene& scene : drawn_machines(repetitions(20), random)) {
+      Scene told = with_start(scene, 0.3, 1e-6, random);
+      told.jitter = jitter;
+      const Outcome o =
+          outcome(scene, told, jittered(master_events(scene, length), jitter, engine));
+      print("start off by 0.3, told 1e-6", o);
+      ++machines;
+      if (o.trusted > 0.5) ++found;
+      EXPECT_LE(o.log_both, o.log_replica + 0.3);
+    }
+    EXPECT_EQ(found, machines) << jitter;
+  }
+}
+
 TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto events = master_events(scene, length);

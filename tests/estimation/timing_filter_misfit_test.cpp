@@ -79,6 +79,65 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
   }
 }
 
+// Where nothing tells how large a motion is, one that is small enough fits all events, and every
+// innovation. Drawn machines that nothing moves but their own state: with their own events nothing
+// is said against them, and with a tenth of those lost hardly a state is told that is wrong.
+TEST(TimingFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
+  constexpr double h = 0.01;
+  constexpr double lost_share = 0.1;
+  for (const double share : {0.0, lost_share}) {
+    Random random(2);
+    std::mt19937_64 engine(2);
+    std::bernoulli_distribution is_lost(share);
+    int machines = 0, doubted = 0;
+    std::int64_t told = 0, wrong = 0;
+    for (int i = 0; i < repetitions(24); ++i) {
+      const ImpactingMachine machine = random_impacting_machine(random);
+      Scene scene;
+      scene.model = machine.model;
+      scene.model.forces.clear();
+      for (Contact& contact : scene.model.contacts) {
+        contact.clearance = 0.0;
+        contact.motion = {};
+      }
+      scene.master = scene.replica = machine.start;
+      // It does not start inside a support: from one that it is inside of it is put in front of it.
+      for (int pass = 0; pass < 20; ++pass) {
+        for (const Contact& contact : scene.model.contacts) {
+          scene.master.q -= 2.0 * std::min(gap(contact, scene.master.q, 0.0), 0.0) * contact.w;
+        }
+      }
+      const Eigen::Index f = scene.model.coordinates();
+      scene.replica.q = scene.master.q + 0.3 * random.vector(f);
+      scene.replica.u = scene.master.u + 0.3 * random.vector(f);
+      const Eigen::MatrixXd deviation = 0.3 * Eigen::MatrixXd::Identity(f, f);
+      Pursuit run(scene, h, {deviation, deviation, 0.0, {}, {}});
+      Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
+      for (int k = 1; k <= 6000; ++k) {
+        run.tick([&](std::vector<ContactEvent>& events) {
+          std::erase_if(events, [&](const ContactEvent& event) {
+            return event.kind == ContactEventKind::pulse && is_lost(engine);
+          });
+        });
+        run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+        if (k < 3000 || !sigma_q.allFinite()) continue;
+        ++told;
+        const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
+        if ((off > 5.0 * sigma_q.array()).any()) ++wrong;
+      }
+      if (run.impacts < 100) continue;
+      ++machines;
+      if (run.state.misfits + run.state.silences > 0) ++doubted;
+    }
+    std::cout << "seed 2, " << share << " lost: " << doubted << " of " << machines << " doubted, "
+              << wrong << " of " << told << " ticks beyond 5 sigma\n";
+    EXPECT_GT(machines, 0);
+    EXPECT_EQ(doubted > 0, share > 0.0);
+    // It takes an event to find out.
+    EXPECT_LE(wrong, share > 0.0 ? told / 40 : 0);
+  }
+}
+
 // Of a contact that is held, too: the force that would have to pull says that it has opened. With
 // exact times, on a machine that is pressed down and lifted; one opening is not told.
 TEST(TimingFilter, HearsThatAHeldContactMustHaveOpened) {
