@@ -11,6 +11,8 @@ namespace {
 
 // Of all that can be off: a filter that expects more of its error has lost more than it has learnt.
 constexpr double most_energy = 1.2;
+// Of the variances of a start that was told to be too sure.
+constexpr double least_widening = 16.0;
 
 // Shares of a flight's duration, and of the machine's displacements, that are no matter of event
 // times or of a model that is slightly wrong.
@@ -36,6 +38,7 @@ void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactS
   state.inconsistencies = 0;
   state.last = {};
   state.begun = 0;
+  state.widened = 1.0;
   state.energy = 0.0;
 }
 
@@ -108,15 +111,22 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
   // A start may be told to be better known than it is, or than events that jitter keep it.
   const double of_start = filter_.energy_of_start();
   const double at_most = std::max(of_start, state.energy);
+  const Consistency& consistency = state.filter.consistency;
   const auto restart = [&] {
     state.trusted = false;
-    // Before 2 f events have determined a state, a filter knows no more than it was told.
+    const double most = at_most / of_start;
+    // Before 2 f events have determined a state, a filter knows no more than it was told, and that
+    // was too little by as much as the innovation says.
     const bool determined = believed - state.begun >= 2 * q_.size();
-    filter_.restart(q_, u_, determined ? std::optional(believed) : std::nullopt, at_most / of_start,
-                    state.filter);
+    const double wanted = state.widened * std::max(least_widening, consistency.largest);
+    state.widened = determined ? 1.0 : std::min(wanted, most);
+    if (determined) {
+      filter_.restart(q_, u_, believed, most, state.filter);
+    } else {
+      filter_.restart(q_, u_, std::nullopt, state.widened, state.filter);
+    }
     state.begun = state.filter.instants;
   };
-  const Consistency& consistency = state.filter.consistency;
   // Where sigma is so large against the machine's periods that the filter knows next to nothing,
   // the replica knows more.
   if (state.filter.began_again || state.filter.expected_energy > most_energy * at_most) {

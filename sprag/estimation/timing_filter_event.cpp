@@ -253,7 +253,9 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
     uncertain = impact_of(i, event.kind == ContactEventKind::closes, state.motion);
     if (uncertain.kind == UncertainEvent::Kind::pulse &&
         event.t - state.last_report[i] < unknown_time_->indistinct()) {
+      // What it throws off is back at once.
       uncertain.kind = UncertainEvent::Kind::burst;
+      uncertain.held = before;
     }
     throw_off(before & ~uncertain.held, state);
     state.terms.include(flows_->dynamics().model().contacts[index(i)], now_.q, now_.u);
