@@ -1,7 +1,6 @@
 #include "sprag/estimation/supervised_filter.h"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 #include "sprag/mechanics/scalars.h"
@@ -11,7 +10,7 @@ namespace {
 
 // Of all that can be off: a filter that expects more of its error has lost more than it has learnt.
 constexpr double most_energy = 1.2;
-// Of the variances of a start that was told to be too sure.
+// Of the variances of a start that was too sure.
 constexpr double least_widening = 16.0;
 
 // Shares of a flight's duration, and of the machine's displacements, that are no matter of event
@@ -38,7 +37,6 @@ void SupervisedFilter::start(const sprag::State& start, std::int64_t k, ContactS
   state.inconsistencies = 0;
   state.last = {};
   state.begun = 0;
-  state.widened = 1.0;
   state.energy = 0.0;
 }
 
@@ -114,17 +112,12 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
   const Consistency& consistency = state.filter.consistency;
   const auto restart = [&] {
     state.trusted = false;
-    const double most = at_most / of_start;
-    // Before 2 f events have determined a state, a filter knows no more than it was told, and that
-    // was too little by as much as the innovation says.
+    // Before 2 f events have determined its state a filter knows no more than it was told, and that
+    // it was too sure. Of the scene's start the innovation says by how much.
     const bool determined = believed - state.begun >= 2 * q_.size();
-    const double wanted = state.widened * std::max(least_widening, consistency.largest);
-    state.widened = determined ? 1.0 : std::min(wanted, most);
-    if (determined) {
-      filter_.restart(q_, u_, believed, most, state.filter);
-    } else {
-      filter_.restart(q_, u_, std::nullopt, state.widened, state.filter);
-    }
+    double more = determined ? 1.0 : least_widening;
+    if (!determined && state.begun == 0) more = std::max(more, consistency.largest);
+    filter_.restart(q_, u_, believed, more, at_most / of_start, state.filter);
     state.begun = state.filter.instants;
   };
   // Where sigma is so large against the machine's periods that the filter knows next to nothing,

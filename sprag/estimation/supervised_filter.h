@@ -27,7 +27,6 @@ struct SupervisedState : ReplicaState {
   std::int64_t inconsistencies = 0;
   Inconsistency last;
   std::int64_t begun = 0;  ///< how many instants with events the filter had met when it last began
-  double widened = 1.0;    ///< how many times the variances of a start the filter last began with
   double energy = 0.0;     ///< of the replica's motion, its largest at an event
 };
 

@@ -132,10 +132,15 @@ bool TimingFilter::find_published(const TimingState& state) {
     enter_motion(*published_.flow, t, published_);
     columns_.merge(now_);
   }
-  if (released > 1) {
-    const std::span all = std::span(releases).first(released);
-    std::ranges::sort(all, std::greater<>(), &UnknownTime::Release::age);
-    unknown_time_->add_interplay(all, published_, now_);
+  // An impact may have thrown off what may have let go before it.
+  const auto gone = [&](const UnknownTime::Release& of) {
+    return !contains(published_.flow->locked(), of.contact);
+  };
+  std::span held = std::span(releases).first(released);
+  held = held.first(held.size() - std::ranges::remove_if(held, gone).size());
+  if (held.size() > 1) {
+    std::ranges::sort(held, std::greater<>(), &UnknownTime::Release::age);
+    unknown_time_->add_interplay(held, published_, now_);
   }
   return near && is_sane(now_);
 }

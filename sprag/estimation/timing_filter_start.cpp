@@ -52,13 +52,13 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
 }
 
 void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
-                           const Eigen::Ref<const Eigen::VectorXd>& u,
-                           std::optional<std::int64_t> believed, double most, TimingState& state) {
+                           const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
+                           double more, double most, TimingState& state) {
   const Instant t = state.motion.t;
   last_published_ = {};
   share_.setConstant(most);
-  if (believed && slot(*believed).instants == *believed) {
-    const Covariance& from = slot(*believed);
+  const Covariance& from = slot(believed);
+  if (from.instants == believed) {
     load(from, t);
     from.mean.flow->propagate(from.mean, t, sample_);
     sample_.flow->state(sample_, now_.q, now_.u);
@@ -73,7 +73,7 @@ void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
       for (Eigen::Index j = 0; j < now_.columns; ++j) {
         unsure += square(of_q.dot(now_.S_q.col(j))) + square(of_u.dot(now_.S_u.col(j)));
       }
-      share_[i] = std::clamp(0.5 * std::max(unsure, reserve * apart), least_share, most);
+      share_[i] = std::clamp(more * 0.5 * std::max(unsure, reserve * apart), least_share, most);
     }
   }
   state.widened = 1.0;

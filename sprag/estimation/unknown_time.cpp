@@ -347,7 +347,7 @@ void UnknownTime::add_burst(const UncertainEvent& event, double age, bool has_ha
 // Closings are seen by the gap, releases by the force.
 void UnknownTime::look_for(const UncertainEvent& event, const Motion& motion, const Terms& terms,
                            const Belief& belief) {
-  const double time_rounding = time_step * motion.t.hi;
+  const double time_rounding = time_step * std::max(motion.t.hi, sigma_);
   if (event.kind == UncertainEvent::Kind::releases) {
     const Signal& force = motion.flow->force(event.contact);
     const double largest = largest_terms(force, motion);
