@@ -1,6 +1,7 @@
 #include "sprag/estimation/supervised_filter.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "sprag/mechanics/scalars.h"
@@ -116,8 +117,12 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
     // it was too sure. Of the scene's start the innovation says by how much.
     const bool determined = believed - state.begun >= 2 * q_.size();
     double more = determined ? 1.0 : least_widening;
-    if (!determined && state.begun == 0) more = std::max(more, consistency.largest);
-    filter_.restart(q_, u_, believed, more, at_most / of_start, state.filter);
+    std::optional<std::int64_t> of_filter = believed;
+    if (!determined && state.begun == 0) {
+      more = std::max(more, consistency.largest);
+      of_filter.reset();
+    }
+    filter_.restart(q_, u_, of_filter, more, at_most / of_start, state.filter);
     state.begun = state.filter.instants;
   };
   // Where sigma is so large against the machine's periods that the filter knows next to nothing,

@@ -135,14 +135,14 @@ class TimingFilter {
   /// Puts the mean at (q, u) with chi at tick k, with the uncertainty of a start. May allocate.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TimingState& state);
 
-  /// Puts the mean at (q, u), f entries each, at the instant that it is at. Mode by mode, its
-  /// covariance is that of a start times as much as the filter, had it heard of no event since
-  /// instant number `believed`, would have been unsure of (q, u) or away from it; `more` >= 1 times
-  /// that, and at most `most` >= 1. Who knows where to put the mean judges whether to believe it:
-  /// deviations are told at once.
+  /// Puts the mean at (q, u), f entries each, at the instant that it is at. Its covariance is that
+  /// of a start times `more` >= 1, and mode by mode as much as the filter, had it heard of no event
+  /// since instant number `believed`, would have been unsure of (q, u) or away from it; at most
+  /// times `most` >= 1. Who knows where to put the mean judges whether to believe it: deviations
+  /// are told at once.
   void restart(const Eigen::Ref<const Eigen::VectorXd>& q,
-               const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed, double more,
-               double most, TimingState& state);
+               const Eigen::Ref<const Eigen::VectorXd>& u, std::optional<std::int64_t> believed,
+               double more, double most, TimingState& state);
 
   /// As Replica's. They do not allocate once the locked sets that occur have been met.
   void tick(std::span<const ContactEvent> events, TimingState& state);

@@ -52,13 +52,14 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
 }
 
 void TimingFilter::restart(const Eigen::Ref<const Eigen::VectorXd>& q,
-                           const Eigen::Ref<const Eigen::VectorXd>& u, std::int64_t believed,
-                           double more, double most, TimingState& state) {
+                           const Eigen::Ref<const Eigen::VectorXd>& u,
+                           std::optional<std::int64_t> believed, double more, double most,
+                           TimingState& state) {
   const Instant t = state.motion.t;
   last_published_ = {};
-  share_.setConstant(most);
-  const Covariance& from = slot(believed);
-  if (from.instants == believed) {
+  share_.setConstant(std::min(more, most));
+  if (believed && slot(*believed).instants == *believed) {
+    const Covariance& from = slot(*believed);
     load(from, t);
     from.mean.flow->propagate(from.mean, t, sample_);
     sample_.flow->state(sample_, now_.q, now_.u);
