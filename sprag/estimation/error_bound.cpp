@@ -7,6 +7,7 @@
 
 #include "sprag/mechanics/impact_law.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
@@ -20,9 +21,7 @@ constexpr double time_ulps = 4.0;
 // The master pulls to rest what parts with a velocity of the size of its acceleration times the
 // rest of a chatter, and moves to the support what it takes for a touch.
 constexpr double tolerated = 8.0;
-constexpr double touching = 1e-12;    // of the gap's terms
-constexpr double resolvable = 1e-14;  // of the time
-constexpr double window = 16.0;       // rests of a chatter, of contacts that are completed together
+constexpr double window = 16.0;  // rests of a chatter, of contacts that are completed together
 
 bool law_is_masters(const Model& model) {
   return std::none_of(model.contacts.begin(), model.contacts.end(), [](const Contact& contact) {

@@ -6,6 +6,7 @@
 
 #include "sprag/estimation/innovation.h"
 #include "sprag/estimation/timing_filter.h"
+#include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
@@ -18,9 +19,7 @@ constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 constexpr double insignificant = 1e-10;
 // How much less must be known of gamma than the end of a chatter tells.
 constexpr double remainder_tells = 100.0;
-// The master's: gaps that are less than this share of their terms are closed.
-constexpr double touching = 1e-12;
-// An estimate's gap is not quite the master's.
+// Of what the master takes for a touch: an estimate's gap is not quite the master's.
 constexpr double surely_touching = 2.0;
 // Impulses that differ by more than this share are different decisions.
 constexpr double same_impact = 1e-9;
@@ -413,12 +412,15 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     const Contact& contact = model.contacts[index(closing.contact)];
     const Functional& acceleration = acceleration_[index(closing.contact)];
     auto phi = phi_.head(c);
-    phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
+    const auto see = [&](const Eigen::MatrixXd& S) {
+      phi.noalias() = S.leftCols(c).transpose().lazyProduct(contact.w);
+    };
+    see(now_.S_u);
     const double speed2 = square(closing.gamma) + phi.squaredNorm();
     if (closing.gamma != 0.0) {
       spread_ = std::max(spread_, std::sqrt(speed2) / std::abs(closing.gamma));
     }
-    phi.noalias() = now_.S_q.leftCols(c).transpose().lazyProduct(contact.w);
+    see(now_.S_q);
     const double gap_before = gap(contact, now_.q, t);
     state.terms.include(contact, now_.q, now_.u);
     double noise = square(time_rounding * t) * speed2;
@@ -431,7 +433,7 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
       state.innovation = {t, closing.contact, gap_before, deviation};
     }
     if (closing.epsilon > 0.0 || contact.restitution == 0.0 || model.contacts.size() > 1) continue;
-    phi.noalias() = now_.S_u.leftCols(c).transpose().lazyProduct(contact.w);
+    see(now_.S_u);
     // What is left of a chatter that is completed is always of one sign, and in proportion to an
     // acceleration that may not be known. It is not taken for more than it can say: where gamma is
     // known almost as well already, it says nothing; nor where contacts may have wedged each other.

@@ -14,12 +14,8 @@ namespace {
 // So many events that are no further apart than a few roundings of t are a standstill of time.
 constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;
-// Bounces cannot be told apart that are shorter than this share of the time, and of a chatter's
-// rest.
-constexpr double resolvable = 1e-14;
+// Nor those that are shorter than this share of a chatter's rest.
 constexpr double resolvable_of_chatter = 1e-6;
-// A start closer to contact than this share of the gap's terms is at contact.
-constexpr double touching = 1e-12;
 
 }  // namespace
 

@@ -24,6 +24,11 @@
 
 namespace sprag {
 
+/// A gap below this share of its terms is closed.
+inline constexpr double touching = 1e-12;
+/// Bounces that are shorter than this share of the time cannot be told apart.
+inline constexpr double resolvable = 1e-14;
+
 /// The simulation cannot go on; what() says when and why.
 struct SimulationError : Error {
   using Error::Error;
