@@ -136,8 +136,8 @@ bool TimingFilter::find_published(const TimingState& state) {
   const auto gone = [&](const UnknownTime::Release& of) {
     return !contains(published_.flow->locked(), of.contact);
   };
-  std::span held = std::span(releases).first(released);
-  held = held.first(held.size() - std::ranges::remove_if(held, gone).size());
+  const auto all = releases.begin() + static_cast<std::ptrdiff_t>(released);
+  const std::span held(releases.begin(), std::remove_if(releases.begin(), all, gone));
   if (held.size() > 1) {
     std::ranges::sort(held, std::greater<>(), &UnknownTime::Release::age);
     unknown_time_->add_interplay(held, published_, now_);
