@@ -114,9 +114,11 @@ bool TimingFilter::find_published(const TimingState& state) {
     unheard.quiet_for = std::min(unheard.quiet_for, unknown_time_->unheard_age());
     // What the others do is seen on the flow behind it, if that is certain.
     const Flow* flow = beyond_doubt ? unknown_time_->flow_after(due) : nullptr;
-    // What has closed may be open again. That what has opened is closed again is not looked at: it
-    // leaves so slowly that its gap is long of no sign.
-    if (flow != nullptr && due.kind == UncertainEvent::Kind::sticks) {
+    // What has closed may be open again, once: contacts may throw each other off for ever. That
+    // what has opened is closed again is not looked at: it leaves so slowly that its gap is long of
+    // no sign.
+    const bool closes = flow != nullptr && due.kind == UncertainEvent::Kind::sticks;
+    if (closes && !contains(unheard.closed, due.contact)) {
       unheard.closed |= bit(due.contact);
     } else {
       unheard.done |= bit(due.contact);
