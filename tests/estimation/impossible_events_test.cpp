@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -19,6 +20,8 @@ namespace sprag {
 namespace {
 
 constexpr int machines = 500;
+// Two of its contacts stick and throw each other off, again and again.
+constexpr int throws_off_for_ever = 2687;
 constexpr int files_of_a_machine = 20;
 constexpr double run_end = 2.0;
 
@@ -106,7 +109,10 @@ void expect_numbers(const Scene& scene, std::span<const ContactEvent> events, bo
 
 TYPED_TEST(ImpossibleEventsTest, LeaveNumbersLiveAndOfflineTheSame) {
   constexpr double h = 0.02;
-  for (int machine = 0; machine < repetitions(machines); ++machine) {
+  std::vector<int> drawn(static_cast<std::size_t>(repetitions(machines)));
+  std::iota(drawn.begin(), drawn.end(), 0);
+  drawn.push_back(throws_off_for_ever);
+  for (const int machine : drawn) {
     Random random(7000 + static_cast<std::uint64_t>(machine));
     const Scene scene = random_scene(random);
     const std::unique_ptr<TypeParam> estimator(new TypeParam(scene, h));
