@@ -91,7 +91,7 @@ TEST(TimingFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
     std::bernoulli_distribution is_lost(share);
     int machines = 0, doubted = 0;
     std::int64_t told = 0, wrong = 0;
-    for (int i = 0; i < repetitions(24); ++i) {
+    for (int i = 0; i < 24; ++i) {
       const ImpactingMachine machine = random_impacting_machine(random);
       Scene scene;
       scene.model = machine.model;
