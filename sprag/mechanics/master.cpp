@@ -14,7 +14,7 @@ namespace {
 // So many events that are no further apart than a few roundings of t are a standstill of time.
 constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;
-// Nor those that are shorter than this share of a chatter's rest.
+// Bounces that are shorter than this share of a chatter's rest cannot be told apart either.
 constexpr double resolvable_of_chatter = 1e-6;
 
 }  // namespace

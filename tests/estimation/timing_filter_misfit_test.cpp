@@ -19,6 +19,28 @@
 namespace sprag {
 namespace {
 
+/// Of ticks at which deviations are told: how many, and at how many of them a q is off by more than
+/// five.
+struct Told {
+  std::int64_t ticks = 0, wrong = 0;
+};
+
+/// Runs to tick `last` and counts from tick `first` on. Whether deviations are told at the end.
+template <typename Spoil>
+bool count_told(Pursuit& run, int first, int last, const Spoil& spoil, Told& told) {
+  const Eigen::Index f = run.truth.q.size();
+  Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(run.scene_.model.contacts.size());
+  for (int k = 1; k <= last; ++k) {
+    run.tick(spoil);
+    run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
+    if (k < first || !sigma_q.allFinite()) continue;
+    ++told.ticks;
+    const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
+    if ((off > 5.0 * sigma_q.array()).any()) ++told.wrong;
+  }
+  return sigma_q.allFinite();
+}
+
 // The start is off by more than the scene admits. What then cannot be ends what is known, and the
 // filter finds the state from the events behind it.
 TEST(TimingFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
@@ -45,7 +67,7 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
     std::mt19937_64 engine(1);
     std::normal_distribution<double> normal;
     int machines = 0, found = 0;
-    std::int64_t told = 0, wrong = 0;
+    Told told;
     for (int i = 0; i < repetitions(24); ++i) {
       const ImpactingMachine machine = random_impacting_machine(random);
       Scene scene;
@@ -56,26 +78,19 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
       scene.replica.u += 0.3 * random.vector(f);
       const Eigen::MatrixXd deviation = 1e-6 * Eigen::MatrixXd::Identity(f, f);
       Pursuit run(scene, h, {deviation, deviation, jitter, {}, {}});
-      Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
-      for (int k = 1; k <= 20000; ++k) {
-        run.tick([&](std::vector<ContactEvent>& events) {
-          for (ContactEvent& event : events) event.t += jitter * normal(engine);
-        });
-        run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
-        if (k < 10000 || !sigma_q.allFinite()) continue;
-        ++told;
-        const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
-        if ((off > 5.0 * sigma_q.array()).any()) ++wrong;
-      }
+      const auto jitters = [&](std::vector<ContactEvent>& events) {
+        for (ContactEvent& event : events) event.t += jitter * normal(engine);
+      };
+      const bool is_known = count_told(run, 10000, 20000, jitters, told);
       if (run.impacts < 100 || run.state.misfits + run.state.silences == 0) continue;
       ++machines;
-      if (sigma_q.allFinite()) ++found;
+      if (is_known) ++found;
     }
     std::cout << "seed 1, jitter " << jitter << ": " << found << " of " << machines << " found, "
-              << wrong << " of " << told << " ticks beyond 5 sigma\n";
+              << told.wrong << " of " << told.ticks << " ticks beyond 5 sigma\n";
     EXPECT_GT(machines, 0);
     EXPECT_EQ(found, machines);
-    EXPECT_LT(wrong, told / 100 + 1);
+    EXPECT_LT(told.wrong, told.ticks / 100 + 1);
   }
 }
 
@@ -90,7 +105,7 @@ TEST(TimingFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
     std::mt19937_64 engine(2);
     std::bernoulli_distribution is_lost(share);
     int machines = 0, doubted = 0;
-    std::int64_t told = 0, wrong = 0;
+    Told told;
     for (int i = 0; i < 24; ++i) {
       const ImpactingMachine machine = random_impacting_machine(random);
       Scene scene;
@@ -112,29 +127,22 @@ TEST(TimingFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
       scene.replica.u = scene.master.u + 0.3 * random.vector(f);
       const Eigen::MatrixXd deviation = 0.3 * Eigen::MatrixXd::Identity(f, f);
       Pursuit run(scene, h, {deviation, deviation, 0.0, {}, {}});
-      Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
-      for (int k = 1; k <= 6000; ++k) {
-        run.tick([&](std::vector<ContactEvent>& events) {
-          std::erase_if(events, [&](const ContactEvent& event) {
-            return event.kind == ContactEventKind::pulse && is_lost(engine);
-          });
+      const auto loses = [&](std::vector<ContactEvent>& events) {
+        std::erase_if(events, [&](const ContactEvent& event) {
+          return event.kind == ContactEventKind::pulse && is_lost(engine);
         });
-        run.filter.deviations(run.state, sigma_q, sigma_u, sigma_g);
-        if (k < 3000 || !sigma_q.allFinite()) continue;
-        ++told;
-        const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
-        if ((off > 5.0 * sigma_q.array()).any()) ++wrong;
-      }
+      };
+      count_told(run, 3000, 6000, loses, told);
       if (run.impacts < 100) continue;
       ++machines;
       if (run.state.misfits + run.state.silences > 0) ++doubted;
     }
     std::cout << "seed 2, " << share << " lost: " << doubted << " of " << machines << " doubted, "
-              << wrong << " of " << told << " ticks beyond 5 sigma\n";
+              << told.wrong << " of " << told.ticks << " ticks beyond 5 sigma\n";
     EXPECT_GT(machines, 0);
     EXPECT_EQ(doubted > 0, share > 0.0);
     // It takes an event to find out.
-    EXPECT_LE(wrong, share > 0.0 ? told / 40 : 0);
+    EXPECT_LE(told.wrong, share > 0.0 ? told.ticks / 40 : 0);
   }
 }
 
