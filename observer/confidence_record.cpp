@@ -141,8 +141,13 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
     out << (confidence.parameters.any() ? "the joint" : "the timing") << " filter does not fit, "
         << advice(last.suspicion) << ' ';
   }
-  out << (confidence.has_replica ? "The estimate is the replica's.\n"
-                                 : "Sigma is infinite until events have fitted again.\n");
+  if (confidence.has_replica) {
+    out << "The estimate is the replica's.\n";
+  } else if (confidence.scale_is_lost) {
+    out << "Sigma is infinite from here on: no event tells the scale of this machine's motion.\n";
+  } else {
+    out << "Sigma is infinite until events have fitted again.\n";
+  }
 }
 
 void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {

@@ -71,6 +71,7 @@ struct Confidence {
   Innovation replica, filter;        ///< of the same closing
   std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
   Inconsistency last;
+  bool scale_is_lost = false;  ///< a filter alone is never sure again: no event tells it
   std::int64_t forgotten = 0;  ///< covariances that were gone when the filter went on from them
   bool remembered = true;      ///< false: this one is gone, and the deviations begin at the start's
   Redundancy redundancy;

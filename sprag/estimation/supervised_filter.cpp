@@ -12,7 +12,7 @@ namespace {
 // Of all that can be off: a filter that expects more of its error has lost more than it has learnt.
 constexpr double most_energy = 1.2;
 // Of the variances of a start that was too sure.
-constexpr double least_widening = 16.0;
+constexpr double least_widening = start_widening * start_widening;
 
 // Shares of a flight's duration, and of the machine's displacements, that are no matter of event
 // times or of a model that is slightly wrong.

@@ -341,6 +341,7 @@ void TimingFilter::note(const TimingState& state, Confidence& confidence) const 
   confidence.filter = state.innovation;
   confidence.inconsistencies = state.silences + state.misfits;
   confidence.last = state.last;
+  confidence.scale_is_lost = is_homogeneous_ && (state.unknown || !state.trusted);
   confidence.redundancy = state.redundancy;
   confidence.refused_impacts = state.refused_impacts;
 }

@@ -59,6 +59,9 @@
 
 namespace sprag {
 
+/// How many times the deviations of a start that was too sure the next start has.
+inline constexpr double start_widening = 4.0;
+
 /// How the innovations of a filter fit what it holds possible: squares over their variances, which
 /// are 1 in the mean where model, events and uncertainty are right.
 struct Consistency {

@@ -13,9 +13,8 @@ namespace {
 // A restart takes this multiple of the squares by which two estimates differ, and not nothing.
 constexpr double reserve = 4.0;
 constexpr double least_share = 1e-12;
-// How many times the deviations of a start the next one has, where one of so many events behind it
-// did not fit: those that come at once. Of what comes later the start is not at fault.
-constexpr double widening = 4.0;
+// A start was too sure where one of so many events behind it did not fit. Of what comes later it is
+// not at fault.
 constexpr std::int64_t at_once = 2;
 
 }  // namespace
@@ -108,7 +107,7 @@ void TimingFilter::forget(TimingState& state) {
 // less, as long as its deviations are below what the machine moves by from one end to the other.
 void TimingFilter::widen_start(TimingState& state) const {
   if (state.consistency.count > at_once) {
-    state.widened = std::max(state.widened / widening, 1.0);
+    state.widened = std::max(state.widened / start_widening, 1.0);
     return;
   }
   const auto is_narrow = [&](const Eigen::VectorXd& told, double terms) {
@@ -116,7 +115,7 @@ void TimingFilter::widen_start(TimingState& state) const {
         told, [&](double sigma) { return 0.0 < sigma && state.widened * sigma < 2.0 * terms; });
   };
   if (is_narrow(start_gaps_, state.terms.length) || is_narrow(start_speeds_, state.terms.speed)) {
-    state.widened *= widening;
+    state.widened *= start_widening;
   }
 }
 

@@ -102,6 +102,17 @@ TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
             std::string::npos);
 }
 
+// Of a machine that nothing moves but its own state no event tells the scale again.
+TEST(ConfidenceRecord, TellsThatTheScaleIsLostForGood) {
+  Scene scene = cached_scene("paper_beam.toml");
+  scene.model.forces.clear();
+  scene.model.contacts[0].motion = {};
+  const Said said = said_of<TimingFilter>(scene, missing_event(scene, 100.0).events, 100.0);
+  EXPECT_GE(said.report["confidence"]["inconsistencies"], 1) << said.lines;
+  EXPECT_NE(said.lines.find("Sigma is infinite from here on: "), std::string::npos) << said.lines;
+  EXPECT_EQ(said.lines.find("have fitted again"), std::string::npos) << said.lines;
+}
+
 // JSON has no infinity.
 TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
   const Scene& scene = cached_scene("paper_beam.toml");
