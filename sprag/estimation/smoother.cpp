@@ -388,26 +388,28 @@ void Smoother::at(Instant t, Estimate& estimate) {
   const double largest_w = flows_->dynamics().W().cwiseAbs().maxCoeff();
   estimate.q = x.head(f);
   estimate.u = x.tail(f);
+  // A machine that was never hit has no terms but these.
+  const double length = std::max(terms_.length / largest_w, estimate.q.cwiseAbs().maxCoeff());
+  const double speed = std::max(terms_.speed / largest_w, estimate.u.cwiseAbs().maxCoeff());
   estimate.sigma_q.resize(f);
   estimate.sigma_u.resize(f);
   for (Eigen::Index i = 0; i < f; ++i) {
-    estimate.sigma_q[i] = deviation(S.row(i), terms_.length / largest_w);
-    estimate.sigma_u[i] = deviation(S.row(f + i), terms_.speed / largest_w);
+    estimate.sigma_q[i] = deviation(S.row(i), length);
+    estimate.sigma_u[i] = deviation(S.row(f + i), speed);
   }
   const std::vector<Contact>& contacts = scene_->model.contacts;
   estimate.sigma_gap.resize(static_cast<Eigen::Index>(contacts.size()));
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     estimate.sigma_gap[static_cast<Eigen::Index>(i)] =
-        deviation(contacts[i].w.transpose() * S.topRows(f), terms_.length);
+        deviation(contacts[i].w.transpose() * S.topRows(f), length * largest_w);
   }
   const std::vector<Output>& outputs = scene_->model.outputs;
   estimate.sigma_outputs.resize(std::ssize(outputs));
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const Output& of = outputs[i];
-    const double largest = of.velocity ? terms_.speed : terms_.length;
     estimate.sigma_outputs[static_cast<Eigen::Index>(i)] =
         deviation(of.direction.transpose() * S.middleRows(of.velocity ? f : 0, f),
-                  largest / largest_w * of.direction.norm());
+                  (of.velocity ? speed : length) * of.direction.norm());
   }
   // What may be over already, or not yet.
   const auto mix = [&](const Impact& impact, double sign) {

@@ -285,6 +285,12 @@ class TimingFilter {
   void add_time_rounding(double share, const TimingState& state);
   void add_unknown(const Eigen::VectorXd& on_u);
 
+  // What roundings of the mean leave unknown of each q and u.
+  struct Rounding {
+    double q, u;
+  };
+  Rounding rounding_of(const TimingState& state);
+
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
   bool find_published(const TimingState& state);
@@ -330,7 +336,7 @@ class TimingFilter {
   BeliefColumns columns_;
   ActiveImpact impact_;
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
-  Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
+  Eigen::VectorXd share_, off_q_, off_u_;
   std::vector<Closing> closings_;
   double spread_ = 1.0;  // of the gap velocities before impacts: what they may be over their means
   Eigen::VectorXd phi_;  // what a measurement sees of each column

@@ -18,10 +18,11 @@ struct Uncertainty {
 };
 
 /// As a scene says: the energies of its [replica] uncertainty, half of each in q and half in u, its
-/// [replica] drift likewise, and its [events] jitter. Without the first the energy 1, in the
-/// scene's unit, is shared by all. Rigid motions, which have no energy of position, get the scene's
-/// largest length. Or the standard deviations that it gives in place of the first. A scene whose
-/// master may start inside a support is told by its penetration = "release".
+/// [replica] drift likewise, and its [events] jitter. Without the first each mode gets the
+/// energy_scale() of the model and the replica's start; 1, in the scene's unit, where that is 0.
+/// Rigid motions, which have no energy of position, get the scene's length_scale(). Or the standard
+/// deviations that it gives in place of the first. A scene whose master may start inside a support
+/// is told by its penetration = "release".
 Uncertainty uncertainty_of(const Scene& scene);
 
 }  // namespace sprag

@@ -22,6 +22,15 @@ inline double power_of_two_above(double x) {
 /// positive definite.
 double time_scale(const Model& model, const State& start);
 
+/// The longest of the coordinates of a start, the clearances and the amplitudes of supports; 1, in
+/// the scene's unit, where all are 0.
+double length_scale(const Model& model, const State& start);
+
+/// An energy that the machine's motion may have, by what is known without running it: that of
+/// `start`, of what its forces deflect it by, at a resonance as if 1 % of critical damping were the
+/// least, of what moves with its supports, and of the way to them. 0 where all of this is.
+double energy_scale(const Model& model, const State& start);
+
 /// Makes the model's chatter_time 1e-8 time_scale(); where nothing moves nothing chatters, and it
 /// stays.
 void set_chatter_time(Model& model, const State& start);

@@ -110,10 +110,7 @@ void expect_same(const Run& a, const Run& b) {
 }
 
 // Returns the number of events.
-std::size_t check(Scene scene, double T) {
-  if (scene.uncertainty.size() == 0) {
-    scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 0.5);
-  }
+std::size_t check(const Scene& scene, double T) {
   const Run master = run_master(scene, T, {});
   const Run replica = run_stepper<Replica>(scene, master.events, T, {});
   const Run filter = run_stepper<TimingFilter>(scene, master.events, T, {});
