@@ -201,8 +201,8 @@ namespace {
 
 constexpr int first_steps = 25;
 
-bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b) {
-  constexpr double apart = 0.01;
+// `apart`: in coordinates of the unknowns.
+bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b, double apart) {
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const Unknown& unknown = family.unknowns()[k];
     const auto i = static_cast<Eigen::Index>(k);
@@ -269,7 +269,8 @@ void add_starts_along(const MachineFamily& family, Projection& projection, const
   }
 }
 
-// The best places of the grid, each refined, the best first; as a last resort others as well.
+// The best places of the grid, each refined, the best first, and none twice; as a last resort
+// others as well.
 std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
                                     const Stretches& window, double refinement,
                                     bool last_resort = false) {
@@ -285,7 +286,15 @@ std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& pro
   }
   std::stable_sort(starts.begin(), starts.end(),
                    [](const PathFit& a, const PathFit& b) { return a.score() < b.score(); });
-  return starts;
+  constexpr double apart = 1e-3;
+  std::vector<PathFit> places;
+  for (PathFit& start : starts) {
+    const bool is_new = std::none_of(places.begin(), places.end(), [&](const PathFit& place) {
+      return same_place(family, start, place, apart);
+    });
+    if (is_new) places.push_back(std::move(start));
+  }
+  return places;
 }
 
 }  // namespace
@@ -300,6 +309,7 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
                     const SearchSettings& settings) {
   constexpr std::size_t followed = 3;  // of the refined places
   constexpr double most_inside = 0.1;  // of the impacts
+  constexpr double apart = 0.01;       // another minimum than the best
   Projection projection(family);
   const std::size_t total = count(stretches);
   const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
@@ -324,22 +334,32 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
                                       [&](const Window& window) { return window.first == first; });
     if (first + n <= total && !is_there) windows.push_back({first, n, 1.0});
   }
+  // As a last resort, also where a transient may be: an orbit alone may be that of several
+  // machines.
+  const std::size_t usual = windows.size();
   const std::size_t wide = std::min(total, n * 7 / 5);
-  windows.push_back({std::min(longest, total - wide), wide, 0.5});
-  for (Window& window : windows) {
+  const std::size_t at_longest = std::min(longest, total - wide);
+  windows.push_back({at_longest, wide, 0.5});
+  if (at_longest != 0) windows.push_back({0, wide, 0.5});
+  for (std::size_t w = 0; w < windows.size(); ++w) {
+    Window& window = windows[w];
+    const bool last_resort = w >= usual;
     window.size = with_all_contacts(family, stretches, window.first, window.size);
     Stretches first = part(stretches, window.first, window.size);
     std::erase_if(first, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
     if (first.empty()) continue;
     const std::vector<PathFit> starts =
-        refined_starts(family, projection, first, window.refinement, &window == &windows.back());
+        refined_starts(family, projection, first, window.refinement, last_resort);
     for (std::size_t i = 0; i < starts.size(); ++i) {
       const bool found = is_good(best);
       // Another minimum as deep as the one that was found shows on few impacts already.
-      if (found ? starts[i].score() > settings.good : i >= followed) continue;
+      const bool promises = starts[i].score() <= settings.good;
+      if (found ? !promises : i >= followed && !(last_resort && promises)) continue;
       PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
       if (found) {
-        const auto same = [&](const PathFit& other) { return same_place(family, fit, other); };
+        const auto same = [&](const PathFit& other) {
+          return same_place(family, fit, other, apart);
+        };
         if (is_good(fit) && !same(best) &&
             std::none_of(result.others.begin(), result.others.end(), same)) {
           result.others.push_back(std::move(fit));
