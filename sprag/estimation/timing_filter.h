@@ -243,9 +243,7 @@ class TimingFilter {
   double energy_of_error() const;
   double energy_of_motion() const { return energy(now_.q, now_.u) + energy_of_error(); }
   void go_on(TimingState& state);
-  bool is_known(const TimingState& state) const {
-    return state.trusted && !state.unknown && state.inside == 0 && !scale_is_open();
-  }
+  bool is_known(const TimingState& state);
   void judge(std::span<const ContactEvent> events, std::int64_t measured, TimingState& state) const;
   ContactSet closed(const TimingState& state) const {
     return (state.chi ^ state.thrown) & ~state.inside;
@@ -312,6 +310,7 @@ class TimingFilter {
   bool would_stick(int contact, const Motion& motion);
   double exact_margin(int contact, const Motion& motion, const TimingState& state);
   void listen(Instant t, TimingState& state);
+  bool is_suspect(const Motion& motion, const TimingState& state) const;
   Inconsistency overdue(const TimingState& state, Instant t);
 
   std::shared_ptr<Flows> flows_;

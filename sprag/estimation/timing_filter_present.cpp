@@ -267,19 +267,31 @@ void TimingFilter::listen(Instant t, TimingState& state) {
   }
 }
 
+// Whether a gap, or the force of what is held, is below zero.
+bool TimingFilter::is_suspect(const Motion& motion, const TimingState& state) const {
+  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
+    const bool held = contains(motion.flow->locked(), i);
+    if (contains(state.inside, i) || (contains(closed(state), i) && !held)) continue;
+    const Signal& margin = held ? motion.flow->force(i) : motion.flow->gap(i);
+    if (value(margin, motion) < 0.0) return true;
+  }
+  return false;
+}
+
+// At the present tick. Between the looks at silence, which do not depend on the ticks, that may
+// have gone on for too long already.
+bool TimingFilter::is_known(const TimingState& state) {
+  if (!state.trusted || state.unknown || state.inside != 0 || scale_is_open()) return false;
+  return !is_suspect(state.motion, state) ||
+         !(overdue(state, tick_instant(state.tick, h_)).square > most_square);
+}
+
 // How unlikely it is that nothing has been reported by t.
 Inconsistency TimingFilter::overdue(const TimingState& state, Instant t) {
   const Covariance& from = slot(state.instants);
   if (from.instants != state.instants) return {};
   from.mean.flow->propagate(from.mean, t, sample_);
-  bool suspect = false;
-  for (int i = 0; i < flows_->dynamics().contacts(); ++i) {
-    const bool held = contains(sample_.flow->locked(), i);
-    if (contains(state.inside, i) || (contains(closed(state), i) && !held)) continue;
-    const Signal& margin = held ? sample_.flow->force(i) : sample_.flow->gap(i);
-    suspect = suspect || value(margin, sample_) < 0.0;
-  }
-  if (!suspect) return {};
+  if (!is_suspect(sample_, state)) return {};
   // The mean goes on from behind what was reported, even where that is still to come.
   const ContactSet recently = recently_reported(state, t);
   ContactSet unsettled = recently;
