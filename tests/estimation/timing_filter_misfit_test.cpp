@@ -26,6 +26,18 @@ struct Told {
   std::int64_t ticks = 0, wrong = 0;
 };
 
+/// A drawn machine, and a start of the estimate that is off its own.
+Scene drawn_scene(Random& random) {
+  const ImpactingMachine machine = random_impacting_machine(random);
+  Scene scene;
+  scene.model = machine.model;
+  scene.master = scene.replica = machine.start;
+  const Eigen::Index f = scene.model.coordinates();
+  scene.replica.q += 0.3 * random.vector(f);
+  scene.replica.u += 0.3 * random.vector(f);
+  return scene;
+}
+
 /// Runs to tick `last` and counts from tick `first` on. Whether deviations are told at the end.
 template <typename Spoil>
 bool count_told(Pursuit& run, int first, int last, const Spoil& spoil, Told& told) {
@@ -71,13 +83,8 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
     int machines = 0, found = 0;
     Told told;
     for (int i = 0; i < repetitions(24); ++i) {
-      const ImpactingMachine machine = random_impacting_machine(random);
-      Scene scene;
-      scene.model = machine.model;
-      scene.master = scene.replica = machine.start;
+      Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
-      scene.replica.q += 0.3 * random.vector(f);
-      scene.replica.u += 0.3 * random.vector(f);
       const Eigen::MatrixXd deviation = 1e-6 * Eigen::MatrixXd::Identity(f, f);
       Pursuit run(scene, h, {deviation, deviation, jitter, {}, {}});
       const auto jitters = [&](std::vector<ContactEvent>& events) {
@@ -104,14 +111,7 @@ TEST(TimingFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
   int machines = 0, doubted = 0;
   Told told;
   for (int i = 0; i < repetitions(40); ++i) {
-    const ImpactingMachine machine = random_impacting_machine(random);
-    Scene scene;
-    scene.model = machine.model;
-    scene.master = scene.replica = machine.start;
-    const Eigen::Index f = scene.model.coordinates();
-    scene.replica.q += 0.3 * random.vector(f);
-    scene.replica.u += 0.3 * random.vector(f);
-    scene = in_units(units, scene);
+    const Scene scene = in_units(units, drawn_scene(random));
     Pursuit run(scene, 0.01, uncertainty_of(scene));
     count_told(
         run, 1, 4000, [](auto&) {}, told);
@@ -139,13 +139,7 @@ TEST(TimingFilter, IsNotSureOfAStateInsideASupport) {
     ball.replica = {Eigen::VectorXd::Constant(1, 0.8), Eigen::VectorXd::Zero(1)};
   }
   Random random(4);
-  while (scenes.size() < 24) {
-    const ImpactingMachine machine = random_impacting_machine(random);
-    Scene& scene = scenes.emplace_back();
-    scene.model = machine.model;
-    scene.master = scene.replica = machine.start;
-    scene.replica.q += 0.1 * random.vector(scene.model.coordinates());
-  }
+  while (scenes.size() < 24) scenes.push_back(drawn_scene(random));
   std::int64_t ticks = 0, inside = 0, wrong = 0;
   for (const Scene& scene : scenes) {
     Pursuit run(scene, 0.01, uncertainty_of(scene));
