@@ -67,6 +67,12 @@ void Terms::include(const Contact& contact, const Eigen::VectorXd& q, const Eige
   speed = std::max(speed, of_gap_velocity);
 }
 
+Terms Terms::of_coordinates(const Eigen::VectorXd& q, const Eigen::VectorXd& u,
+                            double largest_w) const {
+  return {std::max(length / largest_w, q.cwiseAbs().maxCoeff()),
+          std::max(speed / largest_w, u.cwiseAbs().maxCoeff())};
+}
+
 double largest_terms(const Signal& signal, const Motion& motion) {
   return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
          (signal.r * motion.x.v).abs().sum();

@@ -96,6 +96,9 @@ struct Terms {
   double length = 0.0, speed = 0.0;
 
   void include(const Contact& contact, const Eigen::VectorXd& q, const Eigen::VectorXd& u);
+  /// Of each coordinate at q, u, where the contacts' directions have entries up to `largest_w`: a
+  /// machine that was not hit yet has no terms but these.
+  Terms of_coordinates(const Eigen::VectorXd& q, const Eigen::VectorXd& u, double largest_w) const;
 };
 
 /// Sum of the absolute terms of a signal.

@@ -388,20 +388,18 @@ void Smoother::at(Instant t, Estimate& estimate) {
   const double largest_w = flows_->dynamics().W().cwiseAbs().maxCoeff();
   estimate.q = x.head(f);
   estimate.u = x.tail(f);
-  // A machine that was never hit has no terms but these.
-  const double length = std::max(terms_.length / largest_w, estimate.q.cwiseAbs().maxCoeff());
-  const double speed = std::max(terms_.speed / largest_w, estimate.u.cwiseAbs().maxCoeff());
+  const Terms terms = terms_.of_coordinates(estimate.q, estimate.u, largest_w);
   estimate.sigma_q.resize(f);
   estimate.sigma_u.resize(f);
   for (Eigen::Index i = 0; i < f; ++i) {
-    estimate.sigma_q[i] = deviation(S.row(i), length);
-    estimate.sigma_u[i] = deviation(S.row(f + i), speed);
+    estimate.sigma_q[i] = deviation(S.row(i), terms.length);
+    estimate.sigma_u[i] = deviation(S.row(f + i), terms.speed);
   }
   const std::vector<Contact>& contacts = scene_->model.contacts;
   estimate.sigma_gap.resize(static_cast<Eigen::Index>(contacts.size()));
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     estimate.sigma_gap[static_cast<Eigen::Index>(i)] =
-        deviation(contacts[i].w.transpose() * S.topRows(f), length * largest_w);
+        deviation(contacts[i].w.transpose() * S.topRows(f), terms.length * largest_w);
   }
   const std::vector<Output>& outputs = scene_->model.outputs;
   estimate.sigma_outputs.resize(std::ssize(outputs));
@@ -409,7 +407,7 @@ void Smoother::at(Instant t, Estimate& estimate) {
     const Output& of = outputs[i];
     estimate.sigma_outputs[static_cast<Eigen::Index>(i)] =
         deviation(of.direction.transpose() * S.middleRows(of.velocity ? f : 0, f),
-                  (of.velocity ? speed : length) * of.direction.norm());
+                  (of.velocity ? terms.speed : terms.length) * of.direction.norm());
   }
   // What may be over already, or not yet.
   const auto mix = [&](const Impact& impact, double sign) {

@@ -232,12 +232,10 @@ void TimingFilter::load(const Covariance& from, Instant t) {
   if (tau > 0.0) add_drift(uncertainty_, tau, now_);
 }
 
-TimingFilter::Rounding TimingFilter::rounding_of(const TimingState& state) {
-  // A machine that was not hit yet has no terms but these.
-  state.motion.flow->state(state.motion, off_q_, off_u_);
-  const double length = std::max(state.terms.length / largest_w_, off_q_.cwiseAbs().maxCoeff());
-  const double speed = std::max(state.terms.speed / largest_w_, off_u_.cwiseAbs().maxCoeff());
-  return {measurement_rounding * length, measurement_rounding * speed};
+// Of each coordinate.
+Terms TimingFilter::terms_of_mean(const TimingState& state) {
+  state.motion.flow->state(state.motion, on_flow_, u_before_);
+  return state.terms.of_coordinates(on_flow_, u_before_, largest_w_);
 }
 
 void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -250,14 +248,15 @@ void TimingFilter::deviations(const TimingState& state, Eigen::Ref<Eigen::Vector
   }
   if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
   const Eigen::Index c = now_.columns;
-  const Rounding rounding = rounding_of(state);
+  const Terms terms = terms_of_mean(state);
   for (Eigen::Index i = 0; i < f(); ++i) {
-    q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), rounding.q);
-    u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), rounding.u);
+    q[i] = std::hypot(now_.S_q.row(i).head(c).norm(), measurement_rounding * terms.length);
+    u[i] = std::hypot(now_.S_u.row(i).head(c).norm(), measurement_rounding * terms.speed);
   }
   multiply(Wt_, now_.S_q.leftCols(c), seen_of_gaps_.leftCols(c));
   for (Eigen::Index i = 0; i < gap.size(); ++i) {
-    gap[i] = std::hypot(seen_of_gaps_.row(i).head(c).norm(), rounding.q * largest_w_);
+    gap[i] = std::hypot(seen_of_gaps_.row(i).head(c).norm(),
+                        measurement_rounding * terms.length * largest_w_);
   }
 }
 
@@ -269,12 +268,13 @@ void TimingFilter::output_deviations(const TimingState& state,
     return;
   }
   if (!unknown_time_ || !publish(state)) load(state, tick_instant(state.tick, h_));
-  const Rounding rounding = rounding_of(state);
+  const Terms terms = terms_of_mean(state);
   const std::vector<Output>& wanted = flows_->dynamics().model().outputs;
   for (Eigen::Index k = 0; k < outputs.size(); ++k) {
     const Output& of = wanted[static_cast<std::size_t>(k)];
     const Eigen::MatrixXd& S = of.velocity ? now_.S_u : now_.S_q;
-    double variance = square(of.velocity ? rounding.u : rounding.q) * of.direction.squaredNorm();
+    double variance = square(measurement_rounding * (of.velocity ? terms.speed : terms.length)) *
+                      of.direction.squaredNorm();
     for (Eigen::Index j = 0; j < now_.columns; ++j) variance += square(of.direction.dot(S.col(j)));
     outputs[k] = std::sqrt(variance);
   }
@@ -310,9 +310,9 @@ bool TimingFilter::belief(const TimingState& state, double ahead, Belief& belief
   belief.S_q.leftCols(known) = now_.S_q.leftCols(known);
   belief.S_u.leftCols(known) = now_.S_u.leftCols(known);
   if (ahead > 0.0) add_drift(uncertainty_, ahead, belief);
-  const Rounding rounding = rounding_of(state);
-  belief.S_q.col(belief.columns++).setConstant(rounding.q);
-  belief.S_u.col(belief.columns++).setConstant(rounding.u);
+  const Terms terms = terms_of_mean(state);
+  belief.S_q.col(belief.columns++).setConstant(measurement_rounding * terms.length);
+  belief.S_u.col(belief.columns++).setConstant(measurement_rounding * terms.speed);
   return is_sane(belief);
 }
 

@@ -283,11 +283,7 @@ class TimingFilter {
   void add_time_rounding(double share, const TimingState& state);
   void add_unknown(const Eigen::VectorXd& on_u);
 
-  // What roundings of the mean leave unknown of each q and u.
-  struct Rounding {
-    double q, u;
-  };
-  Rounding rounding_of(const TimingState& state);
+  Terms terms_of_mean(const TimingState& state);
 
   // What is said of the present, and what does not come.
   bool publish(const TimingState& state);
@@ -311,6 +307,7 @@ class TimingFilter {
   double exact_margin(int contact, const Motion& motion, const TimingState& state);
   void listen(Instant t, TimingState& state);
   bool is_suspect(const Motion& motion, const TimingState& state) const;
+  bool is_overdue(const TimingState& state);
   Inconsistency overdue(const TimingState& state, Instant t);
 
   std::shared_ptr<Flows> flows_;
@@ -335,18 +332,19 @@ class TimingFilter {
   BeliefColumns columns_;
   ActiveImpact impact_;
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
-  Eigen::VectorXd share_, off_q_, off_u_;
+  Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
   double spread_ = 1.0;  // of the gap velocities before impacts: what they may be over their means
   Eigen::VectorXd phi_;  // what a measurement sees of each column
   Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_, stuck_, hit_;
-  // Of which state `now_` is what is published, and whether it is more than the mean alone.
+  // Of which state `now_` is what is published, whether it is more than the mean alone, and whether
+  // an event had to have come by then.
   struct Published {
     const TimingState* state = nullptr;
     std::int64_t tick = 0, instants = 0;
-    bool near = false;
+    bool near = false, overdue = false;
   } last_published_;
 };
 

@@ -80,14 +80,16 @@ bool TimingFilter::take_so_far(const TimingState& state, Instant t, ContactSet& 
 // Around an event that jitters: the expectation over what may have happened by the present tick,
 // in `now_`. False where there is nothing of the kind.
 bool TimingFilter::publish(const TimingState& state) {
-  const Published wanted{&state, state.tick, state.instants, false};
+  const Published wanted{&state, state.tick, state.instants};
   const Published& last = last_published_;
   // Mean and deviations are asked for one after the other. Whatever changes a state loads another
   // covariance.
   if (wanted.state != last.state || wanted.tick != last.tick || wanted.instants != last.instants) {
+    const bool overdue = is_overdue(state);
     const bool near = find_published(state);
     last_published_ = wanted;
     last_published_.near = near;
+    last_published_.overdue = overdue;
   }
   return last_published_.near;
 }
@@ -278,12 +280,19 @@ bool TimingFilter::is_suspect(const Motion& motion, const TimingState& state) co
   return false;
 }
 
-// At the present tick. Between the looks at silence, which do not depend on the ticks, that may
-// have gone on for too long already.
+// Between the looks at silence, which do not depend on the ticks, that may have gone on for too
+// long at the present tick already.
+bool TimingFilter::is_overdue(const TimingState& state) {
+  return is_suspect(state.motion, state) &&
+         overdue(state, tick_instant(state.tick, h_)).square > most_square;
+}
+
+// At the present tick.
 bool TimingFilter::is_known(const TimingState& state) {
   if (!state.trusted || state.unknown || state.inside != 0 || scale_is_open()) return false;
-  return !is_suspect(state.motion, state) ||
-         !(overdue(state, tick_instant(state.tick, h_)).square > most_square);
+  if (!unknown_time_) return !is_overdue(state);
+  publish(state);
+  return !last_published_.overdue;
 }
 
 // How unlikely it is that nothing has been reported by t.

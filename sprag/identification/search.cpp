@@ -200,6 +200,7 @@ std::size_t least_window(const MachineFamily& family, const Projection& projecti
 namespace {
 
 constexpr int first_steps = 25;
+constexpr double finer = 0.5;  // the grid of a last resort, in usual steps
 
 // `apart`: in coordinates of the unknowns.
 bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b, double apart) {
@@ -272,11 +273,10 @@ void add_starts_along(const MachineFamily& family, Projection& projection, const
 // The best places of the grid, each refined, the best first, and none twice; as a last resort
 // others as well.
 std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
-                                    const Stretches& window, double refinement,
-                                    bool last_resort = false) {
+                                    const Stretches& window, bool last_resort) {
   projection.take(window);
   const std::vector<Axis> axes =
-      axes_of(family, duration_of(window), usual_interval(window), refinement);
+      axes_of(family, duration_of(window), usual_interval(window), last_resort ? finer : 1.0);
   std::vector<PathFit> starts;
   for (const Point& point : best_of_grid(family, projection, axes)) {
     starts.push_back(projection.refine(point.fit, first_steps));
@@ -301,7 +301,7 @@ std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& pro
 
 PathFit search_window(const MachineFamily& family, const Stretches& window) {
   Projection projection(family);
-  std::vector<PathFit> starts = refined_starts(family, projection, window, 1.0);
+  std::vector<PathFit> starts = refined_starts(family, projection, window, false);
   return starts.empty() ? PathFit{} : std::move(starts.front());
 }
 
@@ -323,7 +323,7 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
   };
   struct Window {
     std::size_t first, size;
-    double refinement;
+    bool last_resort;
   };
   std::vector<Window> windows;
   // A long stretch tells more with fewer unknowns of its own.
@@ -332,29 +332,26 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
                                   longest + 3 * n, std::size_t{0}, n / 2}) {
     const bool is_there = std::any_of(windows.begin(), windows.end(),
                                       [&](const Window& window) { return window.first == first; });
-    if (first + n <= total && !is_there) windows.push_back({first, n, 1.0});
+    if (first + n <= total && !is_there) windows.push_back({first, n, false});
   }
   // As a last resort, also where a transient may be: an orbit alone may be that of several
   // machines.
-  const std::size_t usual = windows.size();
   const std::size_t wide = std::min(total, n * 7 / 5);
   const std::size_t at_longest = std::min(longest, total - wide);
-  windows.push_back({at_longest, wide, 0.5});
-  if (at_longest != 0) windows.push_back({0, wide, 0.5});
-  for (std::size_t w = 0; w < windows.size(); ++w) {
-    Window& window = windows[w];
-    const bool last_resort = w >= usual;
+  windows.push_back({at_longest, wide, true});
+  if (at_longest != 0) windows.push_back({0, wide, true});
+  for (Window& window : windows) {
     window.size = with_all_contacts(family, stretches, window.first, window.size);
     Stretches first = part(stretches, window.first, window.size);
     std::erase_if(first, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
     if (first.empty()) continue;
     const std::vector<PathFit> starts =
-        refined_starts(family, projection, first, window.refinement, last_resort);
+        refined_starts(family, projection, first, window.last_resort);
     for (std::size_t i = 0; i < starts.size(); ++i) {
       const bool found = is_good(best);
       // Another minimum as deep as the one that was found shows on few impacts already.
       const bool promises = starts[i].score() <= settings.good;
-      if (found ? !promises : i >= followed && !(last_resort && promises)) continue;
+      if (found ? !promises : i >= followed && !(window.last_resort && promises)) continue;
       PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
       if (found) {
         const auto same = [&](const PathFit& other) {

@@ -83,7 +83,7 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
     int machines = 0, found = 0;
     Told told;
     for (int i = 0; i < repetitions(24); ++i) {
-      Scene scene = drawn_scene(random);
+      const Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
       const Eigen::MatrixXd deviation = 1e-6 * Eigen::MatrixXd::Identity(f, f);
       Pursuit run(scene, h, {deviation, deviation, jitter, {}, {}});
@@ -107,14 +107,14 @@ TEST(TimingFilter, WidensAStartThatIsToldTooSmall) {
 // tells of the machine is enough to hold its own start possible.
 TEST(TimingFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
   const Units units{10, 0, 0};
+  const auto as_they_are = [](std::vector<ContactEvent>&) {};
   Random random(3);
   int machines = 0, doubted = 0;
   Told told;
   for (int i = 0; i < repetitions(40); ++i) {
     const Scene scene = in_units(units, drawn_scene(random));
     Pursuit run(scene, 0.01, uncertainty_of(scene));
-    count_told(
-        run, 1, 4000, [](auto&) {}, told);
+    count_told(run, 1, 4000, as_they_are, told);
     ++machines;
     if (run.state.misfits + run.state.silences > 0) ++doubted;
   }
@@ -129,14 +129,8 @@ TEST(TimingFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
 TEST(TimingFilter, IsNotSureOfAStateInsideASupport) {
   std::vector<Scene> scenes;
   for (const double stiffness : {0.0, 1e-8, 1e-4, 1.0}) {
-    Scene& ball = scenes.emplace_back();
-    ball.model.M = Eigen::MatrixXd::Ones(1, 1);
-    ball.model.C = Eigen::MatrixXd::Zero(1, 1);
-    ball.model.K = Eigen::MatrixXd::Constant(1, 1, stiffness);
-    ball.model.forces.push_back({Eigen::VectorXd::Ones(1), -9.81, {}});
-    ball.model.contacts.push_back({Eigen::VectorXd::Ones(1), 0.0, {}, 0.8, {}});
-    ball.master = {Eigen::VectorXd::Constant(1, 0.9), Eigen::VectorXd::Zero(1)};
-    ball.replica = {Eigen::VectorXd::Constant(1, 0.8), Eigen::VectorXd::Zero(1)};
+    scenes.push_back(cached_scene("bouncing_ball.toml"));
+    scenes.back().model.K(0, 0) = stiffness;
   }
   Random random(4);
   while (scenes.size() < 24) scenes.push_back(drawn_scene(random));
