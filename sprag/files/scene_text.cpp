@@ -167,7 +167,9 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
     if (node == nullptr || !node->is_string()) return;
     const fs::path named = node->as_string()->get();
     if (named.is_absolute()) return;
-    const fs::path seen = fs::proximate(fs::absolute(from / named), fs::absolute(to));
+    // The folder of a plain file name is the current one.
+    const fs::path seen =
+        fs::proximate(fs::absolute(from / named), fs::absolute(to.empty() ? "." : to));
     if (seen == named) return;
     const toml::source_region& at = node->source();
     edits.push_back({offset(text, at.begin), offset(text, at.end), in_quotes(seen.string())});

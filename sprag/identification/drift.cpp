@@ -67,7 +67,10 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
     estimate.drift = drift(best.decade, best.value);
     estimate.gain = 2.0 * (best.value.log - best.none.log);
   }
-  estimate.jitter = any ? best.value.jitter : best.none.jitter;
+  const LinearizedFilter::Value& with = any ? best.value : best.none;
+  estimate.jitter = with.jitter;
+  estimate.changes = with.parameters;
+  estimate.sigmas = with.sigmas;
   // Where it has fallen by `less`, to the left and to the right.
   const auto bound = [&](double outside) {
     double inside = best.decade;

@@ -210,7 +210,11 @@ std::vector<StretchPath> check_paths(const MachineFamily& family, const Likeliho
       fly(flight, stretch, k, y, u, [&](double from, double to, ContactSet held) {
         deepest = std::max(deepest, -flight.deepest(y, u, from, to, held));
       });
-      check.inside = std::max(check.inside, (deepest - of_gaps) / speed);
+      if ((deepest - of_gaps) / speed > check.inside) {
+        check.inside = (deepest - of_gaps) / speed;
+        check.inside_from = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
+        check.inside_to = impact.t;
+      }
       check.unknown = std::max(check.unknown, of_gaps / usual);
       const double of_gamma = unknown[i * (contacts + 1) + contacts];
       if (!(gamma[i] < of_gamma)) check.hit_from_inside = true;

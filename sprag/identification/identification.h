@@ -1,13 +1,17 @@
-// Parameters of a scene's machine from the times of its contact events alone: search.h finds where
-// they are, maximum_likelihood.h what they are and how sure that is. What is found is believed only
-// if the events then scatter by no more than their jitter,
+// Identifies parameters of a scene's machine from the times of its contact events alone.
 //
-//   chi^2 / freedom < 1 + 6 sqrt(2 / freedom),
+//   1. search.h finds candidates by variable projection on windows of impacts;
+//   2. maximum_likelihood.h refines each with the true event times among the unknowns;
+//   3. a candidate is a solution if it has converged, its times scatter as their jitter does,
 //
-// the machine meets every support from outside, and the first four fifths of the record predict the
-// last one. Events that no machine explains are looked for one after the other, with what is known
-// from those before: one that comes too early is spurious, before one that comes too late another
-// was lost.
+//        chi^2 / freedom < 1 + 6 sqrt(2 / freedom),
+//
+//      and the machine meets every support from outside;
+//   4. where none is, mending.h looks for lost and spurious events;
+//   5. determination.h finds by the likelihood which parameters the events determine;
+//   6. the first four fifths of the record must predict the last one.
+//
+// The result has one verdict (FitProblem); no other part of a report judges the fit.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +19,10 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "sprag/identification/departure.h"
 #include "sprag/identification/maximum_likelihood.h"
 #include "sprag/identification/record.h"
 #include "sprag/identification/unknowns.h"
@@ -40,10 +46,21 @@ struct FittedUnknown {
   Unknown unknown;
   double value = 0.0;
   double sigma = 0.0;      ///< standard deviation
-  bool determined = true;  ///< the events tell it
-  /// The other unknown that hides in this one most, and their correlation; -1: there is none.
+  bool determined = true;  ///< the events determine it; otherwise value and sigma mean nothing
+  double low = 0.0, high = 0.0;  ///< 95 % interval
+  /// The likelihood is largest at a physical bound, which is `value`. The other one of `low` and
+  /// `high` is a one-sided 95 % limit.
+  bool at_bound = false;
+  /// The other determined unknown with the largest correlation, and that correlation; -1: none.
   int partner = -1;
   double correlation = 0.0;
+};
+
+/// A combination of undetermined unknowns that the events determine: sum of weight times relative
+/// change from the nominal value (of phases: change in rad; of clearances: in usual lengths).
+struct Combination {
+  std::vector<std::pair<std::size_t, double>> weights;  ///< numbers of unknowns; norm 1
+  double sigma = 0.0;
 };
 
 /// An impact whose event is missing.
@@ -52,26 +69,45 @@ struct MissingImpact {
   int contact = 0;  ///< from 0
 };
 
+/// Why a fit is refused; the first that holds.
 enum class FitProblem {
   none,
-  misfit,         ///< what is left exceeds the jitter
-  from_inside,    ///< the machine would meet a support from inside, or pass through it
-  unpredictable,  ///< the first four fifths do not predict the last one
-  not_found       ///< no minimum
+  no_convergence,           ///< no optimum was found at which the machine has these impacts
+  events_left_out,          ///< the fit uses less than 90 % of the events
+  merged_bounces,           ///< the model has many impacts closer than any recorded
+  lost_or_spurious_events,  ///< between two impacts the machine would be inside a support
+  bound_reached,            ///< a parameter ends at or beyond the range it is sought in
+  degenerate_orbit,         ///< the events determine only combinations of parameters
+  wrong_model               ///< what is left is not the jitter
+};
+
+/// What shows that a model is wrong.
+enum class Misfit {
+  none,
+  scatter,     ///< times scatter by more than their jitter
+  structured,  ///< the scatter that would be the jitter depends on the path
+  prediction,  ///< the first four fifths do not predict the last one
+  start        ///< the motion at the start is far larger than on the path
 };
 
 struct Identification {
   FitProblem problem = FitProblem::none;
+  Misfit misfit = Misfit::none;  ///< of FitProblem::wrong_model
+  int culprit = -1;              ///< the unknown of FitProblem::bound_reached
   std::vector<FittedUnknown> unknowns;
-  Scene fitted;         ///< with the values, and the replica where the machine is
-  double jitter = 0.0;  ///< as told, or as found [s]
+  std::vector<Combination> combinations;  ///< of FitProblem::degenerate_orbit
+  Scene fitted;                           ///< with the values, and the replica where the machine is
+  double jitter = 0.0;                    ///< as told, or as found [s]
   bool jitter_told = false;
   double scatter = 0.0;  ///< of events about the machine's own, root mean square by freedom [s]
   double chi2 = 0.0;     ///< sum of (tau - t)^2 / jitter^2
   double largest_chi2 = 0.0;  ///< that is believed
   int freedom = 0;
   int impacts = 0, stretches = 0;
-  int left_out = 0;  ///< impacts of parts of the record that are too short to tell anything
+  int events = 0;             ///< events at which a contact closes
+  int left_out = 0;           ///< of them, those that the fit does not use
+  int spurious_left_out = 0;  ///< of these, spurious ones; the others lie in parts that are too
+                              ///< short or contradict the rest
   double from = 0.0, to = 0.0;
   double interval = 0.0;  ///< usual time between impacts [s]
   /// How far the impacts of the last fifth usually come from where the fit to the first four
@@ -81,15 +117,22 @@ struct Identification {
   int first_freedom = 0;
   State start, start_sigma;  ///< at start_t
   double start_t = 0.0;
-  std::vector<std::size_t> spurious;  ///< numbers of events
+  double inside_from = 0.0, inside_to = 0.0;  ///< of FitProblem::lost_or_spurious_events [s]
+  std::vector<std::size_t> spurious;          ///< numbers of events
   std::vector<MissingImpact> missing;
   Likelihood likelihood;  ///< the solution: path and covariance; its stretches are `measured`
   Stretches measured;
+  Departure departure;  ///< what is found beside the jitter; in the sigmas of the unknowns
   /// Values, of all unknowns, of other minima that fit as well.
   std::vector<Eigen::VectorXd> others;
 
   bool fits() const { return problem == FitProblem::none; }
   bool ambiguous() const { return !others.empty(); }
+  /// Whether there are values at all, of a fit that may be refused.
+  bool converged() const { return problem != FitProblem::no_convergence; }
+  double used_share() const {
+    return events > 0 ? 1.0 - static_cast<double>(left_out) / events : 0.0;
+  }
 };
 
 /// Too few impacts to say anything.
@@ -113,8 +156,11 @@ struct Explanations {
   std::vector<Explanation> simplest;
 };
 
-/// Judges them by the jitter `jitter` [s]: that of the events, or what a fit of all has left.
+/// Judges them by the jitter `jitter` [s]. `all` is the fit of all that may be wrong: a subset
+/// whose other parameters are far from their nominal values, by that fit's covariance, is not
+/// tried.
 Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
-                     const IdentificationSettings& settings, double jitter);
+                     const IdentificationSettings& settings, double jitter,
+                     const Identification& all);
 
 }  // namespace sprag

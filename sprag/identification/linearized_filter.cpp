@@ -17,7 +17,7 @@ constexpr double resolved = 1e-10;  // of the usual interval
 
 bool is_near(const Identification& fit) {
   constexpr double near = 0.01;  // of the usual interval
-  return fit.problem != FitProblem::not_found && fit.scatter < near * fit.interval;
+  return fit.converged() && fit.scatter < near * fit.interval;
 }
 
 bool is_exact(const Identification& fit) { return fit.scatter < resolved * fit.interval; }
@@ -69,9 +69,10 @@ void LinearizedFilter::set_parameter_columns(const Identification& fit,
   Path path;
   for (Eigen::Index k = 0; k < P; ++k) {
     const Unknown& unknown = family_.unknowns()[static_cast<std::size_t>(k)];
+    const auto [low, high] = unknown.neighbours(unknown.coordinate(values[k]), difference);
     for (const double side : {1.0, -1.0}) {
       Eigen::VectorXd moved = values;
-      moved[k] = unknown.value(unknown.coordinate(values[k]) + side * difference);
+      moved[k] = unknown.value(side > 0.0 ? high : low);
       const Machine machine = family_.at(moved);
       flights.set(machine, stretches_);
       harmonics.set(machine.frequencies, stretches_);
@@ -142,7 +143,7 @@ struct LinearizedFilter::Estimate {
   Eigen::VectorXd x;
   Eigen::MatrixXd S;  // the first `columns` columns
   double logs = 0.0, squares = 0.0;
-  int innovations = 0;
+  std::vector<double> innovations;  // in their deviations
 
   Eigen::Index states() const { return 2 * n + P; }
   void merge();
@@ -194,7 +195,8 @@ void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estima
 }
 
 // Impact k of stretch s: what its time says, and what the impact does.
-void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
+void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_scatter,
+                            Estimate& of) const {
   constexpr double rounding = 1e-13;   // of gaps, in usual flights
   constexpr double least_speed = 0.1;  // of the usual one
   const Impact& impact = stretches_[s].impacts[k];
@@ -212,8 +214,16 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
     u_of_x -= jump * gamma_of_x;
     u_of_S -= jump * gamma_of_S;
   };
+  // Another restitution of this impact alone.
+  const auto scatter = [&] {
+    if (!(restitution_scatter > 0.0) || impact.staying != 0) return;
+    of.S.col(of.columns).setZero();
+    of.S.col(of.columns).segment(n, n) = w * (restitution_scatter * gamma / w.squaredNorm());
+    ++of.columns;
+  };
   if (slow && !impact.timed) {
     strike(of.x.segment(n, n), of.S.block(n, 0, n, columns));
+    scatter();
     of.merge();
     return;
   }
@@ -239,7 +249,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
     if (measured) {
       of.logs += std::log(variance / (gamma * gamma));
       of.squares += expected * expected / variance;
-      ++of.innovations;
+      of.innovations.push_back(expected / std::sqrt(variance));
     }
   }
   // What an error of this time does, besides what it does to the gap.
@@ -251,17 +261,18 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, Estimate& of) const {
   of.x = x.head(states) + after * x[states];
   of.columns = columns + 1;
   of.S.leftCols(of.columns) = S.topRows(states) + after * S.row(states);
+  scatter();
   of.merge();
 }
 
-LinearizedFilter::Value LinearizedFilter::at(double ratio) const {
+LinearizedFilter::Value LinearizedFilter::at(double ratio, double restitution_scatter) const {
   constexpr double unknown = 3.0;  // a start, in usual motions, and a parameter
   check_interrupt();
   Estimate of;
   of.n = family_.n();
   of.P = parameters();
   of.x.setZero(of.states());
-  of.S.setZero(of.states(), of.states() + 2 * drift_y_.cols() + 1);
+  of.S.setZero(of.states(), of.states() + 2 * drift_y_.cols() + 2);
   of.S.block(2 * of.n, 0, of.P, of.P).diagonal().setConstant(unknown);
   of.columns = of.P;
   const double per_root = std::sqrt(ratio * unit(base_));
@@ -270,14 +281,14 @@ LinearizedFilter::Value LinearizedFilter::at(double ratio) const {
     of.begin_stretch(of_u * interval_, of_u);
     for (std::size_t k = 0; k < stretches_[s].size(); ++k) {
       fly(s, k, per_root, of);
-      hear(s, k, of);
+      hear(s, k, restitution_scatter, of);
     }
   }
-  Value value{-0.5 * (of.logs + of.squares), of.squares, base_, of.x.tail(of.P),
-              of.S.bottomRows(of.P).rowwise().norm()};
+  Value value{-0.5 * (of.logs + of.squares),          of.squares,    base_, of.x.tail(of.P),
+              of.S.bottomRows(of.P).rowwise().norm(), of.innovations};
   if (told_) return value;
   // All but the start is in proportion to the jitter.
-  const double freedom = std::max(1, of.innovations - taken_up_);
+  const double freedom = std::max(1, static_cast<int>(of.innovations.size()) - taken_up_);
   const double factor = of.squares / freedom;
   value.jitter = base_ * std::sqrt(factor);
   value.sigmas *= std::sqrt(factor);

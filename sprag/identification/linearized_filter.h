@@ -39,12 +39,16 @@ class LinearizedFilter {
     double jitter = 0.0;  ///< as told, or the most likely [s]
     /// Parameters, in coordinates from the fit's, and their standard deviations for that jitter.
     Eigen::VectorXd parameters, sigmas;
+    std::vector<double> innovations;  ///< nu_k / sqrt(s_k), up to a common factor
   };
-  /// For a drift in units of unit().
-  Value at(double ratio) const;
+  /// For a drift in units of unit(), and a restitution that scatters by this standard deviation
+  /// from impact to impact.
+  Value at(double ratio, double restitution_scatter = 0.0) const;
   /// Jitter that sigmas and ln L are computed with first: as told, or the fit's scatter [s].
   double base() const { return base_; }
   bool told() const { return told_; }
+  /// Innovations that determine start and unknowns; those after them are white.
+  int taken_up() const { return taken_up_; }
   /// Whether the path meets the supports near its times.
   bool meets_the_supports() const;
   /// The drift that moves gaps in a usual flight as far as this jitter does.
@@ -54,7 +58,7 @@ class LinearizedFilter {
   Eigen::Index parameters() const { return J_.empty() ? 0 : J_.front().cols(); }
   struct Estimate;
   void fly(std::size_t s, std::size_t k, double per_root, Estimate& of) const;
-  void hear(std::size_t s, std::size_t k, Estimate& of) const;
+  void hear(std::size_t s, std::size_t k, double restitution_scatter, Estimate& of) const;
   void set_parameter_columns(const Identification& fit, const Eigen::VectorXd& values);
   void set_drift(const Scene& fitted);
 

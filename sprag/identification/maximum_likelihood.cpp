@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
+#include <optional>
 
 #include "sprag/mechanics/interrupt.h"
 #include "sprag/mechanics/linear_algebra.h"
@@ -13,41 +15,68 @@ namespace {
 using Kind = Unknown::Kind;
 
 constexpr double untimed_weight = 1e-3;  // square root of 1e-6
-constexpr double undetermined_below = 1e-8;
-// An unknown of whose effect the starts take up all but this share is scaled by the effect itself,
-// so that one of which they take up all but rounding is found to be undetermined.
-constexpr double least_effect_share = 1e-4;
+constexpr double undetermined_below = 1e-12;
+// Standard deviations of the weak prior: of an unknown in ranges of its search, of a start in the
+// largest motion on the path.
+constexpr double prior_ranges = 3.0, prior_motions = 30.0;
+// Resolution of times, of the usual interval: the prior is never weaker than it.
+constexpr double resolution = 1e-11;
+constexpr double largest_radius = 1.0;  // of the unknowns' coordinates in one step
 
-// The constraints of one stretch, solved for what is its own: x0 and tau. Contacts that were closed
-// at its start are R = 2 of them each, beside those of N impacts.
+// The constraints of one stretch, solved for its own variables x0 and tau. A contact that was
+// closed at its start adds two constraints to those of the N impacts; a stretch whose scale is free
+// adds one. R of them in all.
 struct Block {
   Eigen::VectorXd scale;      // of x0's columns
   Eigen::MatrixXd Q2;         // null space, (2n + N) x (2n - R)
   Eigen::VectorXd step;       // least (x0, tau) that satisfies them
   Eigen::MatrixXd step_rate;  // for each unknown, (2n + N) x P
-  Eigen::MatrixXd B2;         // what Q2 does to weighted times, N x (2n - R)
-  PivotedQR qr;               // of B2
-  Eigen::VectorXd e0;         // weighted times for no change of the unknowns
-  Eigen::MatrixXd eJ;         // and what they change
+  // Residuals: N weighted times, then 2n of the prior of x0.
+  Eigen::MatrixXd B2;  // their change along Q2, (N + 2n) x (2n - R)
+  PivotedQR qr;        // of B2
+  Eigen::VectorXd e0;  // without a change of the unknowns
+  Eigen::MatrixXd eJ;  // their change with the unknowns
 };
+
+// Standard deviation of the prior of an unknown, in its coordinate.
+double prior_deviation(const Unknown& unknown) {
+  if (unknown.kind == Kind::phase || unknown.kind == Kind::clock_offset) {
+    return prior_ranges * std::numbers::pi;
+  }
+  if (unknown.kind == Kind::clearance) return prior_ranges;
+  return prior_ranges * std::max(std::abs(unknown.lowest()), std::abs(unknown.highest()));
+}
 
 class Maximization {
  public:
-  Maximization(const MachineFamily& family, const Stretches& measured, Likelihood start)
-      : family_(family), measured_(measured), at_(std::move(start)) {}
+  Maximization(const MachineFamily& family, const Stretches& measured, Likelihood start,
+               std::span<const std::size_t> held)
+      : family_(family),
+        measured_(measured),
+        at_(std::move(start)),
+        held_(held.begin(), held.end()) {}
 
   Likelihood run();
+  Likelihood as_it_is();
 
  private:
   void linearize();
   void jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const;
   Eigen::VectorXd gaps(const Machine& machine, const Eigen::VectorXd& inputs, std::size_t s,
                        const Path& path) const;
+  void stack();
+  Eigen::VectorXd prior_of_x0(std::size_t s) const;
+  void set_noise();
+  void adapt_radius();
+  Eigen::VectorXd change_of_unknowns();
   double step();
   void finish();
   void set_leverages();
 
   Eigen::Index unknowns() const { return static_cast<Eigen::Index>(family_.unknowns().size()); }
+  const Unknown& unknown(Eigen::Index k) const {
+    return family_.unknowns()[static_cast<std::size_t>(k)];
+  }
 
   const MachineFamily& family_;
   const Stretches& measured_;
@@ -58,11 +87,88 @@ class Maximization {
   std::vector<Path> paths_;
   std::vector<std::vector<Eigen::VectorXd>> nonlinear_columns_;  // of each unknown, by stretch
   std::vector<Block> blocks_;
-  Eigen::MatrixXd M_;  // weighted times by unknown, beyond what each stretch takes up itself
+  // Residuals by unknown, beyond those that each stretch removes itself; the last rows are the
+  // prior of the unknowns.
+  Eigen::MatrixXd M_;
   Eigen::VectorXd r_;
-  Eigen::VectorXd M_scale_;
   Eigen::VectorXd dp_;
+  std::vector<std::size_t> held_;   // unknowns that stay as they are
+  std::vector<Eigen::Index> free_;  // unknowns that are neither held nor at a bound
+  std::vector<bool> at_bound_;      // unknowns that end at a bound of their range
+  std::vector<double> constraint_;  // g / |gamma-| of the impacts [s]
+  double most_speed_ = 0.0;         // of the impacts
+  double interval_ = 0.0;           // mean time between impacts
+  double noise_ = 0.0;              // standard deviation of times that the prior is weighed with
+  std::optional<double> expected_squares_;  // of times, by the last step [s^2]
+  double radius_ = largest_radius;          // of the unknowns' coordinates in one step
+  double longest_ = 0.0;                    // change of a coordinate in the last step
+  double decrement_ = 0.0;  // what the last step, in full, takes off the objective [s^2]
 };
+
+// A start is no larger than the motion on the path: without this an unobservable direction takes
+// any value.
+Eigen::VectorXd Maximization::prior_of_x0(std::size_t s) const {
+  const Eigen::Index n = family_.n();
+  const Stretch& stretch = at_.path[s];
+  const double duration = std::abs(stretch.impacts.back().t - stretch.start) + 1e-300;
+  const double least_w = machine_.W.colwise().norm().minCoeff();
+  const Eigen::VectorXd inputs = family_.inputs(at_.values);
+  double length = 0.0;
+  for (int i = 0; i < family_.contacts(); ++i) {
+    length = std::max(length, std::abs(inputs[family_.clearance_input(i)]) / least_w);
+  }
+  const double speed = prior_motions * most_speed_ / least_w;
+  Eigen::VectorXd prior(2 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double k = machine_.modal ? machine_.K(i, 0) : machine_.K(i, i);
+    const double period = k > 0.0 ? std::min(1.0 / std::sqrt(k), duration) : duration;
+    double constant = 0.0;
+    if (k > 0.0) {
+      for (Eigen::Index j = 0; j < machine_.constant_forces.cols(); ++j) {
+        constant +=
+            std::abs(machine_.constant_forces(i, j) * inputs[2 * machine_.groups() + j]) / k;
+      }
+    }
+    prior[i] = speed * period + prior_motions * (length + constant);
+    prior[n + i] = speed;
+  }
+  return prior;
+}
+
+// The scatter of times about the path: as the last step expects it, or, before the first, from the
+// constraints that the path violates.
+void Maximization::set_noise() {
+  double squares = 0.0, first = std::numeric_limits<double>::infinity(), last = 0.0;
+  int timed = 0;
+  std::size_t i = 0;
+  for (std::size_t s = 0; s < measured_.size(); ++s) {
+    for (std::size_t k = 0; k < measured_[s].size(); ++k, ++i) {
+      const Impact& impact = measured_[s].impacts[k];
+      if (!impact.timed) continue;
+      first = std::min(first, impact.t);
+      last = std::max(last, impact.t);
+      squares += square(at_.path[s].impacts[k].t - impact.t) + square(constraint_[i]);
+      ++timed;
+    }
+  }
+  if (expected_squares_) squares = *expected_squares_;
+  const auto starts = 2 * family_.n() * static_cast<Eigen::Index>(measured_.size());
+  const double freedom = std::max<double>(1.0, static_cast<double>(timed - unknowns() - starts));
+  interval_ = (last - first) / std::max(1, timed);
+  noise_ = std::max(std::sqrt(squares / freedom), resolution * interval_);
+}
+
+// Steps along a curved valley are as long as makes the violation of the constraints, which grows
+// with their square, as large as the scatter of the times, or a small part of a flight.
+void Maximization::adapt_radius() {
+  constexpr double least = 1e-4, of_flight = 1e-6;
+  double squares = 0.0;
+  for (const double time : constraint_) squares += square(time);
+  const double violation = std::sqrt(squares / static_cast<double>(constraint_.size()));
+  const double allowed = std::max(2.0 * noise_, of_flight * interval_);
+  const double factor = std::sqrt(allowed / std::max(violation, 1e-3 * allowed));
+  radius_ = std::clamp(longest_ * std::clamp(factor, 0.1, 8.0), least, largest_radius);
+}
 
 void Maximization::jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const {
   J.resize(rows.A.rows(), unknowns());
@@ -112,9 +218,10 @@ void Maximization::linearize() {
     if (unknown.linear()) continue;
     std::vector<Eigen::VectorXd>& columns = nonlinear_columns_[static_cast<std::size_t>(k)];
     columns.resize(S);
+    const auto [low, high] = unknown.neighbours(unknown.coordinate(at_.values[k]), difference);
     for (const double side : {1.0, -1.0}) {
       Eigen::VectorXd values = at_.values;
-      values[k] = unknown.value(unknown.coordinate(values[k]) + side * difference);
+      values[k] = unknown.value(side > 0.0 ? high : low);
       const Machine machine = family_.at(values);
       const Eigen::VectorXd of_values = family_.inputs(values);
       flights.set(machine, at_.path);
@@ -130,17 +237,28 @@ void Maximization::linearize() {
       }
     }
   }
-  Eigen::Index rows_in_all = 0;
-  Eigen::VectorXd effects = Eigen::VectorXd::Zero(unknowns());
   PathRows rows, start;
   RowMatrix G;
+  most_speed_ = 0.0;
+  constraint_.clear();
+  for (std::size_t s = 0; s < S; ++s) {
+    follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, paths_[s]);
+    const Eigen::VectorXd speeds = paths_[s].gamma.cwiseAbs();
+    most_speed_ = std::max(most_speed_, speeds.maxCoeff());
+    for (Eigen::Index k = 0; k < speeds.size(); ++k) {
+      constraint_.push_back(paths_[s].g[k] / std::max(speeds[k], 0.1 * speeds.mean() + 1e-300));
+    }
+  }
+  set_noise();
+  if (expected_squares_) adapt_radius();
+  const bool scale_is_free = inputs.isZero(0.0);
   for (std::size_t s = 0; s < S; ++s) {
     Block& block = blocks_[s];
     Path& of = paths_[s];
     const auto N = static_cast<Eigen::Index>(at_.path[s].size());
-    const auto R = static_cast<Eigen::Index>(at_.path[s].of_start());
+    const auto closed = static_cast<Eigen::Index>(at_.path[s].of_start());
+    const Eigen::Index R = closed + (scale_is_free ? 1 : 0);
     check_interrupt();
-    follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, of);
     at_.gamma[s] = of.gamma;
     path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
     time_derivatives(machine_, flights_, at_.path[s], s, of, G);
@@ -149,19 +267,31 @@ void Maximization::linearize() {
     weight.head(N) = of.gamma.cwiseAbs()
                          .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
                          .cwiseInverse();
-    if (R > 0) {
+    const double interval =
+        (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
+    if (closed > 0) {
       start_rows(machine_, at_.path[s], start);
-      rows.A.conservativeResize(N + R, Eigen::NoChange);
-      rows.A.bottomRows(R) << start.A, start.Gamma;
-      const double interval =
-          (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
-      weight.segment(N, R / 2).setConstant(1.0 / speed);
-      weight.tail(R / 2).setConstant(interval / speed);
+      rows.A.conservativeResize(N + closed, Eigen::NoChange);
+      rows.A.bottomRows(closed) << start.A, start.Gamma;
+      weight.segment(N, closed / 2).setConstant(1.0 / speed);
+      weight.segment(N + closed / 2, closed / 2).setConstant(interval / speed);
     }
     Eigen::MatrixXd J;
     jacobian(s, rows, J);
+    Eigen::VectorXd violation = gaps(machine_, inputs, s, of);
     Eigen::MatrixXd constraints = Eigen::MatrixXd::Zero(N + R, n2 + N);
-    constraints.leftCols(n2) = weight.asDiagonal() * rows.A.leftCols(n2);
+    constraints.topLeftCorner(N + closed, n2) =
+        weight.head(N + closed).asDiagonal() * rows.A.leftCols(n2);
+    if (scale_is_free) {
+      // The motion keeps its size, which nothing else determines.
+      constraints.bottomLeftCorner(1, n2) =
+          (interval / speed) * rows.Gamma.leftCols(n2).colwise().mean();
+      weight[N + R - 1] = 0.0;
+      violation.conservativeResize(N + R);
+      violation[N + R - 1] = 0.0;
+      J.conservativeResize(N + R, Eigen::NoChange);
+      J.bottomRows(1).setZero();
+    }
     constraints.topRightCorner(N, N) = weight.head(N).asDiagonal() * G;
     block.scale = constraints.leftCols(n2).colwise().norm().transpose().cwiseMax(
         std::numeric_limits<double>::min());
@@ -170,9 +300,8 @@ void Maximization::linearize() {
     const QR qr(constraints.transpose());
     Eigen::MatrixXd right(n2 + N, 1 + unknowns());
     right.setZero();
-    right.col(0).head(N + R) = -weight.cwiseProduct(gaps(machine_, inputs, s, of));
+    right.col(0).head(N + R) = -weight.cwiseProduct(violation);
     right.block(0, 1, N + R, unknowns()) = -(weight.asDiagonal() * J);
-    effects += right.rightCols(unknowns()).colwise().squaredNorm().transpose();
     right.topRows(N + R) = qr.solve_R_transposed(right.topRows(N + R));
     right = qr.Q_times(right);
     block.step = right.col(0);
@@ -187,14 +316,27 @@ void Maximization::linearize() {
       time_weight[k] = impact.timed ? 1.0 : untimed_weight;
       d[k] = at_.path[s].impacts[i].t - impact.t;
     }
-    block.B2 = time_weight.asDiagonal() * block.Q2.bottomRows(N);
-    block.e0 = time_weight.cwiseProduct(d + block.step.tail(N));
-    block.eJ = time_weight.asDiagonal() * block.step_rate.bottomRows(N);
+    const Eigen::VectorXd prior = noise_ * prior_of_x0(s).cwiseInverse();
+    const Eigen::VectorXd of_step = prior.cwiseQuotient(block.scale);
+    block.B2.resize(N + n2, n2 - R);
+    block.B2 << time_weight.asDiagonal() * block.Q2.bottomRows(N),
+        of_step.asDiagonal() * block.Q2.topRows(n2);
+    block.e0.resize(N + n2);
+    block.e0 << time_weight.cwiseProduct(d + block.step.tail(N)),
+        prior.cwiseProduct(at_.x0[s]) + of_step.cwiseProduct(block.step.head(n2));
+    block.eJ.resize(N + n2, unknowns());
+    block.eJ << time_weight.asDiagonal() * block.step_rate.bottomRows(N),
+        of_step.asDiagonal() * block.step_rate.topRows(n2);
     block.qr = PivotedQR(block.B2, 1e-12);
-    rows_in_all += N - block.qr.rank();
   }
-  M_.resize(rows_in_all, unknowns());
-  r_.resize(rows_in_all);
+  stack();
+}
+
+void Maximization::stack() {
+  Eigen::Index rows = unknowns();
+  for (const Block& block : blocks_) rows += block.B2.rows() - block.qr.rank();
+  M_.resize(rows, unknowns());
+  r_.resize(rows);
   Eigen::Index row = 0;
   for (Block& block : blocks_) {
     const Eigen::Index left = block.B2.rows() - block.qr.rank();
@@ -205,33 +347,80 @@ void Maximization::linearize() {
     r_.segment(row, left) = rotated.col(unknowns()).tail(left);
     row += left;
   }
-  M_scale_ = M_.colwise()
-                 .norm()
-                 .transpose()
-                 .cwiseMax(least_effect_share * effects.cwiseSqrt())
-                 .cwiseMax(std::numeric_limits<double>::min());
+  M_.bottomRows(unknowns()).setZero();
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    if (M_.col(k).norm() < undetermined_below * M_scale_[k]) M_.col(k).setZero();
+    const double prior = noise_ / prior_deviation(unknown(k));
+    M_(row + k, k) = prior;
+    double coordinate = unknown(k).coordinate(at_.values[k]);
+    if (unknown(k).kind == Kind::phase) {
+      coordinate = std::remainder(coordinate, 2.0 * std::numbers::pi / unknown(k).unit_step);
+    }
+    r_[row + k] = prior * coordinate;
   }
+}
+
+// The change of the unknowns' coordinates that minimizes the residuals within their ranges: those
+// that would leave it stay at its end, as active constraints.
+Eigen::VectorXd Maximization::change_of_unknowns() {
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(unknowns());
+  std::vector<bool> fixed(static_cast<std::size_t>(unknowns()), false);
+  for (const std::size_t k : held_) fixed[k] = true;
+  at_bound_.assign(fixed.size(), false);
+  for (bool again = true; again;) {
+    again = false;
+    std::vector<Eigen::Index> free;
+    Eigen::VectorXd right = r_;
+    for (Eigen::Index k = 0; k < unknowns(); ++k) {
+      if (fixed[static_cast<std::size_t>(k)]) {
+        right += change[k] * M_.col(k);
+      } else {
+        free.push_back(k);
+      }
+    }
+    if (free.empty()) break;
+    const Eigen::MatrixXd M = M_(Eigen::all, free);
+    const Eigen::VectorXd scale =
+        M.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+    const PivotedQR qr(M * scale.cwiseInverse().asDiagonal(), undetermined_below);
+    const Eigen::VectorXd of_free = -qr.solve(right).col(0).cwiseQuotient(scale);
+    for (std::size_t j = 0; j < free.size(); ++j) {
+      const Eigen::Index k = free[j];
+      change[k] = of_free[static_cast<Eigen::Index>(j)];
+      if (unknown(k).linear()) continue;
+      const double at = unknown(k).coordinate(at_.values[k]);
+      const double within = std::clamp(at + change[k], unknown(k).lowest(), unknown(k).highest());
+      if (within == at + change[k]) continue;
+      change[k] = within - at;
+      fixed[static_cast<std::size_t>(k)] = true;
+      at_bound_[static_cast<std::size_t>(k)] = true;
+      again = true;
+    }
+  }
+  return change;
 }
 
 // Moves to the next iterate; how far the times and unknowns moved, in units of what they may.
 double Maximization::step() {
   const Eigen::Index n2 = 2 * family_.n();
-  dp_ = Eigen::VectorXd::Zero(unknowns());
-  if (unknowns() > 0) {
-    const PivotedQR qr(M_ * M_scale_.cwiseInverse().asDiagonal(), undetermined_below);
-    dp_ = -qr.solve(r_).col(0).cwiseQuotient(M_scale_);
-  }
-  double longest = dp_.size() > 0 ? dp_.cwiseAbs().maxCoeff() : 0.0;
+  dp_ = change_of_unknowns();
+  decrement_ = r_.squaredNorm() - (r_ + M_ * dp_).squaredNorm();
+  longest_ = dp_.size() > 0 ? dp_.cwiseAbs().maxCoeff() : 0.0;
+  const bool limited = longest_ > radius_;
+  if (limited) dp_ *= radius_ / longest_;
+  longest_ = std::min(longest_, radius_);
   std::vector<Eigen::VectorXd> moves(blocks_.size());
   double share = 1.0;
-  constexpr double most = 1.0;  // of a coordinate in one step
-  if (longest > most) share = most / longest;
+  double expected = 0.0;
   for (std::size_t s = 0; s < blocks_.size(); ++s) {
     const Block& block = blocks_[s];
     const Eigen::VectorXd v = -block.qr.solve(block.e0 + block.eJ * dp_);
     moves[s] = block.step + block.step_rate * dp_ + block.Q2 * v;
+    for (std::size_t k = 0; k < measured_[s].size(); ++k) {
+      const Impact& impact = measured_[s].impacts[k];
+      if (!impact.timed) continue;
+      expected +=
+          square(at_.path[s].impacts[k].t + moves[s][n2 + static_cast<Eigen::Index>(k)] - impact.t);
+    }
     // Impacts keep their order. One of unknown time goes along with the one before it: where the
     // gap is zero its time is told by the path alone.
     const auto& impacts = at_.path[s].impacts;
@@ -249,12 +438,7 @@ double Maximization::step() {
   }
   double largest = 0.0;
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    const Unknown& unknown = family_.unknowns()[static_cast<std::size_t>(k)];
-    double coordinate = unknown.coordinate(at_.values[k]) + share * dp_[k];
-    if (unknown.upper_limit > 0.0) {
-      coordinate = std::min(coordinate, unknown.coordinate(unknown.upper_limit));
-    }
-    at_.values[k] = unknown.value(coordinate);
+    at_.values[k] = unknown(k).value(unknown(k).coordinate(at_.values[k]) + share * dp_[k]);
   }
   for (std::size_t s = 0; s < blocks_.size(); ++s) {
     at_.x0[s] += share * moves[s].head(n2).cwiseQuotient(blocks_[s].scale);
@@ -264,7 +448,8 @@ double Maximization::step() {
       largest = std::max(largest, std::abs(move));
     }
   }
-  return share < 1.0 ? std::numeric_limits<double>::infinity() : largest;
+  expected_squares_ = expected;
+  return share < 1.0 || limited ? std::numeric_limits<double>::infinity() : largest;
 }
 
 void Maximization::finish() {
@@ -279,28 +464,28 @@ void Maximization::finish() {
       ++at_.timed;
     }
   }
+  // A value at a bound, or held, is taken as known.
   const Eigen::Index P = unknowns();
   at_.covariance = Eigen::MatrixXd::Zero(P, P);
-  at_.undetermined.resize(P, 0);
-  Eigen::Index determined = 0;
-  if (P > 0) {
-    const auto [values, V] = singular_values(M_ * M_scale_.cwiseInverse().asDiagonal());
-    const Eigen::MatrixXd directions = M_scale_.cwiseInverse().asDiagonal() * V;
-    for (Eigen::Index k = 0; k < P; ++k) {
-      if (k < values.size() && values[k] > undetermined_below * std::max(values[0], 1e-3)) {
-        at_.covariance += directions.col(k) * directions.col(k).transpose() / square(values[k]);
-        ++determined;
-      } else {
-        at_.undetermined.conservativeResize(P, at_.undetermined.cols() + 1);
-        at_.undetermined.rightCols(1) = directions.col(k).normalized();
-      }
-    }
+  std::vector<Eigen::Index> free;
+  for (Eigen::Index k = 0; k < P; ++k) {
+    const auto number = static_cast<std::size_t>(k);
+    const bool held = std::find(held_.begin(), held_.end(), number) != held_.end();
+    if (!held && !at_bound_[number]) free.push_back(k);
   }
+  free_ = free;
+  if (!free.empty()) {
+    const Eigen::MatrixXd M = M_(Eigen::all, free);
+    const Eigen::VectorXd scale = M.colwise().norm().transpose();
+    const auto [values, V] = singular_values(M * scale.cwiseInverse().asDiagonal());
+    const Eigen::MatrixXd root =
+        scale.cwiseInverse().asDiagonal() * V * values.cwiseInverse().asDiagonal();
+    at_.covariance(free, free) = product(root, root.transpose());
+  }
+  at_.at_bound = at_bound_;
   at_.x0_covariance.clear();
-  Eigen::Index states = 0;
   for (const Block& block : blocks_) {
     const Eigen::Index rank = block.qr.rank();
-    states += rank;
     const Eigen::MatrixXd own = product(
         block.Q2.topRows(n2), block.qr.solve_rotated(Eigen::MatrixXd::Identity(rank, rank)));
     const Eigen::MatrixXd by_unknowns =
@@ -311,14 +496,30 @@ void Maximization::finish() {
     at_.x0_covariance.emplace_back(unit.asDiagonal() * covariance * unit.asDiagonal());
   }
   set_leverages();
-  at_.freedom = at_.timed - static_cast<int>(states + determined);
+  at_.violation = 0.0;
+  for (const double time : constraint_) at_.violation = std::max(at_.violation, std::abs(time));
+  at_.largest_start = 0.0;
+  for (std::size_t s = 0; s < measured_.size(); ++s) {
+    const Eigen::VectorXd of_prior = at_.x0[s].cwiseQuotient(prior_of_x0(s));
+    at_.largest_start = std::max(at_.largest_start, prior_motions * of_prior.cwiseAbs().maxCoeff());
+  }
+  // Leverages add up to the number of parameters that the times determine.
+  double taken_up = 0.0;
+  for (std::size_t s = 0; s < measured_.size(); ++s) {
+    for (std::size_t k = 0; k < measured_[s].size(); ++k) {
+      if (measured_[s].impacts[k].timed) taken_up += at_.leverage[s][static_cast<Eigen::Index>(k)];
+    }
+  }
+  at_.freedom = at_.timed - static_cast<int>(std::lround(taken_up));
 }
 
 // The diagonal of the projection onto what x0 and the unknowns do to the times.
 void Maximization::set_leverages() {
   Eigen::MatrixXd of_unknowns(M_.rows(), 0);
-  if (unknowns() > 0) {
-    const PivotedQR qr(M_ * M_scale_.cwiseInverse().asDiagonal(), undetermined_below);
+  if (!free_.empty()) {
+    const Eigen::MatrixXd M = M_(Eigen::all, free_);
+    const Eigen::VectorXd scale = M.colwise().norm().transpose();
+    const PivotedQR qr(M * scale.cwiseInverse().asDiagonal(), undetermined_below);
     of_unknowns = qr.Q_times(Eigen::MatrixXd::Identity(M_.rows(), qr.rank()));
   }
   const Eigen::Index rank = of_unknowns.cols();
@@ -329,21 +530,30 @@ void Maximization::set_leverages() {
     Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(N, own + rank);
     basis.topLeftCorner(own, own).setIdentity();
     basis.bottomRightCorner(N - own, rank) = of_unknowns.middleRows(row, N - own);
-    at_.leverage.emplace_back(block.qr.Q_times(basis).rowwise().squaredNorm());
+    at_.leverage.emplace_back(
+        block.qr.Q_times(basis).rowwise().squaredNorm().head(N - 2 * family_.n()));
     row += N - own;
   }
 }
 
 Likelihood Maximization::run() {
-  constexpr int most_steps = 20;
+  constexpr int most_steps = 40;
   double duration = 0.0;
   for (const Stretch& stretch : measured_) {
     duration = std::max(duration, std::abs(stretch.impacts.back().t));
   }
   const double rounding = 1e-14 * duration;
   double last = std::numeric_limits<double>::infinity();
+  double least_noise = last;
+  int stalled = 0;
   for (int i = 0; i < most_steps; ++i) {
     linearize();
+    // Far from an optimum, with steps that lead nowhere.
+    constexpr double far = 100.0, progress = 0.8;
+    constexpr int most_stalled = 6;
+    stalled = noise_ < progress * least_noise ? 0 : stalled + 1;
+    least_noise = std::min(least_noise, noise_);
+    if (stalled > most_stalled && decrement_ > far * square(noise_)) break;
     const double moved = step();
     if (!std::isfinite(moved) && !at_.values.allFinite()) return at_;
     double rms = 0.0;
@@ -354,7 +564,14 @@ Likelihood Maximization::run() {
       }
     }
     // As near as rounding allows, or as the jitter makes it worth.
-    if (moved < 1e-5 * rms + rounding || (moved < 1e-2 * rms + 10.0 * rounding && moved > last)) {
+    // As near in the likelihood as matters, although some directions may be any.
+    constexpr double negligible = 1e-4;
+    double violation = 0.0;
+    for (const double time : constraint_) violation = std::max(violation, std::abs(time));
+    const bool is_optimum =
+        i > 2 && decrement_ < negligible * square(noise_) && violation < 1e-2 * noise_ + rounding;
+    if (is_optimum || moved < 1e-5 * rms + rounding ||
+        (moved < 1e-2 * rms + 10.0 * rounding && moved > last)) {
       at_.converged = true;
       break;
     }
@@ -364,6 +581,16 @@ Likelihood Maximization::run() {
     last = moved;
   }
   linearize();
+  change_of_unknowns();
+  finish();
+  constexpr double satisfied = 1e-2;
+  if (!(at_.violation < satisfied * noise_ + rounding)) at_.converged = false;
+  return at_;
+}
+
+Likelihood Maximization::as_it_is() {
+  linearize();
+  at_bound_.assign(static_cast<std::size_t>(unknowns()), false);
   finish();
   return at_;
 }
@@ -436,8 +663,12 @@ Likelihood along_measured_times(const MachineFamily& family, const Stretches& st
 }
 
 Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
-                               Likelihood start) {
-  return Maximization(family, stretches, std::move(start)).run();
+                               Likelihood start, std::span<const std::size_t> held) {
+  return Maximization(family, stretches, std::move(start), held).run();
+}
+
+Likelihood linearized_at(const MachineFamily& family, const Stretches& stretches, Likelihood at) {
+  return Maximization(family, stretches, std::move(at), {}).as_it_is();
 }
 
 }  // namespace sprag

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "sprag/identification/linear_path.h"
@@ -28,12 +29,15 @@ struct Likelihood {
   std::vector<Eigen::VectorXd> leverage;
 
   bool converged = false;
-  double squares = 0.0;  ///< sum of (tau - t)^2 of timed impacts [s^2]
-  int timed = 0;         ///< impacts
-  int freedom = 0;       ///< timed impacts less unknowns
-  /// In coordinates of the unknowns, for a jitter of 1 s: covariance, P x P, in the directions that
-  /// the events determine, and the others, P x U.
-  Eigen::MatrixXd covariance, undetermined;
+  double squares = 0.0;        ///< sum of (tau - t)^2 of timed impacts [s^2]
+  int timed = 0;               ///< impacts
+  int freedom = 0;             ///< timed impacts less unknowns
+  double largest_start = 0.0;  ///< of any stretch, in motions as large as the largest on the path
+  double violation = 0.0;  ///< largest |g_k / gamma_k-| that the path leaves at its own times [s]
+  /// In coordinates of the unknowns, for a jitter of 1 s, P x P; 0 for one that is held or at a
+  /// bound.
+  Eigen::MatrixXd covariance;
+  std::vector<bool> at_bound;  ///< of each unknown: its optimum is at an end of its range
   /// Of x0 of each stretch, for a jitter of 1 s.
   std::vector<Eigen::MatrixXd> x0_covariance;
 
@@ -45,9 +49,13 @@ struct Likelihood {
 Likelihood along_measured_times(const MachineFamily& family, const Stretches& stretches,
                                 const PathFit& fit);
 
-/// From values, x0 and path of `start` on; `stretches` has the measured times.
+/// From values, x0 and path of `start` on; `stretches` has the measured times. The unknowns of
+/// these numbers are held at their values.
 Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
-                               Likelihood start);
+                               Likelihood start, std::span<const std::size_t> held = {});
+/// The same path and values with the covariance of all unknowns there, none of them held.
+Likelihood linearized_at(const MachineFamily& family, const Stretches& stretches, Likelihood at);
+
 inline Likelihood maximize_likelihood(const MachineFamily& family, const Stretches& stretches,
                                       const PathFit& start) {
   return maximize_likelihood(family, stretches, along_measured_times(family, stretches, start));

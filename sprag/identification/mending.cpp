@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "sprag/identification/free_flight.h"
 #include "sprag/identification/projection.h"
@@ -17,7 +18,7 @@ constexpr double without_jitter = 1e-9;  // of the usual interval: no jitter
 constexpr double most_mended = 0.35;     // of the events; a path that needs more is none
 // One of so many events at most is left out as an outlier, or for coming before the path.
 constexpr std::size_t most_left_out = 8;
-// Of the median: so long between two impacts, one was probably lost.
+// Of the intervals beside it: in so long an interval an impact was probably lost.
 constexpr double long_interval = 1.5;
 
 struct Followed {
@@ -70,7 +71,11 @@ class Follower {
   bool refit(Followed& followed, bool at_end, double most_growth = infinity);
   void move_to(const FreeFlight& flight, double t);
   bool too_many(const std::vector<Impact>& all, const Followed& followed) const;
-  double width() const { return gate * std::max(off_, 2.0 * jitter_); }
+  // How far from its time an impact is expected; at most a quarter of the flight `to` an event.
+  double width(double to) const {
+    constexpr double of_flight = 0.25;
+    return std::min(gate * std::max(off_, 2.0 * jitter_), of_flight * std::abs(to - t_));
+  }
   Expected expect(const Impact& event, bool forward) const;
   bool takes_with_doubt(const Impact& event, bool forward, Followed& followed);
   bool step(const Expected& expected, const Impact& event, bool forward, Followed& followed);
@@ -150,7 +155,7 @@ bool Follower::too_many(const std::vector<Impact>& all, const Followed& followed
 
 Follower::Expected Follower::expect(const Impact& event, bool forward) const {
   const double way = forward ? 1.0 : -1.0;
-  const double wide = width();
+  const double wide = width(event.t);
   Expected expected;
   expected.impact = FreeFlight(machine_, inputs_).next_impact(y_, u_, t_, event.t + way * wide);
   expected.is_it = expected.impact && expected.impact->contact == event.contact &&
@@ -166,7 +171,7 @@ bool Follower::takes_with_doubt(const Impact& event, bool forward, Followed& fol
   Eigen::VectorXd y = y_, u = u_;
   flight.move(event.t - t_, y, u);
   const double speed = followed.solution.gamma[0].cwiseAbs().mean();
-  if (!(std::abs(flight.gap(event.contact, y, event.t)) < wide_gate * width() * speed)) {
+  if (!(std::abs(flight.gap(event.contact, y, event.t)) < wide_gate * width(event.t) * speed)) {
     return false;
   }
   Follower with_event = *this;
@@ -260,7 +265,7 @@ bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, doubl
   if (!fit()) return false;
   // Impacts before the first event.
   const FreeFlight flight(machine_, inputs_);
-  const double wide = width();
+  const double wide = gate * std::max(off_, 2.0 * jitter_);
   while (t_ > start + wide) {
     const auto expected = flight.next_impact(y_, u_, t_, start + wide);
     if (!expected) break;
@@ -291,10 +296,10 @@ class Starts {
     const std::size_t usual = first_window(family, projection);
     const std::size_t least = least_window(family, projection);
     cut_at_long_intervals();
-    // Fewer impacts, which tell less, where no more in a row are as they were.
+    // A long interval is the first hypothesis. Fewer impacts in a row determine less.
     slide(usual, 4, false);
-    slide(least, 2, false);
     join_pieces(2 * static_cast<std::size_t>(family.n()), usual, least);
+    slide(least, 2, false);
     slide(usual, 4, true);
     slide(least, 2, true);
   }
@@ -302,20 +307,23 @@ class Starts {
   const std::vector<Start>& all() const { return starts_; }
 
  private:
+  // An interval that is far longer than its neighbours may hide a lost impact.
   void cut_at_long_intervals() {
     const std::vector<Impact>& impacts = record_.impacts;
-    std::vector<double> intervals;
-    for (std::size_t k = 1; k < impacts.size(); ++k) {
-      intervals.push_back(impacts[k].t - impacts[k - 1].t);
-    }
     piece_of_.assign(impacts.size(), 0);
-    if (intervals.empty()) return;
-    std::vector<double> sorted = intervals;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    for (std::size_t k = 1; k < impacts.size(); ++k) {
-      const bool cut = intervals[k - 1] > long_interval * *middle;
-      piece_of_[k] = piece_of_[k - 1] + (cut ? 1 : 0);
+    const auto interval = [&](std::size_t k) { return impacts[k + 1].t - impacts[k].t; };
+    const std::size_t intervals = impacts.empty() ? 0 : impacts.size() - 1;
+    for (std::size_t k = 0; k < intervals; ++k) {
+      double usual = infinity;
+      if (intervals > 2) {
+        // At an end, what the next two would continue to.
+        usual = k == 0 ? std::max(interval(1), square(interval(1)) / interval(2))
+                : k + 1 == intervals
+                    ? std::max(interval(k - 1), square(interval(k - 1)) / interval(k - 2))
+                    : std::max(interval(k - 1), interval(k + 1));
+      }
+      const bool cut = interval(k) > long_interval * usual;
+      piece_of_[k + 1] = piece_of_[k] + (cut ? 1 : 0);
     }
   }
 
@@ -366,9 +374,11 @@ bool solve(const MachineFamily& family, const Start& start, std::optional<double
   const PathFit fit = search_window(family, start.window);
   if (fit.values.size() != family.nominal().size() || fit.inside > 0.0) return false;
   Likelihood solution = maximize_likelihood(family, start.window, fit);
-  constexpr double small = 1e-3;  // of the interval, where no jitter is told
+  constexpr double small = 5e-3;  // of the interval, where no jitter is specified
   if (!jitter && solution.scatter() > small * interval) return false;
-  of = std::max(jitter.value_or(solution.scatter()), without_jitter * interval);
+  // The scatter of few times is badly known.
+  const double of_few = 1.0 + 2.0 / std::sqrt(std::max(solution.freedom, 1));
+  of = std::max(jitter.value_or(of_few * solution.scatter()), without_jitter * interval);
   if (!fits(solution, of, 4.0)) return false;
   followed = {};
   followed.measured = start.window[start.base];
@@ -447,35 +457,35 @@ void use_near_ones(const MachineFamily& family, const std::vector<Impact>& all, 
 
 }  // namespace
 
-Mended mend(const MachineFamily& family, const Stretches& stretches, std::optional<double> jitter,
-            double interval) {
-  Mended mended;
-  const Stretch& longest =
-      *std::max_element(stretches.begin(), stretches.end(),
-                        [](const Stretch& a, const Stretch& b) { return a.size() < b.size(); });
-  const std::vector<Impact>& all = longest.impacts;
+bool mend(const MachineFamily& family, const Stretch& record, std::optional<double> jitter,
+          double interval, const std::function<bool(const Mended&)>& is_solution) {
+  constexpr int most_refused = 8;
+  const std::vector<Impact>& all = record.impacts;
   const std::size_t least = least_window(family, Projection(family));
-  Followed followed;
-  double of = 0.0;
-  bool found = false;
-  const Starts starts(family, longest);
+  const Starts starts(family, record);
+  int refused = 0;
   for (const Start& start : starts.all()) {
+    Followed followed;
+    double of = 0.0;
     if (!solve(family, start, jitter, interval, followed, of)) continue;
     Follower follower(family, of, least);
     if (!follower.forward(all, start.first + followed.measured.size(), followed)) continue;
     std::size_t left = start.first;
     // A path that leaves out much of the record's front explains another record.
-    found =
-        follower.backward(all, left, longest.start, followed) || left <= all.size() / most_left_out;
-    if (found) break;
+    if (!follower.backward(all, left, record.start, followed) &&
+        left > all.size() / most_left_out) {
+      continue;
+    }
+    Mended mended;
+    mended.stretches = {followed.measured};
+    mended.spurious = followed.spurious;
+    mended.solution = std::move(followed.solution);
+    drop_outliers(family, of, mended);
+    use_near_ones(family, all, of, mended);
+    if (is_solution(mended)) return true;
+    if (++refused == most_refused) return false;
   }
-  if (!found) return mended;
-  mended.stretches = {followed.measured};
-  mended.spurious = followed.spurious;
-  mended.solution = std::move(followed.solution);
-  drop_outliers(family, of, mended);
-  use_near_ones(family, all, of, mended);
-  return mended;
+  return false;
 }
 
 }  // namespace sprag

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -25,9 +26,10 @@ struct Mended {
 /// other, the worst first: their impacts stay, without a time.
 void drop_outliers(const MachineFamily& family, double jitter, Mended& mended);
 
-/// Of the longest stretch. `interval` is the usual time between impacts; without a jitter it is
-/// what the first impacts that fit have. Nothing is found where spurious and missing are empty.
-Mended mend(const MachineFamily& family, const Stretches& stretches, std::optional<double> jitter,
-            double interval);
+/// Repairs the events of one stretch. `interval` is the usual time between impacts; without a
+/// jitter it is what the first impacts that fit have. Offers each repair to `is_solution`, which
+/// keeps what it takes; returns whether it took one.
+bool mend(const MachineFamily& family, const Stretch& record, std::optional<double> jitter,
+          double interval, const std::function<bool(const Mended&)>& is_solution);
 
 }  // namespace sprag

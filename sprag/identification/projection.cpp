@@ -305,11 +305,11 @@ Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
     const std::size_t number = nonlinear[static_cast<std::size_t>(k)];
     const Unknown& unknown = family.unknowns()[number];
     const double value = at.values[static_cast<Eigen::Index>(number)];
+    const auto [low, high] = unknown.neighbours(unknown.coordinate(value), step);
     std::vector<Eigen::VectorXd> change(stretches_.size());
     for (const double side : {1.0, -1.0}) {
       Eigen::VectorXd values = at.values;
-      values[static_cast<Eigen::Index>(number)] =
-          unknown.value(unknown.coordinate(value) + side * step);
+      values[static_cast<Eigen::Index>(number)] = unknown.value(side > 0.0 ? high : low);
       const Machine machine = family.at(values);
       const Eigen::VectorXd inputs = turned(at.inputs, at.values, values);
       other_flights_.set(machine, stretches_);

@@ -305,8 +305,8 @@ PathFit search_window(const MachineFamily& family, const Stretches& window) {
   return starts.empty() ? PathFit{} : std::move(starts.front());
 }
 
-SearchResult search(const MachineFamily& family, const Stretches& stretches,
-                    const SearchSettings& settings) {
+PathFit search(const MachineFamily& family, const Stretches& stretches,
+               const SearchSettings& settings) {
   constexpr std::size_t followed = 3;  // of the refined places
   constexpr double most_inside = 0.1;  // of the impacts
   constexpr double apart = 0.01;       // another minimum than the best
@@ -314,12 +314,19 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
   const std::size_t total = count(stretches);
   const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
   const std::size_t n = std::min(total, first_window(family, projection));
-  SearchResult result;
-  PathFit& best = result.best;
+  PathFit best;
   best.rms = std::numeric_limits<double>::infinity();
-  // However little is left: a path with many impacts from inside is none.
-  const auto is_good = [&](const PathFit& fit) {
-    return fit.score() <= settings.good && fit.inside <= most_inside;
+  bool found = false;
+  std::vector<PathFit> tried;
+  constexpr std::size_t most_tried = 4;
+  // Whether a new minimum is a solution. A path with many impacts from inside is none.
+  const auto solves = [&](const PathFit& fit) {
+    if (!(fit.score() <= settings.good) || fit.inside > most_inside) return false;
+    if (tried.size() >= most_tried && !found) return false;
+    const auto same = [&](const PathFit& other) { return same_place(family, fit, other, apart); };
+    if (std::any_of(tried.begin(), tried.end(), same)) return false;
+    tried.push_back(fit);
+    return settings.is_solution(fit);
   };
   struct Window {
     std::size_t first, size;
@@ -348,26 +355,17 @@ SearchResult search(const MachineFamily& family, const Stretches& stretches,
     const std::vector<PathFit> starts =
         refined_starts(family, projection, first, window.last_resort);
     for (std::size_t i = 0; i < starts.size(); ++i) {
-      const bool found = is_good(best);
       // Another minimum as deep as the one that was found shows on few impacts already.
       const bool promises = starts[i].score() <= settings.good;
       if (found ? !promises : i >= followed && !(window.last_resort && promises)) continue;
       PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
-      if (found) {
-        const auto same = [&](const PathFit& other) {
-          return same_place(family, fit, other, apart);
-        };
-        if (is_good(fit) && !same(best) &&
-            std::none_of(result.others.begin(), result.others.end(), same)) {
-          result.others.push_back(std::move(fit));
-        }
-      } else if (is_good(fit) || fit.score() < best.score()) {
-        best = std::move(fit);
-      }
+      const bool solution = solves(fit);
+      if ((solution && !found) || (!found && fit.score() < best.score())) best = std::move(fit);
+      found = found || solution;
     }
-    if (is_good(best)) break;
+    if (found) break;
   }
-  return result;
+  return best;
 }
 
 }  // namespace sprag

@@ -3,6 +3,8 @@
 // squares of a long record have a minimum every fraction of a percent; those of a short one do not.
 #pragma once
 
+#include <functional>
+
 #include "sprag/identification/machine_family.h"
 #include "sprag/identification/projection.h"
 #include "sprag/identification/record.h"
@@ -10,18 +12,16 @@
 namespace sprag {
 
 struct SearchSettings {
-  double good = 0.0;  ///< a fit that leaves less than this is no chance [s]
+  double good = 0.0;  ///< largest score of a candidate [s]
+  /// Whether a candidate is a solution. The search ends at the first window that has one.
+  std::function<bool(const PathFit&)> is_solution;
 };
 
-struct SearchResult {
-  PathFit best;
-  /// Others, at other values, that leave less than `good` as well.
-  std::vector<PathFit> others;
-};
-
-/// The best fit to all stretches. Each stretch must have more than 2n impacts.
-SearchResult search(const MachineFamily& family, const Stretches& stretches,
-                    const SearchSettings& settings);
+/// Looks for solutions among fits to all stretches; returns the fit with the least score. Once a
+/// solution is found, other minima of the same window are still tried, each once. Each stretch must
+/// have more than 2n impacts.
+PathFit search(const MachineFamily& family, const Stretches& stretches,
+               const SearchSettings& settings);
 
 /// The best fit to some impacts alone, that of one window.
 PathFit search_window(const MachineFamily& family, const Stretches& window);

@@ -47,15 +47,23 @@ void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
 }
 
 void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
+  // Damping may be 0, so that its coordinate is linear.
+  const auto damping = [](std::string key, std::string unit, double nominal) {
+    Unknown unknown{.kind = Kind::damping, .key = std::move(key), .unit = std::move(unit)};
+    unknown.nominal = nominal;
+    if (nominal > 0.0) unknown.unit_step = nominal;
+    return unknown;
+  };
   if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-    Unknown d = positive_unknown(Kind::damping, -1, "beam.damping", "N s/m^2", scene.beam->damping);
+    Unknown d = damping("beam.damping", "N s/m^2", scene.beam->damping);
     // Of an undamped beam: 2 % of critical damping of its first mode.
-    d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
-                  scene.beam->mass_per_length;
+    if (!(d.nominal > 0.0)) {
+      d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
+                    scene.beam->mass_per_length;
+    }
     unknowns.push_back(d);
   } else if (!scene.model.C.isZero(0.0)) {
-    unknowns.push_back(positive_unknown(Kind::damping, -1,
-                                        scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
+    unknowns.push_back(damping(scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
   }
   if (scene.beam) {
     unknowns.push_back(positive_unknown(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
@@ -95,6 +103,7 @@ double Unknown::value(double of_coordinate) const {
 double Unknown::lowest() const {
   // Half of the slowest period: beyond it is another one's.
   if (kind == Kind::clock_offset) return -std::numbers::pi;
+  if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
   const double share = -(std::log1p(2.0 * within) + beyond);
   if (logarithmic) return share;
   const bool may_be_zero = kind == Kind::restitution || kind == Kind::damping;
@@ -103,9 +112,34 @@ double Unknown::lowest() const {
 
 double Unknown::highest() const {
   if (kind == Kind::clock_offset) return std::numbers::pi;
+  if (kind == Kind::damping) return nominal > 0.0 ? 2.0 * within + beyond : 10.0;
   const double share = std::log1p(2.0 * within) + beyond;
-  if (!logarithmic && kind == Kind::damping) return 10.0;
   return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
+}
+
+std::pair<double, double> Unknown::neighbours(double at, double step) const {
+  double low = at - step;
+  if (!logarithmic && (kind == Kind::damping || kind == Kind::restitution)) {
+    low = std::max(low, coordinate(0.0));
+  }
+  return {low, low + 2.0 * step};
+}
+
+bool Unknown::is_physical_bound(double of_value) const {
+  const bool lowest_is_zero =
+      (kind == Kind::damping || kind == Kind::restitution) && of_value <= 0.0;
+  return lowest_is_zero || (upper_limit > 0.0 && of_value >= upper_limit * (1.0 - 1e-12));
+}
+
+bool Unknown::is_within(double of_value, double tolerance) const {
+  if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset) return true;
+  const double at = coordinate(of_value);
+  if (nominal == 0.0) return at <= highest() + tolerance;
+  // The nominal value is off by a share of the true one, or the true one of the nominal one.
+  const double factor = std::max(1.0 + within, 1.0 / (1.0 - std::min(within, 0.9)));
+  const double low = logarithmic ? -std::log(factor) : -within;
+  const double high = logarithmic ? std::log(factor) : factor - 1.0;
+  return at >= low - tolerance && at <= high + tolerance;
 }
 
 namespace {

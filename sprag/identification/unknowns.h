@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "sprag/mechanics/scene.h"
@@ -49,9 +50,17 @@ struct Unknown {
   double value(double coordinate) const;
   /// d value / d coordinate at this value.
   double slope(double value) const { return logarithmic ? value : unit_step; }
+  /// Two coordinates about `coordinate`, 2 `step` apart, for a difference quotient: both physical.
+  std::pair<double, double> neighbours(double coordinate, double step) const;
   /// Coordinates that may be tried.
   double lowest() const;
   double highest() const;
+  /// Whether a value lies at the end of what is physically possible: a damping or restitution of 0,
+  /// `upper_limit`.
+  bool is_physical_bound(double value) const;
+  /// Whether a value is off by no more than `within`, to a tolerance in coordinates. Phases,
+  /// clearances and clock offsets are not limited.
+  bool is_within(double value, double tolerance) const;
 
   double upper_limit = 0.0;  ///< of the value, where there is one: epsilon <= 1, x_c <= l; else 0
 };

@@ -100,7 +100,7 @@ class Judge {
     settings_.unknowns = std::move(unknowns);
     try {
       Identification fit = identify(scene_, events_, settings_);
-      if (fit.problem == FitProblem::not_found) return std::nullopt;
+      if (!fit.converged()) return std::nullopt;
       return fit;
     } catch (const TooFewImpacts&) {
       return std::nullopt;
@@ -122,7 +122,7 @@ double misfit_of(const Identification& fit, double scatter) {
 }
 
 bool fits(const Identification& fit, double resolved) {
-  return fit.problem != FitProblem::from_inside &&
+  return fit.problem != FitProblem::lost_or_spurious_events &&
          misfit_of(fit, resolved) <= largest_misfit(fit.freedom);
 }
 
@@ -138,7 +138,7 @@ Candidate candidate_of(const Parameter& parameter, const std::optional<Identific
   candidate.parameter = parameter;
   candidate.value = parameter.nominal;
   candidate.scatter = diagnosis.scatter;
-  const bool is_path = fit && fit->problem != FitProblem::from_inside;
+  const bool is_path = fit && fit->problem != FitProblem::lost_or_spurious_events;
   if (!is_path || !fit->unknowns.front().determined) return candidate;
   const FittedUnknown& of = fit->unknowns.front();
   const double scatter = scatter_of(*fit, diagnosis.resolved);

@@ -231,7 +231,9 @@ std::string fitted_text(std::string_view given, const Scene& scene, const Identi
   const std::string file = to.string();
   const std::string text = with_files_from(given, from.parent_path(), to.parent_path(), file);
   Text out(text, file);
-  for (const FittedUnknown& unknown : fit.unknowns) set_unknown(scene, fit.fitted, unknown, out);
+  for (const FittedUnknown& unknown : fit.unknowns) {
+    if (unknown.determined) set_unknown(scene, fit.fitted, unknown, out);
+  }
   if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
   if (fit.start_t == begins) {

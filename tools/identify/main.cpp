@@ -30,6 +30,8 @@ int main(int argc, char** argv) {
                   "FITTED.toml", "Write the scene with the fitted values, its comments kept");
   sprag::add_flag(*app, "--accept", run.accept,
                   "Take what does not fit as an effective model, what is left as its jitter");
+  sprag::add_flag(*app, "--no-drift-limit", run.no_drift_limit,
+                  "Where no drift is found, write none: not its 95 % limit");
   sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {

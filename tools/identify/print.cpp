@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "sprag/identification/verdict.h"
+
 namespace sprag {
 namespace {
 
@@ -13,11 +15,7 @@ using Kind = Unknown::Kind;
 constexpr double hides = 0.8;   // a correlation that is worth telling
 constexpr double exact = 1e-8;  // of the usual time between impacts: no jitter
 
-std::string number(double value, int digits) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.*g", digits, value == 0.0 ? 0.0 : value);
-  return buffer;
-}
+std::string number(double value, int digits) { return short_number(value, digits); }
 
 // As many digits as sigma leaves, and at most what people read.
 std::string rounded(double value, double sigma) {
@@ -35,10 +33,20 @@ std::string change_of(const FittedUnknown& fitted) {
 }
 
 std::string note_of(const IdentifyResult& result, const FittedUnknown& fitted) {
-  if (!fitted.determined) return "cannot be told";
-  if (fitted.partner < 0 || std::abs(fitted.correlation) < hides) return "";
+  if (!fitted.determined || fitted.partner < 0 || std::abs(fitted.correlation) < hides) return "";
   return number(fitted.correlation, 2) + " with " +
          result.fit.unknowns[static_cast<std::size_t>(fitted.partner)].unknown.key;
+}
+
+// "0.65007 +- 6e-05", or at a physical bound "0, below 0.04 (95 %)".
+std::string value_of(const FittedUnknown& fitted) {
+  if (!fitted.determined) return "not determined";
+  if (!fitted.at_bound) {
+    return rounded(fitted.value, fitted.sigma) + " +- " + number(fitted.sigma, 2);
+  }
+  const bool below = fitted.high - fitted.value > fitted.value - fitted.low;
+  return number(fitted.value, 6) + (below ? ", below " : ", above ") +
+         number(below ? fitted.high : fitted.low, 2) + " (95 %)";
 }
 
 void append_row(const std::vector<std::string>& cells, std::string& text) {
@@ -54,12 +62,9 @@ void append_row(const std::vector<std::string>& cells, std::string& text) {
 }
 
 void append_table(const IdentifyResult& result, std::string& text) {
-  append_row({"parameter", "nominal", "fitted", "change", "hides"}, text);
+  append_row({"parameter", "nominal", "fitted", "change", "correlation"}, text);
   for (const FittedUnknown& fitted : result.fit.unknowns) {
-    const std::string value =
-        fitted.determined ? rounded(fitted.value, fitted.sigma) + " +- " + number(fitted.sigma, 2)
-                          : "-";
-    append_row({fitted.unknown.key, number(fitted.unknown.nominal, 6), value,
+    append_row({fitted.unknown.key, number(fitted.unknown.nominal, 6), value_of(fitted),
                 fitted.determined ? change_of(fitted) : "", note_of(result, fitted)},
                text);
   }
@@ -79,74 +84,47 @@ std::string instead(const Explanation& cause) {
   return text;
 }
 
-std::string reason(const Identification& fit) {
-  constexpr double much = 2e-3;  // of the usual interval
-  switch (fit.problem) {
-    case FitProblem::misfit:
-      if (fit.scatter > much * fit.interval) {
-        return "The likeliest reasons: too few modes, a parameter that is off by more than "
-               "--within, "
-               "or one that is not sought.";
-      }
-      return fit.jitter_told
-                 ? "The likeliest reasons: a larger jitter than " + number(fit.jitter, 3) +
-                       " s, or a small effect that the scene does not have."
-                 : "The likeliest reason: a minimum that was not reached; try a smaller --within, "
-                   "or "
-                   "fewer parameters.";
-    case FitProblem::from_inside:
-      return "It would be inside a support between its impacts. The likeliest reasons: events that "
-             "were lost, or the wrong one of several minima; try another --within.";
-    case FitProblem::unpredictable:
-      return "What fits the first four fifths does not predict the last. The likeliest reason: "
-             "something that changes meanwhile.";
-    case FitProblem::not_found:
-      return "No parameters were found at which the machine has such impacts.";
-    default:
-      return "";
-  }
-}
-
 void append_causes(const IdentifyResult& result, std::string& text) {
   if (!result.asked_for_causes) return;
   const auto& simplest = result.causes.simplest;
   if (simplest.empty()) {
-    text += "No one and no two of the parameters alone explain them.\n";
+    text += "No single parameter and no pair of them explains the events.\n";
     return;
   }
   if (simplest.front().keys.empty()) {
-    text += "The scene as it is explains them, but for the start.\n";
+    text += "The scene as it is explains the events, except for the start.\n";
     return;
   }
   text += instead(simplest.front()) +
-          (simplest.front().keys.size() > 1 ? " alone explain" : " alone explains") + " them.\n";
+          (simplest.front().keys.size() > 1 ? " alone explain" : " alone explains") +
+          " the events.\n";
   constexpr std::size_t most = 4;
   for (std::size_t i = 1; i < std::min(simplest.size(), most); ++i) {
     text += "  " + instead(simplest[i]) + " as well\n";
   }
 }
 
-void append_drift(const IdentifyResult& result, std::string& text) {
-  if (!result.drift) return;
-  const DriftEstimate& drift = *result.drift;
-  if (drifts(result)) {
+void append_model_error(const IdentifyResult& result, std::string& text) {
+  const Departure& error = result.fit.departure;
+  if (error.is_drift()) {
+    const DriftEstimate& drift = *error.drift;
     text += "The machine drifts from its model: drift " + number(drift.drift, 2) + " (" +
-            number(drift.low, 2) + " to " + number(drift.high, 2) + "), the jitter then " +
-            number(drift.jitter, 3) + " s.\n";
-  } else if (drift.high > 0.0) {
-    text += "No drift from the model is seen; it is below " + number(drift.high, 2) + ".\n";
+            number(drift.low, 2) + " to " + number(drift.high, 2) + "), jitter beside it " +
+            number(drift.jitter, 3) + " s. The deviations below include it.\n";
+  } else if (error.is_scatter()) {
+    text += "The restitution scatters from impact to impact by " +
+            number(error.scatter->scatter, 2) + ", jitter beside it " +
+            number(error.scatter->jitter, 3) + " s. The deviations below include it.\n";
+  } else if (error.drift && error.drift->high > 0.0) {
+    text += "No drift from the model is found; it is below " + number(error.drift->high, 2) +
+            " (95 %).\n";
   }
-}
-
-// Unless a drift explains more of what is left.
-void append_trend(const IdentifyResult& result, std::string& text) {
-  if (!result.trend) return;
-  const RestitutionTrend& trend = *result.trend;
-  const bool of_drift = drifts(result) && result.drift->gain > trend.gain;
-  if (!trend.found() || of_drift) {
-    text += "That the restitution depends on the impact's speed is not seen: " +
+  if (!error.trend) return;
+  const RestitutionTrend& trend = *error.trend;
+  if (!error.is_trend()) {
+    text += "No dependence of the restitution on the impact's speed is found: " +
             rounded(trend.trend, trend.sigma) + " +- " + number(trend.sigma, 2) +
-            " per unit of it" + (trend.found() ? ", which the drift explains better.\n" : ".\n");
+            " per unit of speed.\n";
     return;
   }
   text += std::string("Restitution ") + (trend.trend < 0.0 ? "falls" : "rises") + " by " +
@@ -176,21 +154,6 @@ std::string list(const Eigen::VectorXd& values, const Eigen::VectorXd& sigmas) {
   return text + (values.size() > most ? ", ..." : "");
 }
 
-const char* name_of(FitProblem problem) {
-  switch (problem) {
-    case FitProblem::misfit:
-      return "misfit";
-    case FitProblem::from_inside:
-      return "from_inside";
-    case FitProblem::unpredictable:
-      return "unpredictable";
-    case FitProblem::not_found:
-      return "not_found";
-    default:
-      return "none";
-  }
-}
-
 std::vector<double> numbers_of(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }
 
 nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
@@ -198,85 +161,75 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   entry["nominal"] = fitted.unknown.nominal;
   entry["within"] = fitted.unknown.within;
   entry["told"] = fitted.determined;
+  entry["determined"] = fitted.determined;
+  entry["value"] = nullptr;
+  entry["sigma"] = nullptr;
+  entry["low"] = nullptr;
+  entry["high"] = nullptr;
+  if (!fitted.determined) return entry;
   entry["value"] = fitted.value;
-  entry["sigma"] = fitted.sigma;
+  if (!fitted.at_bound) entry["sigma"] = fitted.sigma;
+  entry["low"] = fitted.low;
+  entry["high"] = fitted.high;
+  entry["at_bound"] = fitted.at_bound;
   return entry;
 }
 
 }  // namespace
 
 std::string verdict(const IdentifyResult& result) {
-  const Identification& fit = result.fit;
-  if (!fit.fits()) {
-    std::string text = fit.problem == FitProblem::not_found
-                           ? std::string("the events fit no such machine")
-                           : "the events do not fit: " + number(fit.scatter, 3) + " s are left";
-    if (result.accepted) {
-      text += drifts(result) ? "; taken as the drift of an effective model"
-                             : "; taken as the jitter of an effective model";
-    }
-    return text;
+  std::string text = verdict_of(result.fit);
+  if (result.accepted) {
+    text += drifts(result) ? "; taken as an effective model with a drift"
+                           : "; taken as an effective model, the scatter as its jitter";
   }
-  std::string text =
-      fit.unknowns.empty()
-          ? "the events fit the scene as it is"
-          : "the events fit, with " + plural(fit.unknowns.size(), "parameter") + " as found";
-  if (fit.ambiguous()) text += "; ambiguous: so they do with other values";
   return text;
 }
 
 std::string to_text(const IdentifyResult& result) {
   const Identification& fit = result.fit;
   std::string text = result.scene + ": " + verdict(result) + '\n';
-  if (!fit.fits()) text += reason(fit) + '\n';
+  if (!fit.fits()) text += reason_of(fit) + '\n';
   append_causes(result, text);
-  if (fit.problem == FitProblem::not_found) return text;
+  if (!fit.converged()) return text;
   text += '\n' + plural(static_cast<std::size_t>(fit.impacts), "impact") +
           " from t = " + number(fit.from, 4) + " to " + number(fit.to, 4);
   if (fit.stretches > 1) text += " in " + std::to_string(fit.stretches) + " stretches";
   if (fit.jitter_told) {
-    text += ", jitter " + number(fit.jitter, 3) + " s as told.\n";
+    text += ", jitter " + number(fit.jitter, 3) + " s as specified.\n";
   } else if (fit.fits() && fit.scatter < exact * fit.interval) {
-    text += ", their times exact: " + number(fit.scatter, 2) + " s are left.\n";
+    text += ", exact times (scatter " + number(fit.scatter, 2) + " s).\n";
   } else {
-    text += ", jitter " + number(fit.scatter, 3) + " s as found.\n";
+    text += (fit.fits() ? ", jitter " : ", scatter ") + number(fit.scatter, 3) + " s as found.\n";
   }
-  if (fit.left_out > 0) {
-    text += plural(static_cast<std::size_t>(fit.left_out), "event") +
-            " left out: beside sustained contacts, or too near to another.\n";
+  if (fit.left_out > fit.spurious_left_out && fit.problem != FitProblem::events_left_out) {
+    text += plural(static_cast<std::size_t>(fit.left_out - fit.spurious_left_out), "event") +
+            " not used: in parts too short to count, cut by near impacts or sustained contacts.\n";
   }
   if (fit.jitter_told) {
     text += "chi^2 is " + number(fit.chi2, 4) + " for " + std::to_string(fit.freedom) +
-            " degrees of freedom; up to " + number(fit.largest_chi2, 4) +
-            " the times scatter as their jitter has it.\n";
-    if (fit.scatter < 0.5 * fit.jitter) {
-      text += "They scatter by " + number(fit.scatter, 2) +
-              " s alone, so that the deviations below are larger than they need be.\n";
+            " degrees of freedom; the limit is " + number(fit.largest_chi2, 4) + ".\n";
+    if (fit.fits() && fit.scatter < 0.5 * fit.jitter) {
+      text += "The times scatter by " + number(fit.scatter, 2) +
+              " s only: with a smaller --jitter the deviations below would be smaller.\n";
     }
   }
   if (fit.predicted > 0.0) {
-    text += "Fitted to the first four fifths, it expects the impacts of the last within " +
-            number(fit.predicted, 2) + " s (before: " + number(fit.predicted_before, 2) + " s).\n";
+    text += "The fit to the first four fifths predicts the impacts of the last fifth within " +
+            number(fit.predicted, 2) + " s (within the four: " + number(fit.predicted_before, 2) +
+            " s).\n";
   }
-  append_drift(result, text);
-  append_trend(result, text);
+  append_model_error(result, text);
   append_events(result, text);
   text += '\n';
   append_table(result, text);
   if (!result.held.empty()) {
-    append_row({result.held, "held: the events tell only ratios to it"}, text);
+    append_row({result.held, "held: the events determine only ratios to it"}, text);
   }
+  if (!fit.fits() && !result.accepted) return text;
   text += "\nStart at t = " + number(fit.start_t, 6) +
           ": q = " + list(fit.start.q, fit.start_sigma.q) + '\n';
   text += "  u = " + list(fit.start.u, fit.start_sigma.u) + '\n';
-  for (const Eigen::VectorXd& other : fit.others) {
-    text += "It fits as well with";
-    for (Eigen::Index k = 0; k < other.size(); ++k) {
-      text += (k > 0 ? ", " : " ") + fit.unknowns[static_cast<std::size_t>(k)].unknown.key + ' ' +
-              number(other[k], 6);
-    }
-    text += '\n';
-  }
   return text;
 }
 
@@ -289,10 +242,12 @@ void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["accepted"] = fit.fits() || result.accepted;
   object["ambiguous"] = fit.ambiguous();
   object["problem"] = name_of(fit.problem);
-  if (!fit.fits()) object["reason"] = reason(fit);
+  if (!fit.fits()) object["reason"] = reason_of(fit);
   object["impacts"] = fit.impacts;
   object["stretches"] = fit.stretches;
+  object["events"] = fit.events;
   object["left_out"] = fit.left_out;
+  object["used_share"] = fit.used_share();
   object["from"] = fit.from;
   object["to"] = fit.to;
   object["jitter"] = fit.jitter;
@@ -303,20 +258,29 @@ void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["largest_chi2"] = fit.largest_chi2;
   object["predicted"] = fit.predicted;
   object["predicted_before"] = fit.predicted_before;
+  const Departure& error = fit.departure;
   object["drift"] = nullptr;
-  if (result.drift) {
-    const DriftEstimate& drift = *result.drift;
-    object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
-                       {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
+  if (error.drift) {
+    const DriftEstimate& drift = *error.drift;
+    object["drift"] = {{"found", error.is_drift()}, {"value", drift.drift},
+                       {"low", drift.low},          {"high", drift.high},
+                       {"gain", drift.gain},        {"jitter", drift.jitter}};
+  }
+  object["restitution_scatter"] = nullptr;
+  if (error.scatter) {
+    object["restitution_scatter"] = {{"found", error.is_scatter()},
+                                     {"value", error.scatter->scatter},
+                                     {"gain", error.scatter->gain},
+                                     {"jitter", error.scatter->jitter}};
   }
   object["restitution_trend"] = nullptr;
-  if (result.trend) {
-    object["restitution_trend"] = {{"found", result.trend->found()},
-                                   {"value", result.trend->trend},
-                                   {"sigma", result.trend->sigma},
-                                   {"gain", result.trend->gain},
-                                   {"chi2_without", result.trend->chi2_without},
-                                   {"chi2_with", result.trend->chi2_with}};
+  if (error.trend) {
+    object["restitution_trend"] = {{"found", error.is_trend()},
+                                   {"value", error.trend->trend},
+                                   {"sigma", error.trend->sigma},
+                                   {"gain", error.trend->gain},
+                                   {"chi2_without", error.trend->chi2_without},
+                                   {"chi2_with", error.trend->chi2_with}};
   }
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;
@@ -330,11 +294,13 @@ void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
     }
     object["parameters"].push_back(std::move(entry));
   }
-  object["start"] = {{"t", fit.start_t},
-                     {"q", numbers_of(fit.start.q)},
-                     {"u", numbers_of(fit.start.u)},
-                     {"sigma_q", numbers_of(fit.start_sigma.q)},
-                     {"sigma_u", numbers_of(fit.start_sigma.u)}};
+  object["start"] = nullptr;
+  if (fit.fits() || result.accepted)
+    object["start"] = {{"t", fit.start_t},
+                       {"q", numbers_of(fit.start.q)},
+                       {"u", numbers_of(fit.start.u)},
+                       {"sigma_q", numbers_of(fit.start_sigma.q)},
+                       {"sigma_u", numbers_of(fit.start_sigma.u)}};
   object["spurious"] = Json::array();
   for (const std::size_t i : fit.spurious) {
     object["spurious"].push_back(

@@ -6,9 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/drift.h"
 #include "sprag/identification/identification.h"
-#include "sprag/identification/restitution_trend.h"
 
 namespace sprag {
 
@@ -18,14 +16,12 @@ struct IdentifyResult {
   bool accepted = false;          ///< although it does not fit, since the user says so
   bool asked_for_causes = false;  ///< whether `causes` were looked for
   Explanations causes;
-  std::optional<DriftEstimate> drift;     ///< none: the fit does not tell
-  std::optional<RestitutionTrend> trend;  ///< likewise
-  std::string held;                       ///< what is held for its scale; empty: nothing
+  std::string held;  ///< what is held for its scale; empty: nothing
   std::vector<ContactEvent> events;
 };
 
-/// Whether the machine departs from its model.
-inline bool drifts(const IdentifyResult& result) { return result.drift && result.drift->found(); }
+/// Whether the machine drifts from its model.
+inline bool drifts(const IdentifyResult& result) { return result.fit.departure.is_drift(); }
 
 /// What follows from it, in words.
 std::string verdict(const IdentifyResult& result);

@@ -20,18 +20,28 @@ std::string text_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
-                 Identification fit, const DriftEstimate* drift, double begins) {
-  if (drift != nullptr) {
+// What the fit leaves of a departure from the model: a drift, or where none is found the 95 % limit
+// of one.
+void put_drift(const IdentifyRun& run, Identification& fit) {
+  const std::optional<DriftEstimate>& drift = fit.departure.drift;
+  if (!drift) return;
+  if (fit.departure.any()) {
     fit.fitted.drift = drift->drift;
     fit.jitter = drift->jitter;
+  } else if (!run.no_drift_limit) {
+    fit.fitted.drift = drift->high;
   }
+}
+
+void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
+                 Identification fit, double begins) {
+  put_drift(run, fit);
   OutputFile out(run.output);
   out.write(fitted_text(text, scene, fit, begins, run.scene, run.output));
   if (!out.close()) throw std::runtime_error(out.error());
   if (fit.start_t != begins) {
-    std::cerr << "the fit begins at t = " << fit.start_t << ", so that the start in "
-              << run.output.string() << " is the one it was\n";
+    std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
+              << " is left as it was\n";
   }
 }
 
@@ -63,17 +73,15 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   result.held = held_for_scale(scene, settings.unknowns);
   result.fit = identify(scene, recorded.events, settings);
   // Judged by the jitter that is told, else by what the fit of all leaves.
-  if (run.sought.free.empty() && (result.fit.fits() || settings.jitter)) {
+  if (run.sought.free.empty() && result.fit.fits()) {
     IdentificationSettings of_causes = settings;
     of_causes.unknowns = single_causes(scene, settings.unknowns);
-    result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter);
+    result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter, result.fit);
     result.asked_for_causes = true;
   }
-  result.drift = estimate_drift(scene, result.fit);
-  result.trend = estimate_restitution_trend(scene, result.fit);
-  const bool effective =
-      run.accept && (result.fit.problem == FitProblem::misfit ||
-                     (result.fit.problem == FitProblem::unpredictable && drifts(result)));
+  const bool effective = run.accept && result.fit.problem == FitProblem::wrong_model &&
+                         (result.fit.misfit != Misfit::prediction || drifts(result)) &&
+                         result.fit.misfit != Misfit::start;
   if (effective) {
     result.accepted = true;
     result.fit.jitter = result.fit.scatter;
@@ -84,8 +92,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
   if (good && !run.output.empty()) {
-    write_scene(run, text, scene, result.fit, drifts(result) ? &*result.drift : nullptr,
-                recorded.begins);
+    write_scene(run, text, scene, result.fit, recorded.begins);
   }
   if (!recorded.whole) return exit_failed;
   return good ? exit_done : exit_not_identified;

@@ -18,7 +18,8 @@ struct IdentifyRun {
   SoughtOptions sought;
   bool json = false;
   bool accept = false;
-  std::optional<double> jitter;                               ///< [s]; none: the scene's
+  bool no_drift_limit = false;   ///< no upper limit of a drift that was not found is written
+  std::optional<double> jitter;  ///< [s]; none: the scene's
   double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
 };
 
