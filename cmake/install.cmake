@@ -25,16 +25,11 @@ install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/spr
 
 # Nothing that is called `observer` or `diagnose` belongs on a PATH: the command `sprag` runs them.
 if(SPRAG_PROGRAMS)
-  set(programs master_sim observer sync_logger check_scene import_events diagnose identify reduce plot study tolerance)
-  set(SPRAG_VIEW_SUMMARY)
-  if(TARGET view)
-    list(APPEND programs view)
-    set(SPRAG_VIEW_SUMMARY "\n  view           shows a run in a browser while it goes on")
-  endif()
   set(folder ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
-  install(TARGETS ${programs} RUNTIME DESTINATION ${folder} COMPONENT runtime)
-  file(RELATIVE_PATH SPRAG_PROGRAMS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${folder})
-  set(SPRAG_SCENES_FOLDER "${CMAKE_INSTALL_DATADIR}/sprag/scenes, below the folder of the installation")
+  install(TARGETS ${SPRAG_PROGRAM_TARGETS} RUNTIME DESTINATION ${folder} COMPONENT runtime)
+  file(RELATIVE_PATH SPRAG_PROGRAM_FOLDERS /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${folder})
+  file(RELATIVE_PATH SPRAG_SCENES /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${CMAKE_INSTALL_DATADIR}/sprag/scenes)
+  set(SPRAG_HINT "this installation was built without it")
   configure_file(command_line/sprag.in ${PROJECT_BINARY_DIR}/sprag_command/sprag @ONLY)
   install(PROGRAMS ${PROJECT_BINARY_DIR}/sprag_command/sprag DESTINATION ${CMAKE_INSTALL_BINDIR}
           COMPONENT runtime)
@@ -49,11 +44,12 @@ if(SPRAG_PROGRAMS)
       set(output ${PROJECT_BINARY_DIR}/man/${page}.1.gz)
       add_custom_command(OUTPUT ${output} VERBATIM
         COMMAND ${PROJECT_SOURCE_DIR}/command_line/man_page ${name} ${executable} ${PROJECT_VERSION} ${output}
-        DEPENDS ${PROJECT_SOURCE_DIR}/command_line/man_page ${executable})
+        DEPENDS ${PROJECT_SOURCE_DIR}/command_line/man_page ${executable} ${ARGN})
       set(man_pages ${man_pages} ${output} PARENT_SCOPE)
     endfunction()
-    sprag_man_page(sprag sprag ${PROJECT_BINARY_DIR}/sprag_command/sprag)
-    foreach(program IN LISTS programs)
+    # Of the build tree's command: it lists the programs that are there.
+    sprag_man_page(sprag sprag ${PROJECT_BINARY_DIR}/sprag ${SPRAG_PROGRAM_TARGETS})
+    foreach(program IN LISTS SPRAG_PROGRAM_TARGETS)
       sprag_man_page(sprag-${program} "sprag ${program}" $<TARGET_FILE:${program}>)
     endforeach()
     add_custom_target(man_pages ALL DEPENDS ${man_pages})
@@ -93,6 +89,7 @@ if(SPRAG_PYTHON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
   # The module is that of one version of Python.
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${SPRAG_PYTHON_DEPENDS}")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS sprag)  # its scenes
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-matplotlib)
   set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The package sprag for Python")
 endif()

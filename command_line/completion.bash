@@ -1,19 +1,25 @@
-# Completion of the command sprag in bash: its programs, and of each the options and the choices that
-# its --help names.
+# Completion of the command sprag in bash: its programs; of each the options and the choices that its --help
+# names; and the scenes that come with Sprag, beside the files of the working directory.
 _sprag() {
-  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} command=${COMP_WORDS[0]} words
+  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} command=${COMP_WORDS[0]} words files=
   COMPREPLY=()
   if ((COMP_CWORD == 1)); then
-    words=$("$command" --help | sed -n 's/^  \([a-z_]*\)  .*/\1/p'; echo --help --version)
-  else
+    words=$("$command" --help | sed -n 's/^  \([a-z_]*\)  .*/\1/p'; echo scenes --help --version)
+  elif [[ ${COMP_WORDS[1]} != scenes ]]; then
     local help
     help=$("$command" "${COMP_WORDS[1]}" --help 2> /dev/null)
     if [[ $word == -* ]]; then
       words=$(sed -n 's/^  \(-[a-z],\)\?\(--[a-z-]*\).*/\2/p' <<< "$help")
     elif [[ $before == --* ]]; then
       words=$(sed -n "s/^  $before \([a-z0-9]*|[a-z0-9|]*\).*/\1/p" <<< "$help" | tr '|' ' ')
+    else
+      local part='/^Studies/,$d'
+      if [[ ${COMP_WORDS[1]} == study ]]; then part='1,/^Studies/d'; fi
+      words=$("$command" scenes 2> /dev/null | sed -n "$part; s/^  \([a-z0-9_]*\) .*/\1/p")
+      files=yes
+      compopt -o filenames 2> /dev/null || true
     fi
   fi
-  mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word")
+  mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word"; [[ ! $files ]] || compgen -f -- "$word")
 }
 complete -o default -F _sprag sprag

@@ -6,11 +6,13 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <system_error>
 
 #include "command_line/signals.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/output_file.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/shipped_scenes.h"
 #include "sprag/mechanics/model.h"
 
 namespace sprag {
@@ -95,6 +97,15 @@ int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const Common
   return exit_usage;
 }
 
+/// An argument for a file, or for the name of one in a folder of the installation.
+CLI::Option* add_shipped(CLI::App& app, CommonOptions& options, const std::string& name,
+                         const std::filesystem::path& folder, std::filesystem::path& file,
+                         const std::string& help) {
+  options.files.emplace_back([name, &file] { return NamedFile{name, file, NamedFile::Use::read}; });
+  const auto take = [folder, &file](const std::string& given) { file = find_scene(given, folder); };
+  return app.add_option_function<std::string>(name, take, help)->type_name("")->required();
+}
+
 }  // namespace
 
 std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name) {
@@ -136,12 +147,31 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
   return app.add_option(name, file, help)->type_name(type)->required(!name.starts_with('-'));
 }
 
+std::filesystem::path scenes_folder() {
+  std::error_code error;
+  return shipped_scenes(std::filesystem::read_symlink("/proc/self/exe", error));
+}
+
+std::filesystem::path studies_folder() {
+  const std::filesystem::path scenes = scenes_folder();
+  return scenes.empty() ? scenes : scenes / "studies";
+}
+
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
-  return add_file(app, options, "SCENE", NamedFile::Use::read, file, "", "Scene file (TOML)");
+  return add_shipped(app, options, "SCENE", scenes_folder(), file,
+                     "Scene: a file (TOML), or the name of one that `sprag scenes` lists");
+}
+
+CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
+  return add_shipped(app, options, "STUDY", studies_folder(), file,
+                     "Study: a file (TOML), or the name of one that `sprag scenes` lists");
 }
 
 Scene load_scene(const std::filesystem::path& file, const CommonOptions& options) {
   std::vector<NamedFile> files = named_files(options);
+  if (const std::string why = scene_not_found(file, scenes_folder()); !why.empty()) {
+    throw SceneError(file.string(), "cannot be read: " + why);
+  }
   const auto refuse_overwriting = [&files](const std::filesystem::path& named) {
     files.push_back({"a file of SCENE", named, NamedFile::Use::read});
     if (const std::string clash = overwritten(files); !clash.empty()) throw OverwriteError(clash);

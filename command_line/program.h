@@ -67,8 +67,17 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
                       NamedFile::Use use, std::filesystem::path& file, const std::string& type,
                       const std::string& help);
 
-/// Adds the argument SCENE.
+/// The folders of the scenes and of the studies that come with this program, in its build tree or
+/// installation; empty if there are none.
+std::filesystem::path scenes_folder();
+std::filesystem::path studies_folder();
+
+/// Adds the argument SCENE: a file, or a name in scenes_folder(), whose file
+/// `file` then is.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
+
+/// Adds the argument STUDY: a file, or a name in studies_folder().
+CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
 /// read_scene() of sprag/files/scene_file.h; its remarks go to stderr. To be called before any
 /// output is opened: throws OverwriteError where one would be written over a file that the scene

@@ -102,6 +102,11 @@ def build_wheel(
         }
     files |= {f"{info}/{name}": content for name, content in metadata().items()}
 
+    # Where an installation has them, seen from the environment: read_scene("paper_beam") finds them.
+    for scene in sorted((ROOT / "scenes").rglob("*.toml")):
+        name = scene.relative_to(ROOT / "scenes")
+        files[f"sprag-{version()}.data/data/share/sprag/scenes/{name}"] = scene.read_bytes()
+
     record = f"{info}/RECORD"
     lines = []
     for name, content in files.items():

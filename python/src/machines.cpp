@@ -15,6 +15,7 @@
 
 #include "python/src/arrays.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/shipped_scenes.h"
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scale.h"
@@ -375,10 +376,18 @@ void bind_scene(py::module_& module) {
 
   module.def(
       "read_scene",
-      [](const std::filesystem::path& file) { return with_warnings(read_scene(file)); },
+      [](const std::filesystem::path& file) {
+        const py::module_ package = py::module_::import("sprag");
+        const auto folder = shipped_scenes(package.attr("__file__").cast<std::string>());
+        const std::filesystem::path found = find_scene(file, folder);
+        if (const std::string why = scene_not_found(found, folder); !why.empty()) {
+          throw SceneError(found.string(), "cannot be read: " + why);
+        }
+        return with_warnings(read_scene(found));
+      },
       py::arg("file"),
-      "Reads and checks a scene file, and the files that it names. What is to be said of it is a "
-      "RuntimeWarning. Raises SceneError.");
+      "Reads and checks a scene file, and the files that it names; or the scene of this name that "
+      "comes with Sprag, as \"paper_beam\". Remarks on it are RuntimeWarnings. Raises SceneError.");
   module.def(
       "parse_scene",
       [](const std::string& text, const std::string& file) {

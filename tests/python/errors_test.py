@@ -32,6 +32,14 @@ class ErrorsTest(unittest.TestCase):
         self.assertEqual((error.file, error.line, error.column), ("/nowhere/x.toml", None, None))
         self.assertEqual(error.message, "cannot be read: No such file or directory")
 
+    def test_a_name_that_no_scene_has(self):
+        with self.assertRaises(sprag.SceneError) as raised:
+            sprag.read_scene("paper_baem")
+        error = raised.exception
+        self.assertEqual(error.file, "paper_baem")
+        self.assertIn("no such file", error.message)
+        self.assertIn("did you mean paper_beam?", error.message)
+
     def test_a_simulation_that_cannot_go_on(self):
         # Three supports under a rigid plate whose forces would be a guess.
         plate = sprag.Model(

@@ -25,6 +25,12 @@ def paper_beam() -> sprag.Scene:
 
 
 class MachinesTest(unittest.TestCase):
+    def test_a_scene_that_comes_with_sprag_has_a_name(self):
+        for name in ("paper_beam", "lab_rig.toml"):
+            by_name, by_file = sprag.read_scene(name), scene(name.removesuffix(".toml"))
+            self.assertEqual(by_name.name, by_file.name)
+            np.testing.assert_array_equal(by_name.master.q, by_file.master.q)
+
     def test_outputs_have_names_values_and_sigmas(self):
         outputs = [
             sprag.Output("tip", [1.0, -1.0]),

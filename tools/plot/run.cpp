@@ -77,7 +77,8 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
   std::vector<Table> tables;
   bool whole = true;
   const auto is_scene = [](const std::string& text) {
-    return file_of(text).extension() == ".toml";
+    const std::filesystem::path file = file_of(text);
+    return file.extension() == ".toml" || (file.extension().empty() && !exists(file));
   };
   for (const std::string& text : run.files) {
     if (!is_scene(text)) continue;

@@ -4,6 +4,9 @@
 #include <charconv>
 #include <limits>
 
+#include "command_line/program.h"
+#include "sprag/files/shipped_scenes.h"
+
 namespace sprag::plot {
 namespace {
 
@@ -42,7 +45,7 @@ const std::vector<double>* Table::column(std::string_view name) const {
 
 std::filesystem::path file_of(const std::string& text) {
   const std::size_t end = label_end(text);
-  return end == std::string::npos ? text : text.substr(end + 1);
+  return find_scene(end == std::string::npos ? text : text.substr(end + 1), scenes_folder());
 }
 
 Table read_table(const std::string& text) {

@@ -28,7 +28,7 @@ struct Table {
 /// InputError: no such file, or a header that is none of a TableKind's.
 Table read_table(const std::string& text);
 
-/// FILE of `[LABEL=]FILE`.
+/// FILE of `[LABEL=]FILE`; of a name in scenes_folder(), its file.
 std::filesystem::path file_of(const std::string& text);
 
 }  // namespace sprag::plot

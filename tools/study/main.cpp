@@ -13,8 +13,7 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   sprag::study::StudyRun run;
   sprag::add_common_options(*app, common);
-  sprag::add_file(*app, common, "STUDY", sprag::NamedFile::Use::read, run.study, "",
-                  "Study file (TOML)");
+  sprag::add_study(*app, common, run.study);
   sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output, "DIR",
                   "Folder of the results [the study's name]");
   sprag::add_text(*app, "--shard", run.shard, "i/n",

@@ -8,12 +8,14 @@
 #include <string_view>
 #include <utility>
 
+#include "command_line/program.h"
 #include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/files/input_file.h"
 #include "sprag/files/nearest_word.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_text.h"
+#include "sprag/files/shipped_scenes.h"
 #include "sprag/files/toml_reader.h"
 #include "tools/study/design.h"
 
@@ -495,6 +497,9 @@ const char* name(EstimatorKind kind) {
 
 Study read_study(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names) {
+  if (const std::string why = scene_not_found(file, studies_folder()); !why.empty()) {
+    throw InputError(file.string() + ": " + why);
+  }
   return parse_study(read_whole(file), file, names);
 }
 
@@ -508,10 +513,15 @@ Study parse_study(const std::string& text, const std::filesystem::path& file,
                                         "tick", "samples", "estimators", "threshold", "record",
                                         "machine", "disturbance", "start", "vary"});
   study.name = root.string_or("name", file.stem().string());
-  study.scene_file = file.parent_path() / root.required_string("scene");
+  const std::string scene = root.required_string("scene");
+  study.scene_file = file.parent_path() / scene;
   if (!std::filesystem::is_regular_file(study.scene_file)) {
-    root.fail("scene", "is \"" + root.required_string("scene") +
-                           "\"; must be a scene file, seen from the study's folder");
+    study.scene_file = shipped_file(scene, scenes_folder());
+  }
+  if (study.scene_file.empty()) {
+    root.fail("scene", "is \"" + scene +
+                           "\"; must be a scene file, seen from the study's folder, or the name of "
+                           "a scene that comes with Sprag");
   }
   const auto tell = [&](const std::filesystem::path& named) {
     study.inputs.push_back(named);
