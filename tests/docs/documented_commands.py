@@ -27,7 +27,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-LIMIT = 900.0  # of a block [s]; only what hangs reaches it
+LIMIT = 900.0  # of a block [s]; only a block that hangs reaches it
 SHELL = ["bash", "-euo", "pipefail", "-c"]
 MARKER = re.compile(r"\s*<!-- (not run|run): *(.*?) *-->\s*$")
 OLD_NAME = re.compile(r"build/(?:observer|master_sim|tools)/")
@@ -114,7 +114,7 @@ def expect_output(expected: Block, printed: str) -> None:
     for offset, line in enumerate(expected.lines):
         if line.strip() in ("", "...", "…"):
             continue
-        if shape(line) not in rest:  # goes on in rest behind the line that it finds
+        if shape(line) not in rest:  # leaves the iterator after the line that it finds
             raise Failure(f"{expected.page}:{expected.line + offset}: the block before does not print, or "
                           f"not here: {line}\nIt prints:\n{printed}")
 
@@ -149,7 +149,7 @@ def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
     (folder / "home").mkdir(exist_ok=True)
     script = block.text
     if block.parallel > 0.0:
-        # Python is the parent of all commands, in their network: a shell has what it starts ignore SIGINT.
+        # Python starts the commands: those that a shell starts in the background ignore SIGINT.
         script = f"exec {sys.executable} {Path(__file__).resolve()} --parallel {block.parallel} \"$@\""
     command = isolated(block, script)
     if block.parallel > 0.0:
