@@ -5,9 +5,11 @@
 #include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 
+#include "command_line/printable.h"
 #include "command_line/signals.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/output_file.h"
@@ -59,7 +61,9 @@ std::vector<NamedFile> named_files(const CommonOptions& options) {
 }
 
 std::string line_of(const nlohmann::ordered_json& object) {
-  return object.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return printable_lines(
+             object.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
+         "\n";
 }
 
 bool write_report(const std::filesystem::path& file, const nlohmann::ordered_json& report) {
@@ -67,6 +71,17 @@ bool write_report(const std::filesystem::path& file, const nlohmann::ordered_jso
   output.write(line_of(report));
   if (!output.close()) std::cerr << output.error() << '\n';
   return output.good();
+}
+
+/// Prints the help, the version, or what is wrong with the command line.
+int answer(const CLI::App& app, const CLI::ParseError& what) {
+  std::ostringstream text;
+  if (app.exit(what, text, std::cerr) != 0) return exit_usage;
+  OutputFile out = OutputFile::standard_output();
+  out.write(text.str());
+  if (out.close()) return exit_done;
+  std::cerr << app.get_name() << ": " << out.error() << '\n';
+  return exit_failed;
 }
 
 /// Runs and turns exceptions but OverwriteError into an exit code and a message.
@@ -136,7 +151,7 @@ void print_result(const nlohmann::ordered_json& object, const std::string& text,
                   nlohmann::ordered_json& report) {
   report.update(object);
   OutputFile out = OutputFile::standard_output();
-  out.write(json ? line_of(object) : text);
+  out.write(json ? line_of(object) : printable_lines(text));
   if (!out.close()) throw std::runtime_error(out.error());
 }
 
@@ -293,10 +308,11 @@ CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run) {
   const Signals signals(app.get_name());
+  const PrintableStream messages(std::cerr);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? exit_done : exit_usage;
+    return answer(app, e);
   }
   if (const std::string clash = overwritten(named_files(options)); !clash.empty()) {
     std::cerr << app.get_name() << ": " << clash << '\n';

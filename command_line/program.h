@@ -154,7 +154,8 @@ nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& r
                                 const BusCounts& bus);
 
 /// What a program has found: `object` goes into the report and, with `json`, to stdout as one JSON
-/// object; else `text` does. Throws std::runtime_error where stdout cannot be written.
+/// object; else `text` does, as printable_lines(). Throws std::runtime_error where stdout cannot be
+/// written.
 void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
                   nlohmann::ordered_json& report);
 
@@ -163,6 +164,8 @@ void print_result(const nlohmann::ordered_json& object, const std::string& text,
 inline bool stop_requested() noexcept { return interrupted(); }
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
+/// Until it returns, all that is written to std::cerr passes through printable_lines(): names in
+/// messages cannot carry control characters to a terminal.
 /// Returns the process's exit code: 2 for a bad command line, also if an output would be written
 /// over another file of `options` or over one of its scene (then no output is opened, not even the
 /// report), UsageError, UrlError, InputError, SceneError or ModelError, 1 for any other exception

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "sprag/analysis/assessment.h"
 #include "sprag/files/scene_writer.h"
@@ -47,6 +48,7 @@ int main(int argc, char** argv) {
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     nlohmann::ordered_json object;
     sprag::to_json(assessment, object);
+    assessment.scene = sprag::printable(assessment.scene);
     sprag::print_result(object, sprag::to_text(assessment), json, report);
     if (!output.empty()) {
       if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);

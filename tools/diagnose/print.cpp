@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "command_line/printable.h"
+
 namespace sprag {
 namespace {
 
@@ -110,7 +112,7 @@ std::string verdict(const Diagnosis& diagnosis) {
 }
 
 std::string to_text(const Diagnosis& diagnosis) {
-  std::string text = diagnosis.scene + ": " + verdict(diagnosis) + '\n';
+  std::string text = printable(diagnosis.scene) + ": " + verdict(diagnosis) + '\n';
   for (const Candidate* tie : diagnosis.ties()) {
     text += "  " + instead(*tie) + " explains it as well\n";
   }

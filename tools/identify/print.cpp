@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "command_line/printable.h"
 #include "sprag/identification/verdict.h"
 
 namespace sprag {
@@ -188,7 +189,7 @@ std::string verdict(const IdentifyResult& result) {
 
 std::string to_text(const IdentifyResult& result) {
   const Identification& fit = result.fit;
-  std::string text = result.scene + ": " + verdict(result) + '\n';
+  std::string text = printable(result.scene) + ": " + verdict(result) + '\n';
   if (!fit.fits()) text += reason_of(fit) + '\n';
   append_causes(result, text);
   if (!fit.converged()) return text;

@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "command_line/printable.h"
+
 namespace sprag {
 namespace {
 
@@ -30,7 +32,7 @@ void append_row(const std::string& correction, const std::string& coordinates,
 }  // namespace
 
 std::string to_text(const ReductionTable& table) {
-  std::string text = table.scene + ": " + chosen(table.reductions.front()) +
+  std::string text = printable(table.scene) + ": " + chosen(table.reductions.front()) +
                      " the events best\n\n" + std::to_string(closings(table.followed)) +
                      " closings from t = " + number(table.followed.counts) + " to " +
                      number(table.followed.events.back().t) +

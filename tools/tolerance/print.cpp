@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "command_line/printable.h"
 #include "sprag/analysis/wrapped_text.h"
 #include "sprag/files/csv.h"
 #include "tools/tolerance/words.h"
@@ -88,9 +89,10 @@ std::string limit_text(const Deviation& deviation, const Limit& limit) {
 
 std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   const Settings& settings = bench.settings();
-  std::string text =
-      bench.scene().name + ": how much may be off for V < " + short_number(bench.target()) + ", " +
-      short_number(bench.target() / bench.motion_energy()) + " of the energy of the motion\n\n";
+  std::string text = printable(bench.scene().name) + ": how much may be off for V < " +
+                     short_number(bench.target()) + ", " +
+                     short_number(bench.target() / bench.motion_energy()) +
+                     " of the energy of the motion\n\n";
   constexpr std::size_t column = 23;  // "0.076 per s and contact"
   std::size_t widest = 22;
   for (const Found& found : tolerances.found)
