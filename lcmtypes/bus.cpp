@@ -21,12 +21,23 @@ constexpr int largest_batch = 1000;
 
 void probe(const LcmUrl& url) {
   if (!url.multicast) return;
-  const std::string failure = probe_multicast(*url.multicast);
-  if (failure.empty()) return;
-  throw BusError(url.text + ": multicast does not work on this host (" + failure +
-                 "). As root:\n"
-                 "    ip link set lo up\n"
-                 "    ip route add 224.0.0.0/4 dev lo");
+  const std::optional<ProbeFailure> failure = probe_multicast(*url.multicast);
+  if (!failure) return;
+  const std::string port = std::to_string(url.multicast->port);
+  switch (failure->cause) {
+    case ProbeFailure::Cause::port_taken:
+      throw BusError(url.text + ": UDP port " + port + " is in use (" + failure->what +
+                     ") by another program that does not share it. End that program, or choose "
+                     "another port with --url in all programs of this run");
+    case ProbeFailure::Cause::port_refused:
+      throw BusError(url.text + ": UDP port " + port + " cannot be used (" + failure->what +
+                     "). Choose another port with --url in all programs of this run");
+    case ProbeFailure::Cause::no_multicast:
+      throw BusError(url.text + ": multicast does not work on this host (" + failure->what +
+                     "). As root:\n"
+                     "    ip link set lo up\n"
+                     "    ip route add 224.0.0.0/4 dev lo");
+  }
 }
 
 }  // namespace
@@ -78,6 +89,23 @@ struct Bus::Impl {
     return result;
   }
 
+  /// Handles what has arrived, after waiting for it `wait` ms at most. Returns how many packets.
+  int handle(int wait) {
+    // lcm_handle_timeout aborts where there is no descriptor, and calls a signal an error.
+    pollfd ready{descriptor(), POLLIN, 0};
+    for (int handled = 0; handled < largest_batch; ++handled) {
+      const int count = ::poll(&ready, 1, wait);
+      if (count == 0 || (count < 0 && errno == EINTR)) return handled;
+      if (count < 0) throw BusError(url.text + ": " + std::generic_category().message(errno));
+      if (!take() && !udp) {
+        if (handled > 0) return handled;  // the error comes again
+        throw BusError(url.text + ": LCM has nothing more to read");
+      }
+      wait = 0;
+    }
+    return largest_batch;
+  }
+
   /// Takes one packet, or none. Throws what a handler throws, or BusError.
   bool take() {
     if (udp) return take_from_udp();
@@ -94,6 +122,7 @@ struct Bus::Impl {
       throw BusError(url.text + ": " + error.what());
     }
     counts.overflowed = udp->overflowed();
+    sender = datagram.sender;
     if (datagram.other_host) {
       ++counts.other_host;
       return true;
@@ -135,6 +164,7 @@ struct Bus::Impl {
   std::vector<Subscription> subscriptions;
   std::unique_ptr<UdpReceiver> udp;  // with a subscription over multicast
   BusCounts counts;
+  std::uint64_t sender = 0;  // of the packet that is handled
   std::exception_ptr failure;
   std::unique_ptr<lcm_t, decltype(&lcm_destroy)> lcm;  // goes first: it calls take_from_lcm
 };
@@ -168,27 +198,19 @@ bool Bus::publish(const char* channel, std::span<const std::uint8_t> data) noexc
 }
 
 int Bus::handle(std::chrono::milliseconds timeout) {
-  // lcm_handle_timeout aborts where there is no descriptor, and calls a signal an error.
-  pollfd ready{impl_->descriptor(), POLLIN, 0};
-  int wait = static_cast<int>(timeout.count());
-  for (int handled = 0; handled < largest_batch; ++handled) {
-    const int count = ::poll(&ready, 1, wait);
-    if (count == 0 || (count < 0 && errno == EINTR)) return handled;
-    if (count < 0) {
-      throw BusError(impl_->url.text + ": " + std::generic_category().message(errno));
-    }
-    if (!impl_->take() && !impl_->udp) {
-      if (handled > 0) return handled;  // the error comes again
-      throw BusError(impl_->url.text + ": LCM has nothing more to read");
-    }
-    wait = 0;
+  const int handled = impl_->handle(static_cast<int>(timeout.count()));
+  if (impl_->udp && handled < largest_batch) {
+    impl_->udp->count_drops();
+    impl_->counts.overflowed = impl_->udp->overflowed();
   }
-  return largest_batch;
+  return handled;
 }
 
 std::span<const std::uint8_t> Bus::as_sent(std::span<const std::uint8_t> data) const {
   return impl_->key ? std::span(data.data(), data.size() + Key::tag_size) : data;
 }
+
+std::uint64_t Bus::sender() const { return impl_->sender; }
 
 const BusCounts& Bus::counts() const { return impl_->counts; }
 

@@ -34,7 +34,7 @@ inline constexpr const char* outputs_channel = "SPRAG_OUTPUTS";
 inline constexpr const char* health_channel = "SPRAG_HEALTH";
 
 /// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with
-/// the two lines that mend it.
+/// the two lines that mend it; where another program has the port, it says that.
 struct BusError : Error {
   using Error::Error;
 };
@@ -44,7 +44,8 @@ struct BusCounts {
   std::array<std::int64_t, packet_faults> faults{};  ///< by PacketFault
   std::int64_t other_host = 0;                       ///< with ttl=0: did not come from this host
   std::int64_t unauthenticated = 0;  ///< on a subscribed channel: not made with the key
-  std::int64_t overflowed = 0;       ///< dropped by the kernel: the receive buffer was full
+  std::int64_t overflowed = 0;       ///< dropped by the kernel: the receive buffer was full; of
+                                     ///< all until now once handle() has left nothing unread
 
   bool operator==(const BusCounts&) const = default;
 };
@@ -79,6 +80,10 @@ class Bus {
 
   /// Within a handler: its message as it was sent, with the tag behind it if there is a key.
   std::span<const std::uint8_t> as_sent(std::span<const std::uint8_t> data) const;
+
+  /// Within a handler: which process its message is from, by address and port. 0 where that is not
+  /// known, as in a log or through a queue.
+  std::uint64_t sender() const;
 
   /// For the thread that calls handle(), or after it.
   const BusCounts& counts() const;

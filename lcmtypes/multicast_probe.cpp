@@ -67,7 +67,8 @@ bool arrives(const Socket& receiver, const std::string& packet, Clock::time_poin
 
 }  // namespace
 
-std::string probe_multicast(const MulticastAddress& address) {
+std::optional<ProbeFailure> probe_multicast(const MulticastAddress& address) {
+  using Cause = ProbeFailure::Cause;
   const Socket receiver;
   const Socket sender;
   sockaddr_in group{};
@@ -78,22 +79,25 @@ std::string probe_multicast(const MulticastAddress& address) {
 
   const ip_mreq membership{group.sin_addr, {htonl(INADDR_ANY)}};
   if (!receiver.set(SOL_SOCKET, SO_REUSEADDR, 1) ||
-      ::bind(receiver.descriptor(), name, sizeof group) != 0 ||
-      !receiver.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
+      ::bind(receiver.descriptor(), name, sizeof group) != 0) {
+    return ProbeFailure{errno == EADDRINUSE ? Cause::port_taken : Cause::port_refused,
+                        last_error()};
+  }
+  if (!receiver.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
       !sender.set(IPPROTO_IP, IP_MULTICAST_TTL, address.ttl) ||
       !sender.set(IPPROTO_IP, IP_MULTICAST_LOOP, 1)) {
-    return last_error();
+    return ProbeFailure{Cause::no_multicast, last_error()};
   }
 
   const std::string packet = probe_packet();
   const auto deadline = Clock::now() + 1s;
   do {  // repeated, since a busy port may drop one
     if (::sendto(sender.descriptor(), packet.data(), packet.size(), 0, name, sizeof group) < 0) {
-      return last_error();
+      return ProbeFailure{Cause::no_multicast, last_error()};
     }
-    if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return {};
+    if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return std::nullopt;
   } while (Clock::now() < deadline);
-  return "what is sent to the group does not come back";
+  return ProbeFailure{Cause::no_multicast, "packets sent to the group do not come back"};
 }
 
 }  // namespace sprag

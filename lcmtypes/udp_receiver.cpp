@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
+#include <linux/sock_diag.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -90,16 +91,33 @@ bool UdpReceiver::receive(Datagram& datagram) {
     } else if (head->cmsg_type == SO_RXQ_OVFL) {
       std::uint32_t drops = 0;
       std::memcpy(&drops, CMSG_DATA(head), sizeof drops);
-      overflowed_ += drops - last_drops_;  // modulo 2^32
-      last_drops_ = drops;
+      note_drops(drops);
     }
   }
   datagram.bytes = {buffer_.data(), static_cast<std::size_t>(size)};
   datagram.utime = arrival.tv_sec != 0
                        ? std::int64_t{arrival.tv_sec} * 1'000'000 + arrival.tv_nsec / 1000
                        : nanoseconds(CLOCK_REALTIME) / 1000;
+  datagram.sender = std::uint64_t{sender.sin_addr.s_addr} << 16U | sender.sin_port;
   datagram.other_host = this_host_only_ && !from_here(sender.sin_addr.s_addr);
   return true;
+}
+
+// The kernel's count, modulo 2^32. That of a datagram that waited may be older than the last one.
+void UdpReceiver::note_drops(std::uint32_t drops) {
+  const auto more = static_cast<std::int32_t>(drops - last_drops_);
+  if (more <= 0) return;
+  overflowed_ += more;
+  last_drops_ = drops;
+}
+
+// SO_RXQ_OVFL reports a drop with the next datagram that is not dropped, which may never come.
+void UdpReceiver::count_drops() {
+  std::array<std::uint32_t, SK_MEMINFO_VARS> figures{};
+  socklen_t size = sizeof figures;
+  if (::getsockopt(descriptor_, SOL_SOCKET, SO_MEMINFO, figures.data(), &size) == 0) {
+    note_drops(figures[SK_MEMINFO_DROPS]);
+  }
 }
 
 bool UdpReceiver::from_here(std::uint32_t address) {

@@ -23,6 +23,7 @@ class UdpReceiver {
   struct Datagram {
     std::span<const std::uint8_t> bytes;  ///< valid until the next receive()
     std::int64_t utime = 0;               ///< arrival at the kernel, wall clock [us]
+    std::uint64_t sender = 0;             ///< address and port, not 0
     bool other_host = false;              ///< with ttl=0: not from this host
   };
 
@@ -30,10 +31,16 @@ class UdpReceiver {
   bool receive(Datagram& datagram);
 
   int descriptor() const { return descriptor_; }
-  /// Datagrams that the kernel dropped because the buffer was full.
+  /// Datagrams that the kernel dropped because the buffer was full: those before the last one that
+  /// was received, and all of them after count_drops().
   std::int64_t overflowed() const { return overflowed_; }
 
+  /// Counts what was dropped until now. For use when nothing waits to be received: the datagrams
+  /// that wait have yet to report what was dropped before each.
+  void count_drops();
+
  private:
+  void note_drops(std::uint32_t drops);
   bool from_here(std::uint32_t address);
   void read_own_addresses();
 
