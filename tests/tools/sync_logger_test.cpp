@@ -12,10 +12,12 @@
 #include "lcmtypes/contacts_codec.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/states_file.h"
+#include "tests/support/random.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 #include "tools/sync_logger/live.h"
 #include "tools/sync_logger/logger.h"
+#include "tools/sync_logger/losses.h"
 
 namespace sprag {
 namespace {
@@ -479,6 +481,117 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
   EXPECT_EQ(channels, (std::vector<std::string>{contacts_channel, estimate_channel, "SPRAG_OTHER",
                                                 truth_channel, settled_channel, truth_channel,
                                                 settled_channel}));
+}
+
+// By a plan that is drawn: of three streams some numbers are lost, others are doubled or late.
+TEST(LossesTest, MissingNumbersAreCountedWhateverTheOrder) {
+  Random random(20262);
+  Losses losses;
+  std::array<std::int64_t, 3> lost{};
+  for (std::uint64_t sender = 1; sender <= 3; ++sender) {
+    for (int channel = 0; channel < 3; ++channel) {
+      std::vector<std::pair<double, std::int64_t>> arrivals;
+      const int first = random.integer(0, 1000), last = first + 500;
+      for (int n = first; n <= last; ++n) {
+        const bool inner = n > first && n < last;
+        if (inner && random.chance(0.1)) {
+          ++lost[static_cast<std::size_t>(channel)];
+          continue;
+        }
+        const double late = inner ? random.uniform(0.0, 60.0) : 0.0;
+        arrivals.emplace_back(n == first ? -1.0 : n - first + late, n);
+        if (random.chance(0.1)) arrivals.emplace_back(n - first + 61.0, n);
+      }
+      std::sort(arrivals.begin(), arrivals.end());
+      for (const auto& [when, n] : arrivals) {
+        losses.take(static_cast<Losses::Channel>(channel), sender, 7, n);
+      }
+    }
+  }
+  for (std::size_t channel = 0; channel < 3; ++channel) {
+    EXPECT_EQ(losses.missing(static_cast<Losses::Channel>(channel)), lost[channel]);
+  }
+}
+
+TEST(LossesTest, ARestartIsNoLoss) {
+  Losses losses;
+  losses.take(Losses::Channel::settled, 1, 7, 100);
+  losses.take(Losses::Channel::settled, 2, 7, 900);  // another observer of the same master
+  losses.take(Losses::Channel::settled, 2, 8, 5);    // another master
+  losses.take(Losses::Channel::settled, 2, 8, 6);
+  EXPECT_EQ(losses.missing(Losses::Channel::settled), 0);
+  EXPECT_EQ(describe(losses, 0), "");
+  losses.take(Losses::Channel::settled, 2, 8, 8);
+  EXPECT_EQ(describe(losses, 3), "3 packets at a full receive buffer, 1 tick of SPRAG_SETTLED");
+  losses.take(Losses::Channel::settled, 2, 8, 1000000);  // the machine's clock has jumped
+  EXPECT_EQ(losses.missing(Losses::Channel::settled), 1);
+}
+
+TEST(LossesTest, AnybodysNumbersTakeNoRoomAndDoNotOverflow) {
+  Losses losses;
+  constexpr std::int64_t most = std::numeric_limits<std::int64_t>::max();
+  for (std::uint64_t sender = 0; sender < 1000; ++sender) {
+    losses.take(Losses::Channel::truth, sender, 1, 0);
+    losses.take(Losses::Channel::truth, sender, 1, most);
+  }
+  EXPECT_EQ(losses.missing(Losses::Channel::truth), most);
+  for (std::int64_t n = 0; n < 100000; n += 2) losses.take(Losses::Channel::contacts, 1, 1, n);
+  EXPECT_EQ(losses.missing(Losses::Channel::contacts), 49999);
+}
+
+TEST_F(LiveTest, ARecordingThatLacksMessagesSaysSoAtOnceAndFails) {
+  for (const char* lost : {contacts_channel, settled_channel, truth_channel}) {
+    Process process(arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv")}));
+    ASSERT_TRUE(process.says("listening"));
+    for (int k = 0; k < 10; ++k) {
+      const auto is_there = [&](const char* channel) { return channel != lost || k < 4 || k > 6; };
+      ContactMessage contacts;
+      contacts.session = 1;
+      contacts.contacts = 1;
+      contacts.sequence = k;
+      EncodedContacts message;
+      encode(contacts, message);
+      if (is_there(contacts_channel)) publish(contacts_channel, message);
+      if (is_there(truth_channel)) publish_truth(sample(k, 0.1 * k, 1.0));
+      if (is_there(settled_channel)) publish_estimate(settled_channel, sample(k, 0.1 * k));
+    }
+    const std::string what = std::string("lost on the way here: 3 ") +
+                             (lost == contacts_channel ? "messages" : "ticks") + " of " + lost +
+                             "; " + path("all.lcmlog") + " is not complete\n";
+    ASSERT_TRUE(process.says(what)) << process.said();
+    process.signal(SIGTERM);
+    EXPECT_EQ(process.exit_code(), 1) << process.said();
+    EXPECT_EQ(report()["lost"][lost], 3);
+  }
+}
+
+// A buffer far too small, and a logger that does not read: no number says what is missing behind
+// the last message that came, but the kernel does.
+TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
+  Process process({scene_, "--url", url_ + "&recv_buf_size=20000", "--record", path("all.lcmlog"),
+                   "--csv", path("sync.csv"), "--report", path("report.json")});
+  ASSERT_TRUE(process.says("listening"));
+  process.signal(SIGSTOP);
+  for (int i = 0; i < 500; ++i) publish("SPRAG_OTHER", std::vector<std::uint8_t>(1000));
+  process.signal(SIGCONT);
+  ASSERT_TRUE(process.says("packets at a full receive buffer; " + path("all.lcmlog")));
+  process.signal(SIGTERM);
+  EXPECT_EQ(process.exit_code(), 1) << process.said();
+  ChannelLogReader reader(path("all.lcmlog"));
+  ChannelRecord record;
+  std::int64_t recorded = 0;
+  while (reader.next(record)) ++recorded;
+  EXPECT_EQ(report()["overflowed"], 500 - recorded);
+  EXPECT_LT(recorded, 500);
+}
+
+TEST_F(LiveTest, ARecordOntoAFullDiskIsSaidAtOnceAndFails) {
+  Process process(arguments({"--record", "/dev/full", "--csv", path("sync.csv")}));
+  ASSERT_TRUE(process.says("listening"));
+  for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
+  ASSERT_TRUE(process.says("/dev/full: No space left on device: nothing more is written to it"));
+  process.signal(SIGTERM);
+  EXPECT_EQ(process.exit_code(), 1) << process.said();
 }
 
 TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {

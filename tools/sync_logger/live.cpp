@@ -14,9 +14,11 @@
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/freshness.h"
 #include "lcmtypes/state_codec.h"
 #include "tools/sync_logger/logger.h"
+#include "tools/sync_logger/losses.h"
 #include "tools/sync_logger/report.h"
 #include "tools/sync_logger/sync_file.h"
 
@@ -31,6 +33,11 @@ constexpr auto silence = 100ms;           // ten heartbeats: the master is gone
 constexpr std::size_t enough_states = 3;  // to follow another master
 constexpr std::size_t most_held = 10000;
 constexpr auto patience = 3s;  // for a last row whose other half was lost
+
+constexpr std::array<std::pair<Losses::Channel, const char*>, Losses::channels> numbered_channels{
+    {{Losses::Channel::contacts, contacts_channel},
+     {Losses::Channel::settled, settled_channel},
+     {Losses::Channel::truth, truth_channel}}};
 
 /// Unpaired samples to keep, of f coordinates: at most 64 MiB.
 std::size_t window_for(Eigen::Index coordinates) {
@@ -79,6 +86,7 @@ class Live {
       : bus_(common.url, key_of(common)),
         pairing_(model, window_for(model.coordinates())),
         csv_(options.csv, model.coordinates()),
+        record_name_(options.record.string()),
         coordinates_(model.coordinates()),
         to_stdout_(options.csv.empty()),
         freshness_(common.key.empty() ? Freshness::any : Freshness::required),
@@ -108,6 +116,7 @@ class Live {
       tell_failures();
       if (to_stdout_) csv_.flush();
       const auto now = Clock::now();
+      if (now >= next_loss_line_) tell_losses(now);
       follow_the_other(now);
       if (finish_.lost(now)) {
         std::cerr << "the last row did not come: its truth or its estimate was lost\n";
@@ -120,8 +129,9 @@ class Live {
     }
   }
 
-  /// Closes the files and fills the report.
-  void close(nlohmann::ordered_json& report) {
+  /// Closes the files and fills the report. Returns the exit code.
+  int close(nlohmann::ordered_json& report) {
+    tell_losses(Clock::now());
     if (last_word_) write_now(now_pairing_->add_estimate(*last_word_));
     csv_.close();
     if (now_csv_) now_csv_->close();
@@ -130,22 +140,39 @@ class Live {
     if (now_pairing_) report["now"] = to_json(*now_pairing_);
     report["refused"] = refusals(refused_, bus_.counts());
     report["overflowed"] = bus_.counts().overflowed;
+    for (const auto& [channel, name] : numbered_channels) {
+      report["lost"][name] = losses_.missing(channel);
+    }
     report["of_other_masters"] = of_other_masters_;
     report["stale"] = stale_;
     check_files();
+    return record_ && !lost().empty() ? exit_failed : exit_done;
   }
 
  private:
   void receive(std::string_view channel, std::span<const std::uint8_t> data, std::int64_t utime) {
-    if (record_) record_->write(utime, channel, bus_.as_sent(data));
+    if (record_) {
+      record_->write(utime, channel, bus_.as_sent(data));
+      if (channel == contacts_channel && decode(data, contacts_) == Refusal::none) {
+        note(Losses::Channel::contacts, contacts_.session, contacts_.sequence);
+      }
+    }
     if (finish_.paired()) return;
     if (channel == truth_channel) {
-      if (accepted(decode(data, state_))) truth(utime);
+      if (!accepted(decode(data, state_))) return;
+      note(Losses::Channel::truth, state_.session, state_.tick);
+      truth(utime);
     } else if (channel == settled_channel) {
-      if (accepted(decode(data, estimate_))) settled();
+      if (!accepted(decode(data, estimate_))) return;
+      note(Losses::Channel::settled, estimate_.session, estimate_.tick);
+      settled();
     } else if (channel == estimate_channel && now_pairing_) {
       if (accepted(decode(data, estimate_))) estimate_for_now();
     }
+  }
+
+  void note(Losses::Channel channel, std::int64_t session, std::int64_t number) {
+    losses_.take(channel, bus_.sender(), session, number);
   }
 
   bool accepted(Refusal refusal) {
@@ -280,6 +307,27 @@ class Live {
     if (record_) tell(*record_, told_record_);
   }
 
+  std::string lost() const { return describe(losses_, bus_.counts().overflowed); }
+
+  // As soon as it is known, and once a second while it grows.
+  void tell_losses(Clock::time_point now) {
+    const std::string all = lost();
+    if (all == told_losses_) return;
+    told_losses_ = all;
+    next_loss_line_ = now + 1s;
+    if (all.empty()) {
+      std::cerr << "what was late has arrived: nothing is lost\n";
+      return;
+    }
+    std::cerr << "lost on the way here: " << all;
+    if (record_) std::cerr << "; " << record_name_ << " is not complete";
+    if (bus_.counts().overflowed > 0) {
+      std::cerr << ". A larger recv_buf_size in --url (and net.core.rmem_max) or a slower master "
+                   "helps";
+    }
+    std::cerr << '\n';
+  }
+
   void check_files() const {
     csv_.require_good();
     if (now_csv_) now_csv_->require_good();
@@ -292,6 +340,7 @@ class Live {
   SyncWriter csv_;
   std::optional<SyncWriter> now_csv_;
   std::optional<ChannelLogWriter> record_;
+  std::string record_name_;
   Eigen::Index coordinates_;
   bool to_stdout_;
   FreshnessRule freshness_;
@@ -306,6 +355,10 @@ class Live {
   EstimateSample estimate_;
   std::optional<EstimateSample> last_word_;  // for now, on the latest tick
   std::array<std::int64_t, refusal_kinds> refused_{};
+  ContactMessage contacts_;
+  Losses losses_;
+  std::string told_losses_;
+  Clock::time_point next_loss_line_;  // not before
 };
 
 }  // namespace
@@ -318,8 +371,7 @@ int run_live(const Model& model, const LiveOptions& options, const CommonOptions
              nlohmann::ordered_json& report) {
   Live live(model, options, common);
   live.run();
-  live.close(report);
-  return exit_done;
+  return live.close(report);
 }
 
 }  // namespace sprag

@@ -22,9 +22,10 @@ struct LiveOptions {
 std::filesystem::path now_file(const std::filesystem::path& csv);
 
 /// Listens until the instant `duration` has been paired or a signal comes; says "listening" on
-/// stderr once it does, then its progress about once a second. Fills `report` and returns
-/// exit_done. Throws BusError, InputError, ModelError, or another exception if a file cannot be
-/// written.
+/// stderr once it does, then its progress about once a second. Messages that are lost on the way
+/// here are reported on stderr as soon as that is known. Fills `report` and returns exit_done, or
+/// exit_failed where a recording is not complete. Throws BusError, InputError, ModelError, or
+/// another exception if a file cannot be written.
 int run_live(const Model& model, const LiveOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report);
 
