@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <iterator>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -80,6 +81,12 @@ bool OutputFile::close() noexcept {
 
 std::string OutputFile::error() const {
   return good() ? std::string{} : name_ + ": " + std::generic_category().message(error_);
+}
+
+void write_file(const std::filesystem::path& file, std::string_view text) {
+  OutputFile out(file);
+  out.write(text);
+  if (!out.close()) throw std::runtime_error(out.error());
 }
 
 }  // namespace sprag

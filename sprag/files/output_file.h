@@ -52,4 +52,8 @@ class OutputFile {
   int error_ = 0;
 };
 
+/// Writes a file of this text. Throws std::runtime_error, "FILE: No space left on device", where it
+/// cannot be written as a whole.
+void write_file(const std::filesystem::path& file, std::string_view text);
+
 }  // namespace sprag

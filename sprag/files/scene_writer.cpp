@@ -1,7 +1,6 @@
 #include "sprag/files/scene_writer.h"
 
 #include <algorithm>
-#include <stdexcept>
 #include <vector>
 
 #include "sprag/files/output_file.h"
@@ -168,9 +167,7 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
 }
 
 void write_scene(const std::filesystem::path& file, const Scene& scene, std::string_view comment) {
-  OutputFile out(file);
-  out.write(to_toml(scene, comment));
-  if (!out.close()) throw std::runtime_error(out.error());
+  write_file(file, to_toml(scene, comment));
 }
 
 }  // namespace sprag

@@ -181,6 +181,39 @@ TEST_F(ToleranceProgramTest, WritesATableItsRowsAndAPicture) {
   EXPECT_GT(first.at("tolerance").at("replica").at("amount"), 0.0);
 }
 
+// A scene's name is text, whatever stands in it, and so is the name of the picture.
+TEST_F(ToleranceProgramTest, NamesAreData) {
+  std::string text = read_text(SPRAG_SOURCE_DIR "/scenes/lab_rig.toml");
+  const std::string good = "name = \"lab_rig\"";
+  ASSERT_NE(text.find(good), std::string::npos);
+  const std::string command = "touch " + path("ran");
+  text.replace(
+      text.find(good), good.size(),
+      "name = " + nlohmann::json("a'\n!" + command + "\nsystem('" + command + "')").dump());
+  const std::string scene = write_text(path("rig.toml"), text);
+  const auto ended =
+      run("/bin/sh", {"-c", "cd \"$1\" && shift && exec \"$@\"", "sh", path(""), TOLERANCE, scene,
+                      "--runs", "1", "--duration", "10", "--estimator", "replica", "--output",
+                      "|touch ran; cat > x.svg"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(read_text(path("|touch ran; cat > x.svg")).find("a'\\n!touch"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(path("ran")));
+}
+
+TEST_F(ToleranceProgramTest, AFullDiskIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  for (const char* name : {"t.csv", "t.svg"}) {
+    std::filesystem::create_symlink("/dev/full", path(name));
+    const auto ended =
+        run(TOLERANCE, {SPRAG_SOURCE_DIR "/scenes/lab_rig.toml", "--runs", "1", "--duration", "10",
+                        "--estimator", "replica",
+                        std::string(name) == "t.csv" ? "--csv" : "--output", path(name)});
+    EXPECT_EQ(ended.code, 1) << name;
+    EXPECT_NE(ended.err.find(path(name) + ": No space left on device"), std::string::npos)
+        << ended.err;
+  }
+}
+
 TEST_F(ToleranceProgramTest, RefusesWhatItCannotDo) {
   const std::string scene = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
   const auto refuses = [&](const Arguments& arguments, const std::string& why) {

@@ -36,9 +36,7 @@ void put_drift(const IdentifyRun& run, Identification& fit) {
 void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
                  Identification fit, double begins) {
   put_drift(run, fit);
-  OutputFile out(run.output);
-  out.write(fitted_text(text, scene, fit, begins, run.scene, run.output));
-  if (!out.close()) throw std::runtime_error(out.error());
+  write_file(run.output, fitted_text(text, scene, fit, begins, run.scene, run.output));
   if (fit.start_t != begins) {
     std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
               << " is left as it was\n";

@@ -62,8 +62,8 @@ int height_of(const std::vector<const Panel*>& panels) {
 double longest_title(const Figure& figure) {
   std::size_t longest = 30;
   for (const Panel& panel : figure.panels) {
-    for (const Curve& curve : panel.curves) longest = std::max(longest, curve.title.size());
-    for (const Band& band : panel.bands) longest = std::max(longest, band.title.size());
+    for (const Curve& curve : panel.curves) longest = std::max(longest, shown_length(curve.title));
+    for (const Band& band : panel.bands) longest = std::max(longest, shown_length(band.title));
   }
   return static_cast<double>(longest);
 }

@@ -6,8 +6,10 @@
 #include <optional>
 #include <stdexcept>
 
+#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "sprag/files/csv.h"
+#include "sprag/files/output_file.h"
 #include "sprag/mechanics/scene.h"
 #include "tools/plot/gnuplot.h"
 #include "tools/plot/script_text.h"
@@ -29,7 +31,7 @@ Figure::Zoom zoom_of(const std::string& text) {
 void note_damage(const std::filesystem::path& file, const FileProblem& damage,
                  nlohmann::ordered_json& report) {
   const std::string what = file.string() + ":" + std::to_string(damage.line) + ": " + damage.what;
-  std::cerr << what << "; everything before it is shown\n";
+  std::cerr << what << "; the picture shows everything before it\n";
   report["damage"].push_back(what);
 }
 
@@ -62,7 +64,7 @@ int plot_study(const PlotRun& run, const CommonOptions& common, nlohmann::ordere
   } catch (const std::invalid_argument& e) {
     throw UsageError(e.what());
   }
-  run_gnuplot(script);
+  write_file(run.output, drawn(script));
   return table.damage ? exit_failed : exit_done;
 }
 
@@ -108,10 +110,10 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
   }
   if (!left_out.empty()) {
     std::cerr << "not shown:";
-    for (const std::string& name : left_out) std::cerr << ' ' << name;
+    for (const std::string& name : left_out) std::cerr << ' ' << printable(name);
     std::cerr << "; --show NAME,... chooses\n";
   }
-  run_gnuplot(script);
+  write_file(run.output, drawn(script));
   return whole ? exit_done : exit_failed;
 }
 

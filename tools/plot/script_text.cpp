@@ -1,15 +1,97 @@
 #include "tools/plot/script_text.h"
 
+#include <poll.h>
+#include <spawn.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
+#include <system_error>
 
+#include "command_line/printable.h"
 #include "sprag/files/csv.h"
 
 namespace sprag::plot {
+namespace {
+
+constexpr std::size_t most_characters = 200;
+
+bool begins_character(char byte) { return (static_cast<unsigned char>(byte) & 0xc0U) != 0x80U; }
+
+[[noreturn]] void fail(const std::string& what, int error) {
+  throw std::runtime_error(what + ": " + std::generic_category().message(error));
+}
+
+// One end of a connection.
+class Socket {
+ public:
+  explicit Socket(int descriptor) : descriptor_(descriptor) {}
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  ~Socket() { close(); }
+
+  int operator*() const { return descriptor_; }
+  void close() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    descriptor_ = -1;
+  }
+
+ private:
+  int descriptor_;
+};
+
+// Without a shell, and without the settings of whoever calls.
+pid_t start_gnuplot(const Socket& end) {
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, *end, STDIN_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, *end, STDOUT_FILENO);
+  std::string program = "gnuplot", default_settings = "-d";
+  const std::array<char*, 3> arguments{program.data(), default_settings.data(), nullptr};
+  pid_t id = -1;
+  const int error =
+      ::posix_spawnp(&id, program.c_str(), &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error == ENOENT) {
+    throw std::runtime_error(
+        "gnuplot is not installed, so that no picture can be drawn; install Debian's package "
+        "gnuplot-nox");
+  }
+  if (error != 0) fail("gnuplot cannot be started", error);
+  return id;
+}
+
+bool is_passing(int error) { return error == EINTR || error == EAGAIN || error == EWOULDBLOCK; }
+
+// Sends the script, and takes what comes meanwhile, up to the end.
+std::string picture_of(std::string_view script, const Socket& gnuplot) {
+  std::string picture;
+  std::array<char, 65536> piece;
+  for (;;) {
+    pollfd ready{*gnuplot, POLLIN, 0};
+    if (!script.empty()) ready.events |= POLLOUT;
+    if (::poll(&ready, 1, -1) < 0 && errno != EINTR) fail("gnuplot", errno);
+    if (!script.empty()) {
+      const ssize_t sent =
+          ::send(*gnuplot, script.data(), script.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+      if (sent > 0) script.remove_prefix(static_cast<std::size_t>(sent));
+      // It has ended before it has read all: its exit code says why.
+      if (sent < 0 && !is_passing(errno)) script = {};
+      if (script.empty()) ::shutdown(*gnuplot, SHUT_WR);
+    }
+    const ssize_t got = ::recv(*gnuplot, piece.data(), piece.size(), MSG_DONTWAIT);
+    if (got == 0) return picture;
+    if (got < 0 && !is_passing(errno)) return picture;
+    if (got > 0) picture.append(piece.data(), static_cast<std::size_t>(got));
+  }
+}
+
+}  // namespace
 
 Colour colour_of(std::string_view estimator) {
   if (estimator == "replica") return Colour::vermilion;
@@ -41,10 +123,48 @@ std::string rgb(Colour colour) {
   return {};
 }
 
+std::string legible(const std::string& text) {
+  std::string clean = printable(text);
+  const auto replace = [&clean](std::string_view what, std::string_view with) {
+    for (std::size_t at = clean.find(what); at != std::string::npos; at = clean.find(what, at)) {
+      clean.replace(at, what.size(), with);
+    }
+  };
+  replace("&#", "\\x26#");
+  replace("]]>", "]]\\x3e");
+  std::size_t characters = 0;
+  for (std::size_t i = 0; i < clean.size(); ++i) {
+    if (!begins_character(clean[i]) || ++characters <= most_characters) continue;
+    return clean.substr(0, i) + "…";
+  }
+  return clean;
+}
+
 std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
-  return result + "'";
+  std::string result = "\"";
+  for (const char c : legible(text)) {
+    switch (c) {
+      case '"':
+      case '\\':
+        result += '\\';
+        result += c;
+        break;
+      case '`':
+        result += "\\140";
+        break;
+      case '@':
+        result += "\\100";
+        break;
+      default:
+        result += c;
+    }
+  }
+  return result + '"';
+}
+
+std::size_t shown_length(const std::string& text) {
+  const std::string shown = legible(text);
+  return static_cast<std::size_t>(std::count_if(shown.begin(), shown.end(), begins_character));
 }
 
 std::string number(double value) {
@@ -69,7 +189,6 @@ std::string terminal(const std::filesystem::path& output, double width, double h
 Script::Script(const std::filesystem::path& output, double width, double height)
     : width_(width), height_(height) {
   line("set terminal " + terminal(output, width, height));
-  line("set output " + quoted(output.string()));
   line("set encoding utf8");
   line("set border 3 lw 1 lc rgb '#404040'");
   line("set tics nomirror out scale 0.6 textcolor rgb '#202020'");
@@ -127,15 +246,23 @@ void Script::plot(const std::vector<std::string>& parts) {
   text_ += '\n';
 }
 
-void run_gnuplot(const std::string& script) {
-  std::FILE* pipe = popen("gnuplot", "w");
-  if (pipe == nullptr) throw std::runtime_error("gnuplot cannot be started");
-  const bool written = std::fwrite(script.data(), 1, script.size(), pipe) == script.size();
-  const int status = pclose(pipe);
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) {
-    throw std::runtime_error("gnuplot is not there (Debian's package gnuplot-nox)");
+std::string drawn(const std::string& script) {
+  std::array<int, 2> ends{-1, -1};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) {
+    fail("gnuplot cannot be started", errno);
   }
-  if (!written || status != 0) throw std::runtime_error("gnuplot has failed");
+  const Socket own(ends[0]);
+  Socket its(ends[1]);
+  const pid_t gnuplot = start_gnuplot(its);
+  its.close();
+  std::string picture = picture_of(script, own);
+  int status = 0;
+  while (::waitpid(gnuplot, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (status != 0 || picture.empty()) {
+    throw std::runtime_error("gnuplot has failed: there is no picture");
+  }
+  return picture;
 }
 
 }  // namespace sprag::plot

@@ -1,4 +1,6 @@
-// gnuplot's scripts: what those of all pictures have in common, and who runs them.
+// gnuplot's scripts: what those of all pictures have in common, and how gnuplot runs them. Names
+// come from files and command lines. They reach gnuplot through quoted() alone; file names never
+// do: curves are blocks of numbers in the script, and the picture comes back through a socket.
 #pragma once
 
 #include <filesystem>
@@ -14,7 +16,15 @@ namespace sprag::plot {
 Colour colour_of(std::string_view estimator);
 /// '#rrggbb', in quotes.
 std::string rgb(Colour colour);
+/// `text` as a picture shows it: printable() and cut after 200 characters, and without what
+/// gnuplot's SVG passes on as markup, "&#" and "]]>".
+std::string legible(const std::string& text);
+/// legible() as a string of gnuplot's, in double quotes. Four characters are special there, and
+/// escaped: the quote, the backslash, ` of a command and @ of a macro. In single quotes gnuplot 5.4
+/// takes '' for a quote only between other characters, and ends the string elsewhere.
 std::string quoted(const std::string& text);
+/// Number of characters of legible().
+std::size_t shown_length(const std::string& text);
 std::string number(double value);
 
 /// The terminal for a .png, .svg or .pdf file, sizes in pixels. Throws std::invalid_argument for
@@ -31,7 +41,8 @@ struct Place {
 /// The script of one picture, as it grows. Places are in pixels from the left and from above.
 class Script {
  public:
-  /// Terminal and file, and frames, ticks and grid as all pictures have them. Throws as terminal().
+  /// Terminal for the extension of `output`, and frames, ticks and grid as all pictures have them.
+  /// Throws as terminal().
   Script(const std::filesystem::path& output, double width, double height);
 
   void line(const std::string& of) { text_ += of + '\n'; }
@@ -59,7 +70,7 @@ class Script {
   int blocks_ = 0;
 };
 
-/// Runs a script. Throws std::runtime_error: gnuplot is not there or fails.
-void run_gnuplot(const std::string& script);
+/// Runs a script and returns the picture. Throws std::runtime_error: gnuplot is not there or fails.
+std::string drawn(const std::string& script);
 
 }  // namespace sprag::plot

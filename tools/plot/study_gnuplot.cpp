@@ -93,9 +93,9 @@ Script begun(const StudyFigure& figure, double over, const std::filesystem::path
     }
     std::size_t longest = 0;
     for (const Curve& curve : panel.curves) {
-      if (curve.title != panel.name) longest = std::max(longest, curve.title.size());
+      if (curve.title != panel.name) longest = std::max(longest, shown_length(curve.title));
     }
-    for (const Band& band : panel.bands) longest = std::max(longest, band.title.size());
+    for (const Band& band : panel.bands) longest = std::max(longest, shown_length(band.title));
     if (longest > 0) {
       beside = std::max(beside, letter_width * static_cast<double>(longest) + 70.0);
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <limits>
 
 #include "command_line/program.h"
@@ -13,7 +14,10 @@ namespace {
 // A file may have a = in its own name.
 std::size_t label_end(const std::string& text) {
   const std::size_t equals = text.find('=');
-  if (equals == std::string::npos || std::filesystem::exists(text)) return std::string::npos;
+  std::error_code no_such_name;  // as of a text that is too long for one
+  if (equals == std::string::npos || std::filesystem::exists(text, no_such_name)) {
+    return std::string::npos;
+  }
   return equals;
 }
 
@@ -27,6 +31,11 @@ std::optional<TableKind> kind_of(const std::vector<std::string>& names) {
   if (begins({"k", "t", "q1"})) return TableKind::states;
   return std::nullopt;
 }
+
+// Machines have at most 60 contacts, which count from 1: another number would only take room.
+constexpr double most_contacts = 60.0;
+
+bool has_contact(TableKind kind) { return kind == TableKind::events || kind == TableKind::impacts; }
 
 // Unlike parse_double() with what is not finite: a sigma may be.
 double number(std::string_view field) {
@@ -79,6 +88,12 @@ Table read_table(const std::string& text) {
     if (fields.size() != table.names.size()) {
       table.damage = {reader.number(), std::to_string(fields.size()) + " fields; the header has " +
                                            std::to_string(table.names.size())};
+      break;
+    }
+    const double contact = has_contact(table.kind) ? number(fields[1]) : 1.0;
+    if (!(contact >= 1.0 && contact <= most_contacts && contact == std::floor(contact))) {
+      table.damage = {reader.number(),
+                      "contact " + std::string(fields[1]) + "; must be a whole number in 1 to 60"};
       break;
     }
     for (std::size_t i = 0; i < fields.size(); ++i) table.columns[i].push_back(number(fields[i]));

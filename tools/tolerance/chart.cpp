@@ -71,9 +71,9 @@ class Legend {
   void sample(const std::string& name, const std::string& style, plot::Script& script) {
     script.line("set arrow from " + script.screen(x_, level) + " to " +
                 script.screen(x_ + 34.0, level) + " nohead " + style);
-    script.line("set label '" + name + "' at " + script.screen(x_ + 40.0, level) +
+    script.line("set label " + plot::quoted(name) + " at " + script.screen(x_ + 40.0, level) +
                 " left noenhanced");
-    x_ += 64.0 + 8.0 * static_cast<double>(name.size());
+    x_ += 64.0 + 8.0 * static_cast<double>(plot::shown_length(name));
   }
 
  private:
@@ -137,7 +137,7 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
     const double left = to_the_left + (i % across) * panel_width;
     const double top = above + (i / across) * panel_height;
     script.margins({left, left + panel_width - 40.0, top, top + panel_height - 70.0});
-    script.line("set xlabel '" + label_of(found.deviation) + "' noenhanced");
+    script.line("set xlabel " + plot::quoted(label_of(found.deviation)) + " noenhanced");
     // All panels have one axis of V.
     script.line(i % across == 0 ? "set ylabel 'V' offset 1" : "unset ylabel; set format y ''");
     if (i % across == 0) script.line("set format y '10^{%T}'");

@@ -61,6 +61,7 @@ int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::order
   if (!run.output.empty()) check_picture(run.output);
   std::optional<OutputFile> csv;
   if (!run.csv.empty()) csv.emplace(run.csv);
+  if (csv && !csv->good()) throw std::runtime_error(csv->error());
   const int cores = static_cast<int>(std::max(std::thread::hardware_concurrency(), 1U));
   const int threads = run.jobs > 0 ? run.jobs : cores;
 
@@ -70,10 +71,11 @@ int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::order
     print_result(object, to_text(bench, found), run.json, report);
     if (csv) {
       csv->write(to_csv(bench, found));
-      csv->close();
-      if (!csv->good()) throw std::runtime_error(csv->error());
+      if (!csv->close()) throw std::runtime_error(csv->error());
     }
-    if (!run.output.empty()) plot::run_gnuplot(chart_script(bench, found, run.output));
+    if (!run.output.empty()) {
+      write_file(run.output, plot::drawn(chart_script(bench, found, run.output)));
+    }
   };
   if (run.modes) {
     const Bench bench(in_modes(scene, 0), run.settings, threads);
