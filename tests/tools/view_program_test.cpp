@@ -8,6 +8,7 @@
 
 #include <charconv>
 #include <csignal>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -254,11 +255,53 @@ TEST_F(ViewProgramTest, AReplayShowsWhatTheObserverComputes) {
       << "no more than are acknowledged";
 }
 
+// All places are taken by clients that read nothing, some of which do not even ask for something.
+TEST_F(ViewProgramTest, ClientsThatNeverReadKeepNobodyOut) {
+  serve_bus();
+  std::vector<std::unique_ptr<Socket>> dead;
+  for (int i = 0; i < 32; ++i) {
+    dead.push_back(std::make_unique<Socket>(port_));
+    ASSERT_TRUE(dead.back()->connected());
+    if (i % 4 != 0) dead.back()->send(upgrade("http://" + host_));
+  }
+  Socket alive(port_);
+  ASSERT_TRUE(alive.connected());
+  alive.send(upgrade("http://" + host_));
+  ASSERT_TRUE(alive.until("\r\n\r\n").starts_with("HTTP/1.1 101"));
+  // It keeps its place while more of the others come.
+  for (int n = 1; n <= 100; ++n) {
+    ASSERT_FALSE(alive.text().empty()) << "closed at frame " << n;
+    alive.say(R"({"seen": )" + std::to_string(n) + "}");
+    if (n % 20 == 0) dead.push_back(std::make_unique<Socket>(port_));
+  }
+  EXPECT_EQ(status(get("/")), 200);
+  const nlohmann::json report = stop();
+  EXPECT_GE(report["displaced"].get<int>(), 2);
+}
+
+TEST_F(ViewProgramTest, APortOfTheBusThatIsInUseIsSaid) {
+  const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(descriptor, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ::getsockname(descriptor, reinterpret_cast<sockaddr*>(&address), &size);
+  const std::string port = std::to_string(ntohs(address.sin_port));
+  const Ended ended = run(
+      VIEW, {scene, "--http", "127.0.0.1:0", "--url", "udpm://239.255.76.67:" + port + "?ttl=0"});
+  ::close(descriptor);
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("UDP port " + port + " is in use"), std::string::npos) << ended.err;
+  EXPECT_EQ(ended.err.find("ip route"), std::string::npos) << ended.err;
+}
+
 TEST_F(ViewProgramTest, WhatCannotBeServedIsSaid) {
   serve_bus();
   const Ended taken = run(VIEW, {scene, "--url", "memq://", "--http", host_});
   EXPECT_EQ(taken.code, 1);
-  EXPECT_NE(taken.err.find(host_ + ": Address already in use"), std::string::npos) << taken.err;
+  EXPECT_NE(taken.err.find(host_ + ": Address already in use; another program listens there"),
+            std::string::npos)
+      << taken.err;
   for (const char* http : {"nonsense", "127.0.0.1", "nohost:8080", "127.0.0.1:99999"}) {
     const Ended ended = run(VIEW, {scene, "--url", "memq://", "--http", http});
     EXPECT_EQ(ended.code, 2) << http;

@@ -115,6 +115,7 @@ int run_view(const ViewOptions& options, const CommonOptions& common,
   report["clients"] = counts.clients;
   report["requests"] = counts.requests;
   report["requests_refused"] = counts.refused;
+  report["displaced"] = counts.displaced;
   report["turned_away"] = counts.turned_away;
   report["frames"] = {
       {"sent", counts.frames}, {"dropped", counts.dropped}, {"bytes", counts.bytes}};

@@ -5,6 +5,7 @@
 #ifdef __SANITIZE_THREAD__
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK
 #endif
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
@@ -13,6 +14,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <list>
 #include <utility>
 
 namespace sprag::view {
@@ -25,7 +27,10 @@ namespace websocket = beast::websocket;
 using tcp = asio::ip::tcp;
 using namespace std::chrono_literals;
 
-constexpr std::int64_t most_connections = 32;
+constexpr std::size_t most_connections = 32;
+constexpr auto stalled_after = 1s;                    // without progress
+constexpr auto between_looks = 50ms;                  // for one that has stalled
+constexpr int most_looks = 40;                        // for a connection that waits for a place
 constexpr std::uint32_t longest_header = 8192;        // bytes
 constexpr std::uint64_t longest_body = 65536;         // of a request that is refused for its method
 constexpr std::size_t longest_client_message = 4096;  // bytes
@@ -33,6 +38,7 @@ constexpr auto http_patience = 10s;
 constexpr auto stream_patience = 20s;  // without an answer to a ping
 constexpr auto frame_period = 16667us;
 
+using Clock = std::chrono::steady_clock;
 using HttpRequest = http::request<http::string_body>;
 
 std::optional<std::string_view> single(const HttpRequest& request, http::field name) {
@@ -54,18 +60,26 @@ void put_safety_headers(Fields& fields) {
 
 }  // namespace
 
+// Who has a place.
+struct Occupant {
+  Clock::time_point progress;   // when it last took something that was sent, or asked for something
+  std::function<void()> close;  // empty once it has been called
+};
+
 struct Server::Impl {
   Impl(std::span<const PageFile> page_files, std::function<StreamClient()> client_maker)
       : files(page_files), make_client(std::move(client_maker)), acceptor(context) {}
 
   void listen(const Endpoint& wanted);
   void accept();
+  void admit(tcp::socket socket, int looks);
+  void displace_slowest();
 
   std::span<const PageFile> files;
   std::function<StreamClient()> make_client;
   Endpoint endpoint;
   ServerCounts counts;
-  std::int64_t connections = 0;
+  std::list<Occupant> occupants;
   // Behind what its handlers use when they go with it.
   asio::io_context context{1};
   tcp::acceptor acceptor;
@@ -73,18 +87,37 @@ struct Server::Impl {
 
 namespace {
 
-// One place among the connections, as long as it is open.
+// One place among the connections, as long as it is there.
 class Place {
  public:
-  explicit Place(std::int64_t& count) : count_(&count) { ++*count_; }
-  Place(Place&& other) noexcept : count_(std::exchange(other.count_, nullptr)) {}
+  explicit Place(std::list<Occupant>& occupants)
+      : occupants_(&occupants), own_(occupants.insert(occupants.end(), {Clock::now(), {}})) {}
+  Place(Place&& other) noexcept
+      : occupants_(std::exchange(other.occupants_, nullptr)), own_(other.own_) {}
   Place& operator=(Place&&) = delete;
   ~Place() {
-    if (count_ != nullptr) --*count_;
+    if (occupants_ != nullptr) occupants_->erase(own_);
   }
 
+  void note_progress() { own_->progress = Clock::now(); }
+  /// How to close the connection, while this object is there.
+  void set_close(std::function<void()> close) { own_->close = std::move(close); }
+
  private:
-  std::int64_t* count_;
+  std::list<Occupant>* occupants_;
+  std::list<Occupant>::iterator own_;
+};
+
+// One of a number, as long as it is there.
+class Counted {
+ public:
+  explicit Counted(std::int64_t& count) : count_(count) { ++count_; }
+  Counted(const Counted&) = delete;
+  Counted& operator=(const Counted&) = delete;
+  ~Counted() { --count_; }
+
+ private:
+  std::int64_t& count_;
 };
 
 class Stream : public std::enable_shared_from_this<Stream> {
@@ -97,6 +130,8 @@ class Stream : public std::enable_shared_from_this<Stream> {
         timer_(server.context),
         client_(server.make_client()) {
     ++server.counts.clients;
+    place_.note_progress();
+    place_.set_close([this] { close(); });
   }
 
   void run(const HttpRequest& request) {
@@ -118,6 +153,13 @@ class Stream : public std::enable_shared_from_this<Stream> {
   }
 
  private:
+  // Without a goodbye, which could not be sent either.
+  void close() {
+    closed_ = true;
+    timer_.cancel();
+    beast::get_lowest_layer(socket_).close();
+  }
+
   void read() {
     socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
       if (error) {
@@ -164,13 +206,15 @@ class Stream : public std::enable_shared_from_this<Stream> {
                             self->timer_.cancel();
                             return;
                           }
+                          self->place_.note_progress();
                           ++self->server_.counts.frames;
                           self->server_.counts.bytes += static_cast<std::int64_t>(bytes);
                         });
   }
 
   Server::Impl& server_;
-  Place place_, now_;
+  Place place_;
+  Counted now_;
   websocket::stream<beast::tcp_stream> socket_;
   asio::steady_timer timer_;
   std::chrono::steady_clock::time_point due_;
@@ -184,9 +228,11 @@ class Connection : public std::enable_shared_from_this<Connection> {
  public:
   Connection(Server::Impl& server, tcp::socket socket, Endpoint here)
       : server_(server),
-        place_(server.connections),
+        place_(server.occupants),
         socket_(std::move(socket)),
-        here_(std::move(here)) {}
+        here_(std::move(here)) {
+    place_.set_close([this] { socket_.close(); });
+  }
 
   void read() {
     parser_.emplace();
@@ -207,6 +253,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       }
       return;
     }
+    place_.note_progress();
     const HttpRequest& request = parser_->get();
     const Request asked{view_of(request.method_string()), view_of(request.target()),
                         single(request, http::field::host), single(request, http::field::origin),
@@ -289,7 +336,12 @@ Endpoint text_endpoint(const tcp::endpoint& endpoint) {
 void Server::Impl::listen(const Endpoint& wanted) {
   beast::error_code error;
   const auto failed = [&](const char* what) {
-    if (error) throw ListenError(text_of(wanted) + ": " + what + error.message());
+    if (!error) return;
+    std::string text = text_of(wanted) + ": " + what + error.message();
+    if (error == asio::error::address_in_use) {
+      text += "; another program listens there, --http takes another port (0: any that is free)";
+    }
+    throw ListenError(text);
   };
   const asio::ip::address address = asio::ip::make_address(wanted.address, error);
   if (error) {
@@ -316,16 +368,43 @@ void Server::Impl::accept() {
       timer->async_wait([this, timer](beast::error_code) { accept(); });
       return;
     }
-    beast::error_code gone;
-    const tcp::endpoint here = socket.local_endpoint(gone);
-    if (connections >= most_connections) {
-      ++counts.turned_away;
-    } else if (!gone) {
-      socket.set_option(tcp::no_delay(true), gone);
-      std::make_shared<Connection>(*this, std::move(socket), text_endpoint(here))->read();
-    }
-    accept();
+    admit(std::move(socket), most_looks);
   });
+}
+
+// Gives the connection a place, and then accepts the next one. `looks`: how often to look for a
+// place that comes free before it is turned away.
+void Server::Impl::admit(tcp::socket socket, int looks) {
+  if (occupants.size() >= most_connections && looks > 0) {
+    displace_slowest();
+    auto timer = std::make_shared<asio::steady_timer>(context, between_looks);
+    auto waiting = std::make_shared<tcp::socket>(std::move(socket));
+    timer->async_wait([this, timer, waiting, looks](beast::error_code) {
+      admit(std::move(*waiting), looks - 1);
+    });
+    return;
+  }
+  beast::error_code gone;
+  const tcp::endpoint here = socket.local_endpoint(gone);
+  if (occupants.size() >= most_connections) {
+    ++counts.turned_away;
+  } else if (!gone) {
+    socket.set_option(tcp::no_delay(true), gone);
+    std::make_shared<Connection>(*this, std::move(socket), text_endpoint(here))->read();
+  }
+  accept();
+}
+
+// If it has stalled. Its place is free once its handlers have run.
+void Server::Impl::displace_slowest() {
+  const auto slowest = std::min_element(
+      occupants.begin(), occupants.end(), [](const Occupant& a, const Occupant& b) {
+        return std::pair(!a.close, a.progress) < std::pair(!b.close, b.progress);
+      });
+  if (!slowest->close || Clock::now() - slowest->progress < stalled_after) return;
+  const auto close = std::exchange(slowest->close, nullptr);
+  close();
+  ++counts.displaced;
 }
 
 Server::Server(const Endpoint& endpoint, std::span<const PageFile> files,

@@ -1,6 +1,8 @@
 // Serves the page's files and its stream over HTTP, by the rules of rules.h. Every client of the
 // stream is asked for what it is to be sent, at most 60 times a second and never while something is
-// still on its way to it; so a slow client is sent less, and one that is dead is closed. It runs in
+// still on its way to it; so a slow client is sent less, and one that is dead is closed. There are
+// 32 places. While they are taken, a new connection gets that of the one that has made no progress
+// for the longest time, at least a second: a client that does not read keeps nobody out. It runs in
 // the thread that calls run().
 #pragma once
 
@@ -17,7 +19,8 @@
 
 namespace sprag::view {
 
-/// The address cannot be listened on. what() reads "127.0.0.1:8080: Address already in use".
+/// The address cannot be listened on. what() reads "127.0.0.1:8080: Address already in use", and
+/// what to do.
 struct ListenError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -32,6 +35,7 @@ struct StreamClient {
 struct ServerCounts {
   std::int64_t requests = 0;     ///< over HTTP, answered
   std::int64_t refused = 0;      ///< of them, with another status than 200 and 101
+  std::int64_t displaced = 0;    ///< connections without progress, closed for new ones
   std::int64_t turned_away = 0;  ///< connections above the limit
   std::int64_t clients = 0;      ///< of the stream, since the start
   std::int64_t clients_now = 0;
