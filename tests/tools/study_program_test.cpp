@@ -284,6 +284,21 @@ TEST_F(StudyProgramTest, AnotherStudysFolderIsRefused) {
   EXPECT_EQ(rows("folder"), before);
 }
 
+// Without --output the study's name is a folder here, and leads nowhere else.
+TEST_F(StudyProgramTest, ANameThatIsAPathIsRefused) {
+  const std::string text = read_text(study(1));
+  for (const char* name : {"../out", "/tmp/out", ".", "..", "", "a/b", "a\\nb", "\\u001b[31m"}) {
+    const std::string file =
+        write_text(path("named.toml"), "name = \"" + std::string(name) + "\"\n" + text);
+    const Ended ended = run(STUDY, {file});
+    EXPECT_EQ(ended.code, 2) << name;
+    EXPECT_NE(ended.err.find("use --output FOLDER"), std::string::npos) << ended.err;
+    EXPECT_EQ(ended.err.find('\x1b'), std::string::npos);
+    EXPECT_EQ(run_study(file, "out").code, 0) << name;
+    std::filesystem::remove_all(path("out"));
+  }
+}
+
 TEST_F(StudyProgramTest, BadUsageIsRefused) {
   const std::string file = study(1);
   for (const char* shard : {"0/4", "5/4", "1", "1/", "a/b", "1/2/3"}) {

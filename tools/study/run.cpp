@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
+#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "command_line/printable.h"
 #include "sprag/files/input_file.h"
 #include "sprag/mechanics/interrupt.h"
 #include "tools/study/manifest.h"
@@ -167,6 +169,15 @@ class ProgressLine {
   std::size_t width_ = 0;
 };
 
+// A name is no path: it must not lead out of the working directory.
+path folder_named(const Study& study) {
+  const path folder(study.name);
+  const bool plain = printable(study.name) == study.name && folder == folder.filename();
+  if (plain && folder != "." && folder != ".." && !folder.empty()) return folder;
+  throw UsageError(study.file + ": name is \"" + printable(study.name) +
+                   "\", which no folder in the working directory can have; use --output FOLDER");
+}
+
 // What the first rank does before anything is computed.
 struct Session {
   Files files;
@@ -178,7 +189,7 @@ struct Session {
 
   Session(const Study& study, const StudyRun& run, const CommonOptions& common, Origin given)
       : layout(layout_of(study)), origin(std::move(given)) {
-    const path folder = run.output.empty() ? path(study.name) : run.output;
+    const path folder = run.output.empty() ? folder_named(study) : run.output;
     const bool whole = run.shard.empty();
     files = files_of(folder, {origin.shard, origin.shards}, whole);
     refuse_overwriting(study, files, common);
@@ -301,7 +312,7 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
   try {
     study.emplace(read_study(run.study));
     for (const std::string& remark : study->scene.remarks) {
-      std::fprintf(stderr, "%s\n", remark.c_str());
+      std::cerr << remark << '\n';
     }
     const Shard shard = run.shard.empty() ? Shard{} : parse_shard(run.shard);
     session.emplace(*study, run, common,
@@ -346,8 +357,8 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
     if (session->output) session->complete(*study);
   } catch (...) {
     conclude();
-    std::fprintf(stderr, "study: what is done is kept in %s; the same command goes on\n",
-                 session->files.partly.c_str());
+    std::cerr << "study: the runs that are done are kept in " << session->files.partly.string()
+              << "; the same command goes on\n";
     throw;
   }
   conclude();
