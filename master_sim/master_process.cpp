@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
@@ -46,10 +47,14 @@ class MasterProcess {
       sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()), options.speed);
       sample_.session = sender_->session();
     }
-    if (!options.events.empty()) events_file_.emplace(options.events);
+    if (!options.events.empty()) {
+      events_file_.emplace(options.events);
+      events_file_->require_good();
+    }
     if (!options.states.empty()) {
       states_file_.emplace(options.states, scene.model.coordinates(),
                            output_columns(scene.model.outputs, false));
+      states_file_->require_good();
       outputs_ = scene.model.outputs;
       output_values_.resize(outputs_.size());
     }
@@ -190,9 +195,16 @@ class MasterProcess {
   }
 
   void progress(double t) {
-    if (events_file_) events_file_->flush();
-    if (states_file_) states_file_->flush();
+    if (events_file_ && !events_file_->flush()) tell_failure(*events_file_, told_events_);
+    if (states_file_ && !states_file_->flush()) tell_failure(*states_file_, told_states_);
     std::cerr << "t " << t << "  events " << events_ << '\n';
+  }
+
+  // The run goes on, since observers may follow it.
+  static void tell_failure(const CsvWriter& file, bool& told) {
+    if (told) return;
+    std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
+    told = true;
   }
 
   MasterOptions options_;
@@ -203,6 +215,7 @@ class MasterProcess {
   std::optional<ContactSender> sender_;  // on the bus
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
+  bool told_events_ = false, told_states_ = false;
   std::vector<Output> outputs_;
   std::vector<double> output_values_;
 
@@ -223,7 +236,8 @@ void require_start_outside(const Scene& scene) {
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
     const double g = gap(scene.model.contacts[i], scene.master.q, 0.0);
     if (g >= 0.0) continue;
-    throw UsageError(scene.name + " does not say where the machine starts, and q = 0 lies inside " +
+    throw UsageError(printable(scene.name) +
+                     " does not say where the machine starts, and q = 0 lies inside " +
                      "the support of contact " + std::to_string(i + 1) + "; give [master] q");
   }
 }
