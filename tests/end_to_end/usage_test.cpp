@@ -185,6 +185,9 @@ TEST_F(UsageTest, OutputThatCannotBeWrittenIsAFailure) {
 TEST_F(UsageTest, FullDiskIsAFailure) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
   simulate(beam_, "5", "0.1");
+  std::filesystem::create_symlink("/dev/full", file("full.csv"));
+  std::filesystem::create_symlink("/dev/full", file("full.lcmlog"));
+  write_text(file("times.csv"), "contact_1\n0.5\n1.5\n2.5\n");
   for (const auto& [program, arguments] : std::vector<std::pair<std::string, Arguments>>{
            {"master_sim",
             {beam_, "--no-lcm", "--speed", "max", "--duration", "5", "--events", "/dev/full"}},
@@ -193,12 +196,104 @@ TEST_F(UsageTest, FullDiskIsAFailure) {
            {"observer", {beam_, "--replay", file("events.csv"), "--states", "/dev/full"}},
            {"observer", {beam_, "--replay", file("events.csv"), "--events", "/dev/full"}},
            {"observer", {beam_, "--replay", file("events.csv"), "--report", "/dev/full"}},
+           {"observer", {beam_, "--replay", file("events.csv"), "--impacts", "/dev/full"}},
+           {"observer",
+            {beam_, "--replay", file("events.csv"), "--predict", "1", "--predictions",
+             "/dev/full"}},
            {"sync_logger",
             {beam_, "--truth", file("truth.csv"), "--estimate", file("truth.csv"), "--csv",
-             "/dev/full"}}}) {
+             "/dev/full"}},
+           {"check_scene", {beam_, "--accuracy", "1e-3", "--output", "/dev/full"}},
+           {"import_events", {file("times.csv"), beam_, "--output", file("full.csv")}},
+           {"import_events", {file("times.csv"), beam_, "--output", file("full.lcmlog")}},
+           {"identify",
+            {file("events.csv"), beam_, "--free", "impact.restitution", "--output", "/dev/full"}},
+           {"reduce", {file("events.csv"), beam_, "--modes", "2", "--output", "/dev/full"}}}) {
     const Ended ended = run(program, arguments);
     EXPECT_EQ(ended.code, 1) << program << ' ' << testing::PrintToString(arguments);
-    EXPECT_NE(ended.err.find("/dev/full"), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find(arguments.back()), std::string::npos)
+        << program << ' ' << testing::PrintToString(arguments) << '\n'
+        << ended.err;
+  }
+}
+
+TEST_F(UsageTest, StandardOutputThatIsFullIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  simulate(beam_, "5", "0.1");
+  write_text(file("times.csv"), "contact_1\n0.5\n1.5\n2.5\n");
+  for (const Arguments& command : std::vector<Arguments>{
+           {CHECK_SCENE, beam_},
+           {CHECK_SCENE, beam_, "--json"},
+           {OBSERVER, "--help"},
+           {OBSERVER, "--version"},
+           {DIAGNOSE, file("events.csv"), beam_},
+           {IMPORT_EVENTS, file("times.csv"), beam_},
+           {SYNC_LOGGER, beam_, "--truth", file("truth.csv"), "--estimate", file("truth.csv")}}) {
+    const Ended ended = end_of(
+        start_command(Arguments{"/bin/sh", "-c", "exec \"$@\" > /dev/full", "sh"} + command));
+    EXPECT_EQ(ended.code, 1) << testing::PrintToString(command);
+    EXPECT_NE(ended.err.find("standard output: No space left"), std::string::npos) << ended.err;
+  }
+}
+
+// Whatever a scene, its file, a column or an option is called.
+TEST_F(UsageTest, NoNameCarriesAnEscapeSequenceToATerminal) {
+  const std::string events = simulate(beam_, "5", "0.1");
+  const std::string escape = "\x1b]0;title\x07\x1b[31m\xc2\x9b\x7f\xff\xe2\x80\xae";
+  std::string text = read_text(beam_);
+  const std::string good = "name = \"paper_beam\"";
+  ASSERT_NE(text.find(good), std::string::npos);
+  text.replace(text.find(good), good.size(),
+               R"(name = "\u001b]0;title\u0007\u009b\u007f\u202e\npaper_beam: YES")");
+  const std::string hostile = write_text(file(escape + ".toml"), text);
+  const std::string inside = write_text(file("inside" + escape + ".toml"),
+                                        R"(name = "\u001b[31m"
+[system]
+M = [[1]]
+C = [[1]]
+K = [[1]]
+[[contact]]
+direction = [1]
+clearance = -1
+[impact]
+restitution = 0.5
+)");
+  const std::string column =
+      write_text(file("c" + escape + ".csv"), "time" + escape + "," + escape + "\n0.5,1\nx,2\n");
+  const std::string damaged = write_text(file(escape + ".csv"), "t,contact,closed\n1,1," + escape);
+  for (const auto& [program, arguments] : std::vector<std::pair<std::string, Arguments>>{
+           {"check_scene", {hostile}},
+           {"check_scene", {hostile, "--json"}},
+           {"check_scene", {hostile + escape}},
+           {"check_scene", {column}},
+           {"diagnose", {events, hostile}},
+           {"diagnose", {damaged, hostile}},
+           {"identify", {events, hostile, "--free", escape}},
+           {"identify", {events, hostile, "--free", "impact.restitution"}},
+           {"import_events", {column, hostile}},
+           {"import_events", {column, hostile, "--columns", escape}},
+           {"master_sim", {hostile, "--no-lcm", "--tick", escape}},
+           {"master_sim", {hostile, "--no-lcm", "--events", file(escape + "/x")}},
+           {"master_sim", {inside, "--no-lcm", "--duration", "1"}},
+           {"observer", {hostile, "--replay", damaged, "--duration", "1"}},
+           {"observer", {hostile, "--estimator", escape}},
+           {"observer", {hostile, "--" + escape}},
+           {"observer", {hostile, "--url", escape}},
+           {"reduce", {events, hostile, "--modes", "2"}},
+           {"sync_logger", {hostile, "--truth", damaged, "--estimate", damaged}}}) {
+    const Ended ended = run(program, arguments);
+    for (const std::string& said : {ended.out, ended.err}) {
+      for (const char c : {'\x1b', '\x07', '\x7f', '\x9b', '\xff'}) {
+        EXPECT_EQ(said.find(c), std::string::npos)
+            << program << ' ' << testing::PrintToString(arguments) << '\n'
+            << testing::PrintToString(said);
+      }
+      EXPECT_EQ(said.find("\xe2\x80\xae"), std::string::npos) << program;
+      EXPECT_FALSE(said.starts_with("paper_beam: ") ||
+                   said.find("\npaper_beam: ") != std::string::npos)
+          << program << " lets a name write a line of its own";
+    }
+    EXPECT_FALSE(ended.out.empty() && ended.err.empty()) << program;
   }
 }
 
