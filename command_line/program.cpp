@@ -84,32 +84,37 @@ int answer(const CLI::App& app, const CLI::ParseError& what) {
   return exit_failed;
 }
 
+struct Outcome {
+  int code = exit_done;
+  std::string error;   // empty: none
+  bool lines = false;  // the error has lines of its own; a line break in others is part of a name
+};
+
 /// Runs and turns exceptions but OverwriteError into an exit code and a message.
-int guarded(const std::function<int(nlohmann::ordered_json&)>& run, const CommonOptions& options,
-            nlohmann::ordered_json& report, std::string& error) {
+Outcome guarded(const std::function<int(nlohmann::ordered_json&)>& run,
+                const CommonOptions& options, nlohmann::ordered_json& report) {
   try {
-    return run(report);
+    return {run(report), {}};
   } catch (const Interrupted& e) {
-    if (options.runs_until_signal) return exit_done;
-    error = e.what();
-    return exit_failed;
+    if (options.runs_until_signal) return {exit_done, {}};
+    return {exit_failed, e.what()};
   } catch (const OverwriteError&) {
     throw;
   } catch (const UsageError& e) {
-    error = e.what();
+    return {exit_usage, e.what()};
   } catch (const UrlError& e) {
-    error = e.what();
+    return {exit_usage, e.what()};
   } catch (const InputError& e) {
-    error = e.what();
+    return {exit_usage, e.what()};
   } catch (const SceneError& e) {
-    error = e.what();
+    return {exit_usage, e.what()};
   } catch (const ModelError& e) {
-    error = e.what();
+    return {exit_usage, e.what()};
+  } catch (const BusError& e) {
+    return {exit_failed, e.what(), true};
   } catch (const std::exception& e) {
-    error = e.what();
-    return exit_failed;
+    return {exit_failed, e.what()};
   }
-  return exit_usage;
 }
 
 /// An argument for a file, or for the name of one in a folder of the installation.
@@ -315,25 +320,24 @@ int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOp
     return answer(app, e);
   }
   if (const std::string clash = overwritten(named_files(options)); !clash.empty()) {
-    std::cerr << app.get_name() << ": " << clash << '\n';
+    std::cerr << app.get_name() << ": " << printable(clash) << '\n';
     return exit_usage;
   }
   nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
-  std::string error;
-  int code = exit_usage;
+  Outcome outcome;
   try {
-    code = guarded(run, options, report, error);
+    outcome = guarded(run, options, report);
   } catch (const OverwriteError& e) {
-    std::cerr << app.get_name() << ": " << e.what() << '\n';
+    std::cerr << app.get_name() << ": " << printable(e.what()) << '\n';
     return exit_usage;
   }
-  if (!error.empty()) {
-    std::cerr << app.get_name() << ": " << error << '\n';
+  if (const std::string& error = outcome.error; !error.empty()) {
+    std::cerr << app.get_name() << ": " << (outcome.lines ? error : printable(error)) << '\n';
     report["error"] = error;
   }
-  report["exit"] = code;
-  if (!options.report.empty() && !write_report(options.report, report)) code = exit_failed;
-  return code;
+  report["exit"] = outcome.code;
+  if (!options.report.empty() && !write_report(options.report, report)) return exit_failed;
+  return outcome.code;
 }
 
 }  // namespace sprag

@@ -5,12 +5,15 @@
 
 #include <cerrno>
 #include <exception>
+#include <mutex>
 #include <system_error>
 #include <utility>
 #include <vector>
 
+#include "lcmtypes/channel_log.h"
 #include "lcmtypes/multicast_probe.h"
 #include "lcmtypes/udp_receiver.h"
+#include "lcmtypes/wall_clock.h"
 
 namespace sprag {
 
@@ -55,12 +58,18 @@ struct Bus::Impl {
 
   Impl(const std::string& address, std::optional<Key> secret)
       : url(parse_url(address)), key(secret), lcm(nullptr, lcm_destroy) {
+    if (!url.written_log.empty()) {
+      log.emplace(url.written_log);
+      if (!log->good()) throw BusError(log->error());
+      return;
+    }
     probe(url);
     lcm.reset(lcm_create(url.text.c_str()));
     if (!lcm) throw BusError(url.text + ": LCM cannot open it");
   }
 
   void subscribe(std::string_view channel, bool is_prefix, Handler handler) {
+    if (log) throw BusError(url.text + ": is a log that is written; nothing can be heard from it");
     subscriptions.push_back({std::string(channel), is_prefix, std::move(handler)});
     if (url.multicast) {
       if (!udp) open();
@@ -84,7 +93,7 @@ struct Bus::Impl {
   }
 
   int descriptor() const {
-    const int result = udp ? udp->descriptor() : lcm_get_fileno(lcm.get());
+    const int result = udp ? udp->descriptor() : lcm ? lcm_get_fileno(lcm.get()) : -1;
     if (result < 0) throw BusError(url.text + ": LCM cannot receive");
     return result;
   }
@@ -163,6 +172,8 @@ struct Bus::Impl {
   std::optional<Key> key;
   std::vector<Subscription> subscriptions;
   std::unique_ptr<UdpReceiver> udp;  // with a subscription over multicast
+  std::mutex log_mutex;
+  std::optional<ChannelLogWriter> log;  // in place of lcm, which does not report a full disk
   BusCounts counts;
   std::uint64_t sender = 0;  // of the packet that is handled
   std::exception_ptr failure;
@@ -193,8 +204,16 @@ bool Bus::publish(const char* channel, std::span<const std::uint8_t> data) noexc
     data = tagged;
   }
   if (impl_->url.multicast && data.size() > largest_packet_message) return false;
+  if (impl_->log) {
+    const std::lock_guard lock(impl_->log_mutex);
+    return impl_->log->write(wall_clock_us(), channel, data);
+  }
   return lcm_publish(impl_->lcm.get(), channel, data.data(),
                      static_cast<unsigned int>(data.size())) == 0;
+}
+
+void Bus::finish() {
+  if (impl_->log && !impl_->log->close()) throw BusError(impl_->log->error());
 }
 
 int Bus::handle(std::chrono::milliseconds timeout) {

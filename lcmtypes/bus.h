@@ -2,8 +2,9 @@
 //
 // Messages are sent by liblcm. Over UDP multicast they are received here, from LCM's packets
 // (packet.h, udp_receiver.h), because liblcm 1.3.1 dies of packets that anybody may send; memq://,
-// file:// and tcpq:// are liblcm's own. A host without multicast is told at once how to mend it.
-// With a key every message is signed, and nothing unsigned is let through.
+// file:// and tcpq:// are liblcm's own, but for a log that is written (file://LOG?mode=w). A host
+// without multicast is told at once how to mend it. With a key every message is signed, and nothing
+// unsigned is let through.
 #pragma once
 
 #include <array>
@@ -72,6 +73,10 @@ class Bus {
   /// Sends one message; may be called from any thread. Returns false if it could not be sent, as
   /// when it is larger than one packet of UDP holds.
   bool publish(const char* channel, std::span<const std::uint8_t> data) noexcept;
+
+  /// Closes a log that is written; after the last publish(). Throws BusError where it does not hold
+  /// every message, as on a full disk.
+  void finish();
 
   /// Waits for a message up to `timeout`, then handles what has arrived (at most 1000 packets).
   /// Returns how many packets; 0 after a timeout or a signal. Throws what a handler threw, or

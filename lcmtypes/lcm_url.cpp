@@ -49,11 +49,14 @@ LcmUrl parse_url(const std::string& text) {
   if (scheme == std::string::npos || !is_provider(std::string_view(text).substr(0, scheme)))
     throw UrlError(text +
                    ": must be udpm://GROUP:PORT?ttl=N, memq://, file://LOG or tcpq://HOST:PORT");
-  LcmUrl url{text, std::nullopt, std::nullopt};
-  if (!text.starts_with("udpm")) return url;
-
+  LcmUrl url{text, std::nullopt, std::nullopt, {}};
   const std::string_view rest = std::string_view(text).substr(scheme + 3);
   const std::size_t question = rest.find('?');
+  const bool writes =
+      question != std::string_view::npos && rest.find("mode=w", question) != std::string_view::npos;
+  if (text.starts_with("file") && writes) url.written_log = rest.substr(0, question);
+  if (!text.starts_with("udpm")) return url;
+
   url.multicast = parse_target(text, rest.substr(0, question));
   std::string_view arguments =
       question == std::string_view::npos ? std::string_view{} : rest.substr(question + 1);

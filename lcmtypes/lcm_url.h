@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -27,6 +28,7 @@ struct LcmUrl {
   std::string text;
   std::optional<MulticastAddress> multicast;  ///< set for udpm
   std::optional<int> receive_buffer;          ///< recv_buf_size [bytes], if it is given
+  std::filesystem::path written_log;          ///< LOG of file://LOG?mode=w; else empty
 };
 
 /// Reads an address of provider udpm, memq, file or tcpq; "udpm://" stands for LCM's usual group

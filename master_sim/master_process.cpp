@@ -89,6 +89,7 @@ class MasterProcess {
     const bool states_good = !states_file_ || states_file_->close();
     if (!events_good) throw std::runtime_error(events_file_->error());
     if (!states_good) throw std::runtime_error(states_file_->error());
+    if (bus_) bus_->finish();
   }
 
  private:

@@ -217,6 +217,22 @@ TEST_F(UsageTest, FullDiskIsAFailure) {
   }
 }
 
+TEST_F(UsageTest, ALogOfTheBusOnAFullDiskIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  const Arguments more{beam_, "--speed", "max", "--duration", "5"};
+  const auto logged = [&](const std::string& log) {
+    set_url("file://" + log + "?mode=w");
+    return run("master_sim", more);
+  };
+  const Ended full = logged("/dev/full");
+  EXPECT_EQ(full.code, 1);
+  EXPECT_NE(full.err.find("/dev/full: No space left on device"), std::string::npos) << full.err;
+  EXPECT_EQ(logged(file("nowhere/x.lcmlog")).code, 1);
+  EXPECT_EQ(logged(file("x.lcmlog")).code, 0);
+  set_url("memq://");
+  EXPECT_GT(read_states_file(replay(beam_, file("x.lcmlog"), {"--duration", "5"})).size(), 5000U);
+}
+
 TEST_F(UsageTest, StandardOutputThatIsFullIsAFailure) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
   simulate(beam_, "5", "0.1");

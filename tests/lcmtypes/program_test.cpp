@@ -122,6 +122,17 @@ TEST(ProgramTest, ExceptionsBecomeExitCodesAndMessages) {
   expect(1, throwing<std::runtime_error>("what happened"));
 }
 
+// A name in an error makes no line of its own; the two lines that mend a route do.
+TEST(ProgramTest, NamesInErrorsAreEscaped) {
+  TestProgram program;
+  program.run = throwing<InputError>("a\ntester: all is well\x1b[31m: No such file");
+  EXPECT_EQ(program({}).err, "tester: a\\ntester: all is well\\x1b[31m: No such file\n");
+  program.run = throwing<BusError>("no route\n    ip route");
+  EXPECT_EQ(program({}).err, "tester: no route\n    ip route\n");
+  const Outcome usage = TestProgram{}({"--tick", "\x1b[31m\xff"});
+  EXPECT_EQ(usage.err.find_first_of("\x1b\xff"), std::string::npos) << usage.err;
+}
+
 TEST(ProgramTest, ReportHoldsTheFiguresAndTheError) {
   const test::TemporaryDirectory directory;
   const std::string file = (directory / "report.json").string();

@@ -78,6 +78,8 @@ class HostileNamesTest : public test::ProgramTest {
                              "&#27;",
                              "]]>",
                              "--> <script>",
+                             "\\U+221E \\123 \\n",
+                             "$GPVAL_VERSION",
                              "\x1b]0;title\x07"}) {
       all.emplace_back(text);
     }
