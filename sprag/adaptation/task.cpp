@@ -37,13 +37,18 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   settings.through_contact = false;  // where the joint filter's own pass begins anew
   // Parameters that walk scatter the events more than their jitter does.
   if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
+  settings.white = !scene.adaptation.walks();
   Identification found;
   try {
     found = identify(scene, task.events, settings);
   } catch (const TooFewImpacts&) {
     return result;
   }
-  result.accepted = found.fits() && !found.ambiguous();
+  // A filter that starts from values that the events do not determine is falsely certain.
+  const bool determined =
+      std::all_of(found.unknowns.begin(), found.unknowns.end(),
+                  [](const FittedUnknown& fitted) { return fitted.determined; });
+  result.accepted = found.fits() && !found.ambiguous() && determined;
   if (!result.accepted) return result;
   const double sigma = scene.jitter > 0.0 ? scene.jitter
                        : scene.adaptation.walks()

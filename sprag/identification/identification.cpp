@@ -711,7 +711,7 @@ bool Identifier::is_unpredictable(const Attempt& best, const Identification& res
 // Whether something else than a jitter is likelier to scatter the times. A restitution that
 // scatters from impact to impact is no wrong model.
 bool Identifier::is_structured(const Identification& result) const {
-  return !settings_.jitter && result.departure.is_structured();
+  return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
 void Identifier::put_verdict(const Attempt& best, Identification& result) const {
@@ -810,7 +810,7 @@ Identification Identifier::run() {
   conclude(best, result);
   // A scatter with a structure is the first sign of a wrong minimum.
   const bool doubtful = result.departure.is_scatter() || result.departure.is_structured();
-  if (best.good() && !settings_.jitter && doubtful) {
+  if (best.good() && settings_.white && !settings_.jitter && doubtful) {
     good_limit_ = better_by * best.solution.scatter();
     Attempt other = attempt(stretches);
     if (other.good() && other.solution.scatter() < better_by * best.solution.scatter()) {

@@ -40,6 +40,7 @@ struct IdentificationSettings {
   std::vector<EventGap> gaps;     ///< where events may be missing, in order and apart
   bool mend = true;               ///< look for events that are spurious or were lost
   bool through_contact = true;    ///< follow the path where contacts stay closed as well
+  bool white = true;              ///< without a jitter, refuse a scatter that is not white
 };
 
 struct FittedUnknown {

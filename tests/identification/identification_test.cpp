@@ -563,7 +563,8 @@ TEST(Explain, NamesTheFewestThatExplain) {
   settings.unknowns = all;
   const auto explained = [&](const std::vector<std::string>& keys, const Eigen::VectorXd& values) {
     const MachineFamily family(scene, unknowns_named(scene, keys));
-    return explain(scene, events_of(family.with(values), 50.0), settings, 0.0);
+    const auto events = events_of(family.with(values), 50.0);
+    return explain(scene, events, settings, 0.0, identify(scene, events, settings));
   };
   const Explanations right = explained({}, {});
   ASSERT_EQ(right.simplest.size(), 1U);

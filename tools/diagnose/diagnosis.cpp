@@ -92,12 +92,13 @@ class Judge {
     settings_.jitter = jitter;
     settings_.begins = beginning.t;
     settings_.closed = beginning.closed;
-    settings_.mend = false;
   }
 
-  /// None where there is no minimum, or too little to find one.
-  std::optional<Identification> fit(std::vector<Unknown> unknowns) {
+  /// With or without repairs of the events. None where there is no minimum, or too little to find
+  /// one.
+  std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) {
     settings_.unknowns = std::move(unknowns);
+    settings_.mend = mend;
     try {
       Identification fit = identify(scene_, events_, settings_);
       if (!fit.converged()) return std::nullopt;
@@ -172,7 +173,7 @@ double squares_lost(const Scene& scene, const Identification& first, const Unkno
 }  // namespace
 
 const Candidate* Diagnosis::explanation() const {
-  if (fits || candidates.empty()) return nullptr;
+  if (fits || is_repaired() || candidates.empty()) return nullptr;
   const Candidate& best = candidates.front();
   const bool alone = best.told && best.fits && best.improved_by.empty();
   return alone && best.gain > significant_gain ? &best : nullptr;
@@ -219,6 +220,13 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.scatter =
       diagnosis.fits ? diagnosis.resolved : scatter_of(*nominal, diagnosis.resolved);
 
+  if (!diagnosis.fits) {
+    const std::optional<Identification> repaired = judge.fit({}, true);
+    if (repaired && repaired->fits()) {
+      diagnosis.missing = repaired->missing;
+      for (const std::size_t i : repaired->spurious) diagnosis.spurious.push_back(events[i]);
+    }
+  }
   struct Found {
     Candidate candidate;
     std::optional<Identification> fit;

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "sprag/estimation/parameters.h"
+#include "sprag/identification/identification.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
 
@@ -53,8 +54,14 @@ struct Diagnosis {
   int unsure = 0;               ///< instants at which several contacts close, which are left out
   bool fits = false;
   std::vector<Candidate> candidates;  ///< best first
-  double only_frequency = 0.0;        ///< of all harmonics; a clock offset is then a phase
+  /// Where the events do not fit as they are, but fit the scene's own model once these are
+  /// repaired.
+  std::vector<MissingImpact> missing;
+  std::vector<ContactEvent> spurious;
+  double only_frequency = 0.0;  ///< of all harmonics; a clock offset is then a phase
 
+  /// Whether lost or spurious events explain the misfit.
+  bool is_repaired() const { return !missing.empty() || !spurious.empty(); }
   /// The parameter that explains the misfit, if one does: with its value the events fit.
   const Candidate* explanation() const;
   /// Others that explain it as well: the events do not tell them apart.

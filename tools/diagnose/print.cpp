@@ -79,7 +79,7 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
     const Parameter& parameter = candidate.parameter;
     const std::string nominal = number(parameter.nominal, 6);
     if (!candidate.told) {
-      append_row({parameter.name, nominal, "cannot be told from these events"}, text);
+      append_row({parameter.name, nominal, "not determined"}, text);
       continue;
     }
     append_row({parameter.name, nominal,
@@ -94,6 +94,18 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
 
 std::string verdict(const Diagnosis& diagnosis) {
   if (diagnosis.fits) return "events fit the model";
+  if (diagnosis.is_repaired()) {
+    const std::size_t lost = diagnosis.missing.size(), spurious = diagnosis.spurious.size();
+    std::string text;
+    if (lost > 0)
+      text += std::to_string(lost) + (lost == 1 ? " event is" : " events are") + " lost";
+    if (lost > 0 && spurious > 0) text += " and ";
+    if (spurious > 0) {
+      text +=
+          std::to_string(spurious) + (spurious == 1 ? " event is" : " events are") + " spurious";
+    }
+    return text + "; otherwise the events fit the model";
+  }
   if (const Candidate* best = diagnosis.explanation()) {
     if (!(best->explained > 0.0)) return instead(*best) + " fits significantly better";
     return instead(*best) + " explains " + percent(best->explained) + " of the misfit";
@@ -115,6 +127,14 @@ std::string to_text(const Diagnosis& diagnosis) {
   std::string text = printable(diagnosis.scene) + ": " + verdict(diagnosis) + '\n';
   for (const Candidate* tie : diagnosis.ties()) {
     text += "  " + instead(*tie) + " explains it as well\n";
+  }
+  for (const MissingImpact& impact : diagnosis.missing) {
+    text += "  lost: an impact of contact " + std::to_string(impact.contact + 1) +
+            " near t = " + number(impact.t, 6) + '\n';
+  }
+  for (const ContactEvent& event : diagnosis.spurious) {
+    text += "  spurious: the event of contact " + std::to_string(event.contact + 1) +
+            " at t = " + number(event.t, 8) + '\n';
   }
   text += '\n' + std::to_string(diagnosis.closings) +
           " closings from t = " + number(diagnosis.from, 4) + " to " + number(diagnosis.to, 4) +
@@ -153,6 +173,14 @@ void to_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   const Candidate* best = diagnosis.explanation();
   object["explanation"] = nullptr;
   if (best != nullptr) object["explanation"] = best->parameter.name;
+  object["missing"] = nlohmann::ordered_json::array();
+  for (const MissingImpact& impact : diagnosis.missing) {
+    object["missing"].push_back({{"t", impact.t}, {"contact", impact.contact + 1}});
+  }
+  object["spurious"] = nlohmann::ordered_json::array();
+  for (const ContactEvent& event : diagnosis.spurious) {
+    object["spurious"].push_back({{"t", event.t}, {"contact", event.contact + 1}});
+  }
   object["ties"] = nlohmann::ordered_json::array();
   for (const Candidate* tie : diagnosis.ties()) object["ties"].push_back(tie->parameter.name);
   object["parameters"] = nlohmann::ordered_json::array();
