@@ -16,6 +16,23 @@ constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;
 // Bounces that are shorter than this share of a chatter's rest cannot be told apart either.
 constexpr double resolvable_of_chatter = 1e-6;
+// A joint chatter: so many brief contacts closely one after the other are held together, and so
+// many in spite of that are a standstill of time.
+constexpr int brief_contacts_of_chatter = 16;
+constexpr int brief_contacts_of_standstill = 1000;
+constexpr double chatters_of_brief_contact = 128.0;
+
+// "contact 2" or "contacts 1, 2 and 4".
+std::string list(ContactSet contacts) {
+  std::string text = std::popcount(contacts) == 1 ? "contact " : "contacts ";
+  int left = std::popcount(contacts);
+  for_each(contacts, [&](int i) {
+    text += std::to_string(i + 1);
+    --left;
+    if (left > 0) text += left == 1 ? " and " : ", ";
+  });
+  return text;
+}
 
 }  // namespace
 
@@ -34,6 +51,7 @@ Master::Master(const Flows& flows, const State& start, double t, ContactSet clos
   const int m = flows_.dynamics().contacts();
   order_.assign(index(m), 0);
   completion_.assign(index(m), infinity);
+  closed_at_.assign(index(m), -infinity);
   epsilon_.assign(index(m), 0.0);
   solver_.start(start, at(t), motion_);
 }
@@ -44,8 +62,54 @@ void Master::fail(const std::string& what) const {
 
 void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events) {
   const ContactEvent event{now(), contact, kind};
+  if (kind == ContactEventKind::closes) {
+    closed_at_[index(contact)] = now();
+  } else if (kind == ContactEventKind::opens &&
+             now() - closed_at_[index(contact)] <= longest_brief_contact()) {
+    count_brief_contact();
+  }
   closed_ = after(closed_, event);
   events.push_back(event);
+}
+
+// A chatter of one contact takes 1 / (1 - epsilon) times as long as its first flight: sustained
+// contacts shorter than a few of those that chatter_time completes belong to one joint chatter.
+double Master::longest_brief_contact() const {
+  double least = 1.0;
+  for (const Contact& contact : flows_.dynamics().model().contacts) {
+    if (contact.restitution < 1.0) least = std::min(least, 1.0 - contact.restitution);
+  }
+  return chatters_of_brief_contact / least * shortest_chatter();
+}
+
+bool Master::in_brief_contacts() const {
+  return now() - brief_since_ <= (brief_contacts_ + 1) * longest_brief_contact();
+}
+
+// One that opens soon again, or that no closing comes of.
+void Master::count_brief_contact() {
+  if (!in_brief_contacts()) {
+    brief_contacts_ = 0;
+    brief_since_ = now();
+  }
+  if (++brief_contacts_ < brief_contacts_of_standstill) return;
+  fail("time stands still: " + list(recently_active()) + " close and throw each other off " +
+       std::to_string(brief_contacts_) + " times in " + std::to_string(now() - brief_since_) +
+       " s, without end. Supports that squeeze the machine between them do this: check their "
+       "clearances and motions; a larger impact.chatter_time may help");
+}
+
+// Whether the contacts that are closed have come to throw each other off in turn, for flights that
+// never end: what completes the chatter of one throws another off, which chatters as long again.
+bool Master::holds_together() const {
+  return brief_contacts_ >= brief_contacts_of_chatter && in_brief_contacts();
+}
+
+// Contacts that are closed or had one of the last impacts.
+ContactSet Master::recently_active() const {
+  ContactSet active = closed_;
+  for (const Impact& impact : recent_) active |= impact.closing;
+  return active;
 }
 
 void Master::start_contacts(std::vector<ContactEvent>& events) {
@@ -77,7 +141,9 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
   if (touched != 0) {
     const Locking locking = solver_.lock(touched, ~penetrating_, motion_);
     if (locking.solved != Solved::yes) {
-      fail("the contacts closed at the start have linearly dependent directions");
+      fail(list(touched) +
+           ", closed at the start, have linearly dependent directions: which of them carries the "
+           "machine is a guess; leave one of them out");
     }
     for (int i = 0; i < m; ++i) {
       if (!contains(touched, i)) continue;
@@ -161,8 +227,8 @@ void Master::check_progress(double event) {
   const double standstill = events_of_standstill * roundings_of_standstill *
                             std::numeric_limits<double>::epsilon() * std::abs(event);
   if (event - since_ <= standstill) {
-    fail("time stands still: " + std::to_string(events_of_standstill) +
-         " events at one instant; a larger impact.chatter_time may help");
+    fail("time stands still: " + std::to_string(events_of_standstill) + " events of " +
+         list(recently_active()) + " at one instant; a larger impact.chatter_time may help");
   }
   events_since_ = 0;
   since_ = event;
@@ -233,7 +299,9 @@ void Master::release(ContactSet releasing, std::vector<ContactEvent>& events) {
 void Master::arrest(ContactSet arrested) {
   const Locking locking = solver_.lock(motion_.flow->locked() | arrested, ~penetrating_, motion_);
   if (locking.solved != Solved::yes) {
-    fail("locked contacts have linearly dependent directions");
+    fail(list(motion_.flow->locked() | arrested) +
+         ", which are closed at once, have linearly dependent directions: which of them carries "
+         "the machine is a guess; leave one of them out");
   }
   for_each(motion_.flow->locked(),
            [&](int i) { order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0; });
@@ -265,6 +333,7 @@ ContactSet Master::wedged(ContactSet closing) {
     if (count >= repeatedly) wedged |= bit(i);
   }
   if (std::popcount(wedged) < 2) return 0;
+  count_brief_contact();
   recent_.fill({});
   return wedged;
 }
@@ -279,14 +348,16 @@ bool Master::touches(int contact) const {
 }
 
 // Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
-// come back at once, throw others off in turn, and so on without end.
+// come back at once, throw others off in turn, and so on without end. In a joint chatter all that
+// would come back.
 ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision) const {
+  const double longest = holds_together() ? infinity : shortest_chatter();
   ContactSet brief = 0;
   for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
     if (!contains(contacts & ~penetrating_ & ~motion_.flow->locked(), i)) continue;
     const double gamma = collision.gamma_plus[i];
     const double acceleration = rate(motion_.flow->gap_velocity(i), motion_);
-    if (gamma > 0.0 && 2.0 * gamma < -acceleration * shortest_chatter()) brief |= bit(i);
+    if (gamma > 0.0 && acceleration < 0.0 && 2.0 * gamma < -acceleration * longest) brief |= bit(i);
   }
   return brief;
 }
@@ -315,7 +386,9 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
     Collision collision =
         solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_);
     if (collision.solved != Solved::yes) {
-      fail("contacts that close at once have linearly dependent directions");
+      fail(list(participants) +
+           ", which close at once, have linearly dependent directions: supports that squeeze the "
+           "machine between them, or one support too many; check their clearances and motions");
     }
     // To hold one may lift another as little.
     while (const ContactSet brief = hardly_parted(closed_ | staying, collision)) {
@@ -348,6 +421,7 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
   ++impacts_;
 
   const ContactSet locked = motion_.flow->locked();
+  if ((to_stay & ~locked & ~penetrating_) != 0) count_brief_contact();
   for_each(collision.closed, [&](int i) {
     const bool was_closed = contains(closed_before, i);
     const bool rests = contains(collision.resting, i);

@@ -5,8 +5,9 @@
 // 2 gamma+ / (|g''| (1 - epsilon)) is shorter than Model::chatter_time is completed: the contact
 // closes to stay, with restitution 0, at the instant where the sequence would have ended. Contacts
 // that throw the machine to and fro between them, as in a wedge, have no such formula: they are
-// completed together once 32 impacts take less than 16 chatter_time. A closed contact opens when
-// its force would turn negative.
+// completed together once 32 impacts take less than 16 chatter_time. Closed contacts that go on to
+// throw each other off, each for longer than chatter_time, are held together (holds_together()).
+// A closed contact opens when its force would turn negative.
 #pragma once
 
 #include <array>
@@ -110,6 +111,11 @@ class Master {
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
   ContactSet hardly_parted(ContactSet contacts, const Collision& collision) const;
+  double longest_brief_contact() const;
+  bool in_brief_contacts() const;
+  void count_brief_contact();
+  bool holds_together() const;
+  ContactSet recently_active() const;
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;
   double now() const { return motion_.t.hi; }
@@ -129,9 +135,14 @@ class Master {
   ContactSet penetrating_ = 0;  // closed since the start, g < 0
   std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
   std::vector<double> completion_;  // per contact: time at which its chatter ends, or infinity
+  std::vector<double> closed_at_;   // per contact: time at which it closed to stay last
   std::array<Impact, 32> recent_;   // ring of the last impacts
-  std::vector<double> epsilon_;     // scratch
-  std::vector<Watch> watches_;      // scratch
+  // Brief contacts since brief_since_ [s], closely one after the other; restarted by a longer
+  // pause.
+  int brief_contacts_ = 0;
+  double brief_since_ = 0.0;
+  std::vector<double> epsilon_;  // scratch
+  std::vector<Watch> watches_;   // scratch
   bool started_ = false;
   long impacts_ = 0;
   int events_since_ = 0;  // since_ [s]
