@@ -62,12 +62,13 @@ class MasterProcess {
     sample_.u.setZero(scene.model.coordinates());
   }
 
-  /// Runs to the end or to a signal, also in the midst of a computation, and says goodbye.
+  /// Runs to the end or to a signal, also in the midst of a computation, and says goodbye; also
+  /// where the simulation cannot go on (SimulationError, ModelError).
   void run() {
     try {
       loop();
     } catch (const Interrupted&) {
-    } catch (const SimulationError&) {
+    } catch (const Error&) {
       say_goodbye();
       throw;
     }
@@ -254,7 +255,7 @@ int run_master(const Scene& scene, const MasterOptions& options, const CommonOpt
   MasterProcess process(scene, options, common);
   try {
     process.run();
-  } catch (const SimulationError&) {
+  } catch (const Error&) {
     process.finish(report);
     throw;
   }

@@ -1,0 +1,129 @@
+// Contacts whose chatter accumulates jointly: what completes the chatter of one throws the other
+// off. Such a machine comes to its end, or to an error that says when and why.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "sprag/files/scene_file.h"
+#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/scale.h"
+#include "sprag/mechanics/simulate.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag::test {
+namespace {
+
+struct Machine {
+  Model model;
+  State start;
+};
+
+/// A few masses on springs between two to four supports, some opposite to the first one and some
+/// shaken, with hardly any loss at an impact.
+Machine machine_between_supports(std::uint64_t seed) {
+  Random random(seed);
+  const int f = random.integer(2, 4);
+  Machine machine;
+  Model& model = machine.model;
+  const Eigen::MatrixXd A = random.matrix(f, f);
+  model.M = Eigen::MatrixXd::Identity(f, f);
+  model.K = random.log_uniform(1.0, 150.0) * A * A.transpose();
+  model.C = random.uniform(0.0, 0.3) * model.M;
+  model.forces.push_back({random.vector(f),
+                          random.uniform(-5.0, 5.0),
+                          {random.uniform(0.0, 3.0), random.uniform(1.0, 20.0), 0.0}});
+  const double restitution = random.uniform(0.7, 0.97);
+  const int contacts = random.integer(2, 4);
+  for (int i = 0; i < contacts; ++i) {
+    Eigen::VectorXd w = random.vector(f);
+    if (i > 0 && random.chance(0.6)) {
+      w = -model.contacts[0].w + random.uniform(0.0, 0.3) * w;
+    }
+    const Harmonic motion{random.chance(0.3) ? random.uniform(0.0, 0.04) : 0.0,
+                          random.uniform(1.0, 20.0), random.phase()};
+    Contact contact{.w = w,
+                    .clearance = random.uniform(0.0, 0.05),
+                    .motion = motion,
+                    .restitution = restitution};
+    const double g = gap(contact, Eigen::VectorXd::Zero(f), 0.0);
+    if (g < 0.0) contact.clearance += 0.002 - g;
+    model.contacts.push_back(contact);
+  }
+  machine.start = {Eigen::VectorXd::Zero(f), 0.5 * random.vector(f)};
+  set_chatter_time(model, machine.start);
+  return machine;
+}
+
+/// Whether it came to its end; an error must name the time, a contact and what to do.
+bool ends(const Machine& machine, double T, std::size_t most) {
+  Master master(machine.model, machine.start);
+  std::vector<ContactEvent> events;
+  try {
+    return master.advance(at(T), events, most);
+  } catch (const SimulationError& error) {
+    const std::string what = error.what();
+    EXPECT_TRUE(what.starts_with("t = ")) << what;
+    EXPECT_NE(what.find("contact"), std::string::npos) << what;
+    EXPECT_NE(what.find("check"), std::string::npos) << what;
+    return true;
+  }
+}
+
+constexpr const char* squeezed_beam = R"([beam]
+modes = 4
+length = 0.3
+bending_stiffness = 0.0035887247229839186
+mass_per_length = 1.0
+damping = 0.06821455580039859
+[excitation]
+amplitude = 0.04386022529475868
+frequency = 14.091273271414101
+phase = 4.9073155646199
+[impact]
+restitution = 0.95
+[[contact]]
+position = 0.273530039642122
+clearance = 0.002
+[[contact]]
+position = 0.10707855879768607
+clearance = 0.014380975406340708
+side = "above"
+[[contact]]
+position = 0.21833402077251027
+clearance = 0.04828534284982349
+side = "above"
+mount = "frame"
+[[contact]]
+position = 0.12251000465736162
+clearance = 0.002
+mount = "frame"
+[master]
+q = [-0.01952954478181456, 0.008478158710615843, -0.005565799879567316, -0.006256308327252137]
+u = [0.5658465681839568, -0.27348529413655287, 0.30152449081207533, 0.2946767640768565]
+)";
+
+TEST(JointChatter, ABeamThatTwoStopsSqueezeGoesOn) {
+  const Scene scene = parse_scene(squeezed_beam, "squeezed.toml");
+  EXPECT_TRUE(ends({scene.model, scene.master}, 1.0, 20000));
+  const Simulation run = simulate(scene.model, scene.master, 1.0, 0.01);
+  EXPECT_LT(run.events.size(), 20000U);
+  for (Eigen::Index k = 0; k < run.t.size(); ++k) {
+    for (const Contact& contact : scene.model.contacts) {
+      EXPECT_GT(gap(contact, run.q.row(k).transpose(), run.t[k]), -1e-9) << run.t[k];
+    }
+  }
+}
+
+TEST(JointChatter, EveryMachineBetweenSupportsComesToAnEnd) {
+  std::vector<std::uint64_t> seeds = {287, 351, 360};
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(repetitions(100)); ++seed) {
+    seeds.push_back(seed);
+  }
+  for (const std::uint64_t seed : seeds) {
+    EXPECT_TRUE(ends(machine_between_supports(seed), 20.0, 200000)) << "seed " << seed;
+  }
+}
+
+}  // namespace
+}  // namespace sprag::test
