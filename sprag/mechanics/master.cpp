@@ -1,12 +1,15 @@
 #include "sprag/mechanics/master.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "sprag/mechanics/interrupt.h"
 #include "sprag/mechanics/scalars.h"
+#include "sprag/mechanics/scale.h"
 
 namespace sprag {
 namespace {
@@ -21,6 +24,7 @@ constexpr double resolvable_of_chatter = 1e-6;
 constexpr int brief_contacts_of_chatter = 16;
 constexpr int brief_contacts_of_standstill = 1000;
 constexpr double chatters_of_brief_contact = 128.0;
+constexpr double brief_share = 1e-4;  // of the machine's time_scale()
 
 // "contact 2" or "contacts 1, 2 and 4".
 std::string list(ContactSet contacts) {
@@ -64,8 +68,7 @@ void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent
   const ContactEvent event{now(), contact, kind};
   if (kind == ContactEventKind::closes) {
     closed_at_[index(contact)] = now();
-  } else if (kind == ContactEventKind::opens &&
-             now() - closed_at_[index(contact)] <= longest_brief_contact()) {
+  } else if (kind == ContactEventKind::opens && is_brief(now() - closed_at_[index(contact)])) {
     count_brief_contact();
   }
   closed_ = after(closed_, event);
@@ -73,17 +76,20 @@ void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent
 }
 
 // A chatter of one contact takes 1 / (1 - epsilon) times as long as its first flight: sustained
-// contacts shorter than a few of those that chatter_time completes belong to one joint chatter.
-double Master::longest_brief_contact() const {
+// contacts shorter than a few of those that chatter_time completes belong to one joint chatter,
+// unless chatter_time is so long that the machine moves in it.
+bool Master::is_brief(double duration) {
   double least = 1.0;
   for (const Contact& contact : flows_.dynamics().model().contacts) {
     if (contact.restitution < 1.0) least = std::min(least, 1.0 - contact.restitution);
   }
-  return chatters_of_brief_contact / least * shortest_chatter();
+  if (duration > chatters_of_brief_contact / least * shortest_chatter()) return false;
+  if (machine_time_ == 0.0) machine_time_ = time_scale(flows_.dynamics().model(), start_);
+  return duration <= brief_share * machine_time_;
 }
 
-bool Master::in_brief_contacts() const {
-  return now() - brief_since_ <= (brief_contacts_ + 1) * longest_brief_contact();
+bool Master::in_brief_contacts() {
+  return is_brief((now() - brief_since_) / (brief_contacts_ + 1));
 }
 
 // One that opens soon again, or that no closing comes of.
@@ -93,15 +99,17 @@ void Master::count_brief_contact() {
     brief_since_ = now();
   }
   if (++brief_contacts_ < brief_contacts_of_standstill) return;
+  std::array<char, 32> took{};
+  std::snprintf(took.data(), took.size(), "%.3g", now() - brief_since_);
   fail("time stands still: " + list(recently_active()) + " close and throw each other off " +
-       std::to_string(brief_contacts_) + " times in " + std::to_string(now() - brief_since_) +
+       std::to_string(brief_contacts_) + " times in " + took.data() +
        " s, without end. Supports that squeeze the machine between them do this: check their "
        "clearances and motions; a larger impact.chatter_time may help");
 }
 
 // Whether the contacts that are closed have come to throw each other off in turn, for flights that
 // never end: what completes the chatter of one throws another off, which chatters as long again.
-bool Master::holds_together() const {
+bool Master::holds_together() {
   return brief_contacts_ >= brief_contacts_of_chatter && in_brief_contacts();
 }
 
@@ -350,7 +358,7 @@ bool Master::touches(int contact) const {
 // Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
 // come back at once, throw others off in turn, and so on without end. In a joint chatter all that
 // would come back.
-ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision) const {
+ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision) {
   const double longest = holds_together() ? infinity : shortest_chatter();
   ContactSet brief = 0;
   for (int i = 0; i < flows_.dynamics().contacts(); ++i) {

@@ -110,11 +110,11 @@ class Master {
   double shortest_time() const;
   double shortest_chatter() const;
   ContactSet wedged(ContactSet closing);
-  ContactSet hardly_parted(ContactSet contacts, const Collision& collision) const;
-  double longest_brief_contact() const;
-  bool in_brief_contacts() const;
+  ContactSet hardly_parted(ContactSet contacts, const Collision& collision);
+  bool is_brief(double duration);
+  bool in_brief_contacts();
   void count_brief_contact();
-  bool holds_together() const;
+  bool holds_together();
   ContactSet recently_active() const;
   void record(int contact, ContactEventKind kind, std::vector<ContactEvent>& events);
   [[noreturn]] void fail(const std::string& what) const;
@@ -141,6 +141,7 @@ class Master {
   // pause.
   int brief_contacts_ = 0;
   double brief_since_ = 0.0;
+  double machine_time_ = 0.0;    // time_scale() of the machine [s]; 0 until it is needed
   std::vector<double> epsilon_;  // scratch
   std::vector<Watch> watches_;   // scratch
   bool started_ = false;
