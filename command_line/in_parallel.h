@@ -1,16 +1,18 @@
 // Independent pieces of work, by a few threads.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 namespace sprag {
 
-/// work(i) for i = 0, ..., count - 1, by as many threads. Throws what one of them throws, once all
-/// have ended.
+/// work(i) for i = 0, ..., count - 1, by as many threads, or by fewer where the system has no more
+/// of them. Throws what one of them throws, once all have ended.
 template <typename Work>
 void in_parallel(int threads, int count, const Work& work) {
   std::atomic<int> next = 0;
@@ -26,7 +28,10 @@ void in_parallel(int threads, int count, const Work& work) {
     }
   };
   std::vector<std::thread> others;
-  for (int i = 1; i < threads; ++i) others.emplace_back(take);
+  try {
+    for (int i = 1; i < std::min(threads, count); ++i) others.emplace_back(take);
+  } catch (const std::system_error&) {
+  }
   take();
   for (std::thread& other : others) other.join();
   if (failure) std::rethrow_exception(failure);

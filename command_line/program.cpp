@@ -268,15 +268,24 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 }
 
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
-                       const std::string& help) {
-  const auto store = [&value, name](const std::string& text) {
+                       const std::string& help, int most) {
+  const auto store = [&value, name, most](const std::string& text) {
     const auto number = parse_integer(text);
-    if (!number || *number < 1 || *number > std::numeric_limits<int>::max()) {
-      throw CLI::ValidationError(name, text + " is not allowed; must be a whole number > 0");
+    if (!number || *number < 1 || *number > most) {
+      const bool limited = most < std::numeric_limits<int>::max();
+      throw CLI::ValidationError(
+          name, text + " is not allowed; must be a whole number " +
+                    (limited ? "from 1 to " + std::to_string(most) : std::string("> 0")));
     }
     value = static_cast<int>(*number);
   };
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
+}
+
+CLI::Option* add_jobs(CLI::App& app, int& value) {
+  return add_count(app, "--jobs", value, "n",
+                   "Threads, 1 to " + std::to_string(max_jobs) + " [the machine's cores]",
+                   max_jobs);
 }
 
 CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -122,9 +123,13 @@ CLI::Option* add_positive(CLI::App& app, const std::string& name, double& value,
 CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double& value,
                                  const std::string& unit, const std::string& help);
 
-/// Adds an option that takes a whole number > 0; anything else is bad usage.
+/// Adds an option that takes a whole number from 1 to `most`; anything else is bad usage.
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
-                       const std::string& help);
+                       const std::string& help, int most = std::numeric_limits<int>::max());
+
+/// Adds --jobs n, threads, at most max_jobs.
+inline constexpr int max_jobs = 1024;
+CLI::Option* add_jobs(CLI::App& app, int& value);
 
 /// Adds an argument for any number of files, at least one, that the program reads; `file_of` tells
 /// which file is meant by a text.

@@ -73,10 +73,15 @@ bool InputFile::fill() {
   return got > 0;
 }
 
-std::string read_whole(const std::filesystem::path& file) {
+std::string read_whole(const std::filesystem::path& file, std::size_t most) {
   InputFile input(file);
   std::size_t size = 0;
-  while (input.ahead(size + 1).size() > size) size = input.ahead(size).size();
+  while (input.ahead(size + 1).size() > size) {
+    size = input.ahead(size).size();
+    if (size <= most) continue;
+    throw InputError(file.string() + ": is larger than " + std::to_string(most >> 20U) +
+                     " MiB; must be at most as large");
+  }
   if (input.failed()) throw InputError(file.string() + ": cannot be read");
   return std::string(input.ahead(size));
 }

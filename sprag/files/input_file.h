@@ -53,7 +53,11 @@ class InputFile {
   bool failed_ = false;
 };
 
-/// All of a file. Throws InputError if it cannot be opened or read.
-std::string read_whole(const std::filesystem::path& file);
+/// More than any text that fits into memory as numbers needs [bytes].
+inline constexpr std::size_t largest_text = std::size_t{1} << 30U;
+
+/// All of a file, which may be a pipe. Throws InputError if it cannot be opened or read, or is
+/// larger than `most` bytes (a device without an end is).
+std::string read_whole(const std::filesystem::path& file, std::size_t most = largest_text);
 
 }  // namespace sprag

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "sprag/files/input_file.h"
@@ -231,6 +232,12 @@ Eigen::MatrixXd market_matrix(Lines& lines, Eigen::Index largest) {
 }  // namespace
 
 Eigen::MatrixXd read_matrix_file(const std::filesystem::path& file, Eigen::Index largest) {
+  std::error_code error;
+  const auto type = std::filesystem::status(file, error).type();
+  if (type != std::filesystem::file_type::regular &&
+      type != std::filesystem::file_type::not_found) {
+    throw InputError(file.string() + ": is not a regular file; must be one");
+  }
   const std::string whole = read_whole(file);
   std::string_view text = whole;
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);

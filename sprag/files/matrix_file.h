@@ -11,7 +11,8 @@ namespace sprag {
 
 /// Entries of coordinates that are given twice are added. `largest`: rows and columns that a matrix
 /// may have. Throws SceneError (scene_file.h), which reads "FILE:LINE:COLUMN: what is wrong", and
-/// InputError (input_file.h) for a file that cannot be read.
+/// InputError (input_file.h) for a file that cannot be read, is larger than 1 GiB, or is not a
+/// regular file: a pipe may never have an end.
 Eigen::MatrixXd read_matrix_file(const std::filesystem::path& file, Eigen::Index largest = 5000);
 
 }  // namespace sprag

@@ -25,6 +25,7 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t max_outputs = 200;
+constexpr std::size_t largest_scene = std::size_t{64} << 20U;  // [bytes]
 
 // amplitude and frequency are required, phase is optional.
 Harmonic read_harmonic(const TomlTable& table) {
@@ -170,8 +171,13 @@ Eigen::MatrixXd read_semidefinite(const TomlTable& table, std::string_view key, 
   }
   const Definiteness signs = definiteness(matrix);
   if (!signs.semidefinite) {
-    table.fail(key,
-               "has the eigenvalue " + rounded(signs.smallest) + "; must be positive semidefinite");
+    const std::string limit =
+        key == "K" ? "negative stiffness, as of an inverted pendulum or a buckled beam, is not "
+                     "supported: between impacts the motion would grow without bound"
+                   : "negative damping, as of flutter or self-excitation, is not supported: "
+                     "between impacts the motion would grow without bound";
+    table.fail(key, "has the eigenvalue " + rounded(signs.smallest) +
+                        "; must be positive semidefinite (" + limit + ")");
   }
   return matrix;
 }
@@ -463,6 +469,10 @@ std::string contents(const std::filesystem::path& file) {
   std::vector<char> buffer(65536);
   while (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || in.gcount() > 0) {
     text.append(buffer.data(), static_cast<std::size_t>(in.gcount()));
+    if (text.size() <= largest_scene) continue;
+    throw SceneError(file.string(), "is larger than " + std::to_string(largest_scene >> 20U) +
+                                        " MiB; must be at most as large (give large matrices as "
+                                        "files of their own)");
   }
   if (!in.is_open() || in.bad()) {
     throw SceneError(file.string(), "cannot be read: " + std::generic_category().message(errno));

@@ -25,7 +25,8 @@ struct SceneError : Error {
 };
 
 /// Reads and checks a scene file, and the files of matrices and vectors that it names, relative to
-/// its folder (to the working directory where it is a pipe). `names` is told them, those that there
+/// its folder (to the working directory where it is a pipe). Limits: 64 MiB of text, keys of 32
+/// parts, 32 nested brackets. `names` is told them, those that there
 /// are, before anything else in the text can be wrong. Throws SceneError, and what `names` throws.
 Scene read_scene(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names = {});

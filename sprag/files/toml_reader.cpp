@@ -13,6 +13,7 @@
 #include "sprag/files/matrix_file.h"
 #include "sprag/files/nearest_word.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/files/unsupported_key.h"
 
 namespace sprag {
 namespace {
@@ -49,20 +50,48 @@ std::size_t behind_token(std::string_view text, std::size_t i) {
   return text.size();
 }
 
-// toml++ 3 has no defined behaviour for characters beyond ASCII that stand alone.
-void refuse_beyond_ascii(std::string_view text, const std::string& file) {
+[[noreturn]] void fail_at_byte(std::string_view text, std::size_t i, const std::string& file,
+                               const std::string& message) {
+  const std::string_view before = text.substr(0, i);
+  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const std::size_t newline = before.rfind('\n');
+  const std::size_t column = newline == std::string_view::npos ? i + 1 : i - newline;
+  throw SceneError(file, static_cast<int>(line), static_cast<int>(column), message);
+}
+
+// Refuses what toml++ 3 does not survive. It has no defined behaviour for characters beyond ASCII
+// that stand alone. It follows nested values and the parts of dotted keys by recursion, which takes
+// all of the stack: a table is nested at most max_key_parts * (max_nesting + 1) deep.
+constexpr int max_key_parts = 32;
+constexpr int max_nesting = 32;
+
+void refuse_dangerous(std::string_view text, const std::string& file) {
+  int parts = 1;  // of the key, or number, at hand
+  int nesting = 0;
   for (std::size_t i = 0; i < text.size(); i = behind_token(text, i)) {
-    if (static_cast<unsigned char>(text[i]) < 0x80) continue;
+    const char c = text[i];
     if (i == 0 && text.starts_with("\xEF\xBB\xBF")) {  // a byte order mark
       i = 2;
-      continue;
+    } else if (static_cast<unsigned char>(c) >= 0x80) {
+      fail_at_byte(text, i, file,
+                   "a character beyond ASCII; may only be in a comment or between quotes");
+    } else if (c == '.') {
+      if (++parts <= max_key_parts) continue;
+      fail_at_byte(text, i, file,
+                   "a key has more than " + std::to_string(max_key_parts) +
+                       " parts between dots; must have at most as many");
+    } else if (c == '[' || c == '{') {
+      parts = 1;
+      if (++nesting <= max_nesting) continue;
+      fail_at_byte(text, i, file,
+                   "brackets are nested more than " + std::to_string(max_nesting) +
+                       " deep; must be at most as many");
+    } else if (c == ']' || c == '}') {
+      parts = 1;
+      nesting = std::max(nesting - 1, 0);
+    } else if (c == '=' || c == ',' || c == '\n') {
+      parts = 1;
     }
-    const std::string_view before = text.substr(0, i);
-    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
-    const std::size_t newline = before.rfind('\n');
-    const std::size_t column = newline == std::string_view::npos ? i + 1 : i - newline;
-    throw SceneError(file, static_cast<int>(line), static_cast<int>(column),
-                     "a character beyond ASCII; may only be in a comment or between quotes");
   }
 }
 
@@ -147,7 +176,7 @@ std::string to_text(double value) {
 }
 
 TomlDocument::TomlDocument(std::string_view text, TomlSource source) : source_(std::move(source)) {
-  refuse_beyond_ascii(text, source_.file);
+  refuse_dangerous(text, source_.file);
   try {
     table_ = toml::parse(text);
   } catch (const toml::parse_error& error) {
@@ -177,6 +206,9 @@ void TomlTable::refuse_unknown_keys(TomlKeys keys) const {
     if (!first || precedes(key.source().begin, first->source().begin)) first = &key;
   }
   if (!first) return;
+  if (const auto limit = unsupported_key(path_, first->str())) {
+    fail_at(first->source().begin, path_of(first->str()) + " " + *limit);
+  }
   const std::optional<std::string_view> suggestion =
       nearest_word(first->str(), {keys.begin(), keys.size()});
   const std::string path = path_.empty() ? "" : path_ + ".";

@@ -345,11 +345,42 @@ TEST(SceneErrors, MatricesMustFitAndBeDefinite) {
                   "x.toml:2:5: system.M has the eigenvalue -1; must be positive definite"},
                  {c, "[[0.1]]", "x.toml:3:5: system.C is 1 x 1; must be 2 x 2, as system.M"},
                  {c, "[[-0.5, 0], [0, 1]]",
-                  "x.toml:3:5: system.C has the eigenvalue -0.5; must be positive semidefinite"},
+                  "x.toml:3:5: system.C has the eigenvalue -0.5; must be positive semidefinite "
+                  "(negative damping, as of flutter or self-excitation, is not supported: between "
+                  "impacts the motion would grow without bound)"},
                  {k, "[[3, -1, 0], [-1, 3, 0], [0, 0, 1]]",
                   "x.toml:4:5: system.K is 3 x 3; must be 2 x 2, as system.M"},
                  {k, "[[0, 1], [1, 0]]",
-                  "x.toml:4:5: system.K has the eigenvalue -1; must be positive semidefinite"}});
+                  "x.toml:4:5: system.K has the eigenvalue -1; must be positive semidefinite "
+                  "(negative stiffness, as of an inverted pendulum or a buckled beam, is not "
+                  "supported: between impacts the motion would grow without bound)"}});
+}
+
+// toml++ follows nested tables by recursion.
+TEST(SceneErrors, NestingIsRefusedBeforeItTakesTheStack) {
+  const auto repeated = [](const std::string& text, int count) {
+    std::string all;
+    for (int i = 0; i < count; ++i) all += text;
+    return all;
+  };
+  EXPECT_EQ(error_of("# a.b\n" + repeated("a.", 50000) + "a = 1"),
+            "x.toml:2:64: a key has more than 32 parts between dots; must have at most as many");
+  EXPECT_EQ(error_of(repeated("'a.b' .", 50000) + "a = 1"),
+            "x.toml:1:224: a key has more than 32 parts between dots; must have at most as many");
+  EXPECT_EQ(error_of("[" + repeated("a.", 50000) + "a]"),
+            "x.toml:1:65: a key has more than 32 parts between dots; must have at most as many");
+  for (const std::string open : {"[", "{", "{ a = ", "[{ a = "}) {
+    const std::string error = error_of("x = " + repeated(open, 200000));
+    EXPECT_NE(error.find("brackets are nested more than 32 deep; must be at most as many"),
+              std::string::npos)
+        << error;
+  }
+  EXPECT_EQ(error_of("x = " + repeated("[", 33)),
+            "x.toml:1:37: brackets are nested more than 32 deep; must be at most as many");
+  // Strings and comments count for nothing; many numbers and tables neither.
+  const std::string harmless = "name = \"" + repeated("[a.", 500) + "\" # " + repeated("{.", 500) +
+                               "\n" + std::string(beam_text);
+  EXPECT_EQ(error_of(harmless), "no error");
 }
 
 TEST(SceneErrors, VectorsMustFit) {

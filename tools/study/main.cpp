@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
                   "Folder of the results [the study's name]");
   sprag::add_text(*app, "--shard", run.shard, "i/n",
                   "Run the i-th of n equal parts alone, with files of its own");
-  sprag::add_count(*app, "--jobs", run.jobs, "n", "Threads [the machine's cores]");
+  sprag::add_jobs(*app, run.jobs);
   sprag::add_count(*app, "--chunk", run.chunk, "n",
                    "Hand out and write so many runs together [what takes a second]");
 

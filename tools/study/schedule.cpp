@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -179,14 +180,17 @@ void run_threads(Coordinator& coordinator, int threads,
                  const std::function<void()>& on_wait) {
   std::vector<std::thread> workers;
   workers.reserve(static_cast<std::size_t>(threads));
-  for (int i = 0; i < threads; ++i) {
-    workers.emplace_back([&] {
-      try {
-        work(coordinator, make_compute());
-      } catch (...) {
-        coordinator.stop(std::current_exception());
-      }
-    });
+  const auto serve = [&] {
+    try {
+      work(coordinator, make_compute());
+    } catch (...) {
+      coordinator.stop(std::current_exception());
+    }
+  };
+  try {
+    for (int i = 0; i < threads; ++i) workers.emplace_back(serve);
+  } catch (const std::system_error&) {  // the system has no more of them
+    if (workers.empty()) throw;
   }
   while (!coordinator.finished()) {
     coordinator.wait(std::chrono::milliseconds(100));

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   sprag::add_file(*app, common, "--csv", sprag::NamedFile::Use::written, run.csv, "F.csv",
                   "Write all that was tried");
   sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
-  sprag::add_count(*app, "--jobs", run.jobs, "n", "Threads [the machine's cores]");
+  sprag::add_jobs(*app, run.jobs);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     return sprag::tolerance::run_tolerance(run, common, report);
