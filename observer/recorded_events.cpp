@@ -1,5 +1,6 @@
 #include "observer/recorded_events.h"
 
+#include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -17,10 +18,11 @@ constexpr std::size_t usual_events = 4096;
 // anywhere. As an observer with ticks of 1e-3 has it.
 constexpr double near = 100.0;  // s
 
-RecordedEvents read_csv(InputFile file, int contacts) {
+RecordedEvents read_csv(InputFile file, int contacts, double end) {
   RecordedEvents recorded;
   const std::string name = file.path().string();
   EventsFile of_file = read_events(std::move(file), contacts);
+  refuse_implausible_end(of_file, name, end);
   recorded.events = std::move(of_file.events);
   recorded.gaps = std::move(of_file.gaps);
   const auto at_line = [&](const FileProblem& problem) {
@@ -107,12 +109,20 @@ RecordedEvents read_log(InputFile file, int contacts, BehindLoss behind,
 
 }  // namespace
 
+void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
+                            const std::string& advice) {
+  if (!events.implausible || std::isfinite(end)) return;
+  const FileProblem& problem = events.implausible->problem;
+  throw InputError(file + ":" + std::to_string(problem.line) + ": " + problem.what +
+                   " Correct or remove the row" + advice);
+}
+
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
                                     BehindLoss behind, const std::optional<Key>& key) {
   InputFile input(file);
   const bool is_log = is_lcm_log(input);
   RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, behind, key)
-                                   : read_csv(std::move(input), contacts);
+                                   : read_csv(std::move(input), contacts, end);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
   return recorded;
 }

@@ -10,6 +10,7 @@
 
 #include "command_line/program.h"
 #include "lcmtypes/key.h"
+#include "sprag/files/events_file.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/event_gap.h"
 
@@ -24,6 +25,15 @@ struct RecordedEvents {
   bool whole = true;                  ///< false: the file is damaged; what is readable is used
   std::int64_t sessions = 0;          ///< of masters in a log; the events are those of the last
 };
+
+/// For a program that runs up to the last event of a CSV, or to `end` [s], infinity where the user
+/// has not said it. Throws InputError for an implausible time that decides where the run ends.
+/// `advice`: what else the user can do, after "correct or remove the row".
+void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
+                            const std::string& advice =
+                                ", shift all times (import_events "
+                                "--offset), or give --duration, up to "
+                                "which events count");
 
 /// What to do with events behind records of a log that were lost.
 enum class BehindLoss { used, dropped };

@@ -1,16 +1,19 @@
 #include "observer/replay.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "observer/estimation.h"
 #include "observer/notices.h"
+#include "observer/recorded_events.h"
 #include "observer/recording.h"
 #include "observer/session_tracker.h"
 #include "observer/settled_output.h"
@@ -22,6 +25,9 @@
 
 namespace sprag {
 namespace {
+
+// What a replay runs without being asked to: seconds of work, and 1e5 s at the default tick.
+constexpr std::int64_t most_ticks = 100'000'000;
 
 // A replay knows the future: it never goes back further than the tick it is at.
 constexpr std::int64_t replay_history = 1;
@@ -43,9 +49,8 @@ class Replay {
     if (impacts_file_ || predictor_) estimation_.estimator.record_in(impacts_);
   }
 
-  bool events_csv(InputFile file, nlohmann::ordered_json& report) {
-    const std::string name = file.path().string();
-    const EventsFile recorded = read_events(std::move(file), estimation_.contacts);
+  bool events_csv(const EventsFile& recorded, const std::string& name,
+                  nlohmann::ordered_json& report) {
     for (const FileProblem& problem : recorded.skipped) {
       std::cerr << name << ':' << problem.line << ": skipped: " << problem.what << '\n';
     }
@@ -236,18 +241,49 @@ class Replay {
   std::int64_t written_ = 0;
 };
 
+// Refuses a recording whose last event is too far away, by a wrong time stamp for instance. With
+// --duration the end is what the user says.
+void check_end(const EventsFile& recorded, const std::string& name,
+               const ObserverOptions& options) {
+  refuse_implausible_end(recorded, name, options.duration);
+  if (recorded.events.empty() || !std::isinf(options.duration)) return;
+  const double end = recorded.events.back().t;
+  if (last_tick(end, options.tick) <= most_ticks) return;
+  std::ostringstream text;
+  text << name << ": the last event is at t = " << end << ", beyond " << most_ticks << " ticks of "
+       << options.tick << ": give --duration, or a larger --tick";
+  throw InputError(text.str());
+}
+
+// Before any output is opened: a file that is refused costs none.
+EventsFile read_checked(InputFile file, const Scene& scene, const ObserverOptions& options) {
+  const std::string name = file.path().string();
+  EventsFile recorded = read_events(std::move(file), static_cast<int>(scene.model.contacts.size()));
+  check_end(recorded, name, options);
+  return recorded;
+}
+
 }  // namespace
 
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report) {
   const std::optional<Key> key = key_of(common);
+  InputFile file(replay.file);
+  std::optional<EventsFile> csv;
+  bool interrupted = false;
+  try {
+    if (!is_lcm_log(file)) csv = read_checked(std::move(file), scene, options);
+  } catch (const Interrupted&) {
+    interrupted = true;
+  }
   Replay run(scene, options, replay);
   bool whole = true;
   try {
-    InputFile file(replay.file);
-    const bool is_log = is_lcm_log(file);
-    whole = is_log ? run.lcm_log(std::move(file), key, report)
-                   : run.events_csv(std::move(file), report);
+    if (csv) {
+      whole = run.events_csv(*csv, replay.file.string(), report);
+    } else if (!interrupted) {
+      whole = run.lcm_log(std::move(file), key, report);
+    }
   } catch (const Interrupted&) {
   }
   run.finish(report);

@@ -12,6 +12,7 @@ namespace {
 
 // A row of 20 000 coordinates fits; whatever is longer is no CSV of ours.
 constexpr std::size_t longest_line = 1U << 20U;
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
 std::string_view trimmed(std::string_view field) {
   while (!field.empty() && (field.front() == ' ' || field.front() == '\t')) field.remove_prefix(1);
@@ -22,6 +23,8 @@ std::string_view trimmed(std::string_view field) {
 template <class Number>
 std::optional<Number> parse(std::string_view field) {
   field = trimmed(field);
+  const bool signed_number = field.size() > 1 && (field[1] == '-' || field[1] == '+');
+  if (field.starts_with('+') && !signed_number) field.remove_prefix(1);
   Number number{};
   const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), number);
   if (error != std::errc{} || end != field.data() + field.size()) return std::nullopt;
@@ -89,7 +92,12 @@ void LineReader::find_end_of_line() {
 
 LineReader::Result LineReader::next(std::string_view& line) {
   file_.skip(std::exchange(shown_, 0));
-  if (number_ == 0) find_end_of_line();
+  if (number_ == 0) {
+    if (file_.ahead(byte_order_mark.size()).starts_with(byte_order_mark)) {
+      file_.skip(byte_order_mark.size());
+    }
+    find_end_of_line();
+  }
   std::string_view bytes;
   const std::size_t end = find(end_of_line_, bytes);
   if (file_.failed() && end == std::string_view::npos) return Result::unreadable;

@@ -22,14 +22,16 @@ struct FileProblem {
 void append_number(std::string& text, double value);
 void append_number(std::string& text, std::int64_t value);
 
-/// The field as a finite double or an integer, blanks around it allowed; nothing if it is not one.
+/// The field as a finite double or an integer, blanks around it and a plus sign allowed; nothing if
+/// it is not one.
 std::optional<double> parse_double(std::string_view field);
 std::optional<std::int64_t> parse_integer(std::string_view field);
 
 /// The fields of a line, one more than it has commas.
 void split_fields(std::string_view line, std::vector<std::string_view>& fields);
 
-/// Reads a text file line by line. LF and CRLF end a line, or CR where it ends the first one.
+/// Reads a text file line by line. LF and CRLF end a line, or CR where it ends the first one. A
+/// UTF-8 byte order mark before the first line is passed over.
 class LineReader {
  public:
   /// Throws InputError if the file cannot be opened.

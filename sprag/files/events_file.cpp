@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstdio>
 #include <string_view>
 #include <utility>
 
@@ -33,13 +35,10 @@ std::optional<Row> parse_row(std::string_view line, std::vector<std::string_view
 /// missing_from() is the time from which on an event is missing because of it.
 class EventList {
  public:
-  EventList(std::vector<ContactEvent>& events, int contacts)
-      : events_(events), contacts_(contacts) {}
+  explicit EventList(std::vector<ContactEvent>& events) : events_(events) {}
 
   std::string_view add(const Row& row) {
     missing_from_ = row.t;
-    if (row.contact < 1 || row.contact > contacts_) return "unknown contact";
-    if (row.closed != 0 && row.closed != 1) return "closed must be 1 or 0";
     if (row.t < last_t_) return "time goes backwards";
     const int contact = static_cast<int>(row.contact) - 1;
     const bool closes = row.closed == 1;
@@ -68,7 +67,6 @@ class EventList {
 
  private:
   std::vector<ContactEvent>& events_;
-  int contacts_;
   double last_t_ = 0.0;
   double missing_from_ = 0.0;
   std::array<double, max_contacts> last_time_of_{};
@@ -76,6 +74,73 @@ class EventList {
   // Index of each contact's last event. Before its first one a contact is open, so it cannot open
   // and the zero is never looked at.
   std::array<std::size_t, max_contacts> last_of_{};
+};
+
+// Refuses what no row of this machine's events can have.
+void check_row(const Row& row, std::string_view line, const std::vector<std::string_view>& fields,
+               int contacts, const std::string& file, std::size_t number) {
+  const auto fail = [&](std::size_t field, const std::string& what) {
+    const std::string_view text = fields[field];
+    const std::size_t blanks = std::min(text.find_first_not_of(" \t"), text.size());
+    const auto column = static_cast<std::size_t>(text.data() - line.data()) + blanks + 1;
+    throw InputError(file + ":" + std::to_string(number) + ":" + std::to_string(column) + ": " +
+                     what);
+  };
+  if (row.contact < 1 || row.contact > contacts) {
+    fail(1, "contact is " + std::to_string(row.contact) + "; must be " +
+                (contacts == 1 ? std::string("1, the only contact")
+                               : "in 1.." + std::to_string(contacts) + ", the contacts") +
+                " of the scene, counted from 1");
+  }
+  if (row.closed != 0 && row.closed != 1) {
+    fail(2, "closed is " + std::to_string(row.closed) +
+                "; must be 1 (the contact closes) or 0 (it opens)");
+  }
+}
+
+/// Watches for time stamps that cannot be right.
+class Silences {
+ public:
+  /// A row with a time that is not before the last one's.
+  void add(double t, std::size_t line, std::optional<ImplausibleTime>& found) {
+    const double most = count_ < few ? strict : lenient;
+    if (!found && last_ > 0.0 && t - last_ > most * last_) {
+      found = ImplausibleTime{
+          t,
+          {line, text("t is ", t) + text(", and the event before it is at t = ", last_) +
+                     ": a wrong time stamp?"}};
+    }
+    if (count_ == 0) {
+      first_ = t;
+      first_line_ = line;
+    }
+    last_ = t;
+    ++count_;
+  }
+
+  void end(std::optional<ImplausibleTime>& found) const {
+    if (found || count_ < few || first_ == last_) return;
+    if (!(first_ > strict * (last_ - first_))) return;
+    found = ImplausibleTime{first_,
+                            {first_line_, text("the first event is at t = ", first_) +
+                                              text(", and all of them last ", last_ - first_) +
+                                              ": the times of another clock?"}};
+  }
+
+ private:
+  static constexpr int few = 10;  // rows
+  static constexpr double strict = 1e4;
+  static constexpr double lenient = 200.0;
+
+  static std::string text(std::string what, double number) {
+    std::array<char, 32> digits;
+    std::snprintf(digits.data(), digits.size(), "%.9g", number);
+    return what += digits.data();
+  }
+
+  double first_ = 0.0, last_ = 0.0;
+  std::size_t first_line_ = 0;
+  int count_ = 0;
 };
 
 }  // namespace
@@ -103,6 +168,7 @@ EventsFile read_events(const std::filesystem::path& file, int contacts) {
 }
 
 EventsFile read_events(InputFile file, int contacts) {
+  const std::string name = file.path().string();
   LineReader reader(std::move(file));
   EventsFile result;
   std::string_view line;
@@ -112,7 +178,8 @@ EventsFile read_events(InputFile file, int contacts) {
     result.gaps = {{0.0, infinity}};
     return result;
   }
-  EventList list(result.events, contacts);
+  EventList list(result.events);
+  Silences silences;
   std::vector<std::string_view> fields;
   while ((got = reader.next(line)) == LineReader::Result::line) {
     if (line.empty()) continue;
@@ -122,13 +189,18 @@ EventsFile read_events(InputFile file, int contacts) {
       expected.append(events_header).append(" with t finite and >= 0)");
       result.damage = {reader.number(), std::move(expected)};
       add({list.last_t(), infinity}, result.gaps);
+      silences.end(result.implausible);
       return result;
     }
+    check_row(*row, line, fields, contacts, name, reader.number());
     if (const auto what = list.add(*row); !what.empty()) {
       result.skipped.push_back({reader.number(), std::string(what)});
       add({list.missing_from(), row->t}, result.gaps);
+    } else {
+      silences.add(row->t, reader.number(), result.implausible);
     }
   }
+  silences.end(result.implausible);
   if (got != LineReader::Result::end) {
     result.damage = {reader.number(), describe(got)};
     add({list.last_t(), infinity}, result.gaps);

@@ -28,19 +28,30 @@ class EventsWriter : public CsvWriter {
   void write_row(double t, int contact, char closed) noexcept;
 };
 
+/// A row before or after a silence that looks like a wrong time stamp.
+struct ImplausibleTime {
+  double t;  ///< of the later end of the silence [s]
+  FileProblem problem;
+};
+
 struct EventsFile {
   std::vector<ContactEvent> events;   ///< times ascending; equal times in the file's order
   std::vector<FileProblem> skipped;   ///< rows that contradict the rest, left out
   std::optional<FileProblem> damage;  ///< where reading stopped: nothing after it is used
   /// Where events may be missing, by what was skipped or damaged; +infinity: up to the end.
   std::vector<EventGap> gaps;
+  /// The first row that follows a silence of more than 200 times all the time before it (10 000
+  /// times, before the tenth row); or the first row of all, if the time before it is more than
+  /// 10 000 times that of all rows, ten at least.
+  std::optional<ImplausibleTime> implausible;
 };
 
 /// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that
 /// is garbled (also a time that is negative or not finite), a last line without an end, a wrong
-/// header. Skipped: a time that goes backwards, an unknown contact, a flag other than 0 and 1, a
-/// contact that closes while closed or opens while open. Empty lines are passed over. Throws
-/// InputError if the file cannot be opened.
+/// header. Skipped: a time that goes backwards, a contact that closes while closed or opens while
+/// open. Empty lines are passed over. Throws InputError if the file cannot be opened, and, with
+/// "FILE:LINE:COLUMN: ", for a contact that the machine does not have or a flag other than 0 and 1:
+/// such a file belongs to another machine, or counts otherwise.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
 EventsFile read_events(InputFile file, int contacts);
 

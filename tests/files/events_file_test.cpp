@@ -86,19 +86,75 @@ TEST_F(EventsFileTest, ContradictingRowsAreSkippedAndTheRestIsUsed) {
       "0.5,2,1\n"  // line 3: backwards
       "2,1,1\n"    // line 4: closed already
       "2,2,0\n"    // line 5: open already
-      "2,4,1\n"    // line 6: unknown contact
-      "2,0,1\n"    // line 7: unknown contact
-      "2,1,2\n"    // line 8: bad flag
       "3,1,0\n");
   EXPECT_EQ(result.events, (std::vector<ContactEvent>{{1.0, 0, closes}, {3.0, 0, opens}}));
   EXPECT_FALSE(result.damage);
-  ASSERT_EQ(result.skipped.size(), 6U);
-  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(result.skipped[i].line, i + 3);
+  ASSERT_EQ(result.skipped.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(result.skipped[i].line, i + 3);
   EXPECT_EQ(result.skipped[0].what, "time goes backwards");
   EXPECT_EQ(result.skipped[1].what, "contact closes, but is closed already");
   EXPECT_EQ(result.skipped[2].what, "contact opens, but is open already");
-  EXPECT_EQ(result.skipped[3].what, "unknown contact");
-  EXPECT_EQ(result.skipped[5].what, "closed must be 1 or 0");
+}
+
+// Such a file belongs to another machine, or counts contacts from 0.
+TEST_F(EventsFileTest, AContactOrAFlagOutOfRangeIsAnError) {
+  const auto error_of = [&](const std::string& row) {
+    try {
+      read("1,1,1\n" + row);
+    } catch (const InputError& error) {
+      const std::string name = (directory_ / "events.csv").string();
+      EXPECT_TRUE(std::string_view(error.what()).starts_with(name)) << error.what();
+      return std::string(error.what()).substr(name.size());
+    }
+    return std::string("no error");
+  };
+  const std::string allowed = "; must be in 1..3, the contacts of the scene, counted from 1";
+  EXPECT_EQ(error_of("2,0,1\n"), ":3:3: contact is 0" + allowed);
+  EXPECT_EQ(error_of("2.5, 61,1\n"), ":3:6: contact is 61" + allowed);
+  EXPECT_EQ(error_of("2,4,1\n"), ":3:3: contact is 4" + allowed);
+  EXPECT_EQ(error_of("2,-9223372036854775808,1\n"),
+            ":3:3: contact is -9223372036854775808" + allowed);
+  EXPECT_EQ(error_of("2,1,2\n"),
+            ":3:5: closed is 2; must be 1 (the contact closes) or 0 (it opens)");
+  EXPECT_EQ(error_of("0.5,2,-1\n"),
+            ":3:7: closed is -1; must be 1 (the contact closes) or 0 (it opens)");
+}
+
+TEST_F(EventsFileTest, PlusSignsAndAByteOrderMarkAreRead) {
+  const auto result =
+      read_events(write_text(directory_ / "events.csv",
+                             "\xEF\xBB\xBFt,contact,closed\n+0.5,+1,+1\n 1.5e+0,1,0\n"),
+                  1);
+  EXPECT_EQ(result.events, (std::vector<ContactEvent>{{0.5, 0, closes}, {1.5, 0, opens}}));
+  EXPECT_FALSE(result.damage);
+  for (const char* bad : {"+-1,1,1\n", "++1,1,1\n", "+,1,1\n", "1,+-1,1\n"}) {
+    EXPECT_TRUE(read(bad).damage) << bad;
+  }
+}
+
+TEST_F(EventsFileTest, ASilenceOutOfProportionIsImplausible) {
+  std::string rows;
+  for (int i = 1; i <= 10; ++i) {
+    rows += std::to_string(i) + ",1,1\n" + std::to_string(i) + ",1,0\n";
+  }
+  EXPECT_FALSE(read(rows).implausible);
+  EXPECT_FALSE(read(rows + "2000,1,1\n").implausible);
+  const auto late = read(rows + "2011,1,1\n2012,1,0\n");
+  ASSERT_TRUE(late.implausible);
+  EXPECT_EQ(late.implausible->t, 2011.0);
+  EXPECT_EQ(late.implausible->problem.line, 22U);
+  EXPECT_EQ(late.events.size(), 12U);
+  std::string at_once, epoch;
+  for (int i = 1; i <= 10; ++i) at_once += "1e6," + std::to_string(i) + ",1\n";
+  for (int i = 1; i <= 10; ++i)
+    epoch += std::to_string(10000000 + i) + ",1," + std::to_string(i % 2) + "\n";
+  EXPECT_FALSE(read(at_once, 10).implausible);
+  ASSERT_TRUE(read(epoch, 10).implausible);
+  EXPECT_EQ(read(epoch, 10).implausible->problem.line, 2U);
+  // Of few rows hardly anything is known.
+  EXPECT_FALSE(read("0,1,1\n1e9,1,0\n").implausible);
+  EXPECT_FALSE(read("0.01,1,1\n50,1,0\n").implausible);
+  EXPECT_TRUE(read("0.01,1,1\n1e3,1,0\n").implausible);
 }
 
 TEST_F(EventsFileTest, DamageEndsTheReadingAndKeepsWhatCameBefore) {

@@ -215,7 +215,12 @@ void log(Input input) {
 void events(Input input) {
   constexpr int contacts = 3;
   const MemoryFile file(input);
-  const EventsFile read = read_events(file.path(), contacts);
+  EventsFile read;
+  try {
+    read = read_events(file.path(), contacts);
+  } catch (const InputError&) {  // of another machine
+    return;
+  }
   ContactSet chi = 0;
   double last = 0.0;
   const MemoryFile copy;

@@ -10,6 +10,7 @@
 
 #include "lcmtypes/contacts_codec.h"
 #include "observer/estimation.h"
+#include "observer/recorded_events.h"
 #include "observer/recording.h"
 #include "sprag/estimation/message_builder.h"
 #include "sprag/files/events_file.h"
@@ -175,6 +176,7 @@ class Player {
   bool events(InputFile file) {
     const std::string name = options_.file.string();
     const EventsFile recorded = read_events(std::move(file), contacts_);
+    refuse_implausible_end(recorded, name, std::numeric_limits<double>::infinity(), "");
     report_["observed_here"] = true;
     report_["skipped_rows"] = recorded.skipped.size();
     for (const FileProblem& problem : recorded.skipped) {
