@@ -2,6 +2,7 @@
 // comes back as it was, and an observer replays it to the same bits.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -264,6 +265,57 @@ TEST_F(ImportEventsTest, ALogWithTagsIsReadWithTheKeyOnly) {
   EXPECT_EQ(text("used.csv"), "t,contact,closed\n0.5,1,1\n0.5,1,0\n1,1,1\n1,1,0\n");
   replay("paper_beam", path("rig.lcmlog"));
   EXPECT_EQ(text("used.csv"), "t,contact,closed\n");
+}
+
+// What a logic analyser writes without a header, of contacts that bounce.
+TEST_F(ImportEventsTest, ACaptureWithoutAHeaderIsReadAndItsBouncesAreSaid) {
+  std::string capture;
+  char row[64];
+  for (int k = 1; k <= 40; ++k) {
+    for (int edge = 0; edge < 6; ++edge) {  // three closings within 0.3 ms
+      std::snprintf(row, sizeof row, "%.6f,%d\n", 0.05 * k + 5e-5 * edge, edge % 2 == 0 ? 1 : 0);
+      capture += row;
+    }
+  }
+  const std::string file = write_text(path("capture.csv"), capture);
+  const Ended without = import({file, scene("paper_beam"), "--level", "level"});
+  EXPECT_EQ(without.code, 2);
+  EXPECT_NE(without.err.find("--columns NAME,..."), std::string::npos) << without.err;
+
+  const Arguments arguments{"--columns",         "time,level", file,
+                            scene("paper_beam"), "--level",    "level"};
+  const Ended bounces = import(arguments);
+  EXPECT_EQ(bounces.code, 0) << bounces.err;
+  EXPECT_NE(bounces.err.find("contact 1: 120 of 120 sustained contacts last less than 0.001 s"),
+            std::string::npos)
+      << bounces.err;
+  EXPECT_EQ(report()["hints"].size(), 1U);
+  EXPECT_FALSE(report().contains("batches"));
+
+  Arguments told = arguments;
+  told.insert(told.end(), {"--debounce", "1e-3", "--pulse-shorter-than", "1e-3"});
+  const Ended clean = import(told);
+  EXPECT_EQ(clean.code, 0) << clean.err;
+  EXPECT_EQ(clean.err.find("sustained contacts last"), std::string::npos) << clean.err;
+  EXPECT_EQ(report()["contacts"][0]["pulses"], 40);
+  EXPECT_TRUE(report()["hints"].empty());
+
+  const Ended fewer = import({file, scene("paper_beam"), "--columns", "time", "--impacts", "time"});
+  EXPECT_EQ(fewer.code, 2);
+  EXPECT_NE(fewer.err.find(":1: has 2 fields; --columns names 1 column"), std::string::npos)
+      << fewer.err;
+}
+
+TEST_F(ImportEventsTest, StampsInBatchesAreSaid) {
+  std::string file = "t [ms]\n";
+  for (int k = 1; k <= 400; ++k) {
+    const int read = 20 * static_cast<int>(std::ceil((7.3 * k + 5.0 * std::sin(k)) / 20.0));
+    file += std::to_string(read) + "." + std::to_string(100 + k % 900) + "\n";
+  }
+  const Ended ended = import({write_text(path("polled.csv"), file), scene("paper_beam")});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.err.find("time stamps come in batches"), std::string::npos) << ended.err;
+  EXPECT_NEAR(report()["batches"]["period"].get<double>(), 0.02, 1e-3);
 }
 
 class ContactLogTest : public ImportEventsTest {

@@ -6,10 +6,12 @@
 
 #include "command_line/program.h"
 #include "sprag/files/csv.h"
+#include "tests/support/random.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/clock_time.h"
 #include "tools/import_events/column_file.h"
 #include "tools/import_events/decimal.h"
+#include "tools/import_events/hints.h"
 #include "tools/import_events/import.h"
 #include "tools/import_events/levels.h"
 #include "tools/import_events/unit.h"
@@ -545,6 +547,126 @@ TEST(ImportTest, DebouncingComesBeforeThePulses) {
             (Events{{0.100, 0, closes}, {0.112, 0, opens}}));
   EXPECT_EQ(import_pairs("on,off\n100,104\n106,109\n", options).events,
             (Events{{0.100, 0, pulse}}));
+}
+
+TEST(ColumnFileTest, AFileWithoutAHeaderTakesTheNamesThatAreGiven) {
+  const ColumnFile comma =
+      parse_columns("0.5,1\n0.75,0\n", "x.csv", std::nullopt, {"time", "level"});
+  ASSERT_EQ(comma.columns.size(), 2U);
+  EXPECT_EQ(comma.columns[1].name, "level");
+  EXPECT_EQ(texts(comma.columns[0]), (Texts{"0.5", "0.75"}));
+  // As many fields as there are names: decimal commas are none of the separators.
+  const ColumnFile decimal = parse_columns("0,5;1\n", "x.csv", std::nullopt, {"time", "level"});
+  EXPECT_EQ(texts(decimal.columns[0]), (Texts{"0,5"}));
+  EXPECT_EQ(what_of([] {
+              parse_columns("\n1,2,3\n", "x.csv", std::nullopt, {"a", "b"});
+            }),
+            "x.csv:2: has 3 fields; --columns names 2 columns");
+  EXPECT_NE(what_of([] { parse_columns("1,2\n", "x.csv"); }).find("--columns NAME,..."),
+            std::string::npos);
+}
+
+Import imported(std::vector<ContactEvent> events, std::int64_t sustained) {
+  Import import;
+  import.events = std::move(events);
+  import.figures = {{.contact = 0, .sustained = sustained }};
+  return import;
+}
+
+TEST(HintTest, ContactsTooShortToBeSustainedAreSaid) {
+  std::vector<ContactEvent> events;
+  for (int k = 0; k < 20; ++k) {
+    events.push_back({0.1 * k, 0, closes});
+    events.push_back({0.1 * k + 1e-4, 0, opens});
+  }
+  const auto hints = hints_at_bounces(imported(events, 20));
+  ASSERT_EQ(hints.size(), 1U);
+  EXPECT_TRUE(
+      hints[0].starts_with("contact 1: 20 of 20 sustained contacts last less than 0.001 s "
+                           "(median 0.0001 s). Impacts"))
+      << hints[0];
+  EXPECT_NE(hints[0].find("--debounce"), std::string::npos);
+  EXPECT_NE(hints[0].find("--pulse-shorter-than"), std::string::npos);
+
+  // Slow machines, whose contacts last 5 ms every 10 s, and bounce.
+  events.clear();
+  for (int k = 0; k < 20; ++k) {
+    for (const double bounce : {0.0, 8e-3}) {
+      events.push_back({100.0 * k + bounce, 0, closes});
+      events.push_back({100.0 * k + bounce + 5e-3, 0, opens});
+    }
+  }
+  events.push_back({2000.0, 0, closes});
+  events.push_back({2000.0 + 1.0, 0, opens});
+  events.push_back({2100.0, 0, closes});
+  const auto slow = hints_at_bounces(imported(events, 42));
+  ASSERT_EQ(slow.size(), 1U);
+  EXPECT_TRUE(slow[0].starts_with("contact 1: 40 of 41 sustained contacts last less than 0.1 s"))
+      << slow[0];
+  EXPECT_NE(slow[0].find("20 closings follow an opening as closely"), std::string::npos) << slow[0];
+
+  for (ContactEvent& event : events) {
+    if (event.kind == opens) event.t += 0.5;
+  }
+  EXPECT_TRUE(hints_at_bounces(imported(events, 42)).empty());
+}
+
+/// Closings at random times, of two contacts or impacts of one.
+std::vector<Closing> random_closings(std::uint64_t seed, double mean, int contacts, bool impact) {
+  Random random(seed);
+  std::vector<Closing> closings;
+  double t = 0.0;
+  for (int k = 0; k < 300; ++k) {
+    t += -mean * std::log(1.0 - random.uniform(0.0, 1.0));
+    closings.push_back({t, random.integer(0, contacts - 1), impact});
+  }
+  return closings;
+}
+
+/// As of a sensor that is read every `period`, and stamps what it has found one after the other.
+std::vector<Closing> in_batches(std::vector<Closing> closings, double period, double apart) {
+  double last = 0.0;
+  int before = 0;
+  for (Closing& closing : closings) {
+    const double read = period * std::ceil(closing.t / period);
+    before = read == last ? before + 1 : 0;
+    last = read;
+    closing.t = read + apart * before;
+  }
+  return closings;
+}
+
+TEST(HintTest, StampsOfASensorThatIsReadNowAndThenAreFound) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const bool impact = seed % 2 == 0;
+    const int contacts = impact ? 1 : 2;
+    const auto closings = random_closings(seed, 0.02, contacts, impact);
+    EXPECT_FALSE(find_batches(closings)) << "seed " << seed;
+    for (const double period : {0.01, 0.04}) {
+      for (const double apart : {0.0, 1e-5}) {
+        const auto batches = find_batches(in_batches(closings, period, apart));
+        ASSERT_TRUE(batches) << "seed " << seed << ", " << period << ", " << apart;
+        EXPECT_NEAR(batches->period, period, 0.01 * period) << "seed " << seed;
+        EXPECT_GT(batches->events, 50U);
+      }
+    }
+  }
+  const std::string text = to_text({.period = 0.01, .events = 120}, 300);
+  EXPECT_TRUE(text.starts_with("time stamps come in batches: 120 of 300 closings")) << text;
+}
+
+// A contact that bounces closes several times at once as well; no sensor makes that.
+TEST(HintTest, BouncesAndPeriodicMotionsAreNoBatches) {
+  std::vector<Closing> bounces;
+  std::vector<Closing> periodic;
+  for (int k = 0; k < 200; ++k) {
+    for (int bounce = 0; bounce < 3; ++bounce) bounces.push_back({0.05 * k + 1e-4 * bounce, 0});
+    periodic.push_back({0.05 * k, 0});
+    periodic.push_back({0.05 * k + 0.02, 1});
+  }
+  EXPECT_FALSE(find_batches(bounces));
+  EXPECT_FALSE(find_batches(periodic));
+  EXPECT_FALSE(find_batches({}));
 }
 
 }  // namespace

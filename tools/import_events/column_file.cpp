@@ -1,6 +1,7 @@
 #include "tools/import_events/column_file.h"
 
 #include <algorithm>
+#include <array>
 
 #include "sprag/files/csv.h"
 #include "sprag/files/nearest_word.h"
@@ -142,14 +143,12 @@ std::optional<char> parse_separator(std::string_view text) {
   return std::nullopt;
 }
 
-ColumnFile parse_columns(std::string_view text, const std::string& file,
-                         std::optional<char> separator) {
-  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
-    throw InputError(located(file, 1, "is UTF-16; must be UTF-8 or ASCII"));
-  Lines lines(text);
+namespace {
+
+// The separator and the names of the columns, from the first line.
+ColumnFile read_header(Lines lines, const std::string& file, std::optional<char> separator) {
   const auto header = lines.next();
   if (!header) throw InputError(located(file, 1, "there is no header with the columns' names"));
-
   ColumnFile result;
   result.separator = separator.value_or(separator_of(*header));
   std::vector<std::string_view> fields;
@@ -161,9 +160,45 @@ ColumnFile parse_columns(std::string_view text, const std::string& file,
     throw InputError(
         located(file, lines.number(),
                 "must be the header with the columns' names; has only numbers (a line that "
-                "starts with # is a comment)"));
+                "starts with # is a comment). In a file without a header --columns NAME,... names "
+                "the columns"));
   for (const std::string_view name : fields) result.columns.push_back({unquoted(name), {}});
+  return result;
+}
 
+// The same where the first line has data and the names are given.
+ColumnFile name_columns(Lines lines, const std::string& file, std::optional<char> separator,
+                        const std::vector<std::string>& names) {
+  ColumnFile result;
+  const std::string_view first = lines.next().value_or("");
+  std::vector<std::string_view> fields;
+  const auto makes_as_many = [&](char candidate) {
+    return split(first, candidate, fields) && fields.size() == names.size();
+  };
+  constexpr std::array candidates{'\t', ';', ','};
+  const auto* const found = std::ranges::find_if(candidates, makes_as_many);
+  result.separator = separator.value_or(found != candidates.end() ? *found : separator_of(first));
+  if (!makes_as_many(result.separator)) {
+    throw InputError(located(file, std::max<std::size_t>(lines.number(), 1),
+                             "has " + fields_text(fields.size()) + "; --columns names " +
+                                 std::to_string(names.size()) +
+                                 (names.size() == 1 ? " column" : " columns")));
+  }
+  for (const std::string& name : names) result.columns.push_back({name, {}});
+  return result;
+}
+
+}  // namespace
+
+ColumnFile parse_columns(std::string_view text, const std::string& file,
+                         std::optional<char> separator, const std::vector<std::string>& names) {
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    throw InputError(located(file, 1, "is UTF-16; must be UTF-8 or ASCII"));
+  Lines lines(text);
+  ColumnFile result = names.empty() ? read_header(lines, file, separator)
+                                    : name_columns(lines, file, separator, names);
+  if (names.empty()) lines.next();
+  std::vector<std::string_view> fields;
   while (const auto line = lines.next()) {
     check_interrupt();
     if (!split(*line, result.separator, fields)) {
@@ -172,7 +207,8 @@ ColumnFile parse_columns(std::string_view text, const std::string& file,
     }
     if (fields.size() != result.columns.size()) {
       result.problems.push_back({lines.number(), "",
-                                 "has " + fields_text(fields.size()) + "; the header has " +
+                                 "has " + fields_text(fields.size()) +
+                                     (names.empty() ? "; the header has " : "; --columns has ") +
                                      std::to_string(result.columns.size())});
       continue;
     }

@@ -49,10 +49,13 @@ std::optional<char> parse_separator(std::string_view text);
 
 /// Reads the columns of `text`, which must outlive them. Without `separator` it is the one of tab,
 /// semicolon and comma that comes first in this order and stands in the header; a file with a
-/// single column counts as separated by semicolons, so that its commas are decimal ones. Throws
-/// InputError if there is no header line, or only numbers in it; `file` is the name that errors
-/// carry.
+/// single column counts as separated by semicolons, so that its commas are decimal ones. `names`
+/// are those of the columns of a file without a header, whose separator is then the one that makes
+/// as many fields of its first line; empty: the first line is the header. Throws InputError if
+/// there is no header line, or only numbers in it, or not as many columns as names; `file` is the
+/// name that errors carry.
 ColumnFile parse_columns(std::string_view text, const std::string& file,
-                         std::optional<char> separator = std::nullopt);
+                         std::optional<char> separator = std::nullopt,
+                         const std::vector<std::string>& names = {});
 
 }  // namespace sprag

@@ -59,6 +59,7 @@ class Importer {
 
   Import take() {
     std::ranges::stable_sort(result_.events, {}, &ContactEvent::t);
+    std::ranges::stable_sort(result_.closings, {}, &Closing::t);
     std::ranges::stable_sort(result_.problems, {}, &RowProblem::line);
     return std::move(result_);
   }
@@ -92,6 +93,7 @@ class Importer {
     std::vector<double> times;
     double last = -never;
     for (const auto& [t, line] : stamps(column)) {
+      result_.closings.push_back({t, figures_.contact, true});
       if (shorter(last, t, options_.debounce)) {
         ++figures_.merged;
       } else if (t == last) {
@@ -107,6 +109,7 @@ class Importer {
   std::vector<Span> contacts(std::size_t on_column, std::size_t off_column) {
     const std::vector<Stamp> ons = stamps(on_column);
     const std::vector<Stamp> offs = stamps(off_column);
+    for (const Stamp& on : ons) result_.closings.push_back({on.t, figures_.contact, false});
     std::vector<Span> spans;
     bool closed = false;
     double last_on = -never;

@@ -38,8 +38,16 @@ struct ContactFigures {
   std::int64_t merged = 0;     ///< bounces that became part of the contact or impact before
 };
 
+/// A closing as it is stamped, before debouncing.
+struct Closing {
+  double t;             ///< [s]
+  int contact;          ///< from 0
+  bool impact = false;  ///< of a column of impacts
+};
+
 struct Import {
   std::vector<ContactEvent> events;     ///< times ascending, from 0 to the duration
+  std::vector<Closing> closings;        ///< all that are readable, times ascending
   std::vector<ContactFigures> figures;  ///< of each contact that has columns
   std::vector<RowProblem> problems;  ///< what is left out, lines ascending; those of `columns` too
   std::int64_t before_start = 0;     ///< events left out since they lie before t = 0

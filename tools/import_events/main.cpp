@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
+#include "sprag/files/csv.h"
 #include "sprag/mechanics/scene.h"
 #include "tools/import_events/clock_time.h"
 #include "tools/import_events/run.h"
@@ -41,7 +42,7 @@ int main(int argc, char** argv) {
   std::filesystem::path scene;
   sprag::add_common_options(app, common);
   sprag::add_file(app, common, "FILE", sprag::NamedFile::Use::read, run.file, "",
-                  "File with a header line and columns of times");
+                  "File with columns of times, and a header line with their names");
   sprag::add_scene(app, common, scene);
   add_columns(app, "--impacts", sprag::ColumnRole::impacts, run.columns,
               "Column of impact times; repeatable");
@@ -96,6 +97,14 @@ int main(int argc, char** argv) {
                       "Take contacts shorter than T [s] as pulses, at their closing");
   sprag::add_positive(app, "--duration", run.import.duration, "T",
                       "Leave out events after this time [s]; a log ends there");
+  const auto set_names = [&run](const std::string& text) {
+    std::vector<std::string_view> names;
+    sprag::split_fields(text, names);
+    run.names.assign(names.begin(), names.end());
+  };
+  app.add_option_function<std::string>("--columns", set_names,
+                                       "Names of the columns of a file without a header line")
+      ->type_name("NAME,...");
   const auto set_separator = [&run](const std::string& text) {
     const std::vector<std::string> choices{"comma", "semicolon", "tab"};
     run.separator = sprag::parse_separator(text);

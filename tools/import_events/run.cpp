@@ -9,6 +9,7 @@
 #include "sprag/files/events_file.h"
 #include "sprag/files/input_file.h"
 #include "tools/import_events/contact_log.h"
+#include "tools/import_events/hints.h"
 #include "tools/import_events/unit.h"
 
 namespace sprag {
@@ -16,6 +17,7 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t most_problems_shown = 20;
+constexpr std::size_t largest_capture = std::size_t{16} << 30U;  // [bytes]
 constexpr double hardly_a_run = 1e7;  // s; clocks that count from 1970 are far beyond it
 
 void check_output(const ImportRun& run) {
@@ -67,6 +69,16 @@ void fill(const Import& import, nlohmann::ordered_json& report) {
   report["after_duration"] = import.after_duration;
 }
 
+void print_hints(const Import& import, nlohmann::ordered_json& report) {
+  std::vector<std::string> hints = hints_at_bounces(import);
+  if (const std::optional<Batches> batches = find_batches(import.closings)) {
+    hints.push_back(to_text(*batches, import.closings.size()));
+    report["batches"] = {{"period", batches->period}, {"events", batches->events}};
+  }
+  for (const std::string& hint : hints) std::cerr << hint << '\n';
+  report["hints"] = hints;
+}
+
 void write_csv(const ImportRun& run, const std::vector<ContactEvent>& events) {
   EventsWriter writer(run.output.empty() ? OutputFile::standard_output() : OutputFile(run.output));
   for (const ContactEvent& event : events) writer.write(event);
@@ -98,8 +110,8 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   check_output(run);
   const std::optional<Key> key = key_of(common);
   const std::string file = run.file.string();
-  const std::string text = read_whole(run.file);
-  ColumnFile columns = parse_columns(text, file, run.separator);
+  const std::string text = read_whole(run.file, largest_capture);
+  ColumnFile columns = parse_columns(text, file, run.separator, run.names);
   auto chosen = choose_columns(run.columns, columns, contacts, file);
   check_levels(run, chosen);
   tell_unfed(chosen, contacts);
@@ -119,6 +131,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   print_problems(file, import.problems);
   print_summary(import);
   fill(import, report);
+  print_hints(import, report);
   if (import.events.empty()) throw std::runtime_error(file + ": no event is left");
   const bool from_another_start = import.of_clock || import.events.front().t > hardly_a_run;
   if (run.import.offset.mantissa == 0 && from_another_start)

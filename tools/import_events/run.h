@@ -16,7 +16,8 @@ namespace sprag {
 
 struct ImportRun {
   std::filesystem::path file;
-  std::optional<char> separator;  ///< none: recognized
+  std::optional<char> separator;   ///< none: recognized
+  std::vector<std::string> names;  ///< of the columns of a file without a header; else empty
   std::vector<ColumnOption> columns;
   LevelOptions levels;
   std::optional<Decimal> unit;   ///< seconds; none: as the columns' names say, else 1
