@@ -69,26 +69,63 @@ Finding definite_finding(const std::string& id, const Definiteness& matrix,
   const std::string smallest = "smallest eigenvalue " + readable(matrix.smallest);
   if (matrix.definite()) return {id, true, true, id + " is positive definite, " + smallest, ""};
   if (!matrix.semidefinite) {
-    return {id, true, false, id + " is not positive semidefinite, " + smallest,
-            "correct " + id + ": no passive machine has such a matrix"};
+    return {
+        id, true, false, id + " is not positive semidefinite, " + smallest,
+        "negative values (an inverted pendulum, a buckled beam, flutter) are not supported: the "
+        "motion would grow between impacts. Otherwise correct " +
+            id};
   }
   return {id, true, false,
           id + " is only semidefinite. " + consequence + ": " + motions_text(matrix.null_motions),
           change};
 }
 
-Finding directions_finding(const Directions& W, int contacts) {
+// Of stops on either side of one coordinate.
+std::string opposing_text(const OpposingStops& stops) {
+  const std::string pair = "Contacts " + list({stops.i, stops.j}) + " are opposing stops with ";
+  if (stops.room > 0.0) {
+    return pair + "at least " + readable(stops.room) +
+           " between them: they cannot close together. ";
+  }
+  return pair + "no room between them at times (" + readable(stops.room) +
+         "): they may close together. ";
+}
+
+// By eq. (17) K c = W (mean contact force) for the error c that is left. In a time window in which
+// all contacts are open the right side is zero, whatever the rank of W.
+Finding dependent_directions(const Assessment& a, int contacts) {
+  const std::string rank = "W has rank " + std::to_string(a.W.rank) + " with " +
+                           std::to_string(contacts) + " contacts: the directions of contacts " +
+                           list(a.W.dependent) + " are linearly dependent. ";
+  std::string checked;
+  for (const OpposingStops& stops : a.opposing) checked += opposing_text(stops);
+  const Trial& trial = a.trial;
+  if (!trial.error.empty() || !(trial.longest_open > 0.0)) {
+    return {"W", true, false,
+            rank + checked +
+                "The theorem needs independent directions, or time windows in which "
+                "all contacts are open, and the trial ends without such a window",
+            "leave out or turn one of these contacts, or excite the machine so that all of them "
+            "open at once, again and again"};
+  }
+  const std::string condition = "time windows in which all contacts are open recur";
+  Finding finding{"W", true, true,
+                  "provided that " + condition +
+                      ": in them K c = 0 follows from eq. (17) for the error c that is left, and "
+                      "the directions need not be independent. " +
+                      rank + checked + "In the last quarter of the trial all contacts are open " +
+                      percent(trial.open_share) + " of the time, for up to " +
+                      readable(trial.longest_open) + " at once",
+                  ""};
+  finding.provided = condition;
+  return finding;
+}
+
+Finding directions_finding(const Assessment& a, int contacts) {
+  const Directions& W = a.W;
   if (contacts == 0) return {"W", true, true, "no contacts", ""};
   const std::string m = std::to_string(contacts);
-  if (W.rank < contacts) {
-    return {"W", true, false,
-            "W has rank " + std::to_string(W.rank) + " with " + m +
-                " contacts: the directions of contacts " + list(W.dependent) +
-                " are linearly dependent, so their forces cannot be told apart",
-            "leave out or turn one of these contacts. If they are never closed together (a stop on "
-            "either side), the theorem is silent but V may fall all the same: measure it with "
-            "sync_logger"};
-  }
+  if (W.rank < contacts) return dependent_directions(a, contacts);
   const std::string what = "W has full column rank " + m + ", condition number " +
                            readable(W.condition) + " in the metric M^-1, columns normalised";
   const bool ill = W.condition > ill_conditioned;
@@ -110,14 +147,15 @@ Finding contacts_open_again(const Trial& trial) {
     return {"A1", true, false,
             "contact" + std::string(one ? " " : "s ") + list(permanent) + (one ? " is" : " are") +
                 " closed throughout the last quarter of the trial (" + readable(trial.duration) +
-                " units of time): chi is not of class K^n",
+                " units of time). The theorem needs contacts that open again and again (chi of "
+                "class K^n)",
             "excite the machine, so that the contact opens again and again; V stalls where it "
             "stays closed"};
   }
   if (trial.contacts.empty()) return {"A1", true, true, "no contacts", ""};
   return {"A1", true, true,
           "no contact stays closed " + seen + " (sustained contact: " + shares +
-              " of the time): chi of class K^n, as far as a trial can show",
+              " of the time): each opens again (chi of class K^n), as far as a trial can show",
           ""};
 }
 
@@ -140,12 +178,23 @@ Finding bounded_motion(const Assessment& a) {
           ""};
 }
 
+// Two stops on either side of one coordinate, with room between them: no impact is of both.
+bool never_together(const Assessment& a, int contacts) {
+  return contacts == 2 && !a.opposing.empty() && a.opposing[0].room > 0.0;
+}
+
 Finding monotone_law(const Assessment& a, int contacts) {
   const Monotonicity& law = a.monotonicity;
   const bool newton = a.law == ImpactLaw::newton;
   const std::string name = newton ? "Newton's" : "Poisson's";
   if (contacts < 2) {
     return {"A3", true, true, "one contact: Newton's and Poisson's law coincide and are monotone",
+            ""};
+  }
+  if (never_together(a, contacts)) {
+    return {"A3", true, true,
+            "the two contacts cannot close together: each impact is of one contact, where Newton's "
+            "and Poisson's law coincide and are monotone",
             ""};
   }
   if (law.common) {
@@ -182,8 +231,8 @@ Finding monotone_law(const Assessment& a, int contacts) {
           change};
 }
 
-Finding law_fits_clutches(ImpactLaw law, int contacts) {
-  if (law == ImpactLaw::newton && contacts >= 2) {
+Finding law_fits_clutches(const Assessment& a, int contacts) {
+  if (a.law == ImpactLaw::newton && contacts >= 2 && !never_together(a, contacts)) {
     return {"clutches", true, false,
             "Newton's law with " + std::to_string(contacts) +
                 " contacts allows gamma+ < 0 at a closed contact, which a clutch cannot follow",
@@ -207,6 +256,12 @@ Finding trial_finding(const Trial& trial) {
   std::vector<int> idle;
   for (std::size_t i = 0; i < trial.contacts.size(); ++i) {
     if (trial.contacts[i].closings == 0) idle.push_back(static_cast<int>(i));
+  }
+  if (trial.duration < 0.01 * trial.planned) {
+    return {
+        "trial", false, false, seen,
+        "see what the machine does at this time: contacts that chatter against each other, or a "
+        "support that squeezes the machine"};
   }
   if (!idle.empty()) {
     return {"trial", false, false,
@@ -261,7 +316,10 @@ Finding by_replica(const Assessment& a) {
     if (finding.required && !finding.holds) broken += (broken.empty() ? "" : ", ") + finding.id;
   }
   if (broken.empty()) {
-    return {"by_replica", false, true, "--estimator replica synchronizes, by Theorem 1", ""};
+    std::string provided;
+    for (const std::string& condition : a.conditions()) provided += ", provided that " + condition;
+    return {"by_replica", false, true, "--estimator replica synchronizes, by Theorem 1" + provided,
+            ""};
   }
   return {"by_replica", false, false,
           "--estimator replica has no promise of Theorem 1, for " + broken +
@@ -348,6 +406,16 @@ const char* Assessment::verdict() const {
   return synchronizes() ? "will synchronize" : "may not synchronize";
 }
 
+std::vector<std::string> Assessment::conditions() const {
+  std::vector<std::string> conditions;
+  for (const Finding& finding : findings) {
+    if (finding.required && !finding.provided.empty()) conditions.push_back(finding.provided);
+  }
+  return conditions;
+}
+
+bool Assessment::both_follows() const { return synchronizes() || (filter && filter->follows()); }
+
 Assessment assess(const Scene& scene, const TrialLimits& limits) {
   const Model& model = scene.model;
   Assessment a;
@@ -384,17 +452,18 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   }
   a.decades = decades_of_V(a.slow_root);
   a.W = directions(dynamics);
+  a.opposing = opposing_stops(model);
   a.monotonicity = monotonicity(dynamics);
   a.modes = modes(dynamics);
   for (const Mode& mode : a.modes) a.omega_max = std::max(a.omega_max, mode.omega);
   a.moreau_tick = two_pi / (moreau_ticks_per_period * a.omega_max);
   a.trial = run_trial(scene, trial_duration(scene, dynamics, a), limits);
 
-  findings.push_back(directions_finding(a.W, contacts));
+  findings.push_back(directions_finding(a, contacts));
   findings.push_back(contacts_open_again(a.trial));
   findings.push_back(bounded_motion(a));
   findings.push_back(monotone_law(a, contacts));
-  findings.push_back(law_fits_clutches(a.law, contacts));
+  findings.push_back(law_fits_clutches(a, contacts));
   findings.push_back(trial_finding(a.trial));
   findings.push_back(seen_modes(a.modes));
   findings.push_back(moreau_finding(a));

@@ -26,6 +26,8 @@ struct Finding {
   bool holds = true;
   std::string what;
   std::string change;  ///< what to change; empty where nothing needs to be
+  std::string provided =
+      {};  ///< "time windows ... recur": on what it holds; empty: without a condition
 };
 
 struct Assessment {
@@ -35,6 +37,7 @@ struct Assessment {
   Definiteness M, C, K;
   /// The rest is there only if M is positive definite.
   Directions W;
+  std::vector<OpposingStops> opposing;
   Monotonicity monotonicity;
   std::vector<Mode> modes;
   FlowPath path = FlowPath::diagonal;
@@ -50,8 +53,13 @@ struct Assessment {
 
   /// All required findings hold.
   bool synchronizes() const;
-  /// "will synchronize" or "may not synchronize".
+  /// "will synchronize" or "may not synchronize": the replica, by Theorem 1.
   const char* verdict() const;
+  /// On what that depends beyond what can be checked: `provided` of the required findings.
+  std::vector<std::string> conditions() const;
+  /// Whether the default estimator, `both`, is expected to find the machine's motion: by its
+  /// filter, as in the trial, or by its replica.
+  bool both_follows() const;
 };
 
 /// Throws ModelError if the machine has no exact flow in free flight.
@@ -63,7 +71,11 @@ Assessment assess(const Scene& scene, const TrialLimits& limits = {});
 void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
                      Assessment& assessment);
 
-/// For people: verdict, reasons and figures, four significant digits, at most 100 columns.
+/// Whether the default estimator follows the machine, why, and on what conditions: the first lines
+/// of to_text(), without the scene's name.
+std::string headline(const Assessment& assessment);
+
+/// For people: headline, reasons and figures, four significant digits, at most 100 columns.
 std::string to_text(const Assessment& assessment);
 
 /// Four significant digits.

@@ -3,6 +3,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 #include <numbers>
 
@@ -97,6 +98,27 @@ Directions directions(const Dynamics& dynamics) {
     if (std::abs(combination[i]) > 1e-6) result.dependent.push_back(static_cast<int>(i));
   }
   return result;
+}
+
+std::vector<OpposingStops> opposing_stops(const Model& model) {
+  std::vector<OpposingStops> found;
+  const auto m = static_cast<int>(model.contacts.size());
+  for (int j = 0; j < m; ++j) {
+    for (int i = 0; i < j; ++i) {
+      const Contact& one = model.contacts[static_cast<std::size_t>(i)];
+      const Contact& other = model.contacts[static_cast<std::size_t>(j)];
+      const double a = -other.w.dot(one.w) / one.w.squaredNorm();
+      if (!(a > 0.0) || (other.w + a * one.w).norm() > independent * other.w.norm()) continue;
+      const Harmonic& s = one.motion;
+      const Harmonic& r = other.motion;
+      const double swing = s.frequency == r.frequency
+                               ? std::abs(std::polar(a, s.phase) * s.amplitude +
+                                          std::polar(1.0, r.phase) * r.amplitude)
+                               : a * std::abs(s.amplitude) + std::abs(r.amplitude);
+      found.push_back({i, j, other.clearance + a * one.clearance - swing});
+    }
+  }
+  return found;
 }
 
 Monotonicity monotonicity(const Dynamics& dynamics) {

@@ -21,6 +21,15 @@ struct Directions {
 /// M must be positive definite.
 Directions directions(const Dynamics& dynamics);
 
+/// Two stops on either side of one coordinate: w_j = -a w_i with a > 0, so that g_j + a g_i depends
+/// on time alone.
+struct OpposingStops {
+  int i = 0, j = 0;   ///< contacts, from 0, i < j
+  double room = 0.0;  ///< what g_j + a g_i is at the least [m]: they cannot close together if > 0
+};
+
+std::vector<OpposingStops> opposing_stops(const Model& model);
+
 /// Whether an impact never brings two machines apart in the norm of M, for any closed contacts.
 struct Monotonicity {
   bool common = true;  ///< one restitution for all contacts, or a single contact

@@ -50,6 +50,27 @@ void summarize(const std::vector<ContactEvent>& events, Trial& trial) {
   }
 }
 
+// Time windows of the last quarter in which all contacts are open.
+void measure_open_windows(const std::vector<ContactEvent>& events, Trial& trial) {
+  const double last_quarter = 0.75 * trial.duration;
+  ContactSet closed = 0;
+  double since = 0.0;  // when the last contact opened, or the trial began
+  double sum = 0.0;
+  const auto add = [&](double until) {
+    const double window = after(last_quarter, since, until);
+    trial.longest_open = std::max(trial.longest_open, window);
+    sum += window;
+  };
+  for (const ContactEvent& event : events) {
+    const ContactSet now = sprag::after(closed, event);
+    if (closed == 0 && now != 0) add(event.t);
+    if (closed != 0 && now == 0) since = event.t;
+    closed = now;
+  }
+  if (closed == 0) add(trial.duration);
+  if (trial.duration > 0.0) trial.open_share = sum / (trial.duration - last_quarter);
+}
+
 double growth(const std::vector<Sample>& run, double duration) {
   const auto largest = [&](double Sample::*what, double from, double to) {
     double value = 0.0;
@@ -110,6 +131,7 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   }
   std::erase_if(events, [&](const ContactEvent& event) { return event.t > trial.duration; });
   summarize(events, trial);
+  measure_open_windows(events, trial);
   trial.growth = growth(run, trial.duration);
   return trial;
 }

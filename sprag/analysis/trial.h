@@ -29,6 +29,10 @@ struct Trial {
   std::string error;      ///< why the simulation could not go on; empty if it could
   std::vector<ContactUse> contacts;
   long closings = 0;
+  /// Of the last quarter: the longest time window in which all contacts are open (no sustained
+  /// contact), and the share of all such windows.
+  double longest_open = 0.0;
+  double open_share = 0.0;
   std::vector<ContactEvent> events;  ///< up to the duration
   /// Largest speed or distance (in the norm of M) in the last quarter over that in the second one.
   double growth = 1.0;

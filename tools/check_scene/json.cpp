@@ -20,13 +20,23 @@ nlohmann::ordered_json modes_json(const std::vector<Mode>& modes) {
   return list;
 }
 
+nlohmann::ordered_json opposing_json(const std::vector<OpposingStops>& opposing) {
+  auto list = nlohmann::ordered_json::array();
+  for (const OpposingStops& stops : opposing) {
+    list.push_back({{"contacts", {stops.i + 1, stops.j + 1}}, {"room", stops.room}});
+  }
+  return list;
+}
+
 nlohmann::ordered_json trial_json(const Trial& trial) {
   nlohmann::ordered_json object{{"planned", trial.planned},
                                 {"duration", trial.duration},
                                 {"error", trial.error},
                                 {"closings", trial.closings},
                                 {"closings_per_time", trial.closings_per_time()},
-                                {"growth", trial.growth}};
+                                {"growth", trial.growth},
+                                {"longest_open_last_quarter", trial.longest_open},
+                                {"open_share_last_quarter", trial.open_share}};
   object["contacts"] = nlohmann::ordered_json::array();
   for (const ContactUse& use : trial.contacts) {
     object["contacts"].push_back({{"closings", use.closings},
@@ -52,10 +62,16 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
   object["scene"] = a.scene;
   object["verdict"] = a.verdict();
   object["synchronizes"] = a.synchronizes();
+  object["headline"] = headline(a);
+  object["default_estimator"] = {
+      {"estimator", "both"},
+      {"follows", a.both_follows()},
+      {"provided", a.synchronizes() ? a.conditions() : std::vector<std::string>()}};
   object["coordinates"] = a.coordinates;
   object["smallest_eigenvalue"] = {{"M", a.M.smallest}, {"C", a.C.smallest}, {"K", a.K.smallest}};
   if (a.M.definite()) {
     object["W"] = {{"rank", a.W.rank}, {"condition", a.W.condition}};
+    object["W"]["opposing_stops"] = opposing_json(a.opposing);
     object["impact"] = {{"law", a.law == ImpactLaw::newton ? "newton" : "poisson"},
                         {"monotone", a.monotonicity.holds()},
                         {"common_restitution", a.monotonicity.common}};
@@ -92,6 +108,7 @@ void to_json(const Assessment& a, nlohmann::ordered_json& object) {
                                   {"required", finding.required},
                                   {"holds", finding.holds},
                                   {"what", finding.what},
+                                  {"provided", finding.provided},
                                   {"change", finding.change}});
   }
 }

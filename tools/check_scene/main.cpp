@@ -18,8 +18,9 @@ constexpr auto longest_trial = std::chrono::seconds(5);
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
-      "Tells whether a scene's observer will synchronize, with the reasons. Exit code 0: it will, "
-      "3: it may not.",
+      "Says whether an observer of the scene will find the machine's motion: first the default "
+      "estimator, both, then Theorem 1 with the reasons. Exit code 0: the replica will synchronize "
+      "by Theorem 1, 3: it may not.",
       "check_scene");
   sprag::CommonOptions common;
   std::filesystem::path file;

@@ -1,0 +1,234 @@
+// Scenes and recordings that are wrong, by mistake or by intent, end no program: an error says
+// where, what is wrong and what is allowed, with exit code 2, and no file is lost.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/program_test.h"
+
+namespace sprag::test {
+namespace {
+
+std::string shipped(const std::string& name) {
+  return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml";
+}
+
+std::string repeated(const std::string& text, int count) {
+  std::string all;
+  for (int i = 0; i < count; ++i) all += text;
+  return all;
+}
+
+bool says(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+class HostileInput : public ProgramTest {
+ protected:
+  std::string file(const std::string& name, const std::string& text) const {
+    return write_text(directory_ / name, text);
+  }
+
+  /// A mass on a spring with a stop, the stiffness as given.
+  std::string scene(const std::string& name, const std::string& K, const std::string& more = "") {
+    return file(name, "[system]\nM = [[1.0]]\nC = [[0.1]]\nK = " + K +
+                          "\n[[contact]]\ndirection = [1.0]\n" + more +
+                          "[impact]\nrestitution = 0.5\n[master]\nq = [1.0]\n");
+  }
+
+  void expect_refused(const Ended& ended, const std::string& message) {
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_TRUE(says(ended.err, message)) << ended.err;
+    EXPECT_EQ(ended.out, "");
+  }
+};
+
+TEST_F(HostileInput, NestingIsLimitedAndTheErrorSaysWhere) {
+  const std::string dotted = file("dotted.toml", "x = 1\n" + repeated("a.", 50000) + "a = 1\n");
+  expect_refused(run(CHECK_SCENE, {dotted}), dotted + ":2:64: a key has more than 32 parts");
+  const std::string quoted = file("quoted.toml", repeated("\"a.b\" . ", 50000) + "a = 1\n");
+  expect_refused(run(CHECK_SCENE, {quoted}), quoted + ":1:");
+  const std::string header = file("header.toml", "[" + repeated("a.", 50000) + "a]\n");
+  expect_refused(run(MASTER_SIM, {header, "--no-lcm", "--duration", "1"}),
+                 header + ":1:65: a key has more than 32 parts");
+  const std::string arrays = file("arrays.toml", "x = " + repeated("[", 200000));
+  expect_refused(run(OBSERVER, {arrays}), arrays + ":1:37: brackets are nested more than 32 deep");
+  const std::string tables = file("tables.toml", "x = " + repeated("{ a = ", 200000));
+  expect_refused(run(CHECK_SCENE, {tables}), tables + ":1:");
+  // Each within its own limit.
+  const std::string both =
+      file("both.toml", "x = " + repeated("{ " + repeated("a.", 31) + "a = ", 32) + "1" +
+                            repeated(" }", 32) + "\n");
+  expect_refused(run(CHECK_SCENE, {both}), both + ":1:1: unknown key x");
+}
+
+TEST_F(HostileInput, AMatrixThatNeverEndsIsRefused) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  for (const std::string matrix : {"/dev/zero", "pipe", "/dev/stdin", "/dev"}) {
+    const std::string text = scene("matrix.toml", "\"" + matrix + "\"");
+    const Ended ended = run(CHECK_SCENE, {text});
+    EXPECT_EQ(ended.code, 2) << matrix << '\n' << ended.err;
+    EXPECT_TRUE(says(ended.err, text + ":4:5: system.K names a file: ")) << ended.err;
+    EXPECT_TRUE(says(ended.err, "is not a regular file")) << ended.err;
+  }
+  expect_refused(run(CHECK_SCENE, {"/dev/zero"}), "/dev/zero: is larger than 64 MiB");
+  expect_refused(run(STUDY, {"/dev/zero"}), "/dev/zero: is larger than 1024 MiB");
+}
+
+TEST_F(HostileInput, ThreadsHaveALimit) {
+  for (const std::string jobs : {"100000", "1025", "0", "-1", "99999999999999999999"}) {
+    const Ended study = run(STUDY, {path("absent.toml"), "--jobs", jobs});
+    EXPECT_EQ(study.code, 2);
+    EXPECT_TRUE(says(study.err, "must be a whole number from 1 to 1024")) << study.err;
+    const Ended tolerance = run(TOLERANCE, {shipped("paper_beam"), "--jobs", jobs});
+    EXPECT_EQ(tolerance.code, 2);
+    EXPECT_TRUE(says(tolerance.err, "must be a whole number from 1 to 1024")) << tolerance.err;
+  }
+}
+
+TEST_F(HostileInput, WhatTheModelDoesNotHaveIsAnsweredByItsLimit) {
+  for (const std::string key : {"friction", "mu", "mu_k", "coulomb", "tangential_restitution"}) {
+    const std::string text = scene("friction.toml", "[[4.0]]", key + " = 0.3\n");
+    expect_refused(run(CHECK_SCENE, {text}), text + ":7:1: contact[1]." + key +
+                                                 " is not supported: contacts are frictionless");
+  }
+  const std::string soft = scene("soft.toml", "[[4.0]]", "stiffness = 1e6\n");
+  expect_refused(run(CHECK_SCENE, {soft}),
+                 "contact[1].stiffness is not supported: contacts are rigid");
+  const std::string cubic = scene("cubic.toml", "[[4.0]]\ncubic_stiffness = 3.0");
+  expect_refused(run(CHECK_SCENE, {cubic}),
+                 "system.cubic_stiffness is not supported: the machine is "
+                 "linear");
+  const std::string typo = scene("typo.toml", "[[4.0]]", "clearence = 0.3\n");
+  expect_refused(run(CHECK_SCENE, {typo}), "did you mean clearance?");
+  const std::string inverted = scene("inverted.toml", "[[-3.0]]");
+  expect_refused(run(CHECK_SCENE, {inverted}),
+                 inverted +
+                     ":4:5: system.K has the eigenvalue -3; must be positive semidefinite "
+                     "(negative stiffness, as of an inverted pendulum or a buckled beam, is "
+                     "not supported");
+}
+
+// Recordings.
+class HostileEvents : public HostileInput {
+ protected:
+  /// Forty impacts of the paper's beam.
+  std::string rows() {
+    if (rows_.empty()) {
+      const Ended ended = run(MASTER_SIM, {shipped("paper_beam"), "--duration", "25", "--speed",
+                                           "max", "--no-lcm", "--events", path("events.csv")});
+      EXPECT_EQ(ended.code, 0) << ended.err;
+      rows_ = read_text(directory_ / "events.csv");
+    }
+    return rows_;
+  }
+
+  /// Of every program that reads events, the same error.
+  void expect_all_refuse(const std::string& events, const std::string& message) {
+    const std::string kept = file("states.csv", "kept\n");
+    expect_refused(run(OBSERVER, {shipped("paper_beam"), "--replay", events, "--states", kept}),
+                   message);
+    EXPECT_EQ(read_text(kept), "kept\n");
+    expect_refused(run(IDENTIFY, {events, shipped("paper_beam"), "--free", "impact.restitution"}),
+                   message);
+    expect_refused(run(DIAGNOSE, {events, shipped("paper_beam")}), message);
+    expect_refused(run(REDUCE, {events, shipped("paper_beam"), "--modes", "2"}), message);
+  }
+
+ private:
+  std::string rows_;
+};
+
+TEST_F(HostileEvents, ContactsAndFlagsOutOfRangeAreErrors) {
+  const auto lines = static_cast<std::size_t>(std::count(rows().begin(), rows().end(), '\n'));
+  const std::string line = ":" + std::to_string(lines + 1) + ":";
+  for (const std::string contact : {"0", "2", "61", "-1"}) {
+    const std::string events = file("contact.csv", rows() + "25.5, " + contact + ",1\n");
+    expect_all_refuse(events, events + line + "7: contact is " + contact +
+                                  "; must be 1, the only contact of the scene, counted from 1");
+  }
+  const std::string events = file("closed.csv", rows() + "25.5,1,2\n");
+  expect_all_refuse(events, events + line + "8: closed is 2; must be 1 (the contact closes) or 0");
+  const std::string two = file("two.csv", "t,contact,closed\n1,3,1\n");
+  expect_refused(run(OBSERVER, {shipped("two_stops_beam"), "--replay", two}),
+                 two + ":2:3: contact is 3; must be in 1..2");
+}
+
+TEST_F(HostileEvents, ByteOrderMarkAndPlusSignsAreRead) {
+  ASSERT_EQ(run(OBSERVER, {shipped("paper_beam"), "--replay", file("events.csv", rows()),
+                           "--states", path("plain.csv"), "--tick", "0.1"})
+                .code,
+            0);
+  std::string marked = "\xEF\xBB\xBF";
+  for (const char c : rows()) {
+    marked += c;
+    if (c == '\n') marked += '+';
+  }
+  marked.pop_back();
+  const Ended ended = run(OBSERVER, {shipped("paper_beam"), "--replay", file("marked.csv", marked),
+                                     "--states", path("marked_states.csv"), "--tick", "0.1"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(read_text(directory_ / "marked_states.csv"), read_text(directory_ / "plain.csv"));
+}
+
+TEST_F(HostileEvents, ALateRowIsRefusedUnlessTheDurationIsGiven) {
+  const auto lines = static_cast<std::size_t>(std::count(rows().begin(), rows().end(), '\n'));
+  for (const std::string t : {"1e6", "1e9", "1e300", "1.7e308"}) {
+    const std::string events = file("late.csv", rows() + t + ",1,1\n" + t + ",1,0\n");
+    expect_all_refuse(events, events + ":" + std::to_string(lines + 1) + ": t is ");
+    const Ended until = run(OBSERVER, {shipped("paper_beam"), "--replay", events, "--duration",
+                                       "25", "--states", path("until.csv"), "--tick", "0.1"});
+    EXPECT_EQ(until.code, 0) << until.err;
+  }
+  const std::string single = file("single.csv", "t,contact,closed\n1e7,1,1\n1e7,1,0\n");
+  expect_refused(run(OBSERVER, {shipped("paper_beam"), "--replay", single}),
+                 single + ": the last event is at t = 1e+07, beyond 100000000 ticks of 0.001");
+  // The time of another clock.
+  std::string epoch = "t,contact,closed\n";
+  for (int i = 0; i < 20; ++i) {
+    const std::string t = std::to_string(1732190400 + i);
+    epoch += t + ",1,1\n" + t + ",1,0\n";
+  }
+  expect_all_refuse(file("epoch.csv", epoch), ":2: the first event is at t = 1.7321904e+09");
+}
+
+// A run that cannot go on keeps what it has written.
+TEST_F(HostileInput, AMachineThatIsSqueezedEndsWithItsFilesWhole) {
+  const std::string squeezed = file("squeezed.toml", R"([system]
+M = [[1.0]]
+C = [[0.1]]
+K = [[4.0]]
+[impact]
+restitution = 0.8
+[[contact]]
+direction = [1.0]
+clearance = 0.1
+[[contact]]
+direction = [-1.0]
+clearance = 0.1
+motion = { amplitude = 0.3, frequency = 1.0, phase = 0.0 }
+[master]
+u = [0.5]
+)");
+  const Ended ended =
+      run(MASTER_SIM, {squeezed, "--duration", "30", "--speed", "max", "--no-lcm", "--events",
+                       path("events.csv"), "--states", path("states.csv"), "--tick", "0.01"});
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_TRUE(says(ended.err, "t = 1.")) << ended.err;
+  EXPECT_TRUE(says(ended.err, "contacts 1 and 2")) << ended.err;
+  EXPECT_TRUE(says(ended.err, "squeeze")) << ended.err;
+  const std::string events = read_text(directory_ / "events.csv");
+  EXPECT_GT(std::count(events.begin(), events.end(), '\n'), 20);
+  EXPECT_TRUE(events.ends_with('\n'));
+  EXPECT_GT(read_text(directory_ / "states.csv").size(), 1000U);
+
+  const Ended checked = run(CHECK_SCENE, {squeezed});
+  EXPECT_EQ(checked.code, 3) << checked.err;
+  EXPECT_TRUE(says(checked.out, "the master's simulation fails: t = 1.")) << checked.out;
+  EXPECT_TRUE(says(checked.out, "no room between them at times")) << checked.out;
+}
+
+}  // namespace
+}  // namespace sprag::test
