@@ -80,7 +80,7 @@ std::string read_whole(const std::filesystem::path& file, std::size_t most) {
     size = input.ahead(size).size();
     if (size <= most) continue;
     throw InputError(file.string() + ": is larger than " + std::to_string(most >> 20U) +
-                     " MiB; must be at most as large");
+                     " MiB, the most that is read");
   }
   if (input.failed()) throw InputError(file.string() + ": cannot be read");
   return std::string(input.ahead(size));

@@ -471,7 +471,7 @@ std::string contents(const std::filesystem::path& file) {
     text.append(buffer.data(), static_cast<std::size_t>(in.gcount()));
     if (text.size() <= largest_scene) continue;
     throw SceneError(file.string(), "is larger than " + std::to_string(largest_scene >> 20U) +
-                                        " MiB; must be at most as large (give large matrices as "
+                                        " MiB, the most that is read (give large matrices as "
                                         "files of their own)");
   }
   if (!in.is_open() || in.bad()) {

@@ -66,6 +66,8 @@ constexpr int max_key_parts = 32;
 constexpr int max_nesting = 32;
 
 void refuse_dangerous(std::string_view text, const std::string& file) {
+  const std::string most_parts = std::to_string(max_key_parts);
+  const std::string most_nesting = std::to_string(max_nesting);
   int parts = 1;  // of the key, or number, at hand
   int nesting = 0;
   for (std::size_t i = 0; i < text.size(); i = behind_token(text, i)) {
@@ -78,14 +80,14 @@ void refuse_dangerous(std::string_view text, const std::string& file) {
     } else if (c == '.') {
       if (++parts <= max_key_parts) continue;
       fail_at_byte(text, i, file,
-                   "a key has more than " + std::to_string(max_key_parts) +
-                       " parts between dots; must have at most as many");
+                   "a key has more than " + most_parts + " parts between dots; must have at most " +
+                       most_parts);
     } else if (c == '[' || c == '{') {
       parts = 1;
       if (++nesting <= max_nesting) continue;
       fail_at_byte(text, i, file,
-                   "brackets are nested more than " + std::to_string(max_nesting) +
-                       " deep; must be at most as many");
+                   "brackets are nested more than " + most_nesting + " deep; must be at most " +
+                       most_nesting);
     } else if (c == ']' || c == '}') {
       parts = 1;
       nesting = std::max(nesting - 1, 0);

@@ -364,19 +364,19 @@ TEST(SceneErrors, NestingIsRefusedBeforeItTakesTheStack) {
     return all;
   };
   EXPECT_EQ(error_of("# a.b\n" + repeated("a.", 50000) + "a = 1"),
-            "x.toml:2:64: a key has more than 32 parts between dots; must have at most as many");
+            "x.toml:2:64: a key has more than 32 parts between dots; must have at most 32");
   EXPECT_EQ(error_of(repeated("'a.b' .", 50000) + "a = 1"),
-            "x.toml:1:224: a key has more than 32 parts between dots; must have at most as many");
+            "x.toml:1:224: a key has more than 32 parts between dots; must have at most 32");
   EXPECT_EQ(error_of("[" + repeated("a.", 50000) + "a]"),
-            "x.toml:1:65: a key has more than 32 parts between dots; must have at most as many");
+            "x.toml:1:65: a key has more than 32 parts between dots; must have at most 32");
   for (const std::string open : {"[", "{", "{ a = ", "[{ a = "}) {
     const std::string error = error_of("x = " + repeated(open, 200000));
-    EXPECT_NE(error.find("brackets are nested more than 32 deep; must be at most as many"),
+    EXPECT_NE(error.find("brackets are nested more than 32 deep; must be at most 32"),
               std::string::npos)
         << error;
   }
   EXPECT_EQ(error_of("x = " + repeated("[", 33)),
-            "x.toml:1:37: brackets are nested more than 32 deep; must be at most as many");
+            "x.toml:1:37: brackets are nested more than 32 deep; must be at most 32");
   // Strings and comments count for nothing; many numbers and tables neither.
   const std::string harmless = "name = \"" + repeated("[a.", 500) + "\" # " + repeated("{.", 500) +
                                "\n" + std::string(beam_text);

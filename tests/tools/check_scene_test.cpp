@@ -259,7 +259,7 @@ TEST(CheckScene, TheHeadlineIsAboutTheDefaultEstimator) {
   Scene idle = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   EXPECT_TRUE(says(headline(assess(idle)), "Never closed in the trial: contact 2"));
   idle.model.C.setZero();
-  idle.model.contacts[0].clearance = 100.0;
+  for (Contact& each : idle.model.contacts) each.clearance = 100.0;
   const std::string lost = headline(assess(idle));
   EXPECT_TRUE(lost.starts_with("may not synchronize\nno: the default estimator, both: ")) << lost;
   EXPECT_TRUE(says(lost, "Never closed in the trial: contacts 1, 2")) << lost;
