@@ -558,6 +558,10 @@ TEST(ColumnFileTest, AFileWithoutAHeaderTakesTheNamesThatAreGiven) {
   // As many fields as there are names: decimal commas are none of the separators.
   const ColumnFile decimal = parse_columns("0,5;1\n", "x.csv", std::nullopt, {"time", "level"});
   EXPECT_EQ(texts(decimal.columns[0]), (Texts{"0,5"}));
+  const ColumnFile one = parse_columns("0,5\n", "x.csv", std::nullopt, {"time"});
+  EXPECT_EQ(texts(one.columns[0]), (Texts{"0,5"}));
+  EXPECT_EQ(what_of([] { parse_columns("0.5,1\n", "x.csv", std::nullopt, {"time"}); }),
+            "x.csv:1: has 2 fields; --columns names 1 column");
   EXPECT_EQ(what_of([] {
               parse_columns("\n1,2,3\n", "x.csv", std::nullopt, {"a", "b"});
             }),

@@ -6,6 +6,7 @@
 #include "sprag/files/csv.h"
 #include "sprag/files/nearest_word.h"
 #include "sprag/mechanics/interrupt.h"
+#include "tools/import_events/clock_time.h"
 #include "tools/import_events/decimal.h"
 
 namespace sprag {
@@ -175,9 +176,12 @@ ColumnFile name_columns(Lines lines, const std::string& file, std::optional<char
   const auto makes_as_many = [&](char candidate) {
     return split(first, candidate, fields) && fields.size() == names.size();
   };
+  const bool one_time =
+      parse_clock_time(content_of(first), DecimalMark::point_or_comma).has_value();
   constexpr std::array candidates{'\t', ';', ','};
   const auto* const found = std::ranges::find_if(candidates, makes_as_many);
-  result.separator = separator.value_or(found != candidates.end() ? *found : separator_of(first));
+  const bool many = names.size() > 1 && found != candidates.end();
+  result.separator = separator.value_or(many ? *found : one_time ? ';' : separator_of(first));
   if (!makes_as_many(result.separator)) {
     throw InputError(located(file, std::max<std::size_t>(lines.number(), 1),
                              "has " + fields_text(fields.size()) + "; --columns names " +
