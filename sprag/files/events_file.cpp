@@ -14,6 +14,21 @@ namespace sprag {
 namespace {
 
 constexpr std::string_view events_header = "t,contact,closed";
+constexpr std::string_view noted_header = "t,contact,closed,note";
+constexpr std::string_view spurious = "spurious";
+
+std::string_view name_of(EventNote note) {
+  switch (note) {
+    case EventNote::lost:
+      return "lost";
+    case EventNote::spurious:
+      return spurious;
+    case EventNote::suspect:
+      return "suspect";
+    default:
+      return "";
+  }
+}
 
 struct Row {
   double t;
@@ -21,9 +36,10 @@ struct Row {
   std::int64_t closed;
 };
 
-std::optional<Row> parse_row(std::string_view line, std::vector<std::string_view>& fields) {
+std::optional<Row> parse_row(std::string_view line, bool noted,
+                             std::vector<std::string_view>& fields) {
   split_fields(line, fields);
-  if (fields.size() != 3) return std::nullopt;
+  if (fields.size() != (noted ? 4U : 3U)) return std::nullopt;
   const auto t = parse_double(fields[0]);
   const auto contact = parse_integer(fields[1]);
   const auto closed = parse_integer(fields[2]);
@@ -163,6 +179,23 @@ void EventsWriter::write_row(double t, int contact, char closed) noexcept {
   file_.write(row_);
 }
 
+NotedEventsWriter::NotedEventsWriter(const std::filesystem::path& file)
+    : CsvWriter(OutputFile(file), noted_header, 64) {}
+
+void NotedEventsWriter::write(const ContactEvent& event, EventNote note) noexcept {
+  for (const bool closed : {true, false}) {
+    if (event.kind == (closed ? ContactEventKind::opens : ContactEventKind::closes)) continue;
+    row_.clear();
+    append_number(row_, event.t);
+    row_ += ',';
+    append_number(row_, std::int64_t{event.contact} + 1);
+    row_ += closed ? ",1," : ",0,";
+    row_ += name_of(note);
+    row_ += '\n';
+    file_.write(row_);
+  }
+}
+
 EventsFile read_events(const std::filesystem::path& file, int contacts) {
   return read_events(InputFile(file), contacts);
 }
@@ -173,7 +206,8 @@ EventsFile read_events(InputFile file, int contacts) {
   EventsFile result;
   std::string_view line;
   LineReader::Result got = reader.next(line);
-  if (got != LineReader::Result::line || line != events_header) {
+  const bool noted = got == LineReader::Result::line && line == noted_header;
+  if (got != LineReader::Result::line || (line != events_header && !noted)) {
     result.damage = {1, std::string("header must be ").append(events_header)};
     result.gaps = {{0.0, infinity}};
     return result;
@@ -183,7 +217,7 @@ EventsFile read_events(InputFile file, int contacts) {
   std::vector<std::string_view> fields;
   while ((got = reader.next(line)) == LineReader::Result::line) {
     if (line.empty()) continue;
-    const auto row = parse_row(line, fields);
+    const auto row = parse_row(line, noted, fields);
     if (!row) {
       std::string expected("garbled line (expected ");
       expected.append(events_header).append(" with t finite and >= 0)");
@@ -192,6 +226,7 @@ EventsFile read_events(InputFile file, int contacts) {
       silences.end(result.implausible);
       return result;
     }
+    if (noted && fields[3] == spurious) continue;
     check_row(*row, line, fields, contacts, name, reader.number());
     if (const auto what = list.add(*row); !what.empty()) {
       result.skipped.push_back({reader.number(), std::string(what)});

@@ -1,5 +1,6 @@
 // Events CSV `t,contact,closed`: contact from 1, closed 1 or 0; a pulse is two rows of one contact
-// with equal t, 1 then 0. 17 significant digits.
+// with equal t, 1 then 0. 17 significant digits. A fourth column `note`, where there is one, says
+// of an event what EventNote does.
 #pragma once
 
 #include <filesystem>
@@ -34,6 +35,17 @@ struct ImplausibleTime {
   FileProblem problem;
 };
 
+/// "lost": inserted, no sensor reported it; "spurious": left out by readers; "suspect": its time is
+/// doubtful.
+enum class EventNote { none, lost, spurious, suspect };
+
+/// Writes events with the column `note`.
+class NotedEventsWriter : public CsvWriter {
+ public:
+  explicit NotedEventsWriter(const std::filesystem::path& file);
+  void write(const ContactEvent& event, EventNote note) noexcept;
+};
+
 struct EventsFile {
   std::vector<ContactEvent> events;   ///< times ascending; equal times in the file's order
   std::vector<FileProblem> skipped;   ///< rows that contradict the rest, left out
@@ -49,9 +61,9 @@ struct EventsFile {
 /// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that
 /// is garbled (also a time that is negative or not finite), a last line without an end, a wrong
 /// header. Skipped: a time that goes backwards, a contact that closes while closed or opens while
-/// open. Empty lines are passed over. Throws InputError if the file cannot be opened, and, with
-/// "FILE:LINE:COLUMN: ", for a contact that the machine does not have or a flag other than 0 and 1:
-/// such a file belongs to another machine, or counts otherwise.
+/// open. Empty lines and rows whose note is "spurious" are passed over. Throws InputError if the
+/// file cannot be opened, and, with "FILE:LINE:COLUMN: ", for a contact that the machine does not
+/// have or a flag other than 0 and 1: such a file belongs to another machine, or counts otherwise.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
 EventsFile read_events(InputFile file, int contacts);
 

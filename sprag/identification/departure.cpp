@@ -56,6 +56,17 @@ double correlation_of(const std::vector<double>& innovations, std::size_t first)
   return (Q - L) / std::sqrt(2.0 * L);
 }
 
+double growth_of(const std::vector<double>& innovations, std::size_t first) {
+  const std::size_t n = innovations.size(), split = n - n / 5;
+  if (split <= first || split == n) return 1.0;
+  const auto mean_square = [&](std::size_t from, std::size_t to) {
+    double squares = 0.0;
+    for (std::size_t k = from; k < to; ++k) squares += innovations[k] * innovations[k];
+    return squares / static_cast<double>(to - from);
+  };
+  return mean_square(split, n) / mean_square(first, split);
+}
+
 Departure estimate_departure(const Scene& scene, const Identification& fit) {
   Departure departure{estimate_drift(scene, fit), estimate_restitution_scatter(scene, fit),
                       estimate_restitution_trend(scene, fit)};

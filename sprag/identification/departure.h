@@ -38,8 +38,12 @@ struct RestitutionScatter {
   Eigen::VectorXd changes, sigmas;  ///< as of a drift
   /// Ljung and Box's statistic Q of the innovations with it, as (Q - L) / sqrt(2 L) for L lags.
   double correlation = 0.0;
+  /// Mean square of the last fifth of the innovations over that of those before it.
+  double growth = 1.0;
 
-  bool found() const { return gain > significant_departure; }
+  /// A larger scatter is no scatter: another machine has its restitution.
+  static constexpr double largest = 0.03;
+  bool found() const { return gain > significant_departure && scatter < largest; }
 };
 
 struct RestitutionTrend {
@@ -70,6 +74,9 @@ struct Departure {
 /// (Q - L) / sqrt(2 L) of Ljung and Box's test (1978), L = min(16, n / 4) lags, of n innovations
 /// from number `first` on; about a standard normal variable where they are white.
 double correlation_of(const std::vector<double>& innovations, std::size_t first);
+
+/// Mean square of the last fifth of these innovations over that of the others from `first` on.
+double growth_of(const std::vector<double>& innovations, std::size_t first);
 
 /// Of a fit that has a minimum, whether it is believed or not. Of a restitution only where one was
 /// sought.

@@ -174,7 +174,10 @@ Judged Identifier::judge(const MachineFamily& family, const Likelihood& solution
 }
 
 std::size_t Identifier::needed(const Stretches& of) const {
-  return family_.unknowns().size() + 2 * static_cast<std::size_t>(family_.n()) * of.size() + 2;
+  const std::size_t unknowns = family_.unknowns().size();
+  // A jitter that is found is an unknown, too: few equations beyond the others do not tell it.
+  const std::size_t of_jitter = settings_.jitter ? 0 : unknowns;
+  return unknowns + of_jitter + 2 * static_cast<std::size_t>(family_.n()) * of.size() + 2;
 }
 
 // Where they do not fit otherwise, stretches whose times do not tell where the machine is in them,
@@ -699,12 +702,15 @@ bool Identifier::is_periodic() const {
 bool Identifier::is_unpredictable(const Attempt& best, const Identification& result) const {
   const int added = result.freedom - result.first_freedom;
   if (!(result.first_freedom > 0) || added <= 0) return false;
+  // A jitter that is found from few impacts is badly known.
+  const double of_few = settings_.jitter ? 1.0 : 1.0 + 3.0 * std::sqrt(2.0 / result.first_freedom);
+  if (result.departure.is_scatter()) {
+    return result.departure.scatter->growth * added > of_few * largest_chi2(added);
+  }
   const double jitter = settings_.jitter.value_or(0.0) > 0.0
                             ? *settings_.jitter
                             : std::sqrt(result.first_squares / result.first_freedom);
   const double squares = best.solution.squares - result.first_squares;
-  // A jitter that is found from few impacts is badly known.
-  const double of_few = settings_.jitter ? 1.0 : 1.0 + 3.0 * std::sqrt(2.0 / result.first_freedom);
   return squares > of_few * (square(jitter) + square(exact * interval_)) * largest_chi2(added);
 }
 
@@ -780,7 +786,8 @@ Identification Identifier::run() {
                   " single impacts in a row; the start alone takes " + std::to_string(2 * n)
             : "the record has " + std::to_string(count(stretches)) + " impacts that count; " +
                   std::to_string(needed(stretches)) + " are needed at least for " +
-                  std::to_string(needed(stretches) - 2) + " unknowns");
+                  std::to_string(family_.unknowns().size() + 2 * n * stretches.size()) +
+                  " unknowns" + (settings_.jitter ? "" : " and a jitter that is not given"));
   }
   Attempt best = attempt(stretches);
   from_nominal(stretches, best);
@@ -895,7 +902,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   of.mend = false;
   const std::vector<Unknown>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {
-    if (contradicts(all_fitted, all, sought, jitter)) return;
+    if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;
     of.unknowns.clear();
     Explanation explanation;
     for (const std::size_t k : sought) {

@@ -126,8 +126,9 @@ void Flights::set_free(const Machine& machine) {
 }
 
 void Flights::set_composed(const Machine& machine, const Stretches& stretches) {
-  const bool any = std::any_of(stretches.begin(), stretches.end(),
-                               [](const Stretch& stretch) { return is_eventful(stretch); });
+  const bool any = std::any_of(stretches.begin(), stretches.end(), [](const Stretch& stretch) {
+    return is_eventful(stretch) || holds_any(stretch);
+  });
   if (!any) {
     number_.clear();
     stretches_.clear();

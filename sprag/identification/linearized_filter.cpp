@@ -214,16 +214,8 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
     u_of_x -= jump * gamma_of_x;
     u_of_S -= jump * gamma_of_S;
   };
-  // Another restitution of this impact alone.
-  const auto scatter = [&] {
-    if (!(restitution_scatter > 0.0) || impact.staying != 0) return;
-    of.S.col(of.columns).setZero();
-    of.S.col(of.columns).segment(n, n) = w * (restitution_scatter * gamma / w.squaredNorm());
-    ++of.columns;
-  };
   if (slow && !impact.timed) {
     strike(of.x.segment(n, n), of.S.block(n, 0, n, columns));
-    scatter();
     of.merge();
     return;
   }
@@ -261,7 +253,12 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
   of.x = x.head(states) + after * x[states];
   of.columns = columns + 1;
   of.S.leftCols(of.columns) = S.topRows(states) + after * S.row(states);
-  scatter();
+  // Another restitution of this impact alone. Of a chatter's small impacts it is no matter.
+  if (restitution_scatter > 0.0 && measured && impact.staying == 0) {
+    of.S.col(of.columns).setZero();
+    of.S.col(of.columns).segment(n, n) = w * (restitution_scatter * gamma / w.squaredNorm());
+    ++of.columns;
+  }
   of.merge();
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sprag/identification/linearized_filter.h"
 
@@ -16,11 +17,13 @@ std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scen
   });
   if (!sought || !is_near(fit) || is_exact(fit) || fit.freedom <= 1) return std::nullopt;
   RestitutionScatter estimate;
-  bool any = false;
+  // As of a drift, the path that explains the times best is the nearest to the machine's.
+  double top = -std::numeric_limits<double>::infinity();
   using About = LinearizedFilter::About;
   for (const About about : {About::fit, About::measured_times}) {
     const LinearizedFilter filter(scene, fit, about);
     if (about == About::measured_times && !filter.meets_the_supports()) continue;
+    const auto taken_up = static_cast<std::size_t>(filter.taken_up());
     const LinearizedFilter::Value none = filter.at(0.0);
     double best_of = 0.0;
     LinearizedFilter::Value best = none;
@@ -35,16 +38,17 @@ std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scen
     for (double scatter = lowest; scatter < end; scatter *= factor) look_at(scatter);
     const double middle = best_of;
     for (const double share : {0.7, 0.85, 1.2, 1.4}) look_at(share * middle);
+    if (!(best.log > top)) continue;
+    top = best.log;
     const double gain = 2.0 * (best.log - none.log);
-    if (any && !(gain > estimate.gain)) continue;
-    any = true;
     const double of_jitter = best.jitter / filter.base();
     estimate = {best_of * of_jitter,
                 best.jitter,
                 gain,
                 best.parameters,
                 best.sigmas,
-                correlation_of(best.innovations, static_cast<std::size_t>(filter.taken_up()))};
+                correlation_of(best.innovations, taken_up),
+                growth_of(best.innovations, taken_up)};
   }
   return estimate;
 }

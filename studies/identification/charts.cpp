@@ -110,7 +110,9 @@ void write_bound(const Scene& scene, const std::filesystem::path& file, std::uin
       const std::optional<Question> asked = question(scene, trial, seed);
       unknowns = asked->settings.unknowns;
       const MachineFamily family(asked->nominal, unknowns);
-      const PathFit of_gaps = search(family, outcome.found.measured, {.good = 30.0 * jitter}).best;
+      const PathFit of_gaps =
+          search(family, outcome.found.measured,
+                 {.good = 30.0 * jitter, .is_solution = [](const PathFit&) { return true; }});
       for (std::size_t k = 0; k < unknowns.size(); ++k) {
         const auto at = static_cast<Eigen::Index>(k);
         const double truth = asked->truth[at];

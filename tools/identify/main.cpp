@@ -28,6 +28,9 @@ int main(int argc, char** argv) {
                       "Leave out events after this time [s]");
   sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output,
                   "FITTED.toml", "Write the scene with the fitted values, its comments kept");
+  sprag::add_file(*app, common, "--events", sprag::NamedFile::Use::written, run.events,
+                  "MENDED.csv",
+                  "Write the events as they were used: lost ones inserted, spurious ones marked");
   sprag::add_flag(*app, "--accept", run.accept,
                   "Take what does not fit as an effective model, what is left as its jitter");
   sprag::add_flag(*app, "--no-drift-limit", run.no_drift_limit,

@@ -10,6 +10,7 @@
 #include "observer/recorded_events.h"
 #include "sprag/files/output_file.h"
 #include "tools/identify/fitted_text.h"
+#include "tools/identify/mended_events.h"
 #include "tools/identify/print.h"
 
 namespace sprag {
@@ -25,7 +26,7 @@ std::string text_of(const std::filesystem::path& file) {
 void put_drift(const IdentifyRun& run, Identification& fit) {
   const std::optional<DriftEstimate>& drift = fit.departure.drift;
   if (!drift) return;
-  if (fit.departure.any()) {
+  if (fit.departure.is_drift() || fit.departure.is_scatter()) {
     fit.fitted.drift = drift->drift;
     fit.jitter = drift->jitter;
   } else if (!run.no_drift_limit) {
@@ -89,6 +90,9 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   to_json(result, object);
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
+  if (!run.events.empty() && result.fit.converged()) {
+    write_mended(run.events, recorded.events, result.fit);
+  }
   if (good && !run.output.empty()) {
     write_scene(run, text, scene, result.fit, recorded.begins);
   }

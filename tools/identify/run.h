@@ -14,7 +14,7 @@ namespace sprag {
 inline constexpr int exit_not_identified = 3;  ///< a verdict, not a failure
 
 struct IdentifyRun {
-  std::filesystem::path log, scene, output;
+  std::filesystem::path log, scene, output, events;
   SoughtOptions sought;
   bool json = false;
   bool accept = false;

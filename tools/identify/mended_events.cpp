@@ -1,0 +1,58 @@
+#include "tools/identify/mended_events.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "sprag/files/events_file.h"
+
+namespace sprag {
+namespace {
+
+struct Noted {
+  ContactEvent event;
+  EventNote note = EventNote::none;
+};
+
+// Of each event: whether its time is far from the fit's.
+std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
+  constexpr double far = 4.0, no_say = 0.95;
+  std::vector<bool> suspects(events, false);
+  const double sigma = std::max(fit.jitter, fit.scatter);
+  for (std::size_t s = 0; s < fit.measured.size(); ++s) {
+    for (std::size_t k = 0; k < fit.measured[s].size(); ++k) {
+      const Impact& impact = fit.measured[s].impacts[k];
+      const double leverage = fit.likelihood.leverage[s][static_cast<Eigen::Index>(k)];
+      if (!impact.timed || leverage > no_say || impact.event >= events) continue;
+      const double off = std::abs(fit.likelihood.path[s].impacts[k].t - impact.t);
+      suspects[impact.event] = off > far * sigma * std::sqrt(1.0 - leverage);
+    }
+  }
+  return suspects;
+}
+
+}  // namespace
+
+void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,
+                  const Identification& fit) {
+  std::vector<Noted> all;
+  const std::vector<bool> suspects = suspects_of(events.size(), fit);
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const bool spurious =
+        std::find(fit.spurious.begin(), fit.spurious.end(), i) != fit.spurious.end();
+    all.push_back({events[i], spurious      ? EventNote::spurious
+                              : suspects[i] ? EventNote::suspect
+                                            : EventNote::none});
+  }
+  for (const MissingImpact& impact : fit.missing) {
+    all.push_back({{impact.t, impact.contact, ContactEventKind::pulse}, EventNote::lost});
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Noted& a, const Noted& b) { return a.event.t < b.event.t; });
+  NotedEventsWriter writer(file);
+  for (const Noted& noted : all) writer.write(noted.event, noted.note);
+  if (!writer.close()) throw std::runtime_error(writer.error());
+}
+
+}  // namespace sprag
