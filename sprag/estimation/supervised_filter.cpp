@@ -145,10 +145,12 @@ void SupervisedFilter::supervise(std::int64_t believed, SupervisedState& state) 
 
 Suspicion SupervisedFilter::suspicion(const SupervisedState& state) {
   const Innovation& innovation = state.filter.innovation;
-  const double far = far_away * state.filter.terms.length;
   const TimingFilter::LastFlight flight = filter_.last_flight(innovation.contact, state.filter);
+  const double far = far_away * std::max(state.filter.terms.length, flight.highest);
   if (flight.inside > long_inside && flight.lowest < -far) return Suspicion::missing_event;
-  return innovation.gap > far ? Suspicion::spurious_event : Suspicion::model;
+  // Near in place or in time: a spurious event is neither.
+  const bool is_near = flight.ends_near || innovation.gap <= far;
+  return is_near ? Suspicion::model : Suspicion::spurious_event;
 }
 
 void SupervisedFilter::output(const SupervisedState& state, Eigen::Ref<Eigen::VectorXd> q,

@@ -281,7 +281,7 @@ void TimingFilter::output_deviations(const TimingState& state,
 }
 
 TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingState& state) {
-  constexpr int samples = 64;
+  constexpr int samples = 64, near = 3;
   LastFlight flight;
   if (state.instants < 1) return flight;
   const Covariance& from = slot(state.instants - 1);
@@ -290,11 +290,14 @@ TimingFilter::LastFlight TimingFilter::last_flight(int contact, const TimingStat
     return flight;
   }
   const double tau = state.covariance_time - from.mean.t;
-  for (int i = 1; i < samples; ++i) {
+  for (int i = 1; i <= samples + near; ++i) {
     from.mean.flow->propagate(from.mean, from.mean.t + tau * i / samples, sample_);
     const double gap = value(from.mean.flow->gap(contact), sample_);
+    if (i >= samples - near && gap <= 0.0) flight.ends_near = true;
+    if (i >= samples) continue;
     if (gap < 0.0) flight.inside += 1.0 / samples;
     flight.lowest = std::min(flight.lowest, gap);
+    flight.highest = std::max(flight.highest, gap);
   }
   return flight;
 }

@@ -184,10 +184,12 @@ class TimingFilter {
   }
 
   /// Of a contact's gap between the last two instants with events: the share of the time in which
-  /// it was negative, and its smallest value [m].
+  /// it was negative, its smallest and its largest value [m], and whether it was zero or negative
+  /// within 5 % of that time from its end, before or after it.
   struct LastFlight {
     double inside = 0.0;
-    double lowest = 0.0;
+    double lowest = 0.0, highest = 0.0;
+    bool ends_near = false;
   };
   LastFlight last_flight(int contact, const TimingState& state);
 
@@ -281,7 +283,7 @@ class TimingFilter {
   void strike(ContactSet staying, ContactSet leaving, TimingState& state);
   void add_sequence(std::span<const ContactEvent> events, ContactSet before, TimingState& state);
   void add_time_rounding(double share, const TimingState& state);
-  void add_unknown(const Eigen::VectorXd& on_u);
+  void add_unknown(const Eigen::VectorXd& on_u, TimingState& state);
 
   Terms terms_of_mean(const TimingState& state);
 
@@ -334,8 +336,10 @@ class TimingFilter {
   Eigen::VectorXd u_before_, before_impact_, u_sequence_, on_u_, on_flow_;
   Eigen::VectorXd share_, off_q_, off_u_;  // of a restart
   std::vector<Closing> closings_;
-  double spread_ = 1.0;  // of the gap velocities before impacts: what they may be over their means
-  Eigen::VectorXd phi_;  // what a measurement sees of each column
+  // Sums over the closings of an instant: expected squares of the gap velocities before the impact,
+  // and the squares of their means.
+  double hit_speed2_ = 0.0, hit_mean2_ = 0.0;
+  Eigen::VectorXd phi_;                // what a measurement sees of each column
   Eigen::MatrixXd Wt_, seen_of_gaps_;  // W^T; what the gaps see of each column
   Eigen::VectorXd no_gaps_;
   Motion sample_, published_, stuck_, hit_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/estimation/force_terms.h"
 #include "sprag/estimation/innovation.h"
 #include "sprag/estimation/timing_filter.h"
 #include "sprag/mechanics/master.h"
@@ -44,6 +45,10 @@ void TimingFilter::take_instant(std::span<const ContactEvent> events, TimingStat
   }
   if (!load(state, t)) ++state.forgotten;
   state.motion.flow->state(state.motion, now_.q, now_.u);
+  // Of all contacts: roundings of one coordinate go through the modes into the others.
+  for (const Contact& contact : flows_->dynamics().model().contacts) {
+    state.terms.include(contact, now_.q, now_.u);
+  }
   state.began_again = state.unknown;
   event_ = {};
   ContactSet leaving = 0;
@@ -85,7 +90,7 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   bool closed = false;
   int stages = 0;
   std::size_t recorded = 0;
-  spread_ = 1.0;
+  hit_speed2_ = hit_mean2_ = 0.0;
   u_before_ = now_.u;
   if (recorder_ != nullptr) recorder_->before(now_);
   for (std::size_t first = 0; first < events.size();) {
@@ -130,7 +135,8 @@ void TimingFilter::take_exact(std::span<const ContactEvent> events, ContactSet b
   // By as much as the closing was measured with: impacts at slightly other times would have led to
   // slightly other states, and none of the closings behind is to tell from that how large the
   // motion is.
-  add_time_rounding(spread_ * time_rounding, state);
+  const double spread = hit_mean2_ > 0.0 ? std::sqrt(hit_speed2_) / std::sqrt(hit_mean2_) : 1.0;
+  add_time_rounding(spread * time_rounding, state);
 }
 
 // A contact that touches where another one is hit may be off its support by as much as the master
@@ -229,7 +235,7 @@ void TimingFilter::add_sequence(std::span<const ContactEvent> events, ContactSet
   on_u_ = u_sequence_ - now_.u;
   if (!(on_u_.norm() > same_impact * (now_.u - u_before_).norm())) return;
   ++state.ambiguous_impacts;
-  add_unknown(on_u_);
+  add_unknown(on_u_, state);
 }
 
 // An event that jitters.
@@ -277,8 +283,11 @@ void TimingFilter::take_uncertain(const ContactEvent& event, ContactSet before,
                            state.motion);
   u_before_ = now_.u;
   UnknownTime::Innovation innovation;
+  const double gap_before =
+      gap(flows_->dynamics().model().contacts[index(i)], now_.q, state.motion.t.hi);
   if (!unknown_time_->take(uncertain, state.motion, state.terms, 0.0, false, now_, innovation)) {
     state.consistency.largest = infinity;
+    if (closes) state.innovation = {event.t, i, gap_before, 0.0};
     record_as_it_is(event, state);
     return;
   }
@@ -387,8 +396,11 @@ ContactSet TimingFilter::drop_redundant(ContactSet held, ContactSet closing,
 void TimingFilter::measure_release(int contact, TimingState& state) {
   const Signal& lambda = state.motion.flow->force(contact);
   // What is not known may be larger than the mean.
-  const double terms = std::max(columns_.see(*state.motion.flow, lambda, now_, phi_),
-                                largest_terms(lambda, state.motion));
+  const double of_lambda = std::max(columns_.see(*state.motion.flow, lambda, now_, phi_),
+                                    largest_terms(lambda, state.motion));
+  const Terms size = state.terms.of_coordinates(now_.q, now_.u, largest_w_);
+  const double terms = std::max(
+      of_lambda, force_terms(flows_->dynamics(), contact, acceleration_[index(contact)], size));
   const double off = time_rounding * state.motion.t.hi * rate(lambda, state.motion);
   if (recorder_ != nullptr) {
     const double floor = measurement_rounding * terms;
@@ -417,13 +429,17 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     };
     see(now_.S_u);
     const double speed2 = square(closing.gamma) + phi.squaredNorm();
-    if (closing.gamma != 0.0) {
-      spread_ = std::max(spread_, std::sqrt(speed2) / std::abs(closing.gamma));
-    }
+    hit_speed2_ += speed2;
+    hit_mean2_ += square(closing.gamma);
     see(now_.S_q);
     const double gap_before = gap(contact, now_.q, t);
     state.terms.include(contact, now_.q, now_.u);
     double noise = square(time_rounding * t) * speed2;
+    const double off = std::max(model.chatter_time, time_rounding * t);
+    const double left = off * off * (square(closing.gamma_rate) + variance(acceleration, now_));
+    const bool ends_chatter = closing.epsilon == 0.0 && contact.restitution > 0.0;
+    // The rest of a completed chatter may still lift the contact, by less than it falls in `off`.
+    if (ends_chatter) noise += 0.25 * square(off) * left;
     // The master takes for one impact what touches within its rounding.
     if (several || contains(state.touched, closing.contact)) {
       noise += square(touching * state.terms.length);
@@ -432,13 +448,11 @@ void TimingFilter::measure_closings(bool several, TimingState& state) {
     if (k == 0 || std::abs(gap_before) > std::abs(state.innovation.gap)) {
       state.innovation = {t, closing.contact, gap_before, deviation};
     }
-    if (closing.epsilon > 0.0 || contact.restitution == 0.0 || model.contacts.size() > 1) continue;
+    if (!ends_chatter || model.contacts.size() > 1) continue;
     see(now_.S_u);
     // What is left of a chatter that is completed is always of one sign, and in proportion to an
     // acceleration that may not be known. It is not taken for more than it can say: where gamma is
     // known almost as well already, it says nothing; nor where contacts may have wedged each other.
-    const double off = std::max(model.chatter_time, time_rounding * t);
-    const double left = off * off * (square(closing.gamma_rate) + variance(acceleration, now_));
     if (phi.squaredNorm() > remainder_tells * left) {
       condition(-gap_velocity(contact, now_.u, t), left, state.terms.speed, state);
     }
@@ -509,16 +523,21 @@ void TimingFilter::strike(ContactSet staying, ContactSet leaving, TimingState& s
   const auto decision = impact_.decide(before_impact_, now_.u, t, on_u_);
   if (decision == ActiveImpact::Decision::same) return;
   ++state.ambiguous_impacts;
-  add_unknown(on_u_);
+  add_unknown(on_u_, state);
   if (decision == ActiveImpact::Decision::as_reported) now_.u += on_u_;
 }
 
 // Velocities that are known up to N(0, 1) times this.
-void TimingFilter::add_unknown(const Eigen::VectorXd& on_u) {
+void TimingFilter::add_unknown(const Eigen::VectorXd& on_u, TimingState& state) {
   if (now_.columns == now_.S_q.cols()) columns_.merge(now_);
+  // Events may take away again what is added here: that is not the motion's energy.
+  const double before = is_homogeneous_ ? energy_of_motion() : 0.0;
   now_.S_q.col(now_.columns).setZero();
   now_.S_u.col(now_.columns) = on_u;
   ++now_.columns;
+  if (before > 0.0) {
+    state.log_left = std::min(state.log_left + std::log(energy_of_motion() / before), 0.0);
+  }
 }
 
 }  // namespace sprag

@@ -6,6 +6,7 @@
 #include <functional>
 #include <span>
 
+#include "sprag/estimation/force_terms.h"
 #include "sprag/estimation/timing_filter.h"
 #include "sprag/mechanics/scalars.h"
 
@@ -236,8 +237,13 @@ double TimingFilter::exact_margin(int contact, const Motion& motion, const Timin
   const bool held = contains(flow.locked(), contact);
   const Signal& signal = held ? flow.force(contact) : flow.gap(contact);
   const double of_columns = columns_.see(flow, signal, now_, phi_);
-  const double terms =
-      held ? std::max(of_columns, largest_terms(signal, motion)) : state.terms.length;
+  double terms = state.terms.length;
+  if (held) {
+    const Terms size = state.terms.of_coordinates(now_.q, now_.u, largest_w_);
+    terms =
+        std::max({of_columns, largest_terms(signal, motion),
+                  force_terms(flows_->dynamics(), contact, acceleration_[index(contact)], size)});
+  }
   return value(signal, motion) /
          std::hypot(phi_.head(now_.columns).norm(), measurement_rounding * terms);
 }

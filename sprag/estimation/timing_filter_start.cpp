@@ -38,6 +38,9 @@ void TimingFilter::start(const sprag::State& start, std::int64_t k, ContactSet c
   state.innovation = {};
   state.consistency = {};
   state.terms = {};
+  for (const Contact& contact : flows_->dynamics().model().contacts) {
+    state.terms.include(contact, start.q, start.u);
+  }
   state.last_report.setConstant(flows_->dynamics().contacts(), -infinity);
   state.bursts.setZero(flows_->dynamics().contacts());
   event_ = {};
@@ -142,7 +145,8 @@ void TimingFilter::judge(std::span<const ContactEvent> events, std::int64_t meas
     }
     return;
   }
-  if (!fits && (state.trusted || state.consistency.is_lost())) {
+  // On probation, too, where events had fitted since.
+  if (!fits && (state.trusted || state.consistency.is_lost() || state.fitted > 0)) {
     ++state.misfits;
     state.last = {state.motion.t.hi, events.back().contact, Suspicion::model,
                   state.consistency.largest};
