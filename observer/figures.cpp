@@ -1,5 +1,6 @@
 #include "observer/figures.h"
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -14,6 +15,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double nanosecond = 1e-9;
+constexpr std::int64_t heartbeat = 10'000'000;  // ns
+constexpr std::int64_t usual_medians = 4;
 
 Json quantiles(const Histogram& histogram, double unit) {
   const auto value = [unit](std::int64_t v) { return unit * static_cast<double>(v); };
@@ -40,6 +43,12 @@ void print_times(const char* what, const Histogram& histogram, std::ostream& out
 
 }  // namespace
 
+DelayedEvents delayed(const Histogram& event_latency) {
+  const std::int64_t usual = usual_medians * event_latency.quantile(0.5);
+  const std::int64_t after = std::max(heartbeat, usual);
+  return {after, event_latency.count_above(after)};
+}
+
 Json refused_by_cause(const ReceptionFigures& reception, const MessageCounts& messages) {
   Json refused = refusals(reception.refused, reception.bus);
   const auto add = [&refused](const char* cause, std::int64_t count) {
@@ -62,6 +71,10 @@ void to_json(const LiveFigures& figures, Json& report) {
   report["execution_s"] = quantiles(integration.execution, nanosecond);
   report["event_latency_s"] = quantiles(integration.event_latency, nanosecond);
   report["late_events"] = integration.late_events;
+  const DelayedEvents late = delayed(integration.event_latency);
+  report["delayed_events"] = {{"count", late.count},
+                              {"of_events", integration.event_latency.count()},
+                              {"latency_above_s", nanosecond * static_cast<double>(late.after)}};
   report["real_time"] = {{"losses", integration.real_time_losses},
                          {"lost_s", nanosecond * static_cast<double>(integration.real_time_lost)}};
   report["estimates_dropped"] = integration.estimates_dropped;
@@ -100,8 +113,15 @@ void print(const LiveFigures& figures, std::ostream& out) {
       << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
                          std::int64_t{0})
       << '\n';
-  out << "rollbacks " << figures.rollbacks.rollbacks << ", deepest "
-      << figures.rollbacks.depth.largest() << " ticks; sessions " << messages.sessions << '\n';
+  const DelayedEvents late = delayed(integration.event_latency);
+  out << "events reported after the tick of their time: " << integration.late_events << " of "
+      << figures.events.events << ", rollbacks for them: " << figures.rollbacks.rollbacks
+      << " (normal: a report follows its event), deepest " << figures.rollbacks.depth.largest()
+      << " ticks\n";
+  out << "events delayed by more than " << (late.after + 500'000) / 1'000'000
+      << " ms (not normal): " << late.count
+      << ", deeper than the history: " << figures.rollbacks.beyond_history << "; sessions "
+      << messages.sessions << '\n';
   if (messages.of_other_masters > 0) {
     out << "another master was on the channel: " << messages.of_other_masters
         << " messages of it were ignored\n";

@@ -25,7 +25,9 @@ struct IntegrationFigures {
   std::int64_t real_time_losses = 0;
   std::int64_t real_time_lost = 0;   ///< in all
   std::int64_t repaired_events = 0;  ///< that came by the repeats behind a lost message
-  std::int64_t late_events = 0;      ///< older than the estimate for now when they came
+  /// Older than the estimate for now when they came. Nothing is amiss with that: a report follows
+  /// its event, and the estimate has gone on meanwhile.
+  std::int64_t late_events = 0;
   std::int64_t estimates_dropped = 0;
   std::int64_t unsettled_ticks = 0;  ///< at the end
 };
@@ -49,6 +51,15 @@ struct LiveFigures {
   std::int64_t ticks = 0;   ///< settled and published
   std::int64_t unsent = 0;  ///< estimates that could not be sent
 };
+
+/// Events that came later than is usual in this run.
+struct DelayedEvents {
+  std::int64_t after = 0;  ///< an event with more latency than this is delayed [ns]
+  std::int64_t count = 0;
+};
+
+/// The limit is 4 times the median latency, but not less than 10 ms, a heartbeat of the master.
+DelayedEvents delayed(const Histogram& event_latency);
 
 /// Messages that were refused, by cause, as in the report.
 nlohmann::ordered_json refused_by_cause(const ReceptionFigures& reception,

@@ -22,6 +22,16 @@ class Histogram {
   std::int64_t count() const { return count_; }
   std::int64_t largest() const { return largest_; }
 
+  /// How many values lie in buckets above that of `value`.
+  std::int64_t count_above(std::int64_t value) const {
+    std::int64_t above = 0;
+    for (std::size_t i = bucket_of(std::max<std::int64_t>(value, 0)) + 1; i < buckets_.size();
+         ++i) {
+      above += buckets_[i];
+    }
+    return above;
+  }
+
   /// A value that a share `p` in [0, 1] of all values does not exceed; 0 of an empty histogram.
   std::int64_t quantile(double p) const {
     const double wanted = p * static_cast<double>(count_);

@@ -36,6 +36,16 @@ TEST(Histogram, QuantilesAreWithinABucketAboveTheTrueOnes) {
   }
 }
 
+TEST(Histogram, CountsValuesAboveTheBucketOfOne) {
+  Histogram histogram;
+  for (const std::int64_t value : {0, 3, 4, 1000, 1'000'000, 20'000'000}) histogram.add(value);
+  EXPECT_EQ(histogram.count_above(0), 5);
+  EXPECT_EQ(histogram.count_above(3), 4);
+  EXPECT_EQ(histogram.count_above(10'000'000), 1);
+  EXPECT_EQ(histogram.count_above(20'000'000), 0);
+  EXPECT_EQ(histogram.count_above(std::numeric_limits<std::int64_t>::max()), 0);
+}
+
 TEST(Histogram, SmallValuesAreExactAndTheLargestHasABucket) {
   for (std::int64_t value = 0; value < 32; ++value) {
     Histogram histogram;
