@@ -1,5 +1,6 @@
 #include "observer/confidence_record.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <ostream>
@@ -21,8 +22,9 @@ nlohmann::ordered_json numbers(const Eigen::VectorXd& values) {
   return list;
 }
 
-const char* advice(Suspicion suspicion) {
-  switch (suspicion) {
+const char* advice(const Inconsistency& last) {
+  if (last.known_loss) return "records before this event were lost.";
+  switch (last.suspicion) {
     case Suspicion::spurious_event:
       return "no contact was near: a spurious event?";
     case Suspicion::missing_event:
@@ -62,6 +64,12 @@ void ConfidenceRecord::conclude(const Confidence& confidence, double initial) {
   any_ = confidence.has_filter || (confidence.has_replica && std::isfinite(initial));
   initial_ = initial;
   last_ = confidence;
+}
+
+void ConfidenceRecord::take_penetration(double depth) {
+  ++ticks_in_full_;
+  if (depth > 0.0) ++penetrating_ticks_;
+  deepest_ = std::max(deepest_, depth);
 }
 
 void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream& out) {
@@ -135,11 +143,15 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   if (inconsistencies_.total > before && first_.size() < most_kept) first_.push_back(last);
   if (!told) return;
   out << "t = " << last.t << ", contact " << last.contact + 1 << ": ";
-  if (!confidence.has_replica && last.suspicion == Suspicion::missing_event) {
+  if (!confidence.has_replica && last.suspicion == Suspicion::missing_event && !last.known_loss) {
     out << "an event has not come that had to: a missing event? ";
   } else {
     out << (confidence.parameters.any() ? "the joint" : "the timing") << " filter does not fit, "
-        << advice(last.suspicion) << ' ';
+        << advice(last) << ' ';
+  }
+  if (const std::int64_t others = inconsistencies_.total - before - 1; others > 0) {
+    out << "In the same tick it did not fit " << others << (others == 1 ? " time" : " times")
+        << " before. ";
   }
   if (confidence.has_replica) {
     out << "The estimate is the replica's.\n";
@@ -167,6 +179,10 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
       json["last_closing"]["sigma_filter_gap"] = or_null(last_.filter.deviation);
     }
   }
+  if (ticks_in_full_ > 0) {
+    json["penetration"] = {
+        {"ticks", penetrating_ticks_}, {"of_ticks", ticks_in_full_}, {"deepest", deepest_}};
+  }
   if (!last_.has_filter) return;
   json["sigma_q"] = numbers(last_.sigma_q);
   json["sigma_u"] = numbers(last_.sigma_u);
@@ -186,6 +202,7 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
     list.push_back({{"t", one.t},
                     {"contact", one.contact + 1},
                     {"suspicion", name(one.suspicion)},
+                    {"known_loss", one.known_loss},
                     {"square_over_variance", or_null(one.square)}});
   }
 }
@@ -194,6 +211,11 @@ void ConfidenceRecord::print(std::ostream& out) const {
   if (!any_ || ticks_ == 0) return;
   if (last_.has_replica && std::isfinite(last_.bound)) {
     out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
+  }
+  if (penetrating_ticks_ > 0) {
+    out << "the estimate was inside a support at " << penetrating_ticks_ << " of " << ticks_in_full_
+        << " ticks, by " << deepest_
+        << " at most: the machine cannot be there; --states marks these ticks as `penetrating`\n";
   }
   if (!last_.has_filter) return;
   out << (last_.parameters.any() ? "joint filter: " : "timing filter: ");

@@ -25,6 +25,9 @@ class ConfidenceRecord {
     t_ = t;
   }
 
+  /// Notes the depth of a settled estimate inside a support [m], 0: it is inside none.
+  void take_penetration(double depth);
+
   /// The confidence of the last settled tick so far, in full; `initial` is B(0).
   void conclude(const Confidence& confidence, double initial);
 
@@ -59,6 +62,10 @@ class ConfidenceRecord {
   std::int64_t ticks_from_filter_ = 0;
   std::vector<Inconsistency> first_;  // a bounded number of them
   std::int64_t ticks_of_start_ = 0;   // whose own covariance was gone
+  // Of the settled estimates that were known in full: how many, how many of them penetrate, and
+  // the largest depth [m].
+  std::int64_t ticks_in_full_ = 0, penetrating_ticks_ = 0;
+  double deepest_ = 0.0;
   Told inconsistencies_, redundant_, refused_, forgotten_;
   Told identified_;
   double accepted_ = -1.0;              // what was told last

@@ -3,10 +3,15 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "sprag/estimation/penetration.h"
+#include "sprag/mechanics/scale.h"
+
 namespace sprag {
 
 Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history)
-    : contacts(static_cast<int>(scene.model.contacts.size())),
+    : supports(scene.model.contacts),
+      length(length_scale(scene.model, scene.replica)),
+      contacts(static_cast<int>(scene.model.contacts.size())),
       coordinates(scene.model.coordinates()),
       // A bound is the right model's.
       initial_bound(options.estimator == EstimatorKind::adaptive
@@ -28,6 +33,16 @@ void Estimation::note(const State& state, EstimateSample& sample) const {
   sample.t = tick_instant(state.tick, estimator.h()).hi;
   sample.closed = state.chi;
   estimator.note(state, sample.confidence);
+  name_known_loss(sample.confidence);
+}
+
+void Estimation::name_known_loss(Confidence& confidence) const {
+  Inconsistency& last = confidence.last;
+  if (last.suspicion == Suspicion::none) return;
+  // As many events as determine the state again.
+  last.known_loss =
+      time_line.events().lost_before(last.t, 2 * static_cast<std::size_t>(coordinates));
+  if (last.known_loss) last.suspicion = Suspicion::missing_event;
 }
 
 void Estimation::describe(const State& state, EstimateSample& sample) {
@@ -36,6 +51,12 @@ void Estimation::describe(const State& state, EstimateSample& sample) {
   const bool complete = time_line.complete_to(sample.t);
   estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
                        sample.confidence);
+  name_known_loss(sample.confidence);
+  // An adaptive filter has supports of its own.
+  const bool of_others = sample.confidence.parameters.any() && sample.confidence.from_filter;
+  sample.confidence.penetration =
+      of_others ? 0.0
+                : penetration(supports, sample.q, sample.t, sample.confidence.sigma_g, length);
 }
 
 void Estimation::to_json(nlohmann::ordered_json& report) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <vector>
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
@@ -32,6 +33,11 @@ struct Estimation {
   /// Adds "settled_tick" and "flow_path".
   void to_json(nlohmann::ordered_json& report);
 
+  /// The cause of the last inconsistency, where records before it are known to be lost.
+  void name_known_loss(Confidence& confidence) const;
+
+  std::vector<Contact> supports;
+  double length;  ///< length_scale() [m]
   int contacts;
   Eigen::Index coordinates;
   double initial_bound;  ///< B(0)

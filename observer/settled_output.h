@@ -51,6 +51,7 @@ class SettledOutput {
  private:
   double initial_bound_;
   std::vector<Output> outputs_;
+  bool says_penetrating_ = false;  // the states have that column
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
   std::vector<double> columns_;

@@ -183,6 +183,15 @@ void bind_estimates(py::module_& module) {
                                        self));
           },
           "Whether q and u are the timing filter's, n entries; else the replica's.")
+      .def_property_readonly(
+          "penetrating",
+          [](const py::object& self) {
+            const auto& flags = self.cast<const Estimates&>().penetrating;
+            return read_only(py::array(py::dtype::of<bool>(),
+                                       {static_cast<py::ssize_t>(flags.size())}, {1}, flags.data(),
+                                       self));
+          },
+          "Whether q lies inside a support, where the machine cannot be, n entries.")
       .def_readonly("keys", &Estimates::keys,
                     "Of an adaptive observer: the parameters that it seeks, as the scene file "
                     "names them, P of them.")
@@ -226,6 +235,8 @@ void bind_observer(py::module_& module) {
       .def_readonly("settled", &Estimate::settled, "Whether it never changes any more.")
       .def_readonly("of_filter", &Estimate::of_filter,
                     "Whether q and u are the timing filter's; else the replica's.")
+      .def_readonly("penetrating", &Estimate::penetrating,
+                    "Whether q lies inside a support, where the machine cannot be.")
       .def_property_readonly("sigma_q", array_property(&Estimate::sigma_q),
                              "Standard deviations of q, f entries; none without a timing filter.")
       .def_property_readonly("sigma_u", array_property(&Estimate::sigma_u),

@@ -39,6 +39,8 @@ struct Inconsistency {
   int contact = 0;  ///< from 0
   Suspicion suspicion = Suspicion::none;
   double square = 0.0;  ///< of the innovation, over the variance that it should have
+  /// Records before this event are known to be lost, as the numbers of the messages say.
+  bool known_loss = false;
 };
 
 /// Contacts that were reported closed while others already held their directions.
@@ -64,6 +66,7 @@ struct Confidence {
   bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
   bool has_filter = false;   ///< a timing filter runs: all the rest is its own
   bool from_filter = false;  ///< the estimate that goes with this is the filter's
+  double penetration = 0.0;  ///< depth of the estimate inside a support [m] (penetration.h)
   double bound = std::numeric_limits<double>::infinity();  ///< V of the replica is at most this
   Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
   Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]

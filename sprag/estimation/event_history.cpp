@@ -80,6 +80,18 @@ void EventHistory::degrade(double from, double to) {
   }
 }
 
+bool EventHistory::lost_before(double t, std::size_t events) const {
+  const auto earlier = [](double time, const ContactEvent& event) { return time < event.t; };
+  for (auto interval = degraded_.rbegin(); interval != degraded_.rend(); ++interval) {
+    if (interval->start != start_) return false;
+    if (interval->from > t) continue;
+    const auto first = std::upper_bound(events_.begin(), events_.end(), interval->to, earlier);
+    const auto last = std::upper_bound(first, events_.end(), t, earlier);
+    return static_cast<std::size_t>(last - first) <= events;
+  }
+  return false;
+}
+
 void EventHistory::lose(const ContactMessage& message) {
   counts_.lost_records += std::max<std::int64_t>(message.records_total - next_record_, 0);
   if (message.horizon > horizon_) degrade(last_t_, message.horizon);

@@ -75,6 +75,10 @@ class EventHistory {
   /// at all.
   double complete_to() const { return complete_to_; }
 
+  /// Whether records before time t are known to be lost: in a degraded interval of this start that
+  /// holds t, or after whose end at most `events` events have come up to t.
+  bool lost_before(double t, std::size_t events) const;
+
   /// Number of the record that comes next.
   std::int64_t next_record() const { return next_record_; }
   /// Drops the first n events.

@@ -24,6 +24,7 @@ void resize(Eigen::Index n, const Estimate& first, Estimates& all) {
   all.sigma_outputs.resize(n, first.sigma_outputs.size());
   all.bound.resize(n);
   all.of_filter.resize(static_cast<std::size_t>(n));
+  all.penetrating.resize(static_cast<std::size_t>(n));
   all.parameters.resize(n, first.parameters.values.size());
   all.sigma_parameters.resize(n, first.parameters.sigmas.size());
   if (first.parameters.any()) all.keys = *first.parameters.keys;
@@ -96,6 +97,7 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
       all.sigma_outputs.row(k) = estimate.sigma_outputs;
       all.bound[k] = estimate.bound;
       all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
+      all.penetrating[static_cast<std::size_t>(k)] = estimate.penetrating ? 1 : 0;
       ++k;
     }
   }

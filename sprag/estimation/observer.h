@@ -31,11 +31,12 @@ namespace sprag {
 /// What an observer says of one tick. f coordinates, m contacts, in the scene's units.
 struct Estimate {
   std::int64_t tick = 0;
-  double t = 0.0;          ///< tick h [s]
-  Eigen::VectorXd q, u;    ///< f entries each
-  ContactSet closed = 0;   ///< chi: bit i for contact i, as reported
-  bool settled = false;    ///< it never changes: every event up to t was taken
-  bool of_filter = false;  ///< q and u are a filter's; else the replica's
+  double t = 0.0;            ///< tick h [s]
+  Eigen::VectorXd q, u;      ///< f entries each
+  ContactSet closed = 0;     ///< chi: bit i for contact i, as reported
+  bool settled = false;      ///< it never changes: every event up to t was taken
+  bool of_filter = false;    ///< q and u are a filter's; else the replica's
+  bool penetrating = false;  ///< q lies inside a support, where the machine cannot be
   /// Standard deviations of q, u (f entries each) and of the gaps (m entries); infinite where
   /// nothing is known, empty without a timing filter.
   Eigen::VectorXd sigma_q, sigma_u, sigma_gap;
@@ -100,6 +101,7 @@ struct Estimates {
   Rows outputs, sigma_outputs;          ///< n x the model's outputs
   Eigen::VectorXd bound;                ///< n entries
   std::vector<std::uint8_t> of_filter;  ///< n entries, 0 or 1
+  std::vector<std::uint8_t> penetrating;  ///< n entries, 0 or 1
   /// Of an adaptive observer: the parameters that it seeks, P of them, as the scene file names
   /// them, with their values and standard deviations, n x P; infinite until they are found.
   std::vector<std::string> keys;

@@ -14,8 +14,10 @@
 
 #include "sprag/estimation/confidence.h"
 #include "sprag/estimation/observer.h"
+#include "sprag/estimation/penetration.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/scalars.h"
+#include "sprag/mechanics/scale.h"
 
 namespace sprag {
 
@@ -40,7 +42,9 @@ class ObserverCore final : public Observer::Core {
 
   ObserverCore(const Scene& scene, const ObserverSettings& settings, double bound,
                Between between = {})
-      : contacts_(static_cast<int>(scene.model.contacts.size())),
+      : supports_(scene.model.contacts),
+        length_(length_scale(scene.model, scene.replica)),
+        contacts_(static_cast<int>(scene.model.contacts.size())),
         outputs_(scene.model.outputs),
         estimator_(scene, settings.tick, settings.estimator, settings.stepper),
         time_line_(estimator_, contacts_, scene.replica, history),
@@ -171,6 +175,10 @@ class ObserverCore final : public Observer::Core {
     estimate.closed = state.chi;
     estimate.settled = settled;
     estimate.of_filter = confidence_.from_filter;
+    // An adaptive filter has supports of its own.
+    estimate.penetrating =
+        !(confidence_.parameters.any() && confidence_.from_filter) &&
+        penetration(supports_, q_, estimate.t, confidence_.sigma_g, length_) > 0.0;
     estimate.sigma_q = confidence_.sigma_q;
     estimate.sigma_u = confidence_.sigma_u;
     estimate.sigma_gap = confidence_.sigma_g;
@@ -189,6 +197,8 @@ class ObserverCore final : public Observer::Core {
     return estimate;
   }
 
+  std::vector<Contact> supports_;
+  double length_;
   int contacts_;
   std::vector<Output> outputs_;
   E estimator_;

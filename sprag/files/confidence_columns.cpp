@@ -87,7 +87,7 @@ bool is_column_of_states(std::string_view name) {
   constexpr std::string_view words[] = {
       "k",           "t",          "B",           "closing_t",       "closing_contact",
       "replica_gap", "filter_gap", "from_filter", "inconsistencies", "accepted",
-      "smoothed"};
+      "smoothed",    "penetrating"};
   if (std::find(std::begin(words), std::end(words), name) != std::end(words)) return true;
   if (name.starts_with("sigma_")) return true;
   // Of gaps there are the sigmas.

@@ -109,7 +109,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBi
   EXPECT_EQ(header,
             "k,t,q1,q2,q3,u1,u2,u3,B,sigma_q1,sigma_q2,sigma_q3,sigma_u1,sigma_u2,sigma_u3,"
             "sigma_g1,closing_t,closing_contact,replica_gap,filter_gap,sigma_filter_gap,"
-            "from_filter,inconsistencies");
+            "from_filter,inconsistencies,penetrating");
 }
 
 // The result of an identification counts from the same tick on, however long it takes.

@@ -64,6 +64,27 @@ TEST(EventHistory, TakesEveryRecordOnceHoweverReportsAreLostDoubledAndReordered)
   }
 }
 
+TEST(EventHistory, KnowsWhetherRecordsBeforeATimeAreLost) {
+  EventHistory history = started();
+  history.add(report_of({{1.0, 0, pulse}}, 1, 1.5, 0));
+  EXPECT_FALSE(history.lost_before(1.0, 4));
+  // Records 2 to 9 are lost.
+  history.add(report_of({{5.0, 0, pulse}, {6.0, 0, pulse}, {7.0, 0, pulse}}, 12, 8.0, 0));
+  EXPECT_FALSE(history.lost_before(1.2, 4)) << "before the gap";
+  EXPECT_TRUE(history.lost_before(3.0, 0)) << "within the gap";
+  EXPECT_TRUE(history.lost_before(5.0, 0)) << "the event that ends it";
+  EXPECT_FALSE(history.lost_before(6.0, 0));
+  EXPECT_TRUE(history.lost_before(6.0, 1));
+  EXPECT_TRUE(history.lost_before(7.0, 2));
+  EXPECT_FALSE(history.lost_before(7.0, 1));
+  // A second gap, soon after.
+  history.add(report_of({{20.0, 0, pulse}}, 30, 20.0, 0));
+  EXPECT_TRUE(history.lost_before(20.0, 0));
+  EXPECT_FALSE(history.lost_before(7.0, 1));
+  history.restart(30, 0, 20.0);
+  EXPECT_FALSE(history.lost_before(21.0, 100)) << "a new start has lost nothing";
+}
+
 TEST(EventHistory, AnEventAtZeroIsTaken) {
   EventHistory history = started();
   EXPECT_TRUE(history.add(ContactEvent{0.0, 0, closes}));
