@@ -145,6 +145,30 @@ TEST_F(PlotTest, AGapIsTheScenesAndItsBandTwoSigma) {
   EXPECT_EQ(of.to, 0.9);
 }
 
+TEST_F(PlotTest, AnEstimateInsideASupportIsDashed) {
+  const std::string text =
+      "k,t,q1,u1,sigma_q1,penetrating\n0,0,1,2,inf,0\n1,1,-1,2,inf,1\n2,2,-2,2,inf,1\n"
+      "3,3,3,2,1,0\n4,4,4,2,1,0\n";
+  const Panel panel = figure({file("o.csv", text)}).panels.at(0);
+  ASSERT_EQ(panel.curves.size(), 2u);
+  const Curve& outside = panel.curves[0];
+  const Curve& inside = panel.curves[1];
+  EXPECT_EQ(outside.title, "o");
+  EXPECT_EQ(outside.line, Line::solid);
+  EXPECT_EQ(inside.title, "o, inside a support");
+  EXPECT_EQ(inside.line, Line::dashed);
+  EXPECT_EQ(inside.colour, outside.colour);
+  for (const std::size_t i : {1u, 2u}) EXPECT_TRUE(std::isnan(outside.y[i])) << i;
+  EXPECT_EQ(outside.y[0], 1.0);
+  EXPECT_EQ(outside.y[3], 3.0);
+  // The dashes reach the points beside them.
+  for (const std::size_t i : {0u, 1u, 2u, 3u}) EXPECT_FALSE(std::isnan(inside.y[i])) << i;
+  EXPECT_TRUE(std::isnan(inside.y[4]));
+  const std::string never =
+      file("p.csv", "k,t,q1,u1,sigma_q1,penetrating\n0,0,1,2,1,0\n1,1,1,2,1,0\n");
+  EXPECT_EQ(figure({never}).panels.at(0).curves.size(), 1u);
+}
+
 TEST_F(PlotTest, ARunKeepsItsColour) {
   const std::string machine = file("m.csv", "k,t,q1,u1\n0,0,1,2\n1,1,1,2\n");
   const std::string a = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,1\n1,1,1,2,1\n");

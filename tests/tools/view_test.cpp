@@ -215,6 +215,31 @@ TEST(Watch, OfAReplicaNoDeviationsAreShown) {
   EXPECT_TRUE(std::isnan(watch.curves(0, {0.0, 1.0, 10}).estimate.values[0][0]));
 }
 
+// c = 0.1: the gap is 0.1 + q2.
+TEST(Watch, AnEstimateInsideASupportIsMarked) {
+  Watch watch(two_carriages());
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  const std::vector<double> q{0.1, -0.05, -0.3, -0.2, 0.1, 0.2, -0.4};
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    EstimateSample sample = estimate_at(static_cast<std::int64_t>(k) + 1, q[k], infinity);
+    sample.confidence.from_filter = false;
+    watch.take_settled(sample, {static_cast<std::int64_t>(k), 0});
+    EXPECT_NEAR(watch.frame(8).penetration, std::max(-0.1 - q[k], 0.0), 1e-15);
+  }
+  const std::vector<Closure> inside = watch.curves(0, {0.0, 1.0, 1000}).penetrating;
+  ASSERT_EQ(inside.size(), 2U);
+  EXPECT_EQ(inside[0].from, 0.03);
+  EXPECT_EQ(inside[0].to, 0.05);
+  EXPECT_EQ(inside[1].from, 0.07);
+  EXPECT_EQ(inside[1].to, infinity) << "still";
+  // A new session has been inside nothing.
+  ContactMessage other = contacts_at(0.0, 1);
+  for (other.session = 9; other.sequence < 5; ++other.sequence) {
+    watch.take(other, {2 * second + other.sequence, 0});
+  }
+  EXPECT_TRUE(watch.curves(0, {0.0, 1.0, 1000}).penetrating.empty());
+}
+
 TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
   Watch watch(two_carriages());
   EXPECT_EQ(watch.frame(0).badge, Badge::waiting);

@@ -91,6 +91,26 @@ class Colours {
   std::map<std::string, Colour> of_;
 };
 
+// Parts a curve in two: where its estimate was inside a support, which the column `penetrating`
+// says, the line is dashed. Both have the points between them.
+void add_parted(Curve curve, const std::vector<double>& penetrating, Panel& panel) {
+  Curve inside{curve.title + ", inside a support", curve.colour, Line::dashed, curve.t, curve.y};
+  const std::size_t n = curve.y.size();
+  const auto is_inside = [&](std::size_t i) { return penetrating[i] > 0.5; };
+  bool any = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool beside = (i > 0 && is_inside(i - 1)) || (i + 1 < n && is_inside(i + 1));
+    any = any || is_inside(i);
+    if (is_inside(i)) {
+      curve.y[i] = nan;
+    } else if (!beside) {
+      inside.y[i] = nan;
+    }
+  }
+  panel.curves.push_back(std::move(curve));
+  if (any) panel.curves.push_back(std::move(inside));
+}
+
 // A column with its band, as one run's part of a panel.
 void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
                std::vector<double> y, const std::vector<double>* sigma, Panel& panel) {
@@ -104,7 +124,13 @@ void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
     panel.bands.push_back(std::move(band));
   }
   const Line line = is_estimate(table) ? Line::solid : Line::thick;
-  panel.curves.push_back({table.label, colour, line, t, std::move(y)});
+  Curve curve{table.label, colour, line, t, std::move(y)};
+  const std::vector<double>* penetrating = table.column("penetrating");
+  if (penetrating != nullptr) {
+    add_parted(std::move(curve), *penetrating, panel);
+  } else {
+    panel.curves.push_back(std::move(curve));
+  }
 }
 
 std::vector<double> gap_over_time(const Table& states, const Contact& contact) {

@@ -57,6 +57,7 @@ struct Frame {
   std::optional<std::int64_t> session;
   Badge badge = Badge::waiting;
   bool from_filter = false;
+  double penetration = 0.0;  ///< depth of the estimate inside a support [m]; 0: it is inside none
   EstimatorShown estimator = EstimatorShown::unknown;
   std::optional<Shown> now;      ///< the estimate for now, provisional
   std::optional<Shown> settled;  ///< the last tick that is final
@@ -86,6 +87,7 @@ struct Curves {
   Rows energy;                                 ///< V
   Rows bound;                                  ///< B
   std::vector<std::vector<Closure>> closures;  ///< by contact
+  std::vector<Closure> penetrating;            ///< when the settled estimate was inside a support
   std::vector<Suspect> suspects;
 };
 

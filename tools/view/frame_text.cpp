@@ -131,6 +131,7 @@ void put_frame(const Frame& frame, JsonText& to) {
   }
   to.member("badge", name(frame.badge));
   to.member("from_filter", frame.from_filter);
+  to.member("penetration", frame.penetration);
   to.member("estimator", name(frame.estimator));
   put("now", frame.now, to);
   put("settled", frame.settled, to);
@@ -200,6 +201,13 @@ void put_curves(const Curves& curves, const Watch& watch, std::pair<double, doub
       to.value(closure.to);
     }
     to.close(']');
+  }
+  to.close(']');
+  to.key("penetrating");
+  to.open('[');
+  for (const Closure& stretch : curves.penetrating) {
+    to.value(stretch.from);
+    to.value(stretch.to);
   }
   to.close(']');
   to.key("suspects");

@@ -5,6 +5,9 @@
 #include <iterator>
 #include <utility>
 
+#include "sprag/estimation/penetration.h"
+#include "sprag/mechanics/scale.h"
+
 namespace sprag::view {
 namespace {
 
@@ -84,10 +87,12 @@ Watch::Watch(const Scene& scene, Freshness freshness)
       machine_(scene),
       quantities_(quantities_of(scene.model)),
       f_(scene.model.coordinates()),
+      length_(length_scale(scene.model, scene.replica)),
       tracker_(freshness),
       freshness_(freshness),
       events_(static_cast<int>(scene.model.contacts.size()), usual_events),
       raster_(scene.model.contacts.size()),
+      penetrating_(1),
       pairing_(scene.model, pairing_window(f_)),
       estimates_(3 * without_outputs(quantities_), history_memory),
       outputs_(3 * scene.model.outputs.size(), history_memory),
@@ -114,6 +119,7 @@ void Watch::begin(std::int64_t session) {
     history->clear();
   }
   raster_.clear();
+  penetrating_.clear();
   suspects_.clear();
   provisional_.clear();
   truth_.clear();
@@ -145,6 +151,7 @@ void Watch::take(const ContactMessage& message, const Arrival& arrival) {
   const bool back =
       message.horizon < events_.horizon() || message.records_total < events_.next_record();
   if (verdict == SessionTracker::Verdict::resumes && back) {
+    begin(message.session);  // histories hold times that rise
     events_.restart(message.records_total, message.closed, message.horizon);
     raster_.correct(message.closed, message.horizon);
   }
@@ -197,6 +204,12 @@ std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
   return row;
 }
 
+// Messages do not carry it. An adaptive filter has supports of its own.
+double Watch::penetration_of(const EstimateSample& sample) const {
+  if (parameters_ && sample.confidence.from_filter) return 0.0;
+  return penetration(scene_.model.contacts, sample.q, sample.t, sample.confidence.sigma_g, length_);
+}
+
 void Watch::take_estimate(const EstimateSample& sample, const Arrival& arrival) {
   if (!fits(sample, false) || !follows(sample.session, sample.utime, arrival)) return;
   const bool newer = !latest_ || sample.t >= latest_->t ||
@@ -237,6 +250,10 @@ void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
     add_outputs(sample.t, values, std::span(sigmas.data(), values.size()));
   }
   settled_ = sample;
+  const bool inside = penetration_of(sample) > 0.0;
+  if (inside != penetrating_.closed(0)) {
+    penetrating_.add({sample.t, 0, inside ? ContactEventKind::closes : ContactEventKind::opens});
+  }
   provisional_.erase(provisional_.begin(), provisional_.upper_bound(sample.t));
   const Inconsistency& last = sample.confidence.last;
   inconsistencies_ = sample.confidence.inconsistencies;
@@ -356,6 +373,7 @@ Frame Watch::frame(std::int64_t now) const {
   if (estimate != nullptr) {
     const Confidence& confidence = estimate->confidence;
     frame.from_filter = confidence.from_filter;
+    frame.penetration = penetration_of(*estimate);
     frame.estimator = parameters_                                       ? EstimatorShown::adaptive
                       : confidence.has_replica && confidence.has_filter ? EstimatorShown::both
                       : confidence.has_filter                           ? EstimatorShown::timing
@@ -429,6 +447,7 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
     }
   }
   curves.closures = raster_.thinned(window);
+  curves.penetrating = penetrating_.thinned(window).front();
   for (const Suspect& suspect : suspects_) {
     if (suspect.t >= window.from && suspect.t <= window.to) curves.suspects.push_back(suspect);
   }

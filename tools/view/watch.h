@@ -73,6 +73,7 @@ class Watch {
                   double t) const;
   void add_outputs(double t, std::span<const double> values, std::span<const double> sigmas);
   std::vector<double> estimate_row(const EstimateSample& sample) const;
+  double penetration_of(const EstimateSample& sample) const;
   void add_energy(const SyncRow* row);
   const EstimateSample* shown_estimate() const;
   const StateSample* nearest_truth(double t) const;
@@ -82,12 +83,14 @@ class Watch {
   DrawnMachine machine_;
   std::vector<Quantity> quantities_;
   Eigen::Index f_;
+  double length_;  // length_scale() [m]
 
   SessionTracker tracker_;
   FreshnessRule freshness_;
   std::optional<std::int64_t> session_;
   EventHistory events_;
   Raster raster_;
+  Raster penetrating_;  // one row: when the settled estimate was inside a support
   std::deque<Suspect> suspects_;
   Pairing pairing_;
 

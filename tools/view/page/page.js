@@ -277,11 +277,14 @@
 
     if (shown.estimate) {
       c.strokeStyle = c.fillStyle = style.estimate;
+      // Inside a support, where the machine cannot be.
+      if (frame.penetration > 0) c.globalAlpha = 0.4;
       const ys = shown.estimate.map(Y);
       c.lineWidth = beam ? 4 : 1.5;
       polyline(c, xs, ys);
       c.stroke();
       if (!beam && few) xs.forEach((x, i) => { c.beginPath(); c.arc(x, ys[i], 7, 0, 7); c.fill(); });
+      c.globalAlpha = 1;
     }
     if (shown.truth) {
       c.strokeStyle = style.ink;
@@ -346,6 +349,22 @@
     c.restore();
   }
 
+  // Behind the curves: when the estimate was inside a support, where the machine cannot be.
+  function shadePenetration(c, area, chart) {
+    const curves = sprag.curves;
+    if (!curves) return;
+    c.save();
+    c.globalAlpha = 0.22;
+    c.fillStyle = style.suspect;
+    for (let k = 0; k < curves.penetrating.length; k += 2) {
+      const end = curves.penetrating[k + 1] === null ? curves.last : curves.penetrating[k + 1];
+      const from = Math.max(area.x, chart.toDomXCoord(curves.penetrating[k]));
+      const to = Math.min(area.x + area.w, chart.toDomXCoord(end));
+      if (to > from) c.fillRect(from, area.y, to - from, area.h);
+    }
+    c.restore();
+  }
+
   function makeCharts() {
     // Its legend sets styles in a way that the policy of this page forbids; there is another one below.
     Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
@@ -362,7 +381,7 @@
     });
     curveChart = new Dygraph(byId("curve-chart"), [[0, [null, null, null], [null, null, null]]], Object.assign({
       labels: ["t", "estimate", "machine"], customBars: true, axes: axes({}), dateWindow: [0, 20],
-      plotter: [plotBand, Dygraph.Plotters.linePlotter],
+      plotter: [plotBand, Dygraph.Plotters.linePlotter], underlayCallback: shadePenetration,
       series: { estimate: { strokeWidth: 2 }, machine: { strokeWidth: 1.6, strokePattern: [7, 4] } },
     }, common));
     energyChart = new Dygraph(byId("energy-chart"), [[0, null, null]], Object.assign({
@@ -464,6 +483,7 @@
     energyChart.updateOptions({ file: energies, dateWindow, valueRange });
     applying = false;
     drawRaster(curves);
+    byId("inside-legend").hidden = curves.penetrating.length === 0;
     document.querySelectorAll('[data-of="truth"]').forEach((e) => { e.hidden = truth.t.length === 0 && energy.t.length === 0; });
     document.querySelector('[data-of="bound"]').hidden = !bound.B.some((B) => B !== null);
   }
@@ -522,6 +542,7 @@
   function words(frame) {
     let text = whose[frame.badge];
     if (frame.badge === "free") text = "running free: no contacts are heard (" + (frame.from_filter ? "filter" : "replica") + ")";
+    if (frame.penetration > 0 && frame.badge !== "waiting") text += ", inside a support by " + short(frame.penetration) + " m";
     if (sprag.over) text = "the recording is over";
     put(byId("badge"), text);
     byId("badge").dataset.badge = frame.badge;
@@ -534,6 +555,7 @@
     const main = byId("sprag").dataset;
     main.session = frame.session || "";
     main.badge = frame.badge;
+    main.penetration = frame.penetration;
     if (frame.settled) {
       main.tick = frame.settled.tick;
       main.t = frame.settled.t;
@@ -626,8 +648,8 @@
     counted("missed_deadlines", "ticks that were late");
     counted("real_time_losses", "times real time was lost", true);
     counted("events", "events");
-    counted("late_events", "late events");
-    counted("rollbacks", "rollbacks");
+    counted("late_events", "of them reported after their tick (normal)");
+    counted("rollbacks", "rollbacks for them (normal)");
     counted("lost_events", "lost events", true);
     counted("skipped_events", "impossible events", true);
     counted("inconsistencies", "inconsistencies", true);
