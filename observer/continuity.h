@@ -67,10 +67,11 @@ class Continuity {
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
   static constexpr int enough = 3;
-  static constexpr double fastest = 1e9;           // simulated s per s
-  static constexpr double largest_step = 10.0;     // s, of a master's clock
-  static constexpr double most_at_once = 1e6;      // messages or records
-  static constexpr double most_in_a_second = 1e7;  // of them
+  static constexpr double fastest = 1e9;            // simulated s per s
+  static constexpr double largest_step = 10.0;      // s, by which a master's clock may run ahead
+  static constexpr double largest_step_back = 0.5;  // s; a longer one is not waited for
+  static constexpr double most_at_once = 1e6;       // messages or records
+  static constexpr double most_in_a_second = 1e7;   // of them
   static constexpr std::int64_t largest_number = std::int64_t{1} << 52;
 
   struct Known {
@@ -100,7 +101,7 @@ class Continuity {
       // An old number is that of an old message.
       return message.horizon > known.horizon ? Oddity::number : Oddity::none;
     }
-    const double back = paced ? known.speed * largest_step : 0.0;
+    const double back = paced ? known.speed * largest_step_back : 0.0;
     if (message.horizon < known.horizon - back) return Oddity::time;
     return message.records_total < known.records ? Oddity::records : Oddity::none;
   }

@@ -19,7 +19,13 @@ std::int64_t sent(const ContactMessage& message, const Arrival& arrival) {
 
 void MasterClock::observe(const ContactMessage& message, const Arrival& arrival) {
   const std::int64_t at = sent(message, arrival);
-  if (!heard_ || message.speed != speed_) {
+  const bool is_next = !heard_ || message.sequence > last_number_;
+  const bool set_back = heard_ && is_next && message.horizon < last_horizon_;
+  if (is_next) {
+    last_number_ = message.sequence;
+    last_horizon_ = message.horizon;
+  }
+  if (!heard_ || set_back || message.speed != speed_) {
     heard_ = true;
     speed_ = message.speed;
     horizon_ = message.horizon;

@@ -2,6 +2,8 @@
 // its wall clock showed when they were sent. Where that makes a delay of 0 to 1 s the delay is
 // taken off; else the clocks disagree, and it counts as none. Of the last seconds the message that
 // is the furthest ahead counts (the lower envelope of the delays), so that jitter does not matter.
+// A horizon that is lower than that of an earlier message says that the machine's clock was set
+// back: the messages before do not count any more.
 //
 // A master's clock that is ahead by delta <= 1 s puts "now" behind by the least delay or
 // speed delta, whichever is less; one that is behind by delta puts it ahead by speed delta. Settled
@@ -37,6 +39,9 @@ class MasterClock {
   bool heard_ = false;
   double speed_ = 1.0;
   double horizon_ = 0.0;
+  // Of the message with the largest number: number and horizon.
+  std::int64_t last_number_ = 0;
+  double last_horizon_ = 0.0;
   std::int64_t epoch_ = 0;  // local time of the first message: keeps the numbers small
   std::int64_t window_start_ = 0;
   double best_ = 0.0;           // largest horizon - speed (sent - epoch) of this window

@@ -114,7 +114,8 @@ void RealTimeLoop::take(const Heard& heard) {
       resume(heard);
       return;
     case SessionTracker::Verdict::continues:
-      stands_still_ = message.horizon > time_line_.events().horizon() ? 0 : stands_still_ + 1;
+      stands_still_ = message.horizon == last_horizon_ ? stands_still_ + 1 : 0;
+      last_horizon_ = message.horizon;
       if (stands_still_ == messages_at_the_end && paced()) {
         announce(Announcement::Kind::end_of_run);
       }
@@ -144,6 +145,7 @@ void RealTimeLoop::start_again(const Heard& heard) {
   end_loss(first_heard_);
   pace_ = Pace::catching_up;
   stands_still_ = 0;
+  last_horizon_ = heard.message.horizon;
   reached_ = time_line_.now() - 1;
   corrected_ = false;
 }

@@ -87,7 +87,8 @@ class RealTimeLoop {
   MasterClock clock_;
   SessionTracker sessions_;
   std::int64_t first_heard_ = 0, last_heard_ = 0;
-  int stands_still_ = 0;    // messages in a row whose horizon did not rise
+  int stands_still_ = 0;  // messages in a row with the same horizon
+  double last_horizon_ = 0.0;
   bool corrected_ = false;  // the last tick reached, since it was sent
   std::int64_t corrected_rollbacks_ = 0;
   std::int64_t reached_ = -1;

@@ -203,7 +203,7 @@ TEST_P(ClockStepTest, IsFollowedWithinASecondAndSaid) {
   expect_live_as_replay(scene("paper_beam"), {"--tick", "0.01"});
 }
 
-INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, 1e6),
+INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, -3.0, 1e6),
                          [](const auto& step) {
                            return std::string(step.param < 0.0 ? "Back" : "Ahead") +
                                   std::to_string(std::abs(static_cast<int>(step.param)));

@@ -96,6 +96,22 @@ TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
   }
 }
 
+// A step back that would be over within half a second is waited for; a longer one is followed.
+TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
+  for (const double step : {-3.0, -1.0, -9.0}) {
+    t_ = 100.0;
+    start(200);
+    t_ += step * speed_;
+    Verdict last;
+    EXPECT_EQ(refused(last), 2) << step;
+    EXPECT_EQ(last, Verdict::resumes);
+    EXPECT_EQ(continuity_.oddity(), Oddity::time);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+  t_ -= 0.2 * speed_;
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+}
+
 TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
   start(200);
   t_ += 3600.0 * speed_;

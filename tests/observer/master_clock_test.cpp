@@ -99,6 +99,35 @@ TEST(MasterClock, ASilentNetworkChangesNothing) {
   EXPECT_NEAR(clock.simulated(now), network.truth(now), 2e-3);
 }
 
+// The machine's clock is set back by 3 s, or by less than a tracker takes for a jump; messages
+// still come late and out of order.
+TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
+  for (const double step : {-3.0, -0.3, -0.05}) {
+    SCOPED_TRACE(step);
+    Random random(7);
+    Network network{2.0, 100.0};
+    MasterClock clock;
+    const std::int64_t stepped = boot + 5 * second;
+    std::int64_t number = 0;
+    std::vector<std::pair<Transmission, ContactMessage>> sent;
+    for (std::int64_t at = boot; at < stepped + 4 * second; at += 10 * millisecond) {
+      if (at == stepped) network.offset += step * network.speed;
+      ContactMessage report = report_at(network.truth(at), network.speed);
+      report.sequence = ++number;
+      sent.push_back({{at, at + random.integer(1'000'000, 30'000'000)}, report});
+    }
+    std::stable_sort(sent.begin(), sent.end(),
+                     [](const auto& a, const auto& b) { return a.first.at < b.first.at; });
+    for (const auto& [way, report] : sent) {
+      clock.observe(report, heard_at(way.at));
+      if (way.at < stepped + 200 * millisecond) continue;
+      const double behind = network.truth(way.at) - clock.simulated(way.at);
+      EXPECT_GE(behind, -rounding);
+      EXPECT_LE(behind, network.speed * 35e-3);
+    }
+  }
+}
+
 TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
   Random random(3);
   Network network{2.0};
