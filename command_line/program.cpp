@@ -11,6 +11,7 @@
 
 #include "command_line/printable.h"
 #include "command_line/signals.h"
+#include "command_line/standard_files.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/output_file.h"
 #include "sprag/files/scene_file.h"
@@ -321,6 +322,7 @@ CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value
 
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run) {
+  open_standard_files();
   const Signals signals(app.get_name());
   const PrintableStream messages(std::cerr);
   try {

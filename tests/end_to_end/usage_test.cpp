@@ -103,6 +103,43 @@ TEST_F(UsageTest, TheMoreauStepperIsTheReplicas) {
             read_text(replay(beam_, events, more + replica + Arguments{"--stepper", "exact"})));
 }
 
+// With a standard file closed at its start a program does not write its messages into the first
+// file that it opens.
+TEST_F(UsageTest, MessagesDoNotGoIntoOutputsWhereStandardFilesAreClosed) {
+  const std::string events = simulate(beam_, "5", "0.1");
+  const std::string scene_file = scene("paper_beam");
+  int run_number = 0;
+  const auto expect_same = [&](const std::string& program, const Arguments& arguments,
+                               const std::vector<std::string>& outputs) {
+    std::vector<std::string> expected;
+    for (const char* closed : {"", "2>&-", "1>&-", "<&-", "<&- 1>&-", "<&- 1>&- 2>&-"}) {
+      SCOPED_TRACE(program + ' ' + closed);
+      Arguments command{"/bin/sh", "-c", std::string("exec \"$0\" \"$@\" ") + closed, program};
+      command = command + arguments;
+      std::vector<std::string> files;
+      for (const std::string& option : outputs) {
+        files.push_back(file("closed" + std::to_string(run_number++)));
+        command = command + Arguments{option, files.back()};
+      }
+      EXPECT_EQ(end_of(start_command(command)).code, 0);
+      for (std::size_t i = 0; i < files.size(); ++i) {
+        const std::string text = read_text(files[i]);
+        EXPECT_GT(text.size(), 20U);
+        if (*closed == '\0') {
+          expected.push_back(text);
+        } else {
+          EXPECT_EQ(text, expected[i]) << outputs[i];
+        }
+      }
+    }
+  };
+  expect_same(OBSERVER, {scene_file, "--replay", events, "--duration", "6", "--tick", "0.01"},
+              {"--states", "--events", "--impacts", "--report"});
+  expect_same(MASTER_SIM,
+              {scene_file, "--no-lcm", "--speed", "max", "--duration", "5", "--tick", "0.01"},
+              {"--states", "--events"});
+}
+
 TEST_F(UsageTest, BadAddressesAreRefused) {
   for (const char* url : {"udpm://10.0.0.1:7667", "239.255.76.67:7667", "udpm://239.255.76.67:0"}) {
     for (const std::string program : programs_) {

@@ -1,0 +1,18 @@
+#include "command_line/standard_files.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+namespace sprag {
+
+void open_standard_files() noexcept {
+  for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(file, F_GETFD) >= 0 || errno != EBADF) continue;
+    // The lowest number that is free: those below are open by now.
+    if (::open("/dev/null", O_RDWR) != file) return;
+  }
+}
+
+}  // namespace sprag
