@@ -21,6 +21,8 @@ void MasterClock::observe(const ContactMessage& message, const Arrival& arrival)
   const std::int64_t at = sent(message, arrival);
   const bool is_next = !heard_ || message.sequence > last_number_;
   const bool set_back = heard_ && is_next && message.horizon < last_horizon_;
+  if (set_back) first_number_ = message.sequence;
+  if (heard_ && message.sequence < first_number_) return;
   if (is_next) {
     last_number_ = message.sequence;
     last_horizon_ = message.horizon;

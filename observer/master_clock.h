@@ -42,7 +42,8 @@ class MasterClock {
   // Of the message with the largest number: number and horizon.
   std::int64_t last_number_ = 0;
   double last_horizon_ = 0.0;
-  std::int64_t epoch_ = 0;  // local time of the first message: keeps the numbers small
+  std::int64_t first_number_ = 0;  // messages with lower ones are from before a step back
+  std::int64_t epoch_ = 0;         // local time of the first message: keeps the numbers small
   std::int64_t window_start_ = 0;
   double best_ = 0.0;           // largest horizon - speed (sent - epoch) of this window
   double previous_best_ = 0.0;  // and of the window before
