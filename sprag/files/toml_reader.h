@@ -11,14 +11,14 @@
 #include <string_view>
 #include <vector>
 
-// toml++ 3.3 asserts what it checks and reports a few lines later: "[^]" would abort a debug build,
-// and with clang's NDEBUG be undefined.
-#include <toml++/impl/preprocessor.h>
-#undef TOML_ASSERT
-#undef TOML_ASSERT_ASSUME
+// toml++ asserts conditions that it reports as errors a few lines later: "[^]" would abort a debug
+// build, and a release build with clang would assume that it cannot occur. Without NDEBUG every
+// such condition goes to TOML_ASSERT, which is the macro that toml++ lets its users define.
+#pragma push_macro("NDEBUG")
+#undef NDEBUG
 #define TOML_ASSERT(expr) static_assert(true)
-#define TOML_ASSERT_ASSUME(expr) static_assert(true)
 #include <toml++/toml.h>
+#pragma pop_macro("NDEBUG")
 
 namespace sprag {
 
