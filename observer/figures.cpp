@@ -59,7 +59,7 @@ Json refused_by_cause(const ReceptionFigures& reception, const MessageCounts& me
   return refused;
 }
 
-void to_json(const LiveFigures& figures, Json& report) {
+void write_json(const LiveFigures& figures, Json& report) {
   const IntegrationFigures& integration = figures.integration;
   const ReceptionFigures& reception = figures.reception;
   const MessageCounts& messages = figures.messages;

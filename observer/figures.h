@@ -66,7 +66,7 @@ nlohmann::ordered_json refused_by_cause(const ReceptionFigures& reception,
                                         const MessageCounts& messages);
 
 /// Adds to the report.
-void to_json(const LiveFigures& figures, nlohmann::ordered_json& report);
+void write_json(const LiveFigures& figures, nlohmann::ordered_json& report);
 
 /// A few lines for people.
 void print(const LiveFigures& figures, std::ostream& out);

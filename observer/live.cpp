@@ -107,7 +107,7 @@ class LiveObserver {
     figures.events = events.counts();
     figures.ticks = settled_.ticks();
     figures.unsent = publication_.unsent();
-    to_json(figures, report);
+    write_json(figures, report);
     print(figures, std::cerr);
     estimation_.to_json(report);
     report["flows_awaited"] = flow_builder_ ? flow_builder_->awaited() : 0;

@@ -162,7 +162,7 @@ TEST(CheckScene, DependentDirectionsAreNamed) {
   EXPECT_TRUE(std::isinf(a.W.condition));
   EXPECT_TRUE(says(finding(a, "W").what, "contacts 1 and 3 are")) << finding(a, "W").what;
   nlohmann::ordered_json object;
-  to_json(a, object);
+  write_json(a, object);
   EXPECT_TRUE(nlohmann::json::parse(object.dump())["W"]["condition"].is_null());
 }
 

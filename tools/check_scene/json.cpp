@@ -58,7 +58,7 @@ nlohmann::ordered_json fewest_json(const Accuracy& accuracy) {
 
 }  // namespace
 
-void to_json(const Assessment& a, nlohmann::ordered_json& object) {
+void write_json(const Assessment& a, nlohmann::ordered_json& object) {
   object["scene"] = a.scene;
   object["verdict"] = a.verdict();
   object["synchronizes"] = a.synchronizes();

@@ -8,6 +8,6 @@
 namespace sprag {
 
 /// Adds all figures, exact, and the findings. What is infinite is null.
-void to_json(const Assessment& assessment, nlohmann::ordered_json& object);
+void write_json(const Assessment& assessment, nlohmann::ordered_json& object);
 
 }  // namespace sprag

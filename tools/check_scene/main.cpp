@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
     sprag::Assessment assessment = sprag::assess(scene, limits);
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     nlohmann::ordered_json object;
-    sprag::to_json(assessment, object);
+    sprag::write_json(assessment, object);
     assessment.scene = sprag::printable(assessment.scene);
     sprag::print_result(object, sprag::to_text(assessment), json, report);
     if (!output.empty()) {

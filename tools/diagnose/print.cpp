@@ -156,7 +156,7 @@ std::string to_text(const Diagnosis& diagnosis) {
   return text + '\n' + clock_text(diagnosis);
 }
 
-void to_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
+void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   object["scene"] = diagnosis.scene;
   object["verdict"] = verdict(diagnosis);
   object["fits"] = diagnosis.fits;

@@ -15,6 +15,6 @@ std::string verdict(const Diagnosis& diagnosis);
 std::string to_text(const Diagnosis& diagnosis);
 
 /// Adds all figures, exact.
-void to_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object);
+void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -18,7 +18,7 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
   const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),
                                        {recorded.begins, recorded.closed});
   nlohmann::ordered_json object;
-  to_json(diagnosis, object);
+  write_json(diagnosis, object);
   print_result(object, to_text(diagnosis), run.json, report);
   if (!recorded.whole) return exit_failed;
   return diagnosis.fits ? exit_done : exit_does_not_fit;

@@ -234,7 +234,7 @@ std::string to_text(const IdentifyResult& result) {
   return text;
 }
 
-void to_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
+void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   using Json = nlohmann::ordered_json;
   const Identification& fit = result.fit;
   object["scene"] = result.scene;

@@ -30,6 +30,6 @@ std::string verdict(const IdentifyResult& result);
 std::string to_text(const IdentifyResult& result);
 
 /// Adds all figures, exact.
-void to_json(const IdentifyResult& result, nlohmann::ordered_json& object);
+void write_json(const IdentifyResult& result, nlohmann::ordered_json& object);
 
 }  // namespace sprag

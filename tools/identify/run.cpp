@@ -87,7 +87,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
     result.fit.fitted.jitter = result.fit.scatter;
   }
   nlohmann::ordered_json object;
-  to_json(result, object);
+  write_json(result, object);
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
   if (!run.events.empty() && result.fit.converged()) {

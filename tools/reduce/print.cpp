@@ -45,7 +45,7 @@ std::string to_text(const ReductionTable& table) {
   return text;
 }
 
-void to_json(const ReductionTable& table, nlohmann::ordered_json& object) {
+void write_json(const ReductionTable& table, nlohmann::ordered_json& object) {
   const Reduction& best = table.reductions.front();
   object["scene"] = table.scene;
   object["modes"] = best.modes;

@@ -19,6 +19,6 @@ struct ReductionTable {
 std::string to_text(const ReductionTable& table);
 
 /// Adds all figures, exact. An rms that is infinite is null.
-void to_json(const ReductionTable& table, nlohmann::ordered_json& object);
+void write_json(const ReductionTable& table, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -37,7 +37,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
     throw ModelError("the first " + std::to_string(run.modes) + " modes do not see every contact");
   }
   nlohmann::ordered_json object;
-  to_json(table, object);
+  write_json(table, object);
   print_result(object, to_text(table), run.json, report);
   if (!run.output.empty()) {
     const Reduction& best = table.reductions.front();

@@ -166,8 +166,8 @@ std::string to_text(const Bench& bench, const std::vector<FewerModes>& table) {
   return text;
 }
 
-void to_json(const Bench& bench, const std::vector<FewerModes>& table,
-             nlohmann::ordered_json& object) {
+void write_json(const Bench& bench, const std::vector<FewerModes>& table,
+                nlohmann::ordered_json& object) {
   const auto& estimators = bench.settings().estimators;
   object["scene"] = bench.scene().name;
   object["observed"] = observed_name(bench);

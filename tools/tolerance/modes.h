@@ -33,8 +33,8 @@ std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
 double observed_motion(const Bench& bench);
 
 std::string to_text(const Bench& bench, const std::vector<FewerModes>& table);
-void to_json(const Bench& bench, const std::vector<FewerModes>& table,
-             nlohmann::ordered_json& object);
+void write_json(const Bench& bench, const std::vector<FewerModes>& table,
+                nlohmann::ordered_json& object);
 /// modes,estimator,correction,coordinates,median,low,high; correction: "none" or in words.
 std::string to_csv(const Bench& bench, const std::vector<FewerModes>& table);
 

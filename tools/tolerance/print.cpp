@@ -126,7 +126,7 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   return text;
 }
 
-void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object) {
+void write_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object) {
   const Settings& settings = bench.settings();
   const auto spreads = [&](const Point& point) {
     nlohmann::ordered_json of;

@@ -13,7 +13,7 @@ namespace sprag::tolerance {
 std::string limit_text(const Deviation& deviation, const Limit& limit);
 
 std::string to_text(const Bench& bench, const Tolerances& tolerances);
-void to_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object);
+void write_json(const Bench& bench, const Tolerances& tolerances, nlohmann::ordered_json& object);
 
 /// One row for each amount that was tried, and estimator:
 /// what,unit,amount,estimator,median,low,high,worse. The first rows are of nothing that is off.

@@ -67,7 +67,7 @@ int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::order
 
   nlohmann::ordered_json object;
   const auto conclude = [&](const Bench& bench, const auto& found) {
-    to_json(bench, found, object);
+    write_json(bench, found, object);
     print_result(object, to_text(bench, found), run.json, report);
     if (csv) {
       csv->write(to_csv(bench, found));
