@@ -3,9 +3,9 @@
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_path(TOMLPP_INCLUDE_DIR toml++/toml.h REQUIRED)
 
-# The programs need LCM; within another project there are no messages where it is missing.
+# The programs need LCM. Within another project the messages are left out where LCM is missing.
 set(required)
-if(SPRAG_PROGRAMS OR SPRAG_TESTS)
+if(SPRAG_USES_PROGRAMS)
   set(required REQUIRED)
   find_package(CLI11 REQUIRED)
   find_package(nlohmann_json REQUIRED)
@@ -13,7 +13,7 @@ if(SPRAG_PROGRAMS OR SPRAG_TESTS)
 endif()
 # Open MPI, for studies on several hosts.
 set(SPRAG_HAS_MPI OFF)
-if(SPRAG_PROGRAMS)
+if(SPRAG_USES_PROGRAMS)
   find_path(MPI_INCLUDE_DIR mpi.h PATH_SUFFIXES mpi)
   find_library(MPI_LIBRARY mpi)
   if(MPI_INCLUDE_DIR AND MPI_LIBRARY)
