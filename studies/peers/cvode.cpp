@@ -47,8 +47,18 @@ struct FreeIntegrator {
 
 SUNContext create_context() {
   SUNContext context = nullptr;
+#if SUNDIALS_VERSION_MAJOR >= 7
+  check(SUNContext_Create(SUN_COMM_NULL, &context), "SUNContext_Create");
+  // Failures are reported in the outcome.
+  check(SUNContext_ClearErrHandlers(context), "SUNContext_ClearErrHandlers");
+#else
   check(SUNContext_Create(nullptr, &context), "SUNContext_Create");
+#endif
   return context;
+}
+
+sunindextype state_size(const ContactPhases& phases) {
+  return static_cast<sunindextype>(2 * phases.f());
 }
 
 class Cvode {
@@ -57,15 +67,17 @@ class Cvode {
   Cvode(int method, ContactPhases& phases, double tolerance)
       : phases_(&phases),
         context_(create_context()),
-        x_(check(N_VNew_Serial(2 * phases.f(), context_.get()), "N_VNew_Serial")),
-        scratch_(check(N_VNew_Serial(2 * phases.f(), context_.get()), "N_VNew_Serial")),
+        x_(check(N_VNew_Serial(state_size(phases), context_.get()), "N_VNew_Serial")),
+        scratch_(check(N_VNew_Serial(state_size(phases), context_.get()), "N_VNew_Serial")),
         memory_(check(CVodeCreate(method, context_.get()), "CVodeCreate")),
         found_(static_cast<std::size_t>(phases.m())) {
     void* cvode = memory_.get();
     N_VConst(0.0, x_.get());
     check(CVodeInit(cvode, derivative, 0.0, x_.get()), "CVodeInit");
+#if SUNDIALS_VERSION_MAJOR < 7
     // Failures are reported in the outcome.
     check(CVodeSetErrFile(cvode, nullptr), "CVodeSetErrFile");
+#endif
     check(CVodeSetUserData(cvode, &phases), "CVodeSetUserData");
     check(CVodeSStolerances(cvode, tolerance, tolerance), "CVodeSStolerances");
     check(CVodeRootInit(cvode, phases.m(), signals), "CVodeRootInit");
@@ -77,7 +89,7 @@ class Cvode {
           check(SUNNonlinSol_FixedPoint(x_.get(), 0, context_.get()), "SUNNonlinSol_FixedPoint"));
       check(CVodeSetNonlinearSolver(cvode, fixed_point_.get()), "CVodeSetNonlinearSolver");
     } else {
-      const sunindextype size = 2 * phases.f();
+      const sunindextype size = state_size(phases);
       jacobian_.reset(check(SUNDenseMatrix(size, size, context_.get()), "SUNDenseMatrix"));
       linear_.reset(
           check(SUNLinSol_Dense(x_.get(), jacobian_.get(), context_.get()), "SUNLinSol_Dense"));
