@@ -17,14 +17,14 @@ struct Best {
   double top() const { return std::max(none.log, value.log); }
 };
 
-LinearizedFilter::Value at(const LinearizedFilter& likelihood, double decade) {
+LinearizedFilter::Value value_at(const LinearizedFilter& likelihood, double decade) {
   return likelihood.at(std::pow(10.0, decade));
 }
 
 Best most_likely(const LinearizedFilter& likelihood) {
-  Best best{lowest, likelihood.at(0.0), at(likelihood, lowest)};
+  Best best{lowest, likelihood.at(0.0), value_at(likelihood, lowest)};
   const auto look_at = [&](double decade) {
-    const LinearizedFilter::Value next = at(likelihood, decade);
+    const LinearizedFilter::Value next = value_at(likelihood, decade);
     if (!(next.log > best.value.log)) return false;
     best.value = next;
     best.decade = decade;
@@ -76,9 +76,9 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
     double inside = best.decade;
     for (int i = 0; i < 10; ++i) {
       const double middle = 0.5 * (inside + outside);
-      (at(*likelihood, middle).log > best.top() - less ? inside : outside) = middle;
+      (value_at(*likelihood, middle).log > best.top() - less ? inside : outside) = middle;
     }
-    return drift(inside, at(*likelihood, inside));
+    return drift(inside, value_at(*likelihood, inside));
   };
   // What is not known of the jitter is not known of the drift either.
   const double of_jitter = likelihood->told() ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit.freedom);
