@@ -87,9 +87,9 @@ TEST(Identification, SigmasAreHonestBehindChatter) {
       ASSERT_TRUE(drift);
       EXPECT_FALSE(drift->found()) << "seed " << seed << ", gain " << drift->gain;
       EXPECT_GT(drift->high, 1e-10);
-      EXPECT_FALSE(found.departure.is_scatter()) << "seed " << seed << ", scatter "
-                                                 << found.departure.scatter->scatter << ", gain "
-                                                 << found.departure.scatter->gain;
+      EXPECT_FALSE(found.departure.is_scatter())
+          << "seed " << seed << ", scatter " << found.departure.scatter->scatter << ", gain "
+          << found.departure.scatter->gain;
       for (const FittedUnknown& fitted : found.unknowns) {
         const double off = (fitted.value - fitted.unknown.nominal) / fitted.sigma;
         std::cout << ", " << off << " (" << fitted.sigma << ")";

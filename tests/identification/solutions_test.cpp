@@ -341,9 +341,8 @@ TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
     settings.unknowns = unknowns_named(scene, {"impact.restitution"});
     const Identification found = identify(scene, events, settings);
     ASSERT_TRUE(found.fits()) << "seed " << seed << ' ' << reason_of(found)
-                              << found.departure.drift->gain << ' '
-                              << found.departure.scatter->gain << ' '
-                              << found.departure.scatter->correlation << ' '
+                              << found.departure.drift->gain << ' ' << found.departure.scatter->gain
+                              << ' ' << found.departure.scatter->correlation << ' '
                               << found.departure.trend->gain;
     const double off = (found.unknowns[0].value - 0.89) / found.unknowns[0].sigma;
     EXPECT_LT(std::abs(off), 5.0) << "seed " << seed;
