@@ -1,5 +1,5 @@
 // How far a machine departs from its model, beside the jitter of its event times. Three kinds are
-// told apart, each by its gain of the restricted likelihood (linearized_filter.h): a *drift*, the
+// distinguished, each by its gain of the restricted likelihood (linearized_filter.h): a *drift*, the
 // process noise that the timing filter takes; a *scatter of the restitution* from impact to impact;
 // and a *trend of the restitution* with the impact's speed.
 #pragma once

@@ -10,9 +10,9 @@
 #include "sprag/identification/free_flight.h"
 #include "sprag/identification/mending.h"
 #include "sprag/identification/projection.h"
+#include "sprag/identification/record_checks.h"
 #include "sprag/identification/search.h"
 #include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/master.h"
 
 namespace sprag {
 namespace {
@@ -112,9 +112,6 @@ class Identifier {
   void put_start(const Likelihood& solution, double sigma, Identification& result) const;
   void put_combinations(const Attempt& best, Identification& result) const;
   void put_inside(const Attempt& best, Identification& result) const;
-  bool model_merges(const Attempt& best) const;
-  int distinct_events(double jitter) const;
-  bool is_periodic() const;
   bool is_unpredictable(const Attempt& best, const Identification& result) const;
   bool is_structured(const Identification& result) const;
   void conclude(Attempt& best, Identification& result);
@@ -547,7 +544,8 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   result.spurious = best.spurious;
   result.missing = best.missing;
   result.spurious_left_out = static_cast<int>(best.spurious.size());
-  result.events = distinct_events(best.jitter);
+  result.events =
+      distinct_closings(events_, std::max(close * interval_, close_in_jitters * best.jitter));
   result.left_out = std::max(0, result.events - result.impacts - best.bounces);
   const double sigma = std::max(best.jitter, solution.scatter());
   const auto unknowns = static_cast<Eigen::Index>(family_.unknowns().size());
@@ -598,19 +596,6 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   result.fitted.jitter = result.jitter;
 }
 
-// Events that are too near to each other to be told apart count as one.
-int Identifier::distinct_events(double jitter) const {
-  const double nearest = std::max(close * interval_, close_in_jitters * jitter);
-  double last = -infinity;
-  int distinct = 0;
-  for (const ContactEvent& event : events_) {
-    if (event.kind == ContactEventKind::opens) continue;
-    if (event.t - last > nearest) ++distinct;
-    last = event.t;
-  }
-  return distinct;
-}
-
 // The principal directions of the undetermined unknowns that the events determine.
 void Identifier::put_combinations(const Attempt& best, Identification& result) const {
   constexpr double known = 0.05, least_weight = 0.1;
@@ -635,66 +620,6 @@ void Identifier::put_combinations(const Attempt& best, Identification& result) c
     }
     result.combinations.push_back(std::move(combination));
   }
-}
-
-// Whether the model has many impacts that follow others sooner than any recorded ones do: a sensor
-// that merges bounces.
-bool Identifier::model_merges(const Attempt& best) const {
-  constexpr double sooner = 0.5, expected = 10.0;
-  const Scene& scene = family_.scene();
-  double least = infinity, last = -infinity;
-  std::size_t closings = 0;
-  for (const ContactEvent& event : events_) {
-    if (event.kind == ContactEventKind::opens) continue;
-    least = std::min(least, event.t - last);
-    last = event.t;
-    ++closings;
-  }
-  if (!(least > 0.0) || closings < 2) return false;
-  try {
-    Master master(scene.model, scene.master);
-    std::vector<ContactEvent> events;
-    const std::size_t wanted = 4 * closings;
-    master.advance(at(2.0 * last), events, wanted);
-    std::vector<double> times;
-    for (const ContactEvent& event : events) {
-      if (event.kind != ContactEventKind::opens) times.push_back(event.t);
-    }
-    // A single one: in a chatter the next interval is short as well.
-    std::size_t near = 0;
-    for (std::size_t k = 1; k + 1 < times.size(); ++k) {
-      const bool alone = times[k + 1] - times[k] > least;
-      if (times[k] - times[k - 1] < sooner * least && alone) ++near;
-    }
-    const double share =
-        times.empty() ? 0.0 : static_cast<double>(near) / static_cast<double>(times.size());
-    return share * static_cast<double>(best.solution.timed) > expected;
-  } catch (const ModelError&) {
-    return false;  // the scene has no start that a machine can have
-  }
-}
-
-// Whether the impacts repeat after a few of them: so many times and a period are all that the
-// record determines.
-bool Identifier::is_periodic() const {
-  constexpr std::size_t most = 4;
-  constexpr double in_jitters = 2.0, small = 1e-3;
-  std::vector<double> times;
-  for (const ContactEvent& event : events_) {
-    if (event.kind != ContactEventKind::opens) times.push_back(event.t);
-  }
-  for (std::size_t p = 1; p <= most && times.size() > 4 * p + 2; ++p) {
-    const std::size_t n = times.size() - p;
-    const double period = (times.back() - times[p - 1] + times[n - 1] - times.front()) /
-                          (2.0 * static_cast<double>(n - 1)) * static_cast<double>(p);
-    double squares = 0.0;
-    for (std::size_t k = 0; k < n; ++k) squares += square(times[k + p] - times[k] - period);
-    const double off = std::sqrt(0.5 * squares / static_cast<double>(n));
-    const double allowed =
-        settings_.jitter.value_or(0.0) > 0.0 ? in_jitters * *settings_.jitter : small * interval_;
-    if (off < std::min(allowed, 10.0 * small * interval_) + exact * interval_) return true;
-  }
-  return false;
 }
 
 // What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its
@@ -741,7 +666,8 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
     result.problem = problem;
     result.misfit = misfit;
   };
-  if (best.judged != Judged::good && is_periodic()) return refuse(FitProblem::degenerate_orbit);
+  if (best.judged != Judged::good && is_periodic(events_, settings_.jitter.value_or(0.0)))
+    return refuse(FitProblem::degenerate_orbit);
   if (best.judged == Judged::unconverged) {
     // Where the times fit all the same, they do so along a valley.
     const bool valley = settings_.jitter ? result.chi2 < result.largest_chi2
@@ -750,7 +676,7 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
   }
   if (result.used_share() < least_used) return refuse(FitProblem::events_left_out);
   if (best.judged == Judged::scatter) {
-    if (model_merges(best)) return refuse(FitProblem::merged_bounces);
+    if (has_merged_bounces(family_.scene(), events_)) return refuse(FitProblem::merged_bounces);
     result.culprit = end_of_range();
     if (result.culprit >= 0) return refuse(FitProblem::bound_reached);
     return refuse(FitProblem::wrong_model, Misfit::scatter);
@@ -861,81 +787,6 @@ void Identifier::conclude(Attempt& best, Identification& result) {
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings) {
   return Identifier(scene, events, settings).run();
-}
-
-namespace {
-
-// Wald's test: whether the other parameters, by their covariance, are far from nominal.
-bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
-                 const std::vector<std::size_t>& sought, double jitter) {
-  constexpr double far = 1e4;  // of chi^2, far beyond what curvature changes
-  std::vector<Eigen::Index> others;
-  for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
-    const FittedUnknown& fitted = fit.unknowns[k];
-    // Another scale changes amplitudes, constant forces and clearances.
-    const bool has_scale = carries_scale(fitted.unknown) || fitted.unknown.kind == Kind::clearance;
-    const bool is_sought = std::any_of(sought.begin(), sought.end(), [&](std::size_t j) {
-      return all[j].key == fitted.unknown.key || (carries_scale(all[j]) && has_scale);
-    });
-    const auto i = static_cast<Eigen::Index>(k);
-    const bool known = fitted.determined && fit.likelihood.covariance(i, i) > 0.0;
-    if (!is_sought && known) others.push_back(i);
-  }
-  if (others.empty()) return false;
-  Eigen::VectorXd off(static_cast<Eigen::Index>(others.size()));
-  for (std::size_t j = 0; j < others.size(); ++j) {
-    const FittedUnknown& fitted = fit.unknowns[static_cast<std::size_t>(others[j])];
-    off[static_cast<Eigen::Index>(j)] = fitted.unknown.coordinate(fitted.value);
-  }
-  const CholeskyFactor covariance(fit.likelihood.covariance(others, others));
-  return covariance.exists() && covariance.solve_L(off).squaredNorm() > far * square(jitter);
-}
-
-}  // namespace
-
-Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
-                     const IdentificationSettings& settings, double jitter,
-                     const Identification& all_fitted) {
-  Explanations explanations;
-  IdentificationSettings of = settings;
-  of.jitter = jitter;
-  of.mend = false;
-  const std::vector<Unknown>& all = settings.unknowns;
-  const auto judge = [&](const std::vector<std::size_t>& sought) {
-    if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;
-    of.unknowns.clear();
-    Explanation explanation;
-    for (const std::size_t k : sought) {
-      of.unknowns.push_back(all[k]);
-      explanation.keys.push_back(all[k].key);
-    }
-    try {
-      explanation.fit = identify(scene, events, of);
-    } catch (const TooFewImpacts&) {
-      return;
-    }
-    const auto& unknowns = explanation.fit.unknowns;
-    const bool determined =
-        std::all_of(unknowns.begin(), unknowns.end(),
-                    [](const FittedUnknown& fitted) { return fitted.determined; });
-    if (explanation.fit.fits() && determined && explanation.fit.missing.empty() &&
-        explanation.fit.spurious.empty()) {
-      explanations.simplest.push_back(std::move(explanation));
-    }
-  };
-  judge({});
-  if (explanations.simplest.empty()) {
-    for (std::size_t j = 0; j < all.size(); ++j) judge({j});
-  }
-  if (explanations.simplest.empty()) {
-    for (std::size_t j = 0; j < all.size(); ++j) {
-      for (std::size_t k = j + 1; k < all.size(); ++k) judge({j, k});
-    }
-  }
-  std::stable_sort(
-      explanations.simplest.begin(), explanations.simplest.end(),
-      [](const Explanation& a, const Explanation& b) { return a.fit.chi2 < b.fit.chi2; });
-  return explanations;
 }
 
 }  // namespace sprag

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "sprag/identification/drift.h"
+#include "sprag/identification/explanations.h"
 #include "sprag/identification/restitution_trend.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/identification.h"
+#include "sprag/identification/explanations.h"
 
 namespace sprag {
 
