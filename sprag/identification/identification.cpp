@@ -678,8 +678,8 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
   if (best.judged == Judged::scatter) {
     if (has_merged_bounces(family_.scene(), events_)) return refuse(FitProblem::merged_bounces);
     result.culprit = end_of_range();
-    if (result.culprit >= 0) return refuse(FitProblem::bound_reached);
-    return refuse(FitProblem::wrong_model, Misfit::scatter);
+    const bool at_end = result.culprit >= 0;
+    return refuse(at_end ? FitProblem::bound_reached : FitProblem::wrong_model, Misfit::scatter);
   }
   if (best.judged == Judged::inside) {
     put_inside(best, result);

@@ -93,7 +93,7 @@ enum class Misfit {
 
 struct Identification {
   FitProblem problem = FitProblem::none;
-  Misfit misfit = Misfit::none;  ///< of FitProblem::wrong_model
+  Misfit misfit = Misfit::none;  ///< of FitProblem::wrong_model, and of a bound that is reached so
   int culprit = -1;              ///< the unknown of FitProblem::bound_reached
   std::vector<FittedUnknown> unknowns;
   std::vector<Combination> combinations;  ///< of FitProblem::degenerate_orbit

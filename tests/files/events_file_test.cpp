@@ -35,6 +35,25 @@ TEST_F(EventsFileTest, WritesWhatTheDesignSays) {
             "1.0000000000000001e-09,12,0\n");
 }
 
+// Readers take lost and suspect events, and skip spurious ones.
+TEST_F(EventsFileTest, NotedEventsAreReadBack) {
+  const auto file = directory_ / "noted.csv";
+  NotedEventsWriter writer(file);
+  writer.write({0.5, 0, pulse}, EventNote::none);
+  writer.write({0.75, 0, pulse}, EventNote::spurious);
+  writer.write({1.0, 0, pulse}, EventNote::lost);
+  writer.write({1.5, 1, closes}, EventNote::suspect);
+  EXPECT_TRUE(writer.close());
+  EXPECT_EQ(test::read_text(file),
+            "t,contact,closed,note\n0.5,1,1,\n0.5,1,0,\n0.75,1,1,spurious\n0.75,1,0,spurious\n"
+            "1,1,1,lost\n1,1,0,lost\n1.5,2,1,suspect\n");
+  const EventsFile back = read_events(file, 2);
+  EXPECT_FALSE(back.damage);
+  EXPECT_TRUE(back.skipped.empty());
+  const std::vector<ContactEvent> expected{{0.5, 0, pulse}, {1.0, 0, pulse}, {1.5, 1, closes}};
+  EXPECT_EQ(back.events, expected);
+}
+
 TEST_F(EventsFileTest, RandomSequencesComeBackBitForBit) {
   const unsigned seed = 20140918;
   SCOPED_TRACE(testing::Message() << "seed " << seed);

@@ -152,6 +152,25 @@ TEST(Diagnose, TheRightModelFits) {
 }
 
 // A parameter's value is off by what it is said to be, and the right model is not accused.
+// The scene is right, one event of its machine was lost.
+TEST(Diagnose, ALostEventIsNamedAsSuch) {
+  const Scene scene = shipped_scene("paper_beam");
+  auto events = events_of(scene, 40.0);
+  std::mt19937 random(3);
+  std::normal_distribution<double> jitter(0.0, 1e-5);
+  for (ContactEvent& event : events) event.t += jitter(random);
+  const std::size_t lost = events.size() / 2;
+  const double t = events[lost].t;
+  events.erase(events.begin() + static_cast<std::ptrdiff_t>(lost));
+  const Diagnosis diagnosis = diagnose(scene, events, 1e-5);
+  EXPECT_FALSE(diagnosis.fits);
+  EXPECT_TRUE(diagnosis.spurious.empty());
+  ASSERT_EQ(diagnosis.missing.size(), 1U) << to_text(diagnosis);
+  EXPECT_NEAR(diagnosis.missing[0].t, t, 1e-3);
+  EXPECT_EQ(diagnosis.explanation(), nullptr);
+  EXPECT_EQ(verdict(diagnosis), "1 event is lost; otherwise the events fit the model");
+}
+
 TEST(Diagnose, DeviationsAreHonest) {
   const Scene scene = shipped_scene("paper_beam");
   const auto right = events_of(scene, 40.0);

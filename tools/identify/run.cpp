@@ -78,9 +78,9 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
     result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter, result.fit);
     result.asked_for_causes = true;
   }
-  const bool effective = run.accept && result.fit.problem == FitProblem::wrong_model &&
-                         (result.fit.misfit != Misfit::prediction || drifts(result)) &&
-                         result.fit.misfit != Misfit::start;
+  const Misfit misfit = result.fit.misfit;
+  const bool effective = run.accept && (misfit == Misfit::scatter || misfit == Misfit::structured ||
+                                        (misfit == Misfit::prediction && drifts(result)));
   if (effective) {
     result.accepted = true;
     result.fit.jitter = result.fit.scatter;
