@@ -2,6 +2,7 @@
 // machines, jitters and seeds.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 

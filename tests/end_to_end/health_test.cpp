@@ -1,4 +1,5 @@
 // SPRAG_HEALTH of a live observer, against the report of the same run.
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <fstream>

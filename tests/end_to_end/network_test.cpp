@@ -2,6 +2,7 @@
 // reorders by a seeded plan, and two hosts with a firewall that drops.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 

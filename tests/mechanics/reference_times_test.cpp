@@ -1,6 +1,7 @@
 // The master against event times computed with 50 digits (tests/reference).
 #include <gtest/gtest.h>
 
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <iostream>

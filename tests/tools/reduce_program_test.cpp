@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "observer/recorded_events.h"
 #include "sprag/analysis/reduction_choice.h"

@@ -1,8 +1,10 @@
 // study as people start it: alone, as shards, under mpirun; killed, and started again.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
