@@ -14,9 +14,9 @@ namespace {
 class ExactStart : public testing::TestWithParam<MachineKind> {};
 
 TEST_P(ExactStart, IsNeverInconsistent) {
-  constexpr int machines = 50;
+  constexpr int drawn = 50;
   int runs = 0, events = 0;
-  for (std::uint64_t seed = 1; runs < repetitions(machines); ++seed) {
+  for (std::uint64_t seed = 1; runs < repetitions(drawn); ++seed) {
     Random random(1000 * static_cast<std::uint64_t>(GetParam()) + seed);
     const Scene scene = exact_scene(random, GetParam());
     const std::optional<ExactRun> run = run_exact(scene);
