@@ -9,16 +9,17 @@
 namespace sprag {
 namespace {
 
-constexpr std::int64_t millisecond = 1'000'000;
+constexpr std::int64_t one_millisecond = 1'000'000;
 
 TEST(LiveFigures, AReportThatFollowsItsEventIsNormal) {
   LiveFigures figures;
   figures.events.events = 360;
   figures.integration.late_events = 222;
   figures.rollbacks.rollbacks = 180;
-  for (int i = 0; i < 360; ++i) figures.integration.event_latency.add(2 * millisecond + 10'000 * i);
+  for (int i = 0; i < 360; ++i)
+    figures.integration.event_latency.add(2 * one_millisecond + 10'000 * i);
   nlohmann::ordered_json report;
-  to_json(figures, report);
+  write_json(figures, report);
   EXPECT_EQ(report["late_events"], 222) << "the key of old";
   EXPECT_EQ(report["rollbacks"]["count"], 180) << "the key of old";
   EXPECT_EQ(report["delayed_events"]["count"], 0);
@@ -31,13 +32,13 @@ TEST(LiveFigures, AReportThatFollowsItsEventIsNormal) {
 }
 
 TEST(LiveFigures, EventsMuchLaterThanTheOthersAreCounted) {
-  for (const std::int64_t usual : {1 * millisecond, 50 * millisecond}) {
+  for (const std::int64_t usual : {1 * one_millisecond, 50 * one_millisecond}) {
     Histogram latency;
     for (int i = 0; i < 300; ++i) latency.add(usual + 1000 * i);
     EXPECT_EQ(delayed(latency).count, 0);
-    for (int i = 0; i < 7; ++i) latency.add(20 * usual + 20 * millisecond);
+    for (int i = 0; i < 7; ++i) latency.add(20 * usual + 20 * one_millisecond);
     EXPECT_EQ(delayed(latency).count, 7);
-    EXPECT_GE(delayed(latency).after, 10 * millisecond);
+    EXPECT_GE(delayed(latency).after, 10 * one_millisecond);
     EXPECT_GE(delayed(latency).after, 4 * usual);
   }
   EXPECT_EQ(delayed({}).count, 0);

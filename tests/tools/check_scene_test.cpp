@@ -203,7 +203,7 @@ TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain
                    "the default estimator, both:"))
       << text;
   nlohmann::ordered_json object;
-  to_json(a, object);
+  write_json(a, object);
   EXPECT_EQ(object["synchronizes"], true);
   EXPECT_EQ(object["default_estimator"]["provided"][0], W.provided);
   EXPECT_EQ(object["W"]["opposing_stops"][0]["contacts"], (std::vector<int>{1, 2}));
