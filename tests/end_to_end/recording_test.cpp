@@ -54,7 +54,8 @@ TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
   }
 }
 
-// Without a file of states a replay looks at few ticks closely.
+// Without a file of states a replay looks at few ticks closely: only the share of ticks inside a
+// support, which all ticks make, is then not reported.
 TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
   const std::string chatter = scene("paper_beam_chatter");
   simulate(chatter, "30", "0.1");
@@ -69,8 +70,9 @@ TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
                   0);
         return json("report.json");
       };
-      const nlohmann::ordered_json in_full = reported({"--states", file("states.csv")});
+      nlohmann::ordered_json in_full = reported({"--states", file("states.csv")});
       EXPECT_EQ(in_full["ticks"], std::stoi(duration) * 1000 + 1);
+      in_full["confidence"].erase("penetration");
       EXPECT_EQ(reported({}).dump(1), in_full.dump(1)) << estimator << " to " << duration;
     }
   }
