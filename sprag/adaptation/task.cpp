@@ -38,6 +38,7 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   // Parameters that walk scatter the events more than their jitter does.
   if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
   settings.white = !scene.adaptation.walks();
+  settings.strictly_within = false;  // parameters may have moved since the scene was written
   Identification found;
   try {
     found = identify(scene, task.events, settings);

@@ -657,7 +657,8 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
       const bool at_end = best.solution.at_bound[k] && !unknown.is_physical_bound(value);
       const FittedUnknown& fitted = result.unknowns[k];
       const double sigma = fitted.sigma / std::abs(unknown.slope(value));
-      const bool beyond = fitted.determined && !unknown.is_within(value, tolerance * sigma + 1e-9);
+      const bool beyond = settings_.strictly_within && fitted.determined &&
+                          !unknown.is_within(value, tolerance * sigma + 1e-9);
       if (at_end || beyond) return static_cast<int>(k);
     }
     return -1;

@@ -41,6 +41,8 @@ struct IdentificationSettings {
   bool mend = true;               ///< look for events that are spurious or were lost
   bool through_contact = true;    ///< follow the path where contacts stay closed as well
   bool white = true;              ///< without a jitter, refuse a scatter that is not white
+  /// Refuse values outside of Unknown::within, although the search reaches farther.
+  bool strictly_within = true;
 };
 
 struct FittedUnknown {

@@ -514,7 +514,7 @@ TEST_F(CheckSceneProgram, BadInputExitsWithTwoAndSaysWhere) {
   const std::string file = test::write_text(directory_ / "bad.toml", text);
   Ended ended = run({file});
   EXPECT_EQ(ended.code, 2);
-  EXPECT_TRUE(says(ended.err, file + ":23:15: impact.restitution is 1.2")) << ended.err;
+  EXPECT_TRUE(says(ended.err, file + ":25:15: impact.restitution is 1.2")) << ended.err;
   EXPECT_EQ(ended.out, "");
   EXPECT_EQ(run({directory_ / "absent.toml"}).code, 2);
   EXPECT_EQ(run({}).code, 2);
