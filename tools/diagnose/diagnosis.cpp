@@ -220,13 +220,6 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.scatter =
       diagnosis.fits ? diagnosis.resolved : scatter_of(*nominal, diagnosis.resolved);
 
-  if (!diagnosis.fits) {
-    const std::optional<Identification> repaired = judge.fit({}, true);
-    if (repaired && repaired->fits()) {
-      diagnosis.missing = repaired->missing;
-      for (const std::size_t i : repaired->spurious) diagnosis.spurious.push_back(events[i]);
-    }
-  }
   struct Found {
     Candidate candidate;
     std::optional<Identification> fit;
@@ -252,6 +245,13 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   for (Found& of : found) {
     if (of.fit) of.candidate.misfit = misfit_of(*of.fit, diagnosis.common_scatter);
     diagnosis.candidates.push_back(of.candidate);
+  }
+  if (!diagnosis.fits && diagnosis.explanation() == nullptr) {
+    const std::optional<Identification> repaired = judge.fit({}, true);
+    if (repaired && repaired->fits()) {
+      diagnosis.missing = repaired->missing;
+      for (const std::size_t i : repaired->spurious) diagnosis.spurious.push_back(events[i]);
+    }
   }
   // Without jitter there is no distribution to hold a gain against, and what fits leaves nothing.
   const Candidate* best = diagnosis.explanation();
