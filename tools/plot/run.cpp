@@ -80,7 +80,8 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
   bool whole = true;
   const auto is_scene = [](const std::string& text) {
     const std::filesystem::path file = file_of(text);
-    return file.extension() == ".toml" || (file.extension().empty() && !exists(file));
+    std::error_code error;  // as of a name that is too long
+    return file.extension() == ".toml" || (file.extension().empty() && !exists(file, error));
   };
   for (const std::string& text : run.files) {
     if (!is_scene(text)) continue;
