@@ -381,6 +381,8 @@ void bind_check(py::module_& module) {
                     "Whether the replica's convergence needs it; others only tell.")
       .def_readonly("holds", &Finding::holds, "Whether it is so.")
       .def_readonly("what", &Finding::what, "What was found, in words.")
+      .def_readonly("provided", &Finding::provided,
+                    "The condition on which it holds beyond what can be checked; or empty.")
       .def_readonly("change", &Finding::change, "What to change; empty where nothing needs to be.");
   py::class_<Assessment>(module, "Assessment",
                          "Whether a scene's replica will synchronize, and why. str() has it all.")

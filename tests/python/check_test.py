@@ -31,7 +31,7 @@ class CheckTest(unittest.TestCase):
                 told = json.loads(program(name, "--json")[1])
                 self.assertEqual(check.verdict, told["verdict"])
                 self.assertEqual(
-                    [(f.id, f.required, f.holds, f.what, f.change) for f in check.findings],
+                    [(f.id, f.required, f.holds, f.what, f.provided, f.change) for f in check.findings],
                     [tuple(finding.values()) for finding in told["findings"]],
                 )
 

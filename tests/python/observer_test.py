@@ -182,7 +182,7 @@ class ObserverTest(unittest.TestCase):
                 self.assertFalse(read.flags.writeable)
                 self.assertFalse(read.flags.owndata)
                 with file.open("a") as csv:
-                    csv.write("21,9,1\n22,1")
+                    csv.write("0.001,1,1\n22,1")
                 with self.assertWarns(RuntimeWarning) as told:
                     np.testing.assert_array_equal(sprag.read_events(file, scene(name)), events)
                 lines = len(file.read_text().splitlines())
