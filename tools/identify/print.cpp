@@ -263,20 +263,19 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["drift"] = nullptr;
   if (error.drift) {
     const DriftEstimate& drift = *error.drift;
-    object["drift"] = {{"found", error.is_drift()}, {"value", drift.drift},
-                       {"low", drift.low},          {"high", drift.high},
-                       {"gain", drift.gain},        {"jitter", drift.jitter}};
+    object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
+                       {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
   }
   object["restitution_scatter"] = nullptr;
   if (error.scatter) {
-    object["restitution_scatter"] = {{"found", error.is_scatter()},
+    object["restitution_scatter"] = {{"found", error.scatter->found()},
                                      {"value", error.scatter->scatter},
                                      {"gain", error.scatter->gain},
                                      {"jitter", error.scatter->jitter}};
   }
   object["restitution_trend"] = nullptr;
   if (error.trend) {
-    object["restitution_trend"] = {{"found", error.is_trend()},
+    object["restitution_trend"] = {{"found", error.trend->found()},
                                    {"value", error.trend->trend},
                                    {"sigma", error.trend->sigma},
                                    {"gain", error.trend->gain},
