@@ -375,7 +375,7 @@ class PageTest(BrowserCase):
 
         self.url = free_url()
         page.open(self.start_view(name="bouncing_ball").address)
-        page.wait("the stream", "window.sprag && sprag.connected && sprag.received > 2")
+        page.wait("the stream", "window.sprag && sprag.connected && sprag.frame && sprag.health")
         self.watch_stops(page)
         self.start_run(speed="2", name="bouncing_ball")
         page.wait("rest", "seen.filter(([, , closed]) => closed).length > 5")
