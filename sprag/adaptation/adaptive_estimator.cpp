@@ -20,10 +20,6 @@ constexpr double far_inside = 0.05;
 // Of the machine's own.
 constexpr double most_energy = 0.25;
 
-// Impacts that are nearer to each other are not told apart.
-constexpr double close_in_sigmas = 10.0;
-// A chatter of which only the beginning is told apart is over after so many.
-constexpr double burst_in_sigmas = 300.0;
 // Steps of a flight with a contact closed, which a tick has time for.
 constexpr double longest_holding = 200.0;
 
@@ -74,9 +70,8 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   q.setZero(n);
   u.setZero(n);
   x.setZero(2 * n);
-  of_x.setZero(2 * n, next.S.cols());
-  of_gaps.setZero(family.contacts(), next.S.cols());
-  row.setZero(next.S.cols());
+  of_gaps.setZero(family.contacts(), filter.most_columns());
+  row.setZero(filter.most_columns());
 }
 
 const MachineFamily& AdaptiveEstimator::Joint::require_modal(const MachineFamily& family) {
@@ -206,17 +201,16 @@ void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
   const Model& model = base_.flows()->dynamics().model();
   const Contact& contact = model.contacts[static_cast<std::size_t>(event.contact)];
   const Eigen::VectorXd w = joint.V.transpose() * contact.w;
-  const auto velocity = [&](const JointBelief& of, Eigen::RowVectorXd& columns) {
-    joint.u.noalias() = joint.V.lazyProduct(joint.filter.at(event.t, of).tail(n));
-    joint.filter.deviations(event.t, of, joint.of_x, joint.of_gaps);
-    columns = w.transpose() * joint.of_x.bottomRows(n);
+  const auto velocity = [&](const FilterBelief& of, Eigen::RowVectorXd& columns) {
+    joint.u.noalias() = joint.V.lazyProduct(joint.filter.mean(event.t, of).tail(n));
+    joint.filter.gap_deviations(of, joint.of_gaps);
+    columns = w.transpose() * joint.filter.deviations().bottomRows(n);
     return gap_velocity(contact, joint.u, event.t);
   };
   Eigen::RowVectorXd seen;
   const double after = velocity(belief(state.beliefs).of, seen);
   record.after = {after, seen.norm()};
   double gamma = velocity(from.of, seen);
-  joint.filter.at(event.t, from.of);
   const double gap = joint.filter.gap(event.contact);
   // The gap is zero there, up to what the machine moves by while the report is off.
   const auto of_gap = joint.of_gaps.row(event.contact);
@@ -231,7 +225,7 @@ void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
 }
 
 // Against the energy of the replica, which is about the machine's.
-bool AdaptiveEstimator::is_sure(const JointBelief& belief, const AdaptiveState& state) {
+bool AdaptiveEstimator::is_sure(const FilterBelief& belief, const AdaptiveState& state) {
   Joint& joint = *joint_;
   find_replica(state);
   const Eigen::Index n = joint.family.n();
@@ -264,28 +258,12 @@ void AdaptiveEstimator::lose(AdaptiveState& state) {
 void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
   const Belief& present = belief(state.beliefs);
   if (present.number != state.beliefs) return lose(state);
-  JointBelief& next = joint_->next;
+  FilterBelief& next = joint_->next;
   next = present.of;
-  JointFilter& filter = joint_->filter;
-  if (event.kind == ContactEventKind::opens) {
-    if (next.held != event.contact) return lose(state);
-    filter.release(event.t, next);
-    return add_belief(next, state);
-  }
+  EventFilter& filter = joint_->filter;
   const bool stays = event.kind == ContactEventKind::closes;
-  if (next.burst && next.held == event.contact) {
-    next.burst = !stays;
-    return add_belief(next, state);
-  }
-  if (next.held >= 0) return lose(state);
-  if (event.t - next.t < close_in_sigmas * next.sigma) {
-    if (!filter.take_burst(event.contact, event.t, burst_in_sigmas * next.sigma, next)) {
-      return lose(state);
-    }
-    next.burst = !stays;
-    return add_belief(next, state);
-  }
-  const bool taken = filter.take(event.contact, event.t, stays, next);
+  if (next.held >= 0 && next.held != event.contact) return lose(state);
+  const bool taken = filter.take(event, next);
   const double mean = state.mean_square + (next.square - state.mean_square) / innovation_window;
   if (!taken || !(next.square < largest_innovation) || !(mean < largest_mean_innovation)) {
     const Suspicion suspicion = next.innovation.gap > far_inside * next.length
@@ -324,9 +302,9 @@ void AdaptiveEstimator::doubt(const Inconsistency& inconsistency, AdaptiveState&
 // An impact of which nothing was heard, where the gap fell through zero.
 bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
   Joint& joint = *joint_;
-  const JointBelief& present = belief(state.beliefs).of;
+  const FilterBelief& present = belief(state.beliefs).of;
   const auto gap_at = [&](double when) {
-    joint.filter.at(when, present);
+    joint.filter.mean(when, present);
     return joint.filter.gap(contact);
   };
   constexpr int looks = 64, halvings = 40;
@@ -347,7 +325,8 @@ bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
   joint.next = present;
   // Its time is as uncertain as the flight makes it.
   joint.next.sigma = t - present.t;
-  if (!joint.filter.take(contact, inside, false, joint.next)) return false;
+  joint.next.reported[contact] = -infinity;
+  if (!joint.filter.take({inside, contact, ContactEventKind::pulse}, joint.next)) return false;
   joint.next.sigma = present.sigma;
   add_belief(joint.next, state);
   return true;
@@ -384,26 +363,20 @@ void AdaptiveEstimator::watch(AdaptiveState& state) {
     return;
   }
   const double t = tick_instant(state.tick, h()).hi;
-  // What is followed for long costs too much, and a burst that has led to nothing was none.
-  if (joint_->filter.cost(t, present.of) > longest_holding ||
-      (present.of.burst && t - present.of.t > burst_in_sigmas * present.of.sigma)) {
+  // A flight that has been held for long costs too much.
+  if (joint_->filter.cost(t, present.of) > longest_holding) {
+
     lose(state);
     return;
   }
   if (!state.trusted) return;
-  joint_->filter.at(t, present.of);
-  for (int i = 0; i < joint_->family.contacts(); ++i) {
-    const double gap = joint_->filter.gap(i);
-    if (i == present.of.held) continue;
-    if (!(gap >= -far_inside * present.of.length)) {
-      const Inconsistency inconsistency{t, i, Suspicion::missing_event, 0.0};
-      if (may_doubt(state) && present.of.held < 0 && take_lost(i, t, state)) {
-        doubt(inconsistency, state);
-      } else {
-        fail(inconsistency, state);
-      }
-      return;
-    }
+  const int contact = joint_->filter.overdue(t, present.of);
+  if (contact < 0) return;
+  const Inconsistency inconsistency{t, contact, Suspicion::missing_event, 0.0};
+  if (may_doubt(state) && take_lost(contact, t, state)) {
+    doubt(inconsistency, state);
+  } else {
+    fail(inconsistency, state);
   }
 }
 
@@ -421,7 +394,7 @@ void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
   state.lost = false;
 }
 
-void AdaptiveEstimator::add_belief(const JointBelief& of, AdaptiveState& state) {
+void AdaptiveEstimator::add_belief(const FilterBelief& of, AdaptiveState& state) {
   ++state.beliefs;
   Belief& next = belief(state.beliefs);
   next.of = of;
@@ -483,7 +456,7 @@ void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::Vec
   }
   const Eigen::Index n = joint_->family.n();
   const Eigen::VectorXd& x =
-      joint_->filter.at(tick_instant(state.tick, h()).hi, belief(state.beliefs).of);
+      joint_->filter.publish(tick_instant(state.tick, h()).hi, belief(state.beliefs).of);
   q.noalias() = joint_->V.lazyProduct(x.head(n));
   u.noalias() = joint_->V.lazyProduct(x.tail(n));
 }
@@ -526,20 +499,22 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
   Joint& joint = *joint_;
   const Eigen::Index n = joint.family.n();
   const double t = tick_instant(state.tick, h()).hi;
-  const JointBelief& present = belief(state.beliefs).of;
+  const FilterBelief& present = belief(state.beliefs).of;
   if (state.trusted) {
-    joint.filter.deviations(t, present, joint.of_x, joint.of_gaps);
+    joint.filter.publish(t, present);
+    const auto of_x = joint.filter.deviations();
+    joint.filter.gap_deviations(present, joint.of_gaps);
     for (Eigen::Index i = 0; i < n; ++i) {
-      joint.row.noalias() = joint.V.row(i).lazyProduct(joint.of_x.topRows(n));
+      joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.topRows(n));
       confidence.sigma_q[i] = joint.row.norm();
-      joint.row.noalias() = joint.V.row(i).lazyProduct(joint.of_x.bottomRows(n));
+      joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.bottomRows(n));
       confidence.sigma_u[i] = joint.row.norm();
     }
     for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
       confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
     }
     for (Eigen::Index i = 0; i < joint.outputs.cols(); ++i) {
-      joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(joint.of_x);
+      joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(of_x);
       confidence.sigma_outputs[i] = joint.row.norm();
     }
   } else {

@@ -30,7 +30,7 @@
 #include <span>
 #include <vector>
 
-#include "sprag/adaptation/joint_filter.h"
+#include "sprag/filter/event_filter.h"
 #include "sprag/adaptation/task.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/prediction.h"
@@ -122,7 +122,7 @@ class AdaptiveEstimator {
  private:
   struct Belief {
     std::int64_t number = -1;  // another one than a state's: it is gone
-    JointBelief of;
+    FilterBelief of;
   };
   struct Heard {
     ContactEvent event{};
@@ -134,7 +134,7 @@ class AdaptiveEstimator {
     static const MachineFamily& require_modal(const MachineFamily& family);
 
     MachineFamily family;
-    JointFilter filter;
+    EventFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
     Eigen::MatrixXd to_y, V;      // y of q, q of y
     Eigen::MatrixXd outputs;      // of (y, y'), 2n x the model's outputs
@@ -143,9 +143,9 @@ class AdaptiveEstimator {
     std::vector<Belief> beliefs;  // ring, by number
     std::vector<Heard> heard;     // ring, by number of event
     // Scratch.
-    JointBelief next;
+    FilterBelief next;
     Eigen::VectorXd q, u, x;
-    JointBelief::Rows of_x, of_gaps;
+    Eigen::MatrixXd of_gaps;
     Eigen::RowVectorXd row;
   };
 
@@ -168,12 +168,12 @@ class AdaptiveEstimator {
   void fail(const Inconsistency& inconsistency, AdaptiveState& state);
   void begin_window(std::int64_t event, AdaptiveState& state) const;
   void find_replica(const AdaptiveState& state);
-  bool is_sure(const JointBelief& belief, const AdaptiveState& state);
+  bool is_sure(const FilterBelief& belief, const AdaptiveState& state);
   void watch(AdaptiveState& state);
   void describe(std::int64_t before, const ContactEvent& event, const AdaptiveState& state,
                 ImpactRecord& record);
   void restart_filter(AdaptiveState& state);
-  void add_belief(const JointBelief& of, AdaptiveState& state);
+  void add_belief(const FilterBelief& of, AdaptiveState& state);
 
   AnyEstimator base_;
   std::unique_ptr<Joint> joint_;

@@ -15,7 +15,7 @@ constexpr double difference_of_c = 4e-6;
 // Of angles up to 1: what is left out is a rounding.
 constexpr int terms_of_series = 20;
 
-bool changes_flow(const Unknown& unknown) {
+bool is_of_flow(const Unknown& unknown) {
   return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
 }
 
@@ -42,13 +42,16 @@ JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
     variant.derivatives = variant.harmonics;
   }
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
-    const bool own = changes_flow(family.unknowns()[k]);
-    variants_[1 + 2 * k].own_flow = variants_[2 + 2 * k].own_flow = own;
+    const bool own = is_of_flow(family.unknowns()[k]);
+    for (std::size_t j : {1 + 2 * k, 2 + 2 * k}) {
+      variants_[j].own_flow = own;
+      if (own) variants_[j].steps.resize(static_cast<std::size_t>(n()));
+    }
   }
   c_.setConstant(unknowns(), std::numeric_limits<double>::quiet_NaN());
   values_ = nominal;
   steps_.resize(static_cast<std::size_t>(n()));
-  own_steps_ = steps_;
+  turn_ = steps_;
   x_.setZero(2 * n());
   by_time_.setZero(2 * n());
   by_c_.setZero(2 * n(), unknowns());
@@ -209,8 +212,8 @@ void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, doub
     add_steady(1.0, variant);
     return;
   }
-  if (variant.own_flow) find_steps(variant, tau, own_steps_);
-  const std::vector<OscillatorStep>& steps = variant.own_flow ? own_steps_ : steps_;
+  if (variant.own_flow) find_steps(variant, tau, variant.steps);
+  const std::vector<OscillatorStep>& steps = variant.own_flow ? variant.steps : steps_;
   const Eigen::Index constants = 2 * machine.groups();
   for (Eigen::Index i = 0; i < n(); ++i) {
     const OscillatorStep& step = steps[static_cast<std::size_t>(i)];
@@ -229,12 +232,47 @@ void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, doub
   held_ = held;
   if (held < 0) {
     find_steps(centre(), tau, steps_);
-  } else if (derivatives_) {
+  } else {
     hold_homogeneous(held, tau);
   }
   const std::size_t count = derivatives_ ? variants_.size() : 1;
   for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
   difference();
+}
+
+void JointFlight::fly_on(double tau, int held) {
+  held_ = held;
+  if (held < 0) {
+    find_steps(centre(), tau, steps_);
+  } else {
+    hold_homogeneous(held, tau);
+  }
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) fly(variants_[j].x, end_, tau, variants_[j]);
+  end_ += tau;
+  difference();
+}
+
+void JointFlight::turn(double tau, Eigen::Ref<Eigen::VectorXd> dx) {
+  find_steps(centre(), tau, turn_);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    turn_[static_cast<std::size_t>(i)].apply(0.0, dx[i], dx[n() + i]);
+  }
+}
+
+void JointFlight::carry_by_unknown(Eigen::Index k, Eigen::Ref<Eigen::VectorXd> dx) const {
+  const auto j = static_cast<std::size_t>(1 + 2 * k);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& above = variants_[j].steps[static_cast<std::size_t>(i)];
+    const OscillatorStep& below = variants_[j + 1].steps[static_cast<std::size_t>(i)];
+    const double z = dx[i], v = dx[n() + i], h = 2.0 * difference_of_c;
+    dx[i] = ((above.zz - below.zz) * z + (above.zv - below.zv) * v) / h;
+    dx[n() + i] = ((above.vz - below.vz) * z + (above.vv - below.vv) * v) / h;
+  }
+}
+
+double JointFlight::largest_frequency() const {
+  return std::sqrt(std::max(centre().machine.K.maxCoeff(), 0.0));
 }
 
 void JointFlight::difference() {
@@ -314,6 +352,74 @@ void JointFlight::gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z)
     const auto j = static_cast<std::size_t>(1 + 2 * k);
     by_z[2 * n() + k] =
         (gap(contact, variants_[j]).g - gap(contact, variants_[j + 1]).g) / (2.0 * difference_of_c);
+  }
+}
+
+// The gap accelerates by a + w^T w lambda, which is 0 while the contact is held.
+JointFlight::Gap JointFlight::force(int contact, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  const Eigen::Index constants = 2 * machine.groups();
+  double a = 0.0, rate = 0.0, terms = 0.0;
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = machine.gap_response(contact, g) *
+                      Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    const double Omega = machine.frequencies[g];
+    a -= Omega * Omega * z.real();
+    rate += Omega * Omega * Omega * z.imag();
+    terms += Omega * Omega * std::abs(z) * (1.0 + std::abs(Omega * end_));
+  }
+  const auto w = machine.W.col(contact);
+  const auto free_acceleration = [&](Eigen::Index i, double& u) {
+    double y = variant.x[i];
+    u = variant.x[n() + i];
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      const Complex steady = machine.response(i, g) *
+                             Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                             variant.harmonics[static_cast<std::size_t>(g)];
+      y -= steady.real();
+      u += machine.frequencies[g] * steady.imag();
+    }
+    double force = 0.0;
+    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+    }
+    terms += std::abs(w[i]) * (std::abs(force) + std::abs(machine.C(i, 0) * u) +
+                               std::abs(machine.K(i, 0) * variant.x[i]));
+    return force - machine.C(i, 0) * u - machine.K(i, 0) * y;
+  };
+  double u = 0.0;
+  for (Eigen::Index i = 0; i < n(); ++i) a += w[i] * free_acceleration(i, u);
+  const double lambda = -a / w.squaredNorm();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const double acceleration = free_acceleration(i, u) + w[i] * lambda;
+    rate -= w[i] * (machine.C(i, 0) * acceleration + machine.K(i, 0) * u);
+  }
+  return {-a, -rate, 0.0, terms, terms};
+}
+
+JointFlight::Gap JointFlight::force(int contact) const { return force(contact, centre()); }
+
+void JointFlight::differences(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> of_g,
+                              Eigen::Ref<Eigen::VectorXd> of_velocity) const {
+  const auto at = [&](std::size_t j) {
+    return of_force ? force(contact, variants_[j]) : gap(contact, variants_[j]);
+  };
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    const auto j = static_cast<std::size_t>(1 + 2 * k);
+    const Gap above = at(j), below = at(j + 1);
+    of_g[k] = (above.g - below.g) / (2.0 * difference_of_c);
+    of_velocity[k] = (above.velocity - below.velocity) / (2.0 * difference_of_c);
+  }
+}
+
+void JointFlight::direction(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> by_x) const {
+  const Machine& machine = centre().machine;
+  by_x.setZero();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const double w = machine.W(i, contact);
+    by_x[i] = of_force ? w * machine.K(i, 0) : w;
+    if (of_force) by_x[n() + i] = w * machine.C(i, 0);
   }
 }
 

@@ -39,6 +39,21 @@ class JointFlight {
   const Eigen::MatrixXd& by_unknowns() const { return by_c_; }
   /// d(y, y') / dx applied to a deviation of x, in place.
   void carry(Eigen::Ref<Eigen::VectorXd> dx);
+  /// Continues from the present x(), each machine of the difference quotients from its own, for
+  /// tau. carry() is that of this flight alone then; by_unknowns() that since fly().
+  void fly_on(double tau, int held = -1);
+  /// d^2(y, y') / (dx dc_k) of a free fly(), applied to a deviation of x, in place; for an unknown
+  /// with changes_flow(k).
+  void carry_by_unknown(Eigen::Index k, Eigen::Ref<Eigen::VectorXd> dx) const;
+  bool changes_flow(Eigen::Index k) const {
+    return variants_[static_cast<std::size_t>(1 + 2 * k)].own_flow;
+  }
+  /// Free homogeneous flight of a deviation for tau, in place.
+  void turn(double tau, Eigen::Ref<Eigen::VectorXd> dx);
+  /// The machine of the coordinates that were set.
+  const Machine& machine() const { return centre().machine; }
+  /// Largest natural frequency [rad per unit of time].
+  double largest_frequency() const;
 
   /// After fly(): gap of a contact there, its velocity and acceleration.
   struct Gap {
@@ -49,6 +64,14 @@ class JointFlight {
   Gap gap(int contact) const;
   /// Its derivatives by the x that fly() began with and by c, (2n + P) entries.
   void gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z) const;
+  /// w^T w lambda of a held contact, as g, and its rate, as velocity; the force is 0 where the
+  /// contact opens.
+  Gap force(int contact) const;
+  /// d(g, velocity) / dc since fly(), of gap() or of force(), P entries each.
+  void differences(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> of_g,
+                   Eigen::Ref<Eigen::VectorXd> of_velocity) const;
+  /// d g / d(y, y') there, 2n entries, of gap() or of force().
+  void direction(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> by_x) const;
 
   /// After a free fly(): the impact of a contact, which stays closed then or not. x() and
   /// by_unknowns() are those behind it from then on.
@@ -66,6 +89,7 @@ class JointFlight {
     Machine machine;
     Eigen::VectorXd inputs;
     bool own_flow = false;  // C or K is not the centre's
+    std::vector<OscillatorStep> steps;  // of the last free flight, where own_flow
     Eigen::VectorXd x;
     std::vector<std::complex<double>> harmonics;    // of each group, at the end of the flight
     std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
@@ -82,13 +106,14 @@ class JointFlight {
   void hold_homogeneous(int contact, double tau);
   void add_held_terms(const Machine& machine, int contact, double share);
   Gap gap(int contact, const Variant& variant) const;
+  Gap force(int contact, const Variant& variant) const;
   void difference();
 
   const MachineFamily* family_;
   std::vector<Variant> variants_;  // the centre; then two of each unknown, to either side
   bool derivatives_ = false;
   Eigen::VectorXd c_, values_;
-  std::vector<OscillatorStep> steps_, own_steps_;
+  std::vector<OscillatorStep> steps_, turn_;
   Eigen::VectorXd x_, by_time_;
   Eigen::MatrixXd by_c_;
   double end_ = 0.0;  // of the flight [s]

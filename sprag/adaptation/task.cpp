@@ -55,7 +55,7 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.adaptation.walks()
                            ? resolved * found.interval
                            : std::max(found.jitter, resolved * found.interval);
-  JointFilter filter(family);
+  EventFilter filter(family);
   filter.follow(found.likelihood, found.measured, sigma, result.belief);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
   const Impact& last = found.measured.back().impacts.back();

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/adaptation/joint_filter.h"
+#include "sprag/filter/event_filter.h"
 #include "sprag/identification/machine_family.h"
 #include "sprag/mechanics/contact_event.h"
 
@@ -26,7 +26,7 @@ struct AdaptationResult {
   /// The last event of the task was the last impact of the path: the belief is what is known of
   /// state and unknowns behind it. Else it is of use for the unknowns alone.
   bool state_is_known = false;
-  JointBelief belief;
+  FilterBelief belief;
 };
 
 /// What a scene says may be wrong (Scene::adaptation), as identification takes it: all but what

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "sprag/adaptation/joint_filter.h"
+#include "sprag/filter/event_filter.h"
 #include "sprag/adaptation/task.h"
 #include "sprag/identification/identification.h"
 #include "sprag/mechanics/master.h"
@@ -23,8 +23,8 @@ double least_V(const Scene& machine, int impacts, double sigma) {
   settings.mend = false;
   const Identification found = identify(machine, events, settings);
   const MachineFamily family(machine, settings.unknowns);
-  JointFilter filter(family);
-  JointBelief belief;
+  EventFilter filter(family);
+  FilterBelief belief;
   filter.follow(found.likelihood, found.measured, sigma, belief);
   const Machine of = family.at(family.nominal());
   double V = 0.0;

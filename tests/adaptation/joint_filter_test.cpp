@@ -1,4 +1,4 @@
-#include "sprag/adaptation/joint_filter.h"
+#include "sprag/filter/event_filter.h"
 
 #include <gtest/gtest.h>
 
@@ -148,14 +148,14 @@ TEST(JointFlight, HoldsAContactAsTheMachineDoes) {
 INSTANTIATE_TEST_SUITE_P(Scenes, JointFlightOfScenes,
                          testing::Values("paper_beam", "two_stops_beam", "lab_rig"));
 
-TEST(JointFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
+TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   constexpr std::uint64_t seed = 7;
   Random random(seed);
   Scene scene = shipped_scene("paper_beam");
   scene.adaptation.walk[0] = 0.3;
   const MachineFamily family(scene, unknowns_to_adapt(scene));
-  JointFilter filter(family);
-  JointBelief belief = filter.no_belief();
+  EventFilter filter(family);
+  FilterBelief belief = filter.no_belief();
   const Eigen::Index n2 = 2 * filter.n(), P = filter.unknowns();
   for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {
     belief.S.row(i) = random.vector(belief.S.cols()).transpose();
