@@ -1,9 +1,7 @@
 #include "sprag/files/scene_file.h"
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -14,6 +12,7 @@
 #include <vector>
 
 #include "sprag/files/confidence_columns.h"
+#include "sprag/files/parameters_table.h"
 #include "sprag/files/toml_reader.h"
 #include "sprag/identification/unknowns.h"
 #include "sprag/mechanics/definiteness.h"
@@ -52,15 +51,6 @@ std::vector<TomlTable> read_contact_tables(const TomlTable& root, TomlKeys keys)
                                    " tables; must have at most " + std::to_string(max_contacts));
   }
   return tables;
-}
-
-// A computed number in a message, where all digits would only distract.
-std::string rounded(double value) {
-  std::array<char, 32> buffer{};
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
-                                 std::chars_format::general, 5)
-                       .ptr;
-  return {buffer.data(), end};
 }
 
 Eigen::VectorXd read_direction(const TomlTable& table, Eigen::Index f) {
@@ -502,7 +492,7 @@ namespace {
 Scene scene_of(TomlDocument& document, const std::string& file) {
   const TomlTable root =
       document.root({"name", "beam", "excitation", "system", "force", "impact", "contact", "output",
-                     "master", "replica", "events", "adapt"});
+                     "master", "replica", "events", "adapt", "parameters"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
@@ -522,6 +512,7 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   }
   read_events(root, scene);
   read_adaptation(root, scene);
+  scene.parameters = read_parameters(root, scene);
   scene.remarks = document.remarks();
   return scene;
 }

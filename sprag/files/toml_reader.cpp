@@ -177,6 +177,14 @@ std::string to_text(double value) {
   return {buffer.data(), end};
 }
 
+std::string rounded(double value) {
+  std::array<char, 32> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
+                                 std::chars_format::general, 5)
+                       .ptr;
+  return {buffer.data(), end};
+}
+
 TomlDocument::TomlDocument(std::string_view text, TomlSource source) : source_(std::move(source)) {
   refuse_dangerous(text, source_.file);
   try {
@@ -325,6 +333,17 @@ std::optional<TomlTable> TomlTable::table(std::string_view key, TomlKeys keys) c
   const toml::node& node = required(key);
   if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
   return TomlTable(*node.as_table(), path_of(key), *source_, keys);
+}
+
+std::optional<TomlTable> TomlTable::open_table(std::string_view key) const {
+  if (!has(key)) return std::nullopt;
+  const toml::node& node = required(key);
+  if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
+  return TomlTable(*node.as_table(), path_of(key), *source_);
+}
+
+TomlTable TomlTable::inside(const toml::table& table, std::string path, TomlKeys keys) const {
+  return {table, std::move(path), *source_, keys};
 }
 
 std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) const {

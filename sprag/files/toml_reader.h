@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 // toml++ asserts conditions that it reports as errors a few lines later: "[^]" would abort a debug
@@ -34,6 +35,8 @@ inline constexpr Limits not_negative{.low = 0.0};
 
 /// Shortest text that reads back as the same double, as messages print numbers.
 std::string to_text(double value);
+/// A computed number in a message, to five significant digits.
+std::string rounded(double value);
 
 using TomlKeys = std::initializer_list<std::string_view>;
 
@@ -54,6 +57,10 @@ class TomlTable {
 
   double number(std::string_view key, const Limits& limits) const;
   double number_or(std::string_view key, double fallback, const Limits& limits) const;
+  /// The same of a value that a key holds, whose dotted path is `path`.
+  double number_at(const toml::node& node, const std::string& path, const Limits& limits) const {
+    return checked_number(node, path, limits);
+  }
   int integer(std::string_view key, int low, int high) const;
   bool boolean_or(std::string_view key, bool fallback) const;
   std::string required_string(std::string_view key) const;
@@ -71,6 +78,11 @@ class TomlTable {
   Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
 
   std::optional<TomlTable> table(std::string_view key, TomlKeys keys) const;
+  /// The same, whatever keys the table has.
+  std::optional<TomlTable> open_table(std::string_view key) const;
+  /// A table inside this one, whose dotted path is `path`.
+  TomlTable inside(const toml::table& table, std::string path, TomlKeys keys) const;
+  const toml::table& contents() const { return *table_; }
   /// An array of tables, named key[1], key[2], ...; empty if the key is absent.
   std::vector<TomlTable> tables(std::string_view key, TomlKeys keys) const;
 
@@ -80,10 +92,15 @@ class TomlTable {
   [[noreturn]] void fail(std::string_view key, std::size_t i, const std::string& message) const;
   /// Throws "file:line:column: `message`", at the table.
   [[noreturn]] void fail_here(const std::string& message) const;
+  /// Throws "file:line:column: `message`".
+  [[noreturn]] void fail_at(const toml::source_position& position,
+                            const std::string& message) const;
   /// The key's dotted path.
   std::string path_of(std::string_view key) const;
 
  private:
+  TomlTable(const toml::table& table, std::string path, TomlSource& source)
+      : table_(&table), path_(std::move(path)), source_(&source) {}
   /// Throws "file:line:column: missing key path.key", at the table, if the key is absent.
   const toml::node& required(std::string_view key) const;
   double checked_number(const toml::node& node, const std::string& path,
@@ -94,8 +111,6 @@ class TomlTable {
   Eigen::MatrixXd checked_matrix(const toml::node& node, const std::string& path) const;
   Eigen::MatrixXd of_file(const toml::node& node, const std::string& path) const;
   void refuse_unknown_keys(TomlKeys keys) const;
-  [[noreturn]] void fail_at(const toml::source_position& position,
-                            const std::string& message) const;
 
   const toml::table* table_;
   std::string path_;

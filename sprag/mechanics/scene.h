@@ -9,6 +9,7 @@
 
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/model.h"
+#include "sprag/mechanics/parameter_uncertainty.h"
 
 namespace sprag {
 
@@ -53,6 +54,7 @@ struct Scene {
   double drift = 0.0;                ///< energy by which the model departs, per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
   Adaptation adaptation;
+  ParameterUncertainty parameters;   ///< how uncertain parameters are; empty: not given
   bool has_master = true;            ///< false: where the machine starts is not said
   bool release_penetration = false;  ///< master.penetration = "release"
   std::vector<std::string> remarks;  ///< of its reader, for people: a line each
