@@ -20,6 +20,9 @@ constexpr double far_inside = 0.05;
 // Of the machine's own.
 constexpr double most_energy = 0.25;
 
+// Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
+// else forgives what is of third order in the parameters.
+constexpr double least_jitter = 1e-6;
 // Steps of a flight with a contact closed, which a tick has time for.
 constexpr double longest_holding = 200.0;
 
@@ -37,17 +40,75 @@ std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknow
   return keys;
 }
 
-EstimatorKind base_of(EstimatorKind kind) {
-  return kind == EstimatorKind::adaptive ? EstimatorKind::replica : kind;
+bool has_filter(EstimatorKind kind) {
+  return kind == EstimatorKind::timing || kind == EstimatorKind::both;
+}
+
+FilterModel model_of(const Scene& scene, const MachineFamily& family, bool from_prior) {
+  FilterModel model;
+  const Eigen::Index P = std::ssize(family.unknowns()), n = family.n();
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  const Eigen::Index of_q = uncertainty.drift_q.cols(), of_u = uncertainty.drift_u.cols();
+  const Eigen::MatrixXd to_y = product(family.V().transpose(), scene.model.M);
+  model.drift.setZero(2 * n, of_q + of_u);
+  if (of_q > 0) model.drift.topLeftCorner(n, of_q) = product(to_y, uncertainty.drift_q);
+  if (of_u > 0) model.drift.bottomRightCorner(n, of_u) = product(to_y, uncertainty.drift_u);
+  if (from_prior) {
+    model.considered = scene.parameters.consider;
+  } else {
+    model.walk = walk_of(scene, P);
+  }
+  return model;
+}
+
+// Where parameters are uncertain the filter is that of state and parameters, beside the replica.
+EstimatorKind base_of(const Scene& scene, EstimatorKind kind) {
+  const bool uncertain = has_filter(kind) && !scene.parameters.empty();
+  return uncertain || kind == EstimatorKind::adaptive ? EstimatorKind::replica : kind;
+}
+
+// Smallest of the modes' stiffnesses that is not 0, of rigid ones alone 1.
+double slowest(const Eigen::VectorXd& stiffness) {
+  double least = infinity;
+  for (const double k : stiffness) {
+    if (k > 0.0) least = std::min(least, k);
+  }
+  return least < infinity ? least : 1.0;
+}
+
+// `where`: the table or key of the scene that lists the unknowns.
+const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
+  for (const Unknown& unknown : family.unknowns()) {
+    if (is_common(unknown)) {
+      throw ModelError(where + ": " + unknown.key +
+                       " stands for several numbers that differ; the filter estimates them one by "
+                       "one");
+    }
+    if (unknown.kind != Unknown::Kind::damping_entry &&
+        unknown.kind != Unknown::Kind::stiffness_entry) {
+      continue;
+    }
+    throw ModelError(where + ": " + unknown.key +
+                     " is a single entry; the filter estimates system.C and system.K as factors "
+                     "alone");
+  }
+  if (!family.modal()) {
+    throw ModelError(
+        "system.C couples the modes of M and K; an estimator of parameters needs damping that does "
+        "not, as C = a M + b K");
+  }
+  if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
+  return family;
 }
 
 }  // namespace
 
 static_assert(Estimator<AdaptiveEstimator>);
 
-AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknowns)
+AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior)
     : family(scene, std::move(unknowns)),
-      filter(require_modal(family)),
+      filter(require_modal(family, from_prior ? "parameters" : "adapt.free"),
+             model_of(scene, family, from_prior)),
       keys(keys_of(family.unknowns())) {
   const Eigen::Index n = family.n();
   const Uncertainty uncertainty = uncertainty_of(scene);
@@ -59,9 +120,17 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
     outputs.col(k).segment(output.velocity ? n : 0, n) = V.transpose() * output.direction;
   }
   stiffness = family.at(family.nominal()).K;
+  sigma = std::max(scene.jitter, least_jitter / std::sqrt(slowest(stiffness)));
   start.setZero(2 * n, 2 * n);
   start.topLeftCorner(n, n) = product(to_y, uncertainty.q);
   start.bottomRightCorner(n, n) = product(to_y, uncertainty.u);
+  if (from_prior) {
+    prior = scene.parameters.root_of_covariance();
+    for (Eigen::Index k = 0; k < prior.rows(); ++k) {
+      const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
+      prior.row(k) /= unknown.slope(unknown.nominal);
+    }
+  }
   next = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   beliefs.resize(std::clamp(kept_bytes / bytes, fewest_kept, kept), Belief{-1, next});
@@ -74,35 +143,13 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   row.setZero(filter.most_columns());
 }
 
-const MachineFamily& AdaptiveEstimator::Joint::require_modal(const MachineFamily& family) {
-  for (const Unknown& unknown : family.unknowns()) {
-    if (is_common(unknown)) {
-      throw ModelError("adapt.free: " + unknown.key +
-                       " stands for several numbers that differ; an adaptive estimator seeks them "
-                       "one by one");
-    }
-    if (unknown.kind != Unknown::Kind::damping_entry &&
-        unknown.kind != Unknown::Kind::stiffness_entry) {
-      continue;
-    }
-    throw ModelError("adapt.free: " + unknown.key +
-                     " is a single entry; an adaptive estimator seeks system.C and system.K as "
-                     "factors alone");
-  }
-  if (!family.modal()) {
-    throw ModelError(
-        "system.C couples the modes of M and K; an adaptive estimator needs damping that does not, "
-        "as C = a M + b K");
-  }
-  if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
-  return family;
-}
-
 AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
                                      StepperKind stepper)
-    : base_(scene, h, base_of(kind), stepper) {
+    : base_(scene, h, base_of(scene, kind), stepper) {
   if (kind == EstimatorKind::adaptive) {
-    joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene));
+    joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene), false);
+  } else if (has_filter(kind) && !scene.parameters.empty()) {
+    joint_ = std::make_unique<Joint>(scene, unknowns_named(scene, scene.parameters.keys), true);
   }
 }
 
@@ -129,6 +176,35 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.closed = chi;
   state.begins = tick_instant(k, h()).hi;
   if (joint_) state.size = first_size();
+  if (has_prior()) start_from_prior(start, state);
+}
+
+void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
+  const Eigen::Index P = joint_->prior.rows(), n2 = 2 * joint_->family.n();
+  for (Eigen::Index k = 0; k < P; ++k) {
+    const Unknown& unknown = joint_->family.unknowns()[static_cast<std::size_t>(k)];
+    belief.z[n2 + k] = unknown.coordinate(unknown.nominal);
+  }
+  belief.S.bottomRows(P).setZero();
+  belief.S.rightCols(P).setZero();
+  belief.S.bottomRightCorner(P, P) = joint_->prior;
+}
+
+void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveState& state) {
+  Joint& joint = *joint_;
+  joint.next = joint.filter.no_belief();
+  joint.next.sigma = joint.sigma;
+  set_prior(joint.next);
+  const Eigen::Index n = joint.family.n();
+  joint.x.head(n) = product(joint.to_y, start.q);
+  joint.x.tail(n) = product(joint.to_y, start.u);
+  joint.filter.restart(state.begins, joint.x, joint.start, joint.next);
+  add_belief(joint.next, state);
+  state.adapted = true;
+  state.accepted = state.begins;
+  state.lost = state.chi != 0;
+  state.trusted = !state.lost;
+  state.fitting = trial();
 }
 
 void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
@@ -182,6 +258,7 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
   if (state.events - state.window > most_events) begin_window(state.events - most_events, state);
   watch(state);
   if (state.adapted && state.lost && state.chi == 0) restart_filter(state);
+  if (!identifies()) return;
   if (!state.adapted && state.events - state.window >= state.size) state.wanted = true;
 }
 
@@ -340,6 +417,11 @@ void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& 
   if (believed) {
     // If the parameters are to blame, it is from here on.
     begin_window(std::max<std::int64_t>(state.events - 1, 0), state);
+  } else if (has_prior()) {
+    FilterBelief& next = joint_->next;
+    next = belief(state.beliefs).of;
+    set_prior(next);
+    add_belief(next, state);
   } else {
     state.adapted = false;
     state.accepted = -1.0;
@@ -402,7 +484,7 @@ void AdaptiveEstimator::add_belief(const FilterBelief& of, AdaptiveState& state)
 }
 
 bool AdaptiveEstimator::waits(const AdaptiveState& state) const {
-  return joint_ && state.wanted && !has_result(state);
+  return identifies() && state.wanted && !has_result(state);
 }
 
 bool AdaptiveEstimator::has_result(const AdaptiveState& state) const {
@@ -533,7 +615,8 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
       continue;
     }
     parameters.values[k] = unknown.value(present.z[2 * n + k]);
-    const double walked = square(joint.filter.walk()[k]) * std::max(t - present.t, 0.0);
+    const Eigen::VectorXd& walk = joint.filter.model().walk;
+    const double walked = walk.size() > 0 ? square(walk[k]) * std::max(t - present.t, 0.0) : 0.0;
     const double variance = present.S.row(2 * n + k).squaredNorm() + walked;
     parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
   }

@@ -70,7 +70,7 @@ class AdaptiveEstimator {
   using State = AdaptiveState;
 
   /// As AnyEstimator's; adaptive where `kind` says so. Throws ModelError, also where the scene's
-  /// damping couples the modes: there is no joint filter for that; and std::invalid_argument for a
+  /// damping couples the modes: there is no filter of parameters for that; and std::invalid_argument for a
   /// key in scene.adaptation that is none.
   AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
                     StepperKind stepper = StepperKind::exact);
@@ -106,8 +106,8 @@ class AdaptiveEstimator {
   /// From now on ticks behind a state that wants it take it; it must stay as it is until another
   /// one is put. Does not allocate.
   void put(const AdaptationResult& result) { result_ = &result; }
-  /// What results are made with; null where this is not adaptive.
-  const MachineFamily* family() const { return joint_ ? &joint_->family : nullptr; }
+  /// What results are made with; null where nothing is identified.
+  const MachineFamily* family() const { return identifies() ? &joint_->family : nullptr; }
 
   /// Events that a state may be ahead of one that is still to go on from: what is known of its
   /// events is kept so long.
@@ -130,16 +130,18 @@ class AdaptiveEstimator {
     double before = 0.0;  // when the event before it was
   };
   struct Joint {
-    Joint(const Scene& scene, std::vector<Unknown> unknowns);
-    static const MachineFamily& require_modal(const MachineFamily& family);
+    Joint(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
 
     MachineFamily family;
     EventFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
     Eigen::MatrixXd to_y, V;      // y of q, q of y
     Eigen::MatrixXd outputs;      // of (y, y'), 2n x the model's outputs
+    double sigma = 0.0;           // of event times, with the floor of uncertain parameters [s]
     Eigen::VectorXd stiffness;    // of the modes, as the scene has it
     Eigen::MatrixXd start;        // deviations of a start, 2n x 2n
+    // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are identified.
+    Eigen::MatrixXd prior;
     std::vector<Belief> beliefs;  // ring, by number
     std::vector<Heard> heard;     // ring, by number of event
     // Scratch.
@@ -149,6 +151,10 @@ class AdaptiveEstimator {
     Eigen::RowVectorXd row;
   };
 
+  bool has_prior() const { return joint_ && joint_->prior.size() > 0; }
+  bool identifies() const { return joint_ && joint_->prior.size() == 0; }
+  void start_from_prior(const sprag::State& start, AdaptiveState& state);
+  void set_prior(FilterBelief& belief) const;
   Belief& belief(std::int64_t number) const {
     return joint_->beliefs[static_cast<std::size_t>(number) % joint_->beliefs.size()];
   }

@@ -26,6 +26,11 @@ std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
   return unknowns;
 }
 
+Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns) {
+  const Eigen::VectorXd& walk = scene.adaptation.walk;
+  return walk.size() > 1 ? walk : Eigen::VectorXd::Constant(unknowns, walk[0]);
+}
+
 AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   AdaptationResult result;
   result.task = task;
@@ -55,7 +60,7 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.adaptation.walks()
                            ? resolved * found.interval
                            : std::max(found.jitter, resolved * found.interval);
-  EventFilter filter(family);
+  EventFilter filter(family, {walk_of(scene, std::ssize(family.unknowns()))});
   filter.follow(found.likelihood, found.measured, sigma, result.belief);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
   const Impact& last = found.measured.back().impacts.back();

@@ -33,6 +33,9 @@ struct AdaptationResult {
 /// holds the scale where it names nothing. Throws std::invalid_argument for a key that is none.
 std::vector<Unknown> unknowns_to_adapt(const Scene& scene);
 
+/// How far the unknowns of a scene's [adapt] walk, in coordinates and a unit of time.
+Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns);
+
 /// Throws Interrupted (interrupt.h).
 AdaptationResult run(const AdaptationTask& task, const MachineFamily& family);
 

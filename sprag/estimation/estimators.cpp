@@ -150,7 +150,7 @@ const char* AnyEstimator::flow_path() {
 }
 
 double initial_bound(const Scene& scene) {
-  const bool exact = scene.jitter == 0.0 && scene.drift == 0.0;
+  const bool exact = scene.jitter == 0.0 && scene.drift == 0.0 && scene.parameters.empty();
   return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum()
                                                : std::numeric_limits<double>::infinity();
 }

@@ -65,7 +65,8 @@ class AnyEstimator {
 };
 
 /// B(0) of a scene, the sum of its [replica] uncertainty; +infinity where a bound on V cannot be
-/// given: no uncertainty, or a machine that drifts or whose event times jitter.
+/// given: no uncertainty of the start, or a machine that drifts, whose event times jitter or whose
+/// parameters are uncertain.
 double initial_bound(const Scene& scene);
 
 }  // namespace sprag

@@ -44,16 +44,16 @@ double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); 
 
 }  // namespace
 
-EventFilter::EventFilter(const MachineFamily& family, std::vector<char> considered)
-    : family_(&family), considered_(std::move(considered)), flight_(family), onward_(family) {
-  const Eigen::VectorXd& walk = family.scene().adaptation.walk;
-  walk_ = walk.size() > 1 ? walk : Eigen::VectorXd::Constant(unknowns(), walk[0]);
-  considered_.resize(static_cast<std::size_t>(unknowns()), 0);
-  considers_ = std::find(considered_.begin(), considered_.end(), 1) != considered_.end();
+EventFilter::EventFilter(const MachineFamily& family, FilterModel model)
+    : family_(&family), model_(std::move(model)), flight_(family), onward_(family) {
+  std::vector<bool>& considered = model_.considered;
+  considered.resize(static_cast<std::size_t>(unknowns()), false);
+  considers_ = std::find(considered.begin(), considered.end(), true) != considered.end();
+  if (!(model_.walk.size() > 0 && model_.walk.maxCoeff() > 0.0)) model_.walk.resize(0);
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     if (flight_.changes_flow(k)) flow_unknowns_.push_back(k);
   }
-  const Eigen::Index before = size() + (walk_.size() > 0 && walk_.maxCoeff() > 0.0 ? unknowns() : 0);
+  const Eigen::Index before = size() + model_.walk.size() + model_.drift.cols();
   // Second-order columns; one of the Schmidt update; three of publishing.
   const Eigen::Index columns = before * (1 + std::ssize(flow_unknowns_)) + 1;
   A_.setZero(size(), before);
@@ -95,13 +95,14 @@ FilterBelief EventFilter::no_belief() const {
   return belief;
 }
 
-// What the parameters do in the meantime is taken as done at the beginning.
+// What machine and parameters do in the meantime is taken as done at the beginning.
 void EventFilter::spread(const FilterBelief& belief, double duration) {
   A_.setZero();
   A_.leftCols(size()) = belief.S;
-  if (A_.cols() == size()) return;
   const double root = std::sqrt(std::max(duration, 0.0));
-  for (Eigen::Index k = 0; k < unknowns(); ++k) A_(2 * n() + k, size() + k) = walk_[k] * root;
+  const Eigen::Index walking = model_.walk.size();
+  for (Eigen::Index k = 0; k < walking; ++k) A_(2 * n() + k, size() + k) = model_.walk[k] * root;
+  A_.topRightCorner(2 * n(), model_.drift.cols()) = root * model_.drift;
 }
 
 // Flight to t of the point z and of the columns A_.
@@ -208,7 +209,8 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
       const double margin = at_.psi.norm() + std::abs(at_.of.acceleration) * sigma;
       if (sigma > 0.0 && !(v < -scan_reach * margin)) {
         scan(contact, t, belief);
-        point.z.noalias() = belief.z + A_ * xi_;
+        point.z = belief.z;
+            point.z.noalias() += A_.lazyProduct(xi_);
         linearize(t - sigma * xi_tau_, point.z, belief);
         look(contact, opens, t);
       }
@@ -237,7 +239,8 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
         std::abs(move) < longest_step * sigma || sigma == 0.0 ? 1.0 : longest_step * sigma / std::abs(move);
     xi_ += part * (factor * at_.phi.head(known) - xi_);
     xi_tau_ += part * (factor * of_time - xi_tau_);
-    point.z.noalias() = belief.z + A_ * xi_;
+    point.z = belief.z;
+            point.z.noalias() += A_.lazyProduct(xi_);
     point.tau = sigma * xi_tau_;
     if (!point.z.allFinite()) return false;
   }
@@ -252,7 +255,7 @@ void EventFilter::measure(double residual, double noise, Eigen::VectorXd& x, Eig
   gain_.head(2 * n()).noalias() = at_.X.lazyProduct(at_.phi);
   gain_.tail(unknowns()).noalias() = at_.T.lazyProduct(at_.phi);
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    if (considered_[static_cast<std::size_t>(k)] != 0) gain_[2 * n() + k] = 0.0;
+    if (model_.considered[static_cast<std::size_t>(k)]) gain_[2 * n() + k] = 0.0;
   }
   x -= (residual / variance) * gain_.head(2 * n());
   c -= (residual / variance) * gain_.tail(unknowns());
@@ -747,7 +750,7 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
 }
 
 const Eigen::VectorXd& EventFilter::mean(double t, const FilterBelief& belief) {
-  spread(belief, 0.0);
+  spread(belief, t - belief.t);
   linearize(t, belief.z, belief);
   published_ = at_.X.cols();
   return at_.x;

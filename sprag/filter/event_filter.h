@@ -51,17 +51,25 @@ struct FilterBelief {
   Eigen::VectorXd jump;                          ///< its change of (y, y'), 2n entries
 };
 
+/// What is not deterministic about machine and parameters.
+struct FilterModel {
+  /// Standard deviation of the random walk of each parameter's coordinate after a unit of time, P
+  /// entries.
+  Eigen::VectorXd walk;
+  /// Root of the covariance of the process noise in (y, y') per unit of time, 2n rows; or empty.
+  Eigen::MatrixXd drift = {};
+  /// Of each parameter whether it is only considered; empty: none is.
+  std::vector<bool> considered = {};
+};
+
 class EventFilter {
  public:
-  /// \param family  modal machine family; must outlive the filter. Its scene says how far the
-  ///   parameters walk.
-  /// \param considered  of each parameter whether it is only considered; empty: none is
-  explicit EventFilter(const MachineFamily& family, std::vector<char> considered = {});
+  /// \param family  modal machine family; must outlive the filter
+  EventFilter(const MachineFamily& family, FilterModel model);
 
   Eigen::Index n() const { return flight_.n(); }
   Eigen::Index unknowns() const { return flight_.unknowns(); }
-  /// Standard deviation of the walk of each coordinate after a unit of time, P entries.
-  const Eigen::VectorXd& walk() const { return walk_; }
+  const FilterModel& model() const { return model_; }
   /// A belief of the right size, for copies that do not allocate.
   FilterBelief no_belief() const;
 
@@ -151,14 +159,13 @@ class EventFilter {
   Eigen::VectorXd start_of(const Likelihood& path, std::size_t s) const;
 
   const MachineFamily* family_;
-  std::vector<char> considered_;
+  FilterModel model_;
   bool considers_ = false;
-  Eigen::VectorXd walk_;
   std::vector<Eigen::Index> flow_unknowns_;
   JointFlight flight_, onward_;
 
   // Scratch.
-  Eigen::MatrixXd A_;  // z by columns, before the event: those of S, of the walk
+  Eigen::MatrixXd A_;  // z by columns, before the event: those of S, of the walk, of the drift
   Linearized at_;
   Eigen::Index published_ = 0;
   Eigen::VectorXd xi_, next_, gain_, dx_, direction_, offset_, c_, x_, unit_;

@@ -23,7 +23,7 @@ double least_V(const Scene& machine, int impacts, double sigma) {
   settings.mend = false;
   const Identification found = identify(machine, events, settings);
   const MachineFamily family(machine, settings.unknowns);
-  EventFilter filter(family);
+  EventFilter filter(family, {walk_of(family.scene(), std::ssize(family.unknowns()))});
   FilterBelief belief;
   filter.follow(found.likelihood, found.measured, sigma, belief);
   const Machine of = family.at(family.nominal());

@@ -154,7 +154,7 @@ TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   Scene scene = shipped_scene("paper_beam");
   scene.adaptation.walk[0] = 0.3;
   const MachineFamily family(scene, unknowns_to_adapt(scene));
-  EventFilter filter(family);
+  EventFilter filter(family, {walk_of(family.scene(), std::ssize(family.unknowns()))});
   FilterBelief belief = filter.no_belief();
   const Eigen::Index n2 = 2 * filter.n(), P = filter.unknowns();
   for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {
