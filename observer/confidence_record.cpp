@@ -218,7 +218,7 @@ void ConfidenceRecord::print(std::ostream& out) const {
         << " at most: the machine cannot be there; --states marks these ticks as `penetrating`\n";
   }
   if (!last_.has_filter) return;
-  out << (last_.parameters.any() ? "joint filter: " : "timing filter: ");
+  out << (last_.parameters.any() ? "filter of state and parameters: " : "timing filter: ");
   if (last_.has_replica) {
     out << 100.0 * static_cast<double>(ticks_from_filter_) / static_cast<double>(ticks_)
         << " % of the ticks, ";

@@ -447,7 +447,6 @@ void AdaptiveEstimator::watch(AdaptiveState& state) {
   const double t = tick_instant(state.tick, h()).hi;
   // A flight that has been held for long costs too much.
   if (joint_->filter.cost(t, present.of) > longest_holding) {
-
     lose(state);
     return;
   }

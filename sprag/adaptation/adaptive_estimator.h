@@ -30,10 +30,10 @@
 #include <span>
 #include <vector>
 
-#include "sprag/filter/event_filter.h"
 #include "sprag/adaptation/task.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/prediction.h"
+#include "sprag/filter/event_filter.h"
 
 namespace sprag {
 
@@ -70,8 +70,8 @@ class AdaptiveEstimator {
   using State = AdaptiveState;
 
   /// As AnyEstimator's; adaptive where `kind` says so. Throws ModelError, also where the scene's
-  /// damping couples the modes: there is no filter of parameters for that; and std::invalid_argument for a
-  /// key in scene.adaptation that is none.
+  /// damping couples the modes: there is no filter of parameters for that; and
+  /// std::invalid_argument for a key in scene.adaptation that is none.
   AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
                     StepperKind stepper = StepperKind::exact);
 
@@ -135,12 +135,13 @@ class AdaptiveEstimator {
     MachineFamily family;
     EventFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
-    Eigen::MatrixXd to_y, V;      // y of q, q of y
-    Eigen::MatrixXd outputs;      // of (y, y'), 2n x the model's outputs
-    double sigma = 0.0;           // of event times, with the floor of uncertain parameters [s]
-    Eigen::VectorXd stiffness;    // of the modes, as the scene has it
-    Eigen::MatrixXd start;        // deviations of a start, 2n x 2n
-    // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are identified.
+    Eigen::MatrixXd to_y, V;    // y of q, q of y
+    Eigen::MatrixXd outputs;    // of (y, y'), 2n x the model's outputs
+    double sigma = 0.0;         // of event times, with the floor of uncertain parameters [s]
+    Eigen::VectorXd stiffness;  // of the modes, as the scene has it
+    Eigen::MatrixXd start;      // deviations of a start, 2n x 2n
+    // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
+    // identified.
     Eigen::MatrixXd prior;
     std::vector<Belief> beliefs;  // ring, by number
     std::vector<Heard> heard;     // ring, by number of event

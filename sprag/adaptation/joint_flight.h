@@ -88,7 +88,7 @@ class JointFlight {
   struct Variant {
     Machine machine;
     Eigen::VectorXd inputs;
-    bool own_flow = false;  // C or K is not the centre's
+    bool own_flow = false;              // C or K is not the centre's
     std::vector<OscillatorStep> steps;  // of the last free flight, where own_flow
     Eigen::VectorXd x;
     std::vector<std::complex<double>> harmonics;    // of each group, at the end of the flight

@@ -15,14 +15,14 @@ namespace {
 
 // Gauss-Newton on the time of an event.
 constexpr int most_steps = 12;
-constexpr double settled = 1e-2;         // of the time's deviation
-constexpr double longest_step = 2.0;     // of sigma
-constexpr double scan_reach = 4.0;       // of sigma
-constexpr int scanned = 17;              // times
+constexpr double settled = 1e-2;      // of the time's deviation
+constexpr double longest_step = 2.0;  // of sigma
+constexpr double scan_reach = 4.0;    // of sigma
+constexpr int scanned = 17;           // times
 // Nodes about it.
-constexpr double node_reach = 4.2;       // deviations
+constexpr double node_reach = 4.2;  // deviations
 constexpr int fewest_nodes = 5, most_nodes = 25;
-constexpr double negligible = 1e-14;     // weight of a node
+constexpr double negligible = 1e-14;  // weight of a node
 // Reports of a contact that are closer, in sigma, are a burst.
 constexpr double close_reports = 3.0;
 constexpr double burst_reach = 2.5;
@@ -31,7 +31,7 @@ constexpr int burst_nodes = 11;
 constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
 // The tick may precede the last impact by so many deviations of its time.
 constexpr double publish_reach = 6.0;
-constexpr double near_gap = 8.0;         // deviations of a gap that may have closed unreported
+constexpr double near_gap = 8.0;  // deviations of a gap that may have closed unreported
 // Least probability that a tick lies on the other side of an impact: no deviation of a predicted
 // time is known to be Gaussian further out.
 constexpr double least_probability = 1e-4;
@@ -171,16 +171,15 @@ void EventFilter::scan(int contact, double t, const FilterBelief& belief) {
     look(contact, false, t);
     double g = at_.of.g, v = at_.of.velocity;
     const double s2 = at_.phi.squaredNorm() + at_.noise;
-    const double move = std::clamp((g * v / s2 - tau / square(sigma)) /
-                                       (1.0 / square(sigma) + square(v) / s2),
-                                   -half, half);
+    const double move = std::clamp(
+        (g * v / s2 - tau / square(sigma)) / (1.0 / square(sigma) + square(v) / s2), -half, half);
     g -= v * move;
     tau += move;
     if (t - tau < belief.occurred[contact]) continue;
     const double both = at_.phi.dot(at_.psi);
     const double mean = v - both / s2 * g;
-    const double deviation = std::sqrt(std::max(at_.psi.squaredNorm() - square(both) / s2,
-                                                square(1e-12 * v)));
+    const double deviation =
+        std::sqrt(std::max(at_.psi.squaredNorm() - square(both) / s2, square(1e-12 * v)));
     const double cost = square(tau / sigma) + square(g) / s2 + std::log(s2) -
                         2.0 * flux_moments(mean, deviation, 0.0).log_weight;
     if (!(cost < least)) continue;
@@ -210,7 +209,7 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
       if (sigma > 0.0 && !(v < -scan_reach * margin)) {
         scan(contact, t, belief);
         point.z = belief.z;
-            point.z.noalias() += A_.lazyProduct(xi_);
+        point.z.noalias() += A_.lazyProduct(xi_);
         linearize(t - sigma * xi_tau_, point.z, belief);
         look(contact, opens, t);
       }
@@ -218,8 +217,8 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
     double noise = at_.noise;
     if (!opens) {
       // The product of the deviations of the time and of the velocity.
-      const double rest = at_.psi.squaredNorm() -
-                          square(at_.psi.dot(at_.phi)) / (at_.phi.squaredNorm() + noise);
+      const double rest =
+          at_.psi.squaredNorm() - square(at_.psi.dot(at_.phi)) / (at_.phi.squaredNorm() + noise);
       noise += square(sigma) * std::max(rest, 0.0);
     }
     const double rate = at_.of.velocity;
@@ -227,20 +226,20 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
     const double variance = at_.phi.squaredNorm() + square(of_time) + noise;
     if (!(variance > 0.0) || !std::isfinite(variance)) return false;
     const Eigen::Index known = xi_.size();
-    const double factor =
-        (at_.phi.head(known).dot(xi_) + of_time * xi_tau_ - at_.of.g) / variance;
+    const double factor = (at_.phi.head(known).dot(xi_) + of_time * xi_tau_ - at_.of.g) / variance;
     const double move = sigma * (factor * of_time - xi_tau_);
     const double share = sigma * of_time / (variance * (1.0 + std::sqrt(noise / variance)));
     point.spread = std::hypot(sigma - of_time * share, at_.phi.norm() * share);
     point.square = square(factor) * (variance - noise);
     point.tau = sigma * xi_tau_;
     if (step > 0 && std::abs(move) <= settled * point.spread + 2.0 * machine_epsilon * t) break;
-    const double part =
-        std::abs(move) < longest_step * sigma || sigma == 0.0 ? 1.0 : longest_step * sigma / std::abs(move);
+    const double part = std::abs(move) < longest_step * sigma || sigma == 0.0
+                            ? 1.0
+                            : longest_step * sigma / std::abs(move);
     xi_ += part * (factor * at_.phi.head(known) - xi_);
     xi_tau_ += part * (factor * of_time - xi_tau_);
     point.z = belief.z;
-            point.z.noalias() += A_.lazyProduct(xi_);
+    point.z.noalias() += A_.lazyProduct(xi_);
     point.tau = sigma * xi_tau_;
     if (!point.z.allFinite()) return false;
   }
@@ -279,8 +278,7 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
     node.log_weight += std::log(std::max(-gamma, 1e-300));
     return;
   }
-  const double even =
-      variance / (std::max(std::abs(gamma), 0.1 * deviation) * square(sigma));
+  const double even = variance / (std::max(std::abs(gamma), 0.1 * deviation) * square(sigma));
   const FluxMoments moments = flux_moments(gamma, deviation, even);
   const double along = (moments.mean - gamma) / deviation;
   const double rest = std::sqrt(std::max(moments.variance, 1e-6 * square(deviation)));
@@ -312,8 +310,7 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
   dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
   x_ = at_.x + dx_;
   c_ = belief.z.tail(unknowns());
-  const double residual =
-      at_.of.g + direction_.dot(dx_) + at_.by_c.dot(offset_.tail(unknowns()));
+  const double residual = at_.of.g + direction_.dot(dx_) + at_.by_c.dot(offset_.tail(unknowns()));
   const double noise = at_.noise + extra;
   const double variance = at_.phi.squaredNorm() + noise;
   node.log_weight = -0.5 * (square(residual) / variance + std::log(variance));
@@ -340,7 +337,8 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
   const int held = kind == Kind::stays ? contact : -1;
   onward_.fly_on(tau - point.tau, held);
   node.z.head(2 * n()) = onward_.x();
-  node.z.head(2 * n()).noalias() += onward_.by_unknowns().lazyProduct(c_ - theta);
+  offset_.tail(unknowns()) = c_ - theta;
+  node.z.head(2 * n()).noalias() += onward_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
   node.z.tail(unknowns()) = c_;
   for (Eigen::Index j = 0; j < node.columns.cols(); ++j) {
     dx_ = at_.X.col(j);
@@ -412,8 +410,7 @@ bool EventFilter::condense(int contact, Kind kind, double t, const Point& point,
   }
   belief.t = t - point.tau;
   belief.occurred[contact] = belief.t;
-  belief.speed[contact] =
-      kind == Kind::opens ? 0.0 : (1.0 - onward_.lost_share(contact)) * speed;
+  belief.speed[contact] = kind == Kind::opens ? 0.0 : (1.0 - onward_.lost_share(contact)) * speed;
   belief.impact_sigma =
       kind == Kind::opens ? 0.0 : std::sqrt(std::max(squares - square(mean), 0.0));
   belief.impact_time = belief.t - mean;
@@ -447,8 +444,8 @@ bool EventFilter::take(const ContactEvent& event, FilterBelief& belief) {
   if (belief.sigma > 0.0) {
     const double wanted =
         2.0 * node_reach * (2.0 * omega * point_.spread + 4.0) / (2.0 * std::numbers::pi);
-    nodes = static_cast<int>(std::clamp(std::round(wanted) + 1.0, 1.0 * fewest_nodes,
-                                        1.0 * most_nodes));
+    nodes = static_cast<int>(
+        std::clamp(std::round(wanted) + 1.0, 1.0 * fewest_nodes, 1.0 * most_nodes));
   }
   belief.square = point_.square;
   belief.burst = false;
@@ -464,8 +461,8 @@ bool EventFilter::burst(int contact, bool stays, double t, FilterBelief& belief)
   spread(belief, t - belief.t);
   linearize(t, belief.z, belief);
   look(contact, false, t);
-  const double speed =
-      belief.speed[contact] > 0.0 ? belief.speed[contact] : std::hypot(at_.of.velocity, at_.psi.norm());
+  const double speed = belief.speed[contact] > 0.0 ? belief.speed[contact]
+                                                   : std::hypot(at_.of.velocity, at_.psi.norm());
   point_.z = belief.z;
   point_.tau = 0.0;
   const double extra = square(speed * belief.sigma) + std::numeric_limits<double>::min();
@@ -607,8 +604,8 @@ void EventFilter::take_linearized(int contact, double t, Point& on, FilterBelief
   dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
   x_ = dx_;
   c_ = offset_.tail(unknowns());
-  const double residual = at_.of.g + direction_.dot(dx_) + at_.by_c.dot(c_) +
-                          at_.of.velocity * on.tau;
+  const double residual =
+      at_.of.g + direction_.dot(dx_) + at_.by_c.dot(c_) + at_.of.velocity * on.tau;
   const double variance = at_.phi.squaredNorm() + at_.noise;
   const double gain = belief.sigma * of_time / variance;
   const double shrink = 1.0 / (1.0 + std::sqrt(at_.noise / variance));
@@ -800,8 +797,8 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
     look(i, false, t);
     const double floor = 1e6 * at_.noise;
     const double deviation = std::sqrt(at_.phi.squaredNorm() + floor);
-    if (at_.of.velocity < 0.0 && at_.of.g < -silent_gaps * deviation +
-                                                silent_reports * belief.sigma * at_.of.velocity) {
+    if (at_.of.velocity < 0.0 &&
+        at_.of.g < -silent_gaps * deviation + silent_reports * belief.sigma * at_.of.velocity) {
       return i;
     }
   }

@@ -1,10 +1,11 @@
 // Recursive estimator of the state and the uncertain parameters of a machine from the times of its
 // contact events.
 //
-// The belief is Gaussian, (y, y', c) = z + S xi with xi ~ N(0, I): the modal state (machine_family.h)
-// and the coordinates c of the parameters. An event that is reported at t happened at t - tau,
-// tau ~ N(0, sigma^2). Given tau everything is linear: the measurement g(t - tau) = 0 (where a
-// contact closes) or lambda(t - tau) = 0 (where a contact opens), and the impact law.
+// The belief is Gaussian, (y, y', c) = z + S xi with xi ~ N(0, I): the modal state
+// (machine_family.h) and the coordinates c of the parameters. An event that is reported at t
+// happened at t - tau, tau ~ N(0, sigma^2). Given tau everything is linear: the measurement g(t -
+// tau) = 0 (where a contact closes) or lambda(t - tau) = 0 (where a contact opens), and the impact
+// law.
 //
 // 1. Gauss-Newton steps on (xi, tau / sigma) find the most likely time, by
 //      xi' <- phi (phi xi' - r) / (phi phi + n),
@@ -14,8 +15,8 @@
 //    measurement update (Potter), flux of the gap velocity, impact, flight to the common time.
 // 3. One orthogonal factorization collapses the nodes to mean and covariance.
 //
-// Second order in the parameters: each flight adds the columns sigma_k (dE / dc_k) S, the product of
-// the deviations of state and parameter. Considered parameters (Schmidt) keep mean and variance;
+// Second order in the parameters: each flight adds the columns sigma_k (dE / dc_k) S, the product
+// of the deviations of state and parameter. Considered parameters (Schmidt) keep mean and variance;
 // they enter the gain of everything else.
 #pragma once
 
@@ -34,16 +35,17 @@ namespace sprag {
 struct FilterBelief {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-  double t = 0.0;          ///< the belief is that of this time [s]
-  int held = -1;           ///< the contact that is closed since then, -1: none
-  bool burst = false;      ///< reports of `held` are too close for an estimate of single impacts
-  Eigen::VectorXd z;       ///< mean of (y, y', c), 2n + P entries
-  Rows S;                  ///< square root of the covariance, square
-  double sigma = 0.0;      ///< standard deviation of event times [s]
-  Innovation innovation;   ///< of the last closing
-  double square = 0.0;     ///< normalized innovation squared of the last event
-  double length = 0.0;     ///< largest terms of a gap so far
-  Eigen::VectorXd reported;  ///< per contact: time of its last report, -infinity before the first [s]
+  double t = 0.0;         ///< the belief is that of this time [s]
+  int held = -1;          ///< the contact that is closed since then, -1: none
+  bool burst = false;     ///< reports of `held` are too close for an estimate of single impacts
+  Eigen::VectorXd z;      ///< mean of (y, y', c), 2n + P entries
+  Rows S;                 ///< square root of the covariance, square
+  double sigma = 0.0;     ///< standard deviation of event times [s]
+  Innovation innovation;  ///< of the last closing
+  double square = 0.0;    ///< normalized innovation squared of the last event
+  double length = 0.0;    ///< largest terms of a gap so far
+  Eigen::VectorXd
+      reported;  ///< per contact: time of its last report, -infinity before the first [s]
   Eigen::VectorXd occurred;  ///< per contact: estimated time of its last event [s]
   Eigen::VectorXd speed;     ///< per contact: of the gap after its last impact; 0: none
   // The last impact, for ticks that may precede it.
@@ -114,12 +116,12 @@ class EventFilter {
  private:
   // Everything that is linear about one time.
   struct Linearized {
-    Eigen::VectorXd x;    // (y, y') at the point of linearization
-    Eigen::MatrixXd X;    // columns of (y, y'), 2n rows
-    Eigen::MatrixXd T;    // columns of c, P rows
-    JointFlight::Gap of;  // gap or force
-    Eigen::VectorXd phi;  // what it sees of each column
-    Eigen::VectorXd psi;  // and its rate
+    Eigen::VectorXd x;                // (y, y') at the point of linearization
+    Eigen::MatrixXd X;                // columns of (y, y'), 2n rows
+    Eigen::MatrixXd T;                // columns of c, P rows
+    JointFlight::Gap of;              // gap or force
+    Eigen::VectorXd phi;              // what it sees of each column
+    Eigen::VectorXd psi;              // and its rate
     Eigen::VectorXd by_c, rate_by_c;  // partial derivatives, P entries
     double noise = 0.0;               // rounding, a variance
   };
