@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "observer/recorded_events.h"
+#include "sprag/adaptation/parameter_smoother.h"
 #include "sprag/estimation/smoother.h"
 #include "sprag/files/confidence_columns.h"
 #include "sprag/files/states_file.h"
@@ -64,7 +65,8 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   };
   std::vector<SmoothedStretch> stretches;
   try {
-    stretches = smooth(scene, recorded.events, options.tick, last_tick(end, options.tick), write);
+    const auto run = scene.parameters.empty() ? smooth : smooth_parameters;
+    stretches = run(scene, recorded.events, options.tick, last_tick(end, options.tick), write);
   } catch (const SmoothingError& error) {
     throw UsageError(std::string("--smooth: ") + error.what());
   }

@@ -179,6 +179,17 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
   if (has_prior()) start_from_prior(start, state);
 }
 
+void AdaptiveEstimator::record_steps(std::vector<FilterStep>* steps) {
+  steps_ = steps;
+  if (joint_) joint_->filter.record_in(steps);
+}
+
+void AdaptiveEstimator::note_start(const FilterBelief& of) {
+  if (steps_ == nullptr) return;
+  steps_->push_back({});
+  steps_->back().after = of;
+}
+
 void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
   const Eigen::Index P = joint_->prior.rows(), n2 = 2 * joint_->family.n();
   for (Eigen::Index k = 0; k < P; ++k) {
@@ -200,6 +211,7 @@ void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveStat
   joint.x.tail(n) = product(joint.to_y, start.u);
   joint.filter.restart(state.begins, joint.x, joint.start, joint.next);
   add_belief(joint.next, state);
+  note_start(joint.next);
   state.adapted = true;
   state.accepted = state.begins;
   state.lost = state.chi != 0;
@@ -249,7 +261,9 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
     if (!single) lose(state);
     for (const ContactEvent& event : of_one) {
       const std::int64_t number = state.beliefs;
+      const std::size_t steps = steps_ != nullptr ? steps_->size() : 0;
       if (!state.lost) take(event, state);
+      if (steps_ != nullptr && number == state.beliefs) steps_->resize(steps);
       if (records_ == nullptr || number == state.beliefs || !state.trusted) continue;
       const auto row = recorded_ + static_cast<std::size_t>(&event - events.data());
       describe(number, event, state, (*records_)[row]);
@@ -472,6 +486,7 @@ void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
   joint.next = present.of;
   joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.start, joint.next);
   add_belief(joint.next, state);
+  note_start(joint.next);
   state.lost = false;
 }
 
@@ -535,9 +550,13 @@ void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::Vec
     base_.output(state.base, q, u);
     return;
   }
+  publish(tick_instant(state.tick, h()).hi, belief(state.beliefs).of, q, u);
+}
+
+void AdaptiveEstimator::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
+                                Eigen::Ref<Eigen::VectorXd> u) {
   const Eigen::Index n = joint_->family.n();
-  const Eigen::VectorXd& x =
-      joint_->filter.publish(tick_instant(state.tick, h()).hi, belief(state.beliefs).of);
+  const Eigen::VectorXd& x = joint_->filter.publish(t, of);
   q.noalias() = joint_->V.lazyProduct(x.head(n));
   u.noalias() = joint_->V.lazyProduct(x.tail(n));
 }
@@ -583,21 +602,7 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
   const FilterBelief& present = belief(state.beliefs).of;
   if (state.trusted) {
     joint.filter.publish(t, present);
-    const auto of_x = joint.filter.deviations();
-    joint.filter.gap_deviations(present, joint.of_gaps);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.topRows(n));
-      confidence.sigma_q[i] = joint.row.norm();
-      joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.bottomRows(n));
-      confidence.sigma_u[i] = joint.row.norm();
-    }
-    for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
-      confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
-    }
-    for (Eigen::Index i = 0; i < joint.outputs.cols(); ++i) {
-      joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(of_x);
-      confidence.sigma_outputs[i] = joint.row.norm();
-    }
+    fill_deviations(present, confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
@@ -618,6 +623,26 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
     const double walked = walk.size() > 0 ? square(walk[k]) * std::max(t - present.t, 0.0) : 0.0;
     const double variance = present.S.row(2 * n + k).squaredNorm() + walked;
     parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
+  }
+}
+
+void AdaptiveEstimator::fill_deviations(const FilterBelief& of, Confidence& confidence) {
+  Joint& joint = *joint_;
+  const Eigen::Index n = joint.family.n();
+  const auto of_x = joint.filter.deviations();
+  joint.filter.gap_deviations(of, joint.of_gaps);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.topRows(n));
+    confidence.sigma_q[i] = joint.row.norm();
+    joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.bottomRows(n));
+    confidence.sigma_u[i] = joint.row.norm();
+  }
+  for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
+    confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
+  }
+  for (Eigen::Index i = 0; i < joint.outputs.cols(); ++i) {
+    joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(of_x);
+    confidence.sigma_outputs[i] = joint.row.norm();
   }
 }
 

@@ -98,6 +98,22 @@ class AdaptiveEstimator {
   /// own; forces are the replica's.
   bool record_in(std::vector<ImpactRecord>& records);
 
+  /// Appends the steps of the filter of uncertain parameters from now on to `steps`, of an
+  /// estimator of which one state alone is moved, and never back. Where the filter starts or
+  /// resets, a step without `mean` has what it starts from. Allocates then.
+  void record_steps(std::vector<FilterStep>* steps);
+  /// The filter of state and parameters; null where parameters are not uncertain.
+  EventFilter* filter() { return joint_ ? &joint_->filter : nullptr; }
+  /// What it knows at this state.
+  const FilterBelief& filter_belief(const AdaptiveState& state) const {
+    return belief(state.beliefs).of;
+  }
+  /// The estimate of a belief at t, q and u of f entries each.
+  void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
+               Eigen::Ref<Eigen::VectorXd> u);
+  /// After publish(): all deviations.
+  void fill_deviations(const FilterBelief& of, Confidence& confidence);
+
   /// Whether the next tick of this state waits for a result that has not been put.
   bool waits(const AdaptiveState& state) const;
   /// What it waits for. `task` keeps its room, so that no call allocates that has some of
@@ -180,12 +196,14 @@ class AdaptiveEstimator {
   void describe(std::int64_t before, const ContactEvent& event, const AdaptiveState& state,
                 ImpactRecord& record);
   void restart_filter(AdaptiveState& state);
+  void note_start(const FilterBelief& of);
   void add_belief(const FilterBelief& of, AdaptiveState& state);
 
   AnyEstimator base_;
   std::unique_ptr<Joint> joint_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
+  std::vector<FilterStep>* steps_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
 };
 

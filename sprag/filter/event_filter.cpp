@@ -79,6 +79,8 @@ EventFilter::EventFilter(const MachineFamily& family, FilterModel model)
     node.columns.setZero(size(), columns);
   }
   all_.setZero(size(), most_nodes * (columns + 1));
+  past_mean_.setZero(size());
+  past_gain_.setZero(size());
   reflector_.setZero(all_.cols());
   point_.z.setZero(size());
 }
@@ -93,6 +95,18 @@ FilterBelief EventFilter::no_belief() const {
   belief.speed.setZero(m);
   belief.jump.setZero(2 * n());
   return belief;
+}
+
+void EventFilter::record_in(std::vector<FilterStep>* steps) {
+  steps_ = steps;
+  const Eigen::Index columns = nodes_.front().columns.cols();
+  at_.past.setZero(size(), at_.X.cols());
+  for (Node& node : nodes_) {
+    node.past_mean.setZero(size());
+    node.past.setZero(size(), columns);
+  }
+  all_.setZero(2 * size(), std::max(all_.cols(), 2 * size()));
+  reflector_.setZero(all_.cols());
 }
 
 // What machine and parameters do in the meantime is taken as done at the beginning.
@@ -122,6 +136,11 @@ void EventFilter::linearize(double t, const Eigen::VectorXd& z, const FilterBeli
     at_.X.col(j) = dx_;
   }
   at_.T.leftCols(known) = A_.bottomRows(unknowns());
+  if (steps_ != nullptr) {
+    at_.past.setZero();
+    at_.past.leftCols(size()).setIdentity();
+    past_mean_.setZero();
+  }
   if (belief.held >= 0 || !second_order) return;
   Eigen::Index first = known;
   for (const Eigen::Index k : flow_unknowns_) {
@@ -264,6 +283,13 @@ void EventFilter::measure(double residual, double noise, Eigen::VectorXd& x, Eig
     at_.X.col(j) -= share * gain_.head(2 * n());
     at_.T.col(j) -= share * gain_.tail(unknowns());
   }
+  if (steps_ != nullptr) {
+    past_gain_.noalias() = at_.past.lazyProduct(at_.phi);
+    past_mean_ -= (residual / variance) * past_gain_;
+    for (Eigen::Index j = 0; j < at_.phi.size(); ++j) {
+      at_.past.col(j) -= (of_columns * at_.phi[j]) * past_gain_;
+    }
+  }
   if (!considers_) return;
   const Eigen::Index last = at_.X.cols() - 3;
   at_.X.col(last) += (std::sqrt(noise) / variance) * gain_.head(2 * n());
@@ -291,6 +317,13 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
   for (Eigen::Index j = 0; j < unit_.size(); ++j) {
     at_.X.col(j) -= (cut * unit_[j]) * gain_.head(2 * n());
     at_.T.col(j) -= (cut * unit_[j]) * gain_.tail(unknowns());
+  }
+  if (steps_ != nullptr) {
+    past_gain_.noalias() = at_.past.lazyProduct(unit_);
+    past_mean_ += along * past_gain_;
+    for (Eigen::Index j = 0; j < unit_.size(); ++j) {
+      at_.past.col(j) -= (cut * unit_[j]) * past_gain_;
+    }
   }
   at_.psi *= 1.0 - cut;
   node.log_weight += moments.log_weight;
@@ -348,6 +381,9 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
     node.columns.col(j).head(2 * n()) = dx_;
     node.columns.col(j).tail(unknowns()) = at_.T.col(j);
   }
+  if (steps_ == nullptr) return;
+  node.past_mean = past_mean_;
+  node.past = at_.past.leftCols(node.columns.cols());
 }
 
 // Moments of the nodes.
@@ -358,11 +394,15 @@ void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
     weight = std::exp(weight - largest);
     total += weight;
   }
+  const bool records = steps_ != nullptr;
+  if (records) before_ = belief;
   belief.z.setZero();
+  past_mean_.setZero();
   for (int i = 0; i < nodes; ++i) {
     Node& node = nodes_[index(i)];
     node.log_weight /= total;
     belief.z += node.log_weight * node.z;
+    if (records) past_mean_ += node.log_weight * node.past_mean;
   }
   Eigen::Index columns = 0;
   for (int i = 0; i < nodes; ++i) {
@@ -370,14 +410,27 @@ void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
     if (node.log_weight < negligible) continue;
     const double root = std::sqrt(node.log_weight);
     for (Eigen::Index j = 0; j < node.columns.cols(); ++j) {
-      if (!(node.columns.col(j).squaredNorm() > 0.0)) continue;
-      all_.col(columns++) = root * node.columns.col(j);
+      all_.col(columns).head(size()) = root * node.columns.col(j);
+      if (records) all_.col(columns).tail(size()) = root * node.past.col(j);
+      if (all_.col(columns).squaredNorm() > 0.0) ++columns;
     }
-    if (nodes > 1) all_.col(columns++) = root * (node.z - belief.z);
+    if (nodes == 1) continue;
+    all_.col(columns).head(size()) = root * (node.z - belief.z);
+    if (records) all_.col(columns).tail(size()) = root * (node.past_mean - past_mean_);
+    ++columns;
   }
-  while (columns < size()) all_.col(columns++).setZero();
-  triangularize(all_, size(), columns);
-  belief.S = all_.leftCols(size());
+  keep(before_, columns, belief);
+}
+
+// The columns all_ become those of the belief, and of the step to it.
+void EventFilter::keep(const FilterBelief& before, Eigen::Index columns, FilterBelief& belief) {
+  const Eigen::Index end = steps_ != nullptr ? 2 * size() : size();
+  while (columns < end) all_.col(columns++).setZero();
+  triangularize(all_, 0, end, columns);
+  belief.S = all_.topLeftCorner(size(), size());
+  if (steps_ == nullptr) return;
+  steps_->push_back({before, belief, past_mean_, all_.block(size(), 0, size(), size()),
+                     all_.block(size(), size(), size(), size())});
 }
 
 bool EventFilter::condense(int contact, Kind kind, double t, const Point& point, double reach,
@@ -420,6 +473,13 @@ bool EventFilter::condense(int contact, Kind kind, double t, const Point& point,
 }
 
 bool EventFilter::take(const ContactEvent& event, FilterBelief& belief) {
+  const std::size_t steps = steps_ != nullptr ? steps_->size() : 0;
+  const bool taken = update(event, belief);
+  if (steps_ != nullptr && steps_->size() > steps) steps_->back().after = belief;
+  return taken;
+}
+
+bool EventFilter::update(const ContactEvent& event, FilterBelief& belief) {
   const double t = event.t;
   const int contact = event.contact;
   expire(t, belief);
@@ -489,27 +549,28 @@ void EventFilter::let_go(FilterBelief& belief) {
   dx_.setZero();
   flight_.along(contact, dx_.tail(n()));
   const double speed = belief.speed[contact];
+  if (steps_ != nullptr) before_ = belief;
   belief.z.head(2 * n()) = at_.x + (leaving_speed * speed) * dx_;
-  Eigen::Index columns = 0;
-  for (Eigen::Index j = 0; j < A_.cols(); ++j) {
-    all_.col(columns).head(2 * n()) = at_.X.col(j);
-    all_.col(columns++).tail(unknowns()) = at_.T.col(j);
-  }
-  all_.col(columns).setZero();
-  all_.col(columns++).head(2 * n()) = (leaving_sigma * speed) * dx_;
-  triangularize(all_, size(), columns);
-  belief.S = all_.leftCols(size());
   belief.t = t;
   belief.held = -1;
   belief.burst = false;
   belief.impact_sigma = 0.0;
+  Eigen::Index columns = 0;
+  for (Eigen::Index j = 0; j < A_.cols(); ++j, ++columns) {
+    all_.col(columns).head(2 * n()) = at_.X.col(j);
+    all_.col(columns).segment(2 * n(), unknowns()) = at_.T.col(j);
+    if (steps_ != nullptr) all_.col(columns).tail(size()) = at_.past.col(j);
+  }
+  all_.col(columns).setZero();
+  all_.col(columns++).head(2 * n()) = (leaving_sigma * speed) * dx_;
+  keep(before_, columns, belief);
 }
 
-// The last `rows` rows of A, all of its size, become lower triangular in the first columns, without
-// a change of A A^T.
-void EventFilter::triangularize(FilterBelief::Rows& A, Eigen::Index rows, Eigen::Index columns) {
-  const Eigen::Index first = size() - rows;
-  for (Eigen::Index i = 0; i < rows; ++i) {
+// Rows first to end - 1 of A become lower triangular, the first of them in column 0, without a
+// change of A A^T of the rows from `first` on.
+void EventFilter::triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
+                                Eigen::Index columns) {
+  for (Eigen::Index i = 0; i < end - first; ++i) {
     const Eigen::Index length = columns - i;
     auto row = A.row(first + i).segment(i, length);
     const double norm = row.norm();
@@ -521,7 +582,7 @@ void EventFilter::triangularize(FilterBelief::Rows& A, Eigen::Index rows, Eigen:
     const double scale = 2.0 / v.squaredNorm();
     row.setZero();
     row[0] = head;
-    for (Eigen::Index k = first + i + 1; k < size(); ++k) {
+    for (Eigen::Index k = first + i + 1; k < end; ++k) {
       auto below = A.row(k).segment(i, length);
       const double share = scale * below.dot(v);
       below -= share * v.transpose();
@@ -538,8 +599,8 @@ void EventFilter::restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
   spread(belief, t - belief.t);
   const Eigen::Index P = unknowns();
   // The parameters' rows alone, triangular in the first P columns.
-  all_.leftCols(A_.cols()) = A_;
-  triangularize(all_, P, A_.cols());
+  all_.topLeftCorner(size(), A_.cols()) = A_;
+  triangularize(all_, 2 * n(), size(), A_.cols());
   belief.S.setZero();
   belief.S.bottomRightCorner(P, P) = all_.block(2 * n(), 0, P, P);
   belief.S.topLeftCorner(2 * n(), 2 * n()) = S_x;
@@ -622,7 +683,7 @@ void EventFilter::take_linearized(int contact, double t, Point& on, FilterBelief
     dx_.noalias() += onward_.by_unknowns().lazyProduct(at_.T.col(j));
     dx_ -= of_tau * onward_.by_time();
     all_.col(columns).head(2 * n()) = dx_;
-    all_.col(columns++).tail(unknowns()) = at_.T.col(j);
+    all_.col(columns++).segment(2 * n(), unknowns()) = at_.T.col(j);
   }
   onward_.carry_through(x_);
   x_ += onward_.by_unknowns() * c_ - off * onward_.by_time();
@@ -630,8 +691,8 @@ void EventFilter::take_linearized(int contact, double t, Point& on, FilterBelief
   belief.z = on.z;
   belief.z.head(2 * n()) += x_;
   belief.z.tail(unknowns()) += c_;
-  triangularize(all_, size(), columns);
-  belief.S = all_.leftCols(size());
+  triangularize(all_, 0, size(), columns);
+  belief.S = all_.topLeftCorner(size(), size());
   belief.t = when;
   belief.reported[contact] = t;
   belief.occurred[contact] = when;
@@ -732,17 +793,17 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
     flight_.turn(ago, dx_);
     // Two branches of one column: without the impact and with it.
     all_.col(j).head(2 * n()) = stay * at_.X.col(j);
-    all_.col(j).tail(unknowns()) = stay * at_.T.col(j);
+    all_.col(j).segment(2 * n(), unknowns()) = stay * at_.T.col(j);
     all_.col(known + j).head(2 * n()) = changed * (at_.X.col(j) + dx_);
-    all_.col(known + j).tail(unknowns()) = changed * at_.T.col(j);
+    all_.col(known + j).segment(2 * n(), unknowns()) = changed * at_.T.col(j);
   }
   all_.col(2 * known).setZero();
   all_.col(2 * known).head(2 * n()) = (changed * stay) * x_;
-  triangularize(all_, size(), 2 * known + 1);
+  triangularize(all_, 0, size(), 2 * known + 1);
   at_.X.setZero();
   at_.T.setZero();
   at_.X.leftCols(size()) = all_.topLeftCorner(2 * n(), size());
-  at_.T.leftCols(size()) = all_.bottomLeftCorner(unknowns(), all_.cols()).leftCols(size());
+  at_.T.leftCols(size()) = all_.block(2 * n(), 0, unknowns(), size());
   return true;
 }
 
@@ -788,6 +849,12 @@ void EventFilter::gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::M
     at_.by_c.noalias() -= flight_.by_unknowns().transpose().lazyProduct(direction_);
     of_gaps.row(i).noalias() += at_.by_c.transpose().lazyProduct(at_.T);
   }
+}
+
+EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterBelief& belief) {
+  mean(t, belief);
+  look(contact, false, t);
+  return {at_.of.g, at_.of.velocity, at_.phi.norm()};
 }
 
 int EventFilter::overdue(double t, const FilterBelief& belief) {

@@ -53,6 +53,15 @@ struct FilterBelief {
   Eigen::VectorXd jump;                          ///< its change of (y, y'), 2n entries
 };
 
+/// One step of the filter for a smoother: the belief before it is z + S xi, that after it
+/// z' + S' eta, and, given the event, xi = mean + on_next eta + rest zeta with eta, zeta ~ N(0, I).
+/// No inverse of a covariance occurs, and no entry exceeds 1.
+struct FilterStep {
+  FilterBelief before, after;
+  Eigen::VectorXd mean;              ///< 2n + P entries
+  FilterBelief::Rows on_next, rest;  ///< square
+};
+
 /// What is not deterministic about machine and parameters.
 struct FilterModel {
   /// Standard deviation of the random walk of each parameter's coordinate after a unit of time, P
@@ -90,6 +99,10 @@ class EventFilter {
   void restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
                const Eigen::Ref<const Eigen::MatrixXd>& S_x, FilterBelief& belief);
 
+  /// Appends each step from now on to `steps`, which must outlive the filter; null: none. Allocates
+  /// then.
+  void record_in(std::vector<FilterStep>* steps);
+
   /// Ends a burst after which no report has come for several sigma. Does not allocate.
   void expire(double t, FilterBelief& belief);
 
@@ -107,6 +120,12 @@ class EventFilter {
   void gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps);
   double gap(int contact) const { return flight_.gap(contact).g; }
 
+  /// A contact's gap, its velocity and the gap's standard deviation at t.
+  struct Crossing {
+    double gap = 0.0, velocity = 0.0, deviation = 0.0;
+  };
+  Crossing crossing(int contact, double t, const FilterBelief& belief);
+
   /// The contact whose impact is certainly overdue at t, -1: none. Does not allocate.
   int overdue(double t, const FilterBelief& belief);
 
@@ -119,6 +138,7 @@ class EventFilter {
     Eigen::VectorXd x;                // (y, y') at the point of linearization
     Eigen::MatrixXd X;                // columns of (y, y'), 2n rows
     Eigen::MatrixXd T;                // columns of c, P rows
+    Eigen::MatrixXd past;             // columns of xi, where steps are recorded
     JointFlight::Gap of;              // gap or force
     Eigen::VectorXd phi;              // what it sees of each column
     Eigen::VectorXd psi;              // and its rate
@@ -132,8 +152,8 @@ class EventFilter {
   };
   struct Node {
     double log_weight = 0.0, gamma = 0.0, gamma_sigma = 0.0;
-    Eigen::VectorXd z;
-    Eigen::MatrixXd columns;
+    Eigen::VectorXd z, past_mean;
+    Eigen::MatrixXd columns, past;
   };
   enum class Kind { impact, stays, opens };
 
@@ -145,6 +165,7 @@ class EventFilter {
   void look(int contact, bool of_force, double t);
   bool find(int contact, Kind kind, double t, FilterBelief& belief, Point& point);
   void scan(int contact, double t, const FilterBelief& belief);
+  bool update(const ContactEvent& event, FilterBelief& belief);
   bool condense(int contact, Kind kind, double t, const Point& point, double reach, double extra,
                 int nodes, FilterBelief& belief);
   void condition(int contact, Kind kind, double t, double tau, const Point& point, double extra,
@@ -156,7 +177,9 @@ class EventFilter {
   bool burst(int contact, bool stays, double t, FilterBelief& belief);
   void let_go(FilterBelief& belief);
   bool mix_impact(int contact, double t, const FilterBelief& belief);
-  void triangularize(FilterBelief::Rows& A, Eigen::Index rows, Eigen::Index columns);
+  void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
+                     Eigen::Index columns);
+  void keep(const FilterBelief& before, Eigen::Index columns, FilterBelief& belief);
   std::vector<double> largest(const Likelihood& path, const Eigen::VectorXd& c);
   Eigen::VectorXd start_of(const Likelihood& path, std::size_t s) const;
 
@@ -173,7 +196,10 @@ class EventFilter {
   Eigen::VectorXd xi_, next_, gain_, dx_, direction_, offset_, c_, x_, unit_;
   double xi_tau_ = 0.0;
   std::vector<Node> nodes_;
-  FilterBelief::Rows all_;
+  FilterBelief::Rows all_;  // of the belief, and of xi below
+  std::vector<FilterStep>* steps_ = nullptr;
+  FilterBelief before_;
+  Eigen::VectorXd past_mean_, past_gain_;
   Eigen::VectorXd reflector_;
   Point point_;
 };

@@ -1,0 +1,168 @@
+#include "sprag/adaptation/parameter_smoother.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/mechanics/instant.h"
+#include "sprag/mechanics/interrupt.h"
+
+namespace sprag {
+namespace {
+
+// A tick that precedes an impact by more deviations of its time is before it.
+constexpr double around_impact = 6.0;
+
+// What is known by all events from `from` on: beliefs whose state is that of their own time.
+struct Chain {
+  double from = 0.0, to = 0.0;
+  std::vector<FilterBelief> beliefs;
+};
+
+// Square root of A A^T + B B^T.
+Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  Eigen::MatrixXd both(A.cols() + B.cols(), A.rows());
+  both << A.transpose(), B.transpose();
+  const Eigen::MatrixXd R =
+      Eigen::HouseholderQR<Eigen::MatrixXd>(both).matrixQR().topRows(A.rows());
+  return R.triangularView<Eigen::Upper>().toDenseMatrix().transpose();
+}
+
+// When the impact of a step was, by the belief before it.
+void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
+  if (!(after.impact_sigma > 0.0)) return;
+  double t = after.impact_time;
+  for (int i = 0; i < 2; ++i) {
+    const EventFilter::Crossing crossing = filter.crossing(contact, t, before);
+    if (!(crossing.velocity < 0.0)) return;
+    t -= crossing.gap / crossing.velocity;
+    after.impact_sigma = crossing.deviation / -crossing.velocity;
+  }
+  after.impact_time = t;
+}
+
+// From the last step of a chain back; steps[first] is its start.
+Chain smoothed(EventFilter& filter, std::span<const FilterStep> steps) {
+  Chain chain;
+  chain.beliefs.resize(steps.size());
+  const Eigen::Index size = steps.front().after.z.size();
+  Eigen::VectorXd a = Eigen::VectorXd::Zero(size);
+  Eigen::MatrixXd B = Eigen::MatrixXd::Identity(size, size);
+  for (std::size_t k = steps.size(); k-- > 0;) {
+    FilterBelief& belief = chain.beliefs[k];
+    belief = steps[k].after;
+    belief.z += belief.S * a;
+    belief.S = belief.S * B;
+    if (k == 0) break;
+    a = steps[k].mean + steps[k].on_next * a;
+    B = root_of_sum(steps[k].on_next * B, steps[k].rest);
+  }
+  for (std::size_t k = 1; k < steps.size(); ++k) {
+    set_impact(filter, chain.beliefs[k - 1], steps[k].after.innovation.contact, chain.beliefs[k]);
+  }
+  // No report is late: all of them are here.
+  for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
+  chain.from = chain.beliefs.front().t;
+  return chain;
+}
+
+const FilterBelief& at(const Chain& chain, double t) {
+  std::size_t k = chain.beliefs.size() - 1;
+  while (k > 0) {
+    const FilterBelief& belief = chain.beliefs[k];
+    const double from = belief.impact_sigma > 0.0
+                            ? belief.impact_time - around_impact * belief.impact_sigma
+                            : belief.t;
+    if (t >= from) break;
+    --k;
+  }
+  return chain.beliefs[k];
+}
+
+}  // namespace
+
+std::vector<SmoothedStretch> smooth_parameters(
+    const Scene& given, std::span<const ContactEvent> events, double h, std::int64_t last,
+    const std::function<void(std::int64_t, const Smoother::Estimate&, bool)>& take) {
+  Scene scene = given;
+  scene.parameters.consider.assign(scene.parameters.consider.size(), false);
+  const auto f = scene.model.coordinates();
+  const auto events_at = [&](std::int64_t k, std::size_t& next) {
+    const std::size_t first = next;
+    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
+    return events.subspan(first, next - first);
+  };
+  // Forward.
+  AdaptiveEstimator estimator(scene, h, EstimatorKind::both);
+  std::vector<FilterStep> steps;
+  estimator.record_steps(&steps);
+  AdaptiveState state;
+  std::size_t next = 0;
+  const auto advance = [&](AdaptiveEstimator& of, std::int64_t k, AdaptiveState& to) {
+    if (k == 0) {
+      of.start(scene.replica, 0, 0, to);
+      of.apply(events_at(0, next), to);
+    } else {
+      of.tick(events_at(k, next), to);
+    }
+  };
+  std::vector<bool> trusted(static_cast<std::size_t>(last) + 1);
+  for (std::int64_t k = 0; k <= last; ++k) {
+    check_interrupt();
+    advance(estimator, k, state);
+    trusted[static_cast<std::size_t>(k)] = !state.lost;
+  }
+  // Back.
+  std::vector<Chain> chains;
+  for (std::size_t first = 0; first < steps.size();) {
+    std::size_t end = first + 1;
+    while (end < steps.size() && steps[end].mean.size() > 0) ++end;
+    chains.push_back(smoothed(*estimator.filter(), std::span(steps).subspan(first, end - first)));
+    first = end;
+  }
+  std::vector<SmoothedStretch> stretches;
+  // The filter's own estimate between chains.
+  AdaptiveEstimator again(scene, h, EstimatorKind::both);
+  next = 0;
+  Confidence confidence = again.no_confidence();
+  Smoother::Estimate estimate;
+  estimate.q.setZero(f);
+  estimate.u.setZero(f);
+  std::size_t chain = 0;
+  for (std::int64_t k = 0; k <= last; ++k) {
+    check_interrupt();
+    advance(again, k, state);
+    const double t = tick_instant(k, h).hi;
+    while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
+    const bool smooth =
+        trusted[static_cast<std::size_t>(k)] && !chains.empty() && chains[chain].from <= t;
+    again.note(state, confidence);
+    if (smooth) {
+      const FilterBelief& belief = at(chains[chain], t);
+      again.publish(t, belief, estimate.q, estimate.u);
+      again.fill_deviations(belief, confidence);
+      if (stretches.empty() || stretches.back().to < t - 1.5 * h || k == 0) {
+        stretches.push_back({t, t, 0, 0.0, {}});
+      }
+      stretches.back().to = t;
+    } else {
+      again.output(state, estimate.q, estimate.u);
+      again.confidence(state, infinity, confidence);
+    }
+    estimate.sigma_q = confidence.sigma_q;
+    estimate.sigma_u = confidence.sigma_u;
+    estimate.sigma_gap = confidence.sigma_g;
+    estimate.sigma_outputs = confidence.sigma_outputs;
+    take(k, estimate, smooth);
+  }
+  for (SmoothedStretch& stretch : stretches) {
+    stretch.events = static_cast<std::size_t>(
+        std::count_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+          return event.t >= stretch.from && event.t <= stretch.to;
+        }));
+  }
+  return stretches;
+}
+
+}  // namespace sprag
