@@ -200,7 +200,7 @@ class Replay {
       for (const ImpactRecord& record : impacts_) impacts_file_->write(record);
     }
     if (predictor_ && !impacts_.empty()) {
-      predictions_file_->write(predict_from(estimation_.estimator, state, *predictor_, ahead_));
+      predictions_file_->write(estimation_.estimator.predict(state, *predictor_, ahead_));
     }
     impacts_.clear();
     identify(state);

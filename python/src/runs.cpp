@@ -57,12 +57,6 @@ ObserverSettings to_settings(double tick, const std::string& estimator,
   return {tick, to_estimator(estimator), to_stepper(stepper)};
 }
 
-Observer make_observer(const Scene& scene, const ObserverSettings& settings) {
-  const bool adapts = settings.estimator == EstimatorKind::adaptive;
-  if (!adapts || settings.stepper != StepperKind::exact) return Observer(scene, settings);
-  return adaptive_observer(scene, settings.tick);
-}
-
 std::int64_t skipped(const EventCounts& counts) {
   return std::accumulate(counts.skipped.begin(), counts.skipped.end(), std::int64_t{0});
 }

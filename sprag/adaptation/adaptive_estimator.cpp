@@ -656,12 +656,38 @@ bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
   return true;
 }
 
-Prediction predict_from(AdaptiveEstimator& estimator, const AdaptiveState& state,
-                        const Predictor& predictor, double ahead) {
-  const double t = tick_instant(state.tick, estimator.h()).hi;
-  Belief belief;
-  if (!estimator.belief(state, ahead, belief)) return {t, t, {}};
-  return predictor.predict(t, state.chi, belief, ahead);
+Prediction AdaptiveEstimator::predict(const AdaptiveState& state, const Predictor& predictor,
+                                      double ahead) {
+  const double t = tick_instant(state.tick, h()).hi;
+  sprag::Belief from;
+  if (!joint_) {
+    if (!base_.belief(state.base, ahead, from)) return {t, t, {}};
+    return predictor.predict(t, state.chi, from, ahead);
+  }
+  if (!has_prior() || !state.trusted) return {t, t, {}};
+  Joint& joint = *joint_;
+  const MachineFamily& family = joint.family;
+  const Eigen::Index n = family.n(), P = std::ssize(family.unknowns());
+  const FilterBelief& of = belief(state.beliefs).of;
+  const Eigen::VectorXd x = joint.filter.mean(t, of);
+  // As many columns as state and parameters have entries.
+  Eigen::MatrixXd columns(2 * n + P, joint.filter.most_columns());
+  columns << joint.filter.deviations(), joint.filter.parameter_deviations();
+  const Eigen::MatrixXd S = QR(columns.transpose()).R().transpose();
+  from.q = joint.V * x.head(n);
+  from.u = joint.V * x.tail(n);
+  from.columns = S.cols();
+  from.S_q = joint.V * S.topRows(n);
+  from.S_u = joint.V * S.middleRows(n, n);
+  const Eigen::VectorXd c = of.z.tail(P);
+  return predictor.predict(t, state.chi, from, ahead, [&](const Eigen::VectorXd& xi) {
+    const Eigen::VectorXd at = c + S.bottomRows(P) * xi;
+    Eigen::VectorXd values(P);
+    for (Eigen::Index k = 0; k < P; ++k) {
+      values[k] = family.unknowns()[static_cast<std::size_t>(k)].value(at[k]);
+    }
+    return std::make_shared<const Flows>(family.with(values).model);
+  });
 }
 
 }  // namespace sprag

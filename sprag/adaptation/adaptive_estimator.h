@@ -88,11 +88,9 @@ class AdaptiveEstimator {
   void confidence(const AdaptiveState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
-  /// As AnyEstimator's. The joint filter's parameters are not the scene's: false where this is
-  /// adaptive.
-  bool belief(const AdaptiveState& state, double ahead, sprag::Belief& belief) {
-    return !joint_ && base_.belief(state.base, ahead, belief);
-  }
+  /// As Predictor::predict() from this state; nothing is foreseen where no covariance is known, and
+  /// by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
+  Prediction predict(const AdaptiveState& state, const Predictor& predictor, double ahead);
 
   /// As AnyEstimator's. While the estimate is the joint filter's, velocities and impulses are its
   /// own; forces are the replica's.
@@ -206,11 +204,6 @@ class AdaptiveEstimator {
   std::vector<FilterStep>* steps_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
 };
-
-/// The events that are foreseen within `ahead` > 0 [s] from a state's tick on; none where it knows
-/// of no covariance. Allocates. Throws Interrupted (interrupt.h).
-Prediction predict_from(AdaptiveEstimator& estimator, const AdaptiveState& state,
-                        const Predictor& predictor, double ahead);
 
 /// For who has the time: what the state waits for, if anything, is identified into `result` and
 /// put. True if so. Allocates. Throws Interrupted (interrupt.h).

@@ -17,4 +17,17 @@ Observer adaptive_observer(const Scene& scene, double tick) {
       }));
 }
 
+Observer make_observer(const Scene& scene, const ObserverSettings& settings) {
+  const bool exact = settings.stepper == StepperKind::exact;
+  if (exact && settings.estimator == EstimatorKind::adaptive) {
+    return adaptive_observer(scene, settings.tick);
+  }
+  if (!exact || settings.estimator == EstimatorKind::replica || scene.parameters.empty()) {
+    return Observer(scene, settings);
+  }
+  require_tick(settings.tick);
+  return Observer(std::make_unique<ObserverCore<AdaptiveEstimator>>(
+      scene, settings, initial_bound(scene), [](AdaptiveEstimator&, const AdaptiveState&) {}));
+}
+
 }  // namespace sprag

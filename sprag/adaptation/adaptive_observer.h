@@ -17,4 +17,9 @@ namespace sprag {
 /// large machines (AdaptiveEstimator::most_ahead()), lie between what is settled and t.
 Observer adaptive_observer(const Scene& scene, double tick);
 
+/// Any observer of a scene: adaptive_observer() where `settings` ask for one, one that estimates
+/// state and parameters where a filter is asked for and the scene has [parameters], else
+/// Observer(scene, settings). Throws as they do.
+Observer make_observer(const Scene& scene, const ObserverSettings& settings = {});
+
 }  // namespace sprag

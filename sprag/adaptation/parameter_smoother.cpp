@@ -1,12 +1,12 @@
 #include "sprag/adaptation/parameter_smoother.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
 #include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -22,11 +22,9 @@ struct Chain {
 
 // Square root of A A^T + B B^T.
 Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
-  Eigen::MatrixXd both(A.cols() + B.cols(), A.rows());
-  both << A.transpose(), B.transpose();
-  const Eigen::MatrixXd R =
-      Eigen::HouseholderQR<Eigen::MatrixXd>(both).matrixQR().topRows(A.rows());
-  return R.triangularView<Eigen::Upper>().toDenseMatrix().transpose();
+  Eigen::MatrixXd both(A.rows(), A.cols() + B.cols());
+  both << A, B;
+  return QR(both.transpose()).R().transpose();
 }
 
 // When the impact of a step was, by the belief before it.

@@ -47,6 +47,11 @@ Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
     throw std::invalid_argument(
         "an adaptive observer is made by adaptive_observer (sprag/adaptation/adaptive_observer.h)");
   }
+  if (settings.estimator != EstimatorKind::replica && !scene.parameters.empty()) {
+    throw std::invalid_argument(
+        "an observer of a scene with [parameters] is made by make_observer "
+        "(sprag/adaptation/adaptive_observer.h)");
+  }
   core_ = std::make_unique<ObserverCore<AnyEstimator>>(scene, settings, initial_bound(scene));
 }
 

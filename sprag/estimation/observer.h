@@ -57,7 +57,8 @@ struct ObserverSettings {
 class Observer {
  public:
   /// At tick 0, in scene.replica. Throws ModelError, or std::invalid_argument for a tick that is
-  /// not > 0, an estimator that has no such stepper, or an adaptive one.
+  /// not > 0, an estimator that has no such stepper, an adaptive one, or a scene with [parameters]
+  /// (make_observer(), adaptation/adaptive_observer.h).
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   /// What it is made of (observer_core.h).
   class Core;

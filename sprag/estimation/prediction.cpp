@@ -81,11 +81,19 @@ bool same_event(const ContactEvent& a, const ContactEvent& b) {
 
 }  // namespace
 
-Prediction Predictor::predict(double t, ContactSet closed, const Belief& belief,
-                              double ahead) const {
+Prediction Predictor::predict(double t, ContactSet closed, const Belief& belief, double ahead,
+                              const MachineOf& machine_of) const {
   Prediction prediction{t, t, {}};
   const double end = t + ahead;
-  const auto mean = events_from(flows_, {belief.q, belief.u}, t, closed, end, most_predicted);
+  std::shared_ptr<const Flows> changed;
+  const auto machine = [&](const Eigen::VectorXd& xi) -> const Flows& {
+    if (!machine_of) return flows_;
+    changed = machine_of(xi);
+    return *changed;
+  };
+  const Eigen::VectorXd center = Eigen::VectorXd::Zero(belief.columns);
+  const auto mean =
+      events_from(machine(center), {belief.q, belief.u}, t, closed, end, most_predicted);
   if (!mean) return prediction;
   std::size_t count = mean->size();
 
@@ -99,8 +107,8 @@ Prediction Predictor::predict(double t, ContactSet closed, const Belief& belief,
   // fits(k, by how much later it is) for the events that both have; false ends the list there.
   const auto compare = [&](const Eigen::VectorXd& xi, const auto& fits) {
     // One more tells whether another event comes within the time ahead.
-    const auto other = events_from(flows_, {belief.q + S_q * xi, belief.u + S_u * xi}, t, closed,
-                                   t + look_beyond * ahead, count + 1);
+    const auto other = events_from(machine(xi), {belief.q + S_q * xi, belief.u + S_u * xi}, t,
+                                   closed, t + look_beyond * ahead, count + 1);
     std::size_t agreed = 0;
     while (other && agreed < std::min(count, other->size()) &&
            same_event((*other)[agreed], (*mean)[agreed]) &&
@@ -112,7 +120,7 @@ Prediction Predictor::predict(double t, ContactSet closed, const Belief& belief,
   };
   Eigen::VectorXd xi = Eigen::VectorXd::Zero(columns);
   for (Eigen::Index j = 0; j < columns; ++j) {
-    if (S_q.col(j).isZero(0.0) && S_u.col(j).isZero(0.0)) continue;
+    if (!machine_of && S_q.col(j).isZero(0.0) && S_u.col(j).isZero(0.0)) continue;
     for (const double side : {spread_of_points, -spread_of_points}) {
       xi[j] = side;
       compare(xi, [&](Eigen::Index k, double off) {

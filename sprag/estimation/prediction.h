@@ -14,6 +14,8 @@
 // corner's is off what tau says by more than sigma_k.
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "sprag/estimation/belief.h"
@@ -44,7 +46,16 @@ class Predictor {
   /// The events after t >= 0 and up to t + ahead [s], `ahead` > 0, at most 1000; `closed` are the
   /// contacts that are closed at t. None where the machine may be in its supports. Throws
   /// Interrupted (interrupt.h).
-  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const;
+  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const {
+    return predict(t, closed, belief, ahead, {});
+  }
+
+  /// The machine that goes with m + S xi, where parameters are uncertain too: xi has an entry for
+  /// each column of S.
+  using MachineOf = std::function<std::shared_ptr<const Flows>(const Eigen::VectorXd& xi)>;
+  /// The same with machines that xi changes.
+  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead,
+                     const MachineOf& machine_of) const;
 
  private:
   Flows flows_;

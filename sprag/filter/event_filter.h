@@ -116,6 +116,10 @@ class EventFilter {
   const Eigen::VectorXd& mean(double t, const FilterBelief& belief);
   /// Its deviations: 2n rows, columns of a square root of the covariance. Valid as publish().
   Eigen::Ref<const Eigen::MatrixXd> deviations() const { return at_.X.leftCols(published_); }
+  /// Those of the parameters' coordinates, P rows, of the same columns.
+  Eigen::Ref<const Eigen::MatrixXd> parameter_deviations() const {
+    return at_.T.leftCols(published_);
+  }
   /// Rows of the gaps, m x columns of deviations(), after publish(); and a gap's mean.
   void gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps);
   double gap(int contact) const { return flight_.gap(contact).g; }

@@ -1,7 +1,7 @@
 // How far a machine departs from its model, beside the jitter of its event times. Three kinds are
-// distinguished, each by its gain of the restricted likelihood (linearized_filter.h): a *drift*, the
-// process noise that the timing filter takes; a *scatter of the restitution* from impact to impact;
-// and a *trend of the restitution* with the impact's speed.
+// distinguished, each by its gain of the restricted likelihood (linearized_filter.h): a *drift*,
+// the process noise that the timing filter takes; a *scatter of the restitution* from impact to
+// impact; and a *trend of the restitution* with the impact's speed.
 #pragma once
 
 #include <Eigen/Core>

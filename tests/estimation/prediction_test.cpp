@@ -92,7 +92,7 @@ TEST_P(LearntPredictions, AreTheMasters) {
   int compared = 0;
   follow(estimator, scene, events, end, [&](std::size_t i, const AdaptiveEstimator::State& state) {
     if (i < events.size() / 2 || i + 1 == events.size()) return;
-    const Prediction prediction = predict_from(estimator, state, predictor, 1.0);
+    const Prediction prediction = estimator.predict(state, predictor, 1.0);
     if (prediction.events.empty()) return;
     ++compared;
     EXPECT_NEAR(prediction.events[0].t, events[i + 1].t, 1e-9) << "at " << prediction.made_at;
@@ -132,7 +132,7 @@ TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
     }
     AdaptiveEstimator estimator(scene, 1e-3, EstimatorKind::timing);
     follow(estimator, scene, events, end, [&](std::size_t i, const auto& state) {
-      const Prediction prediction = predict_from(estimator, state, predictor, ahead);
+      const Prediction prediction = estimator.predict(state, predictor, ahead);
       const auto& next = prediction.events;
       const auto closing = std::find_if(next.begin(), next.end(), is_closing);
       if (closing == next.end()) {
@@ -322,7 +322,7 @@ TEST(Prediction, OfAReplicaNothingIsClaimed) {
     int asked = 0;
     follow(estimator, scene, master_events(scene, 6.0), 6.0, [&](std::size_t, const auto& state) {
       ++asked;
-      const Prediction prediction = predict_from(estimator, state, predictor, 1.0);
+      const Prediction prediction = estimator.predict(state, predictor, 1.0);
       EXPECT_TRUE(prediction.events.empty());
       EXPECT_EQ(prediction.certain_until, prediction.made_at);
     });

@@ -1,5 +1,6 @@
-// Claimed standard deviations against true errors where the parameters of the machine are uncertain:
-// machines whose parameters are drawn from the scene's [parameters], event times with jitter.
+// Claimed standard deviations against true errors where the parameters of the machine are
+// uncertain: machines whose parameters are drawn from the scene's [parameters], event times with
+// jitter.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/adaptation/adaptive_observer.h"
 #include "sprag/adaptation/parameter_smoother.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/files/scene_file.h"
@@ -330,6 +332,60 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   EXPECT_GT(replayed.size(), 5000U);
   EXPECT_EQ(settled(8), replayed);
   EXPECT_EQ(settled(40), replayed);  // further than the history
+}
+
+// The library's observer settles the same, and Observer itself does not ignore the uncertainty.
+TEST(UncertainParametersOf, TheLibrarysObserver) {
+  Random random(25);
+  Scene scene = random_rattle(random, 1, 1e-3);
+  scene.jitter = 1e-4;
+  const Drawn drawn = draw(scene, random, 10.0);
+  const ObserverSettings settings{drawn.h, EstimatorKind::both};
+  EXPECT_THROW(Observer(scene, settings), std::invalid_argument);
+  const Estimates estimates = observe(make_observer(scene, settings), drawn.events, 10.0);
+  ASSERT_EQ(estimates.keys, scene.parameters.keys);
+  EXPECT_LT(estimates.sigma_parameters.bottomRows(1)(0, 0), 0.3 * scene.parameters.sigma[0]);
+  EXPECT_TRUE(estimates.sigma_q.allFinite());
+}
+
+// Events are as far from their predictions as the claimed sigma says.
+TEST(UncertainParametersOf, Predictions) {
+  constexpr std::uint64_t seed = 26;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  Claims claims;
+  for (int i = 0; i < 12; ++i) {
+    Scene scene = random_rattle(random, 1, 1e-2);
+    scene.jitter = 1e-4;
+    const Drawn drawn = draw(scene, random, 12.0);
+    std::vector<ContactEvent> true_events;
+    Master(drawn.machine.model, scene.master).advance(at(20.0), true_events);
+    AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
+    const Predictor predictor(scene.model);
+    AdaptiveState state;
+    estimator.start(scene.replica, 0, 0, state);
+    std::size_t next = 0;
+    for (std::int64_t k = 1; k <= 600; ++k) {
+      const double t = tick_instant(k, drawn.h).hi;
+      const std::size_t first = next;
+      while (next < drawn.events.size() && drawn.events[next].t <= t) ++next;
+      estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
+      if (k % 100 != 0) continue;
+      const Prediction prediction = estimator.predict(state, predictor, 2.0);
+      std::size_t j = 0;
+      while (j < true_events.size() && true_events[j].t <= t) ++j;
+      for (const PredictedEvent& event : prediction.events) {
+        ASSERT_LT(j, true_events.size());
+        claims.add(Eigen::VectorXd::Constant(1, event.t - true_events[j].t),
+                   Eigen::VectorXd::Constant(1, event.sigma));
+        ++j;
+      }
+    }
+  }
+  std::cout << claims.count << " predicted, " << claims.mean() << '\n';
+  EXPECT_GT(claims.count, 60);
+  EXPECT_GT(claims.mean(), 0.3);
+  EXPECT_LT(claims.mean(), 1.8);
 }
 
 TEST(UncertainParametersOf, MachinesWithoutSuchAFilterAreRefused) {
