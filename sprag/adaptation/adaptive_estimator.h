@@ -1,27 +1,27 @@
-// An estimator whose model may be wrong: what scene.adaptation says of the machine is found from
-// the events while it runs.
+// The estimator of the observer programs. Where the parameters of the machine are uncertain, it
+// estimates them with the state (event_filter.h); else it is AnyEstimator.
 //
-// From the start on the estimate is the replica's. Once enough events are there an identification
-// is wanted (wanted(), task.h); where its result is accepted, a joint filter of state and
-// parameters goes on from it (joint_filter.h), and the estimate is the filter's. Its innovations
-// are watched as SupervisedFilter's are. One event where no contact was near is left out, and one
-// that did not come where it had to is taken as lost. Where the next one does not fit, or another,
-// the estimate is the replica's again, and the filter's state starts anew from there with the
-// parameters that it has; they are believed after as many events as determine the state and a few
-// more. Where events do not fit before that, the parameters are wrong, and are identified anew from
-// the events since.
+// Parameters with a prior. If the scene has [parameters], `timing` and `both` start the filter of
+// state and parameters from this prior at the first tick. The estimate is the filter's while its
+// innovations fit, else the replica's.
 //
-// A result, or a filter that has started anew, is only believed where the energy of the error that
-// it expects is a small share of the machine's own.
+// Parameters that are identified (`adaptive`). From the start on the estimate is the replica's.
+// Once enough events have come an identification is wanted (wanted(), task.h); where its result is
+// accepted, the filter starts from its posterior.
 //
-// The filter follows one contact at a time: impacts, chatter, closed for a while. Of several
-// contacts that are closed or hit at once it knows nothing: there too the estimate is the
-// replica's, and the filter's state starts anew when all contacts are open.
+// Supervision. The filter rejects one spurious event and bridges one missing event. Where another
+// event does not fit, the filter is lost: the estimate is the replica's, and the filter resets its
+// state to the replica's and keeps its parameters. It is confirmed after as many events as determine
+// the state and a few more. Where events do not fit before that, parameters with a prior return to
+// it, and others are identified anew from the events since. A result or a reset is only confirmed
+// where the expected energy of the error is a small share of the machine's own.
+//
+// The filter follows one contact at a time: impacts, chatter, sustained contact. While several
+// contacts are closed or hit at once the filter is lost.
 //
 // When results count. An identification is wanted in the state of a tick, and of the events up to
-// it; its result counts from the next tick on. So who hands out settled ticks must not take the
-// next one before put() was called; who runs ahead goes on without. What is settled then depends on
-// the events alone.
+// it; its result counts from the next tick on. So settled ticks must not go on before put() was
+// called; ticks for now do. What is settled then depends on the events alone.
 #pragma once
 
 #include <cstdint>
@@ -52,7 +52,7 @@ struct AdaptiveState {
   bool wanted = false;      ///< one is, of all events up to this tick
   std::int64_t identifications = 0;  ///< whose results counted
 
-  // The joint filter.
+  // The filter of state and parameters.
   std::int64_t beliefs = 0;  ///< so many so far; that of the state is the last one
   bool adapted = false;      ///< the filter's parameters are believed
   bool lost = false;         ///< its state is not
@@ -92,8 +92,8 @@ class AdaptiveEstimator {
   /// by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const AdaptiveState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyEstimator's. While the estimate is the joint filter's, velocities and impulses are its
-  /// own; forces are the replica's.
+  /// As AnyEstimator's. While the estimate is that of the filter of state and parameters, velocities
+  /// and impulses are its own; forces are the replica's.
   bool record_in(std::vector<ImpactRecord>& records);
 
   /// Appends the steps of the filter of uncertain parameters from now on to `steps`, of an

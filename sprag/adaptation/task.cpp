@@ -39,7 +39,7 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   settings.unknowns = family.unknowns();
   settings.begins = task.begins;
   settings.closed = task.closed;
-  settings.through_contact = false;  // where the joint filter's own pass begins anew
+  settings.through_contact = false;  // where the filter's own pass begins anew
   // Parameters that walk scatter the events more than their jitter does.
   if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
   settings.white = !scene.adaptation.walks();

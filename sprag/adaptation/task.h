@@ -1,4 +1,4 @@
-// One identification of an adaptive estimator, from what it has heard to what its joint filter
+// One identification of an adaptive estimator, from what it has heard to what its filter
 // starts from. Takes some tenths of a second, and allocates: it is for another thread than the
 // estimator's.
 #pragma once
