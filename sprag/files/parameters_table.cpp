@@ -1,7 +1,6 @@
 #include "sprag/files/parameters_table.h"
 
 #include <algorithm>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -12,8 +11,6 @@
 
 namespace sprag {
 namespace {
-
-constexpr std::size_t max_parameters = 100;
 
 struct Entry {
   std::string key;
@@ -46,9 +43,7 @@ void add_entries(const TomlTable& root, const toml::table& table, const std::str
     const std::string key =
         path.empty() ? std::string(part.str()) : path + '.' + std::string(part.str());
     if (!node.is_table()) {
-      root.fail_at(part.source().begin, root.path_of(key) +
-                                            " is no table; must be one with sigma, as in " + key +
-                                            " = { sigma = 0.01 }");
+      root.fail_type(node, root.path_of(key), "a table, as in " + key + " = { sigma = 0.01 }");
     }
     if (is_entry(*node.as_table(), key, scene)) {
       entries.push_back({key, node.as_table(), part.source().begin});
@@ -70,24 +65,19 @@ std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
 }
 
 // Why a filter cannot follow a parameter that the machine has.
-std::optional<std::string> refusal_of(const Unknown& unknown) {
-  using enum Unknown::Kind;
-  if (unknown.kind == damping_entry || unknown.kind == stiffness_entry) {
-    return "is a single entry, which cannot be an uncertain parameter of a filter; must be a "
-           "factor, system.C or system.K";
-  }
-  if (is_common(unknown)) {
-    return "stands for several numbers that differ, which cannot be an uncertain parameter of a "
-           "filter; must be listed one by one";
-  }
-  return std::nullopt;
+const char* refusal_of(const Unknown& unknown) {
+  return is_common(unknown)
+             ? " stands for several numbers that differ, which cannot be an uncertain parameter of "
+               "a filter; must be listed one by one"
+             : " is a single entry, which cannot be an uncertain parameter of a filter; must be a "
+               "factor, system.C or system.K";
 }
 
 void check_key(const TomlTable& table, const Entry& entry, const Scene& scene) {
   try {
     const Unknown unknown = unknown_of(scene, entry.key);
-    if (const auto refusal = refusal_of(unknown)) {
-      table.fail_at(entry.position, table.path_of(entry.key) + ' ' + *refusal);
+    if (!can_be_filtered(unknown)) {
+      table.fail_at(entry.position, table.path_of(entry.key) + refusal_of(unknown));
     }
   } catch (const std::invalid_argument& error) {
     table.fail_at(entry.position, "parameters: " + std::string(error.what()));
@@ -99,14 +89,15 @@ Eigen::Index parameter_of(const TomlTable& table, const toml::node& node, const 
                           const std::vector<std::string>& keys) {
   const auto* key = node.as_string();
   if (key == nullptr) {
-    table.fail_at(node.source().begin, path + " must be the key of a parameter, in quotes");
+    table.fail_type(node, path, "the key of a parameter, in quotes");
   }
   const auto at = std::find(keys.begin(), keys.end(), key->get());
   if (at == keys.end()) {
-    std::string listed;
-    for (const std::string& of : keys) listed += (listed.empty() ? "" : ", ") + of;
-    table.fail_at(node.source().begin, path + " is " + key->get() +
-                                           ", which has no sigma here; must be one of " + listed);
+    std::string message = path + " is " + key->get() + ", which has no sigma here";
+    for (const std::string& of : keys) {
+      message += (of == keys.front() ? "; must be one of " : ", ") + of;
+    }
+    table.fail_at(node.source().begin, message);
   }
   return at - keys.begin();
 }
@@ -116,33 +107,37 @@ void read_correlations(const TomlTable& table, ParameterUncertainty& parameters)
   Eigen::MatrixXd& correlation = parameters.correlation;
   correlation.setIdentity(n, n);
   if (!table.has("correlation")) return;
-  const toml::array* pairs = table.contents().get("correlation")->as_array();
-  const char* const shape = "an array of [\"key\", \"other key\", number]";
-  if (pairs == nullptr) table.fail("correlation", std::string("must be ") + shape);
+  const std::string all = table.path_of("correlation");
+  const std::string shape = "an array of [\"key\", \"other key\", number]";
+  const toml::node& given_pairs = *table.contents().get("correlation");
+  const toml::array* pairs = given_pairs.as_array();
+  if (pairs == nullptr) table.fail_type(given_pairs, all, shape);
   Eigen::MatrixXi given = Eigen::MatrixXi::Zero(n, n);
   for (std::size_t k = 0; k < pairs->size(); ++k) {
-    const std::string path = table.path_of("correlation[" + std::to_string(k + 1) + "]");
+    const std::string path = all + "[" + std::to_string(k + 1) + "]";
     const toml::node& node = (*pairs)[k];
     const toml::array* pair = node.as_array();
     const toml::source_position at = node.source().begin;
-    if (pair == nullptr || pair->size() != 3) {
-      table.fail_at(at, path + " is not of three; correlation must be " + shape);
+    if (pair == nullptr) table.fail_type(node, path, "[\"key\", \"other key\", number]");
+    if (pair->size() != 3) {
+      table.fail_at(at, path + " has " + std::to_string(pair->size()) +
+                            " entries; must have 3, [\"key\", \"other key\", number]");
     }
     const Eigen::Index i = parameter_of(table, (*pair)[0], path + "[1]", parameters.keys);
     const Eigen::Index j = parameter_of(table, (*pair)[1], path + "[2]", parameters.keys);
     const std::string& key = parameters.keys[static_cast<std::size_t>(i)];
     const std::string& other = parameters.keys[static_cast<std::size_t>(j)];
     if (i == j) {
-      table.fail_at(at, path + " is of " + key + " with itself, which is 1; must be of two");
+      table.fail_at(at, path + " is of " + key + " with itself; must be of two parameters");
     }
     if (given(i, j) != 0) {
-      table.fail_at(at,
-                    path + " is of " + key + " and " + other + " again; must be of another two");
+      table.fail_at(at, path + " is of " + key + " and " + other + " again; must be given once");
     }
     given(i, j) = given(j, i) = 1;
     correlation(i, j) = correlation(j, i) =
         table.number_at((*pair)[2], path + "[3]", {.low = -1.0, .high = 1.0});
   }
+  if (n == 0) return;
   const Definiteness signs = definiteness(correlation);
   if (!signs.semidefinite) {
     table.fail("correlation", "makes a matrix with the eigenvalue " + rounded(signs.smallest) +
@@ -158,11 +153,6 @@ ParameterUncertainty read_parameters(const TomlTable& root, const Scene& scene) 
   if (!table) return parameters;
   const bool consider = table->boolean_or("consider", false);
   const std::vector<Entry> entries = entries_of(*table, scene);
-  if (entries.size() > max_parameters) {
-    table->fail_at(entries[max_parameters].position,
-                   "parameters lists " + std::to_string(entries.size()) + "; must be at most " +
-                       std::to_string(max_parameters));
-  }
   parameters.sigma.resize(std::ssize(entries));
   for (const Entry& entry : entries) {
     check_key(*table, entry, scene);

@@ -157,6 +157,59 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
   return edited + end;
 }
 
+namespace {
+
+// The first part of a key, or of a header after its brackets.
+std::string_view first_part(std::string_view text) {
+  text.remove_prefix(std::min(text.find_first_not_of(" \t["), text.size()));
+  if (text.empty()) return text;
+  if (text[0] == '"' || text[0] == '\'') {
+    const std::size_t end = end_of_token(text, 0);
+    return end < 2 ? std::string_view() : text.substr(1, end - 2);
+  }
+  return text.substr(0, text.find_first_of(" \t.=]\r\n"));
+}
+
+// Where the header, the key with its value, the comment or the empty line at text[at] ends, behind
+// its newline.
+std::size_t end_of_statement(std::string_view text, std::size_t at) {
+  int depth = 0;
+  for (std::size_t i = at; i < text.size(); i = end_of_token(text, i)) {
+    if (text[i] == '[' || text[i] == '{') ++depth;
+    if (text[i] == ']' || text[i] == '}') --depth;
+    if (text[i] == '\n' && depth <= 0) return i + 1;
+  }
+  return text.size();
+}
+
+}  // namespace
+
+std::string without_table(std::string_view text, std::string_view table) {
+  std::string left;
+  std::string_view gap;  // empty lines and comments that the next statement decides on
+  bool at_root = true, inside = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = end_of_statement(text, at);
+    const std::string_view statement = text.substr(at, end - at);
+    const std::size_t first = statement.find_first_not_of(" \t\r\n");
+    at = end;
+    if (first == std::string_view::npos || statement[first] == '#') {
+      gap = {gap.empty() ? statement.data() : gap.data(), gap.size() + statement.size()};
+      continue;
+    }
+    const bool header = statement[first] == '[';
+    const bool named = (header || at_root) && first_part(statement) == table;
+    if (header) at_root = false;
+    const bool goes = named || (inside && !header);
+    // A comment before the table is not the table's.
+    if (!goes || !inside) left += gap;
+    if (!goes) left += statement;
+    gap = {};
+    inside = goes && (header || !at_root);
+  }
+  return left + std::string(gap);
+}
+
 std::string with_files_from(std::string_view text, const std::filesystem::path& from,
                             const std::filesystem::path& to, const std::string& file) {
   namespace fs = std::filesystem;

@@ -27,6 +27,10 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
 std::string with_files_from(std::string_view text, const std::filesystem::path& from,
                             const std::filesystem::path& to, const std::string& file);
 
+/// The text without a table of the root: its header, its keys and the comments between them, its
+/// sub-tables, and dotted keys of the root. Comments after its last key stay.
+std::string without_table(std::string_view text, std::string_view table);
+
 /// `text` as a TOML string, in quotes.
 std::string in_quotes(std::string_view text);
 

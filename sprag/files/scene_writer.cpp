@@ -128,6 +128,26 @@ void add_adaptation(std::string& text, const Scene& scene) {
 
 }  // namespace
 
+std::string to_toml(const ParameterUncertainty& parameters, std::string_view comment) {
+  if (parameters.empty()) return {};
+  std::string text = "[parameters]\n";
+  if (!comment.empty()) text += "# " + std::string(comment) + '\n';
+  std::string correlations;
+  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
+    const auto number = static_cast<std::size_t>(i);
+    text += parameters.keys[number] + " = { sigma = " + text_of(parameters.sigma[i]);
+    text += parameters.consider[number] ? ", consider = true }\n" : " }\n";
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double correlation = parameters.correlation(i, j);
+      if (correlation == 0.0) continue;
+      correlations += "  [" + in_quotes(parameters.keys[static_cast<std::size_t>(j)]) + ", " +
+                      in_quotes(parameters.keys[number]) + ", " + text_of(correlation) + "],\n";
+    }
+  }
+  if (!correlations.empty()) text += "correlation = [\n" + correlations + "]\n";
+  return text;
+}
+
 std::string to_toml(const Scene& scene, std::string_view comment) {
   std::string text;
   while (!comment.empty()) {
@@ -163,6 +183,7 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   text += "\n[events]\n";
   add(text, "jitter", scene.jitter);
   add_adaptation(text, scene);
+  if (!scene.beam && !scene.parameters.empty()) text += '\n' + to_toml(scene.parameters);
   return text;
 }
 

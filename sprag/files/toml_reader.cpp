@@ -30,26 +30,6 @@ std::size_t run_of(char c, std::string_view text, std::size_t i) {
   return (end == std::string_view::npos ? text.size() : end) - i;
 }
 
-// Behind the string or comment that begins at text[i], or i + 1 where none does.
-std::size_t behind_token(std::string_view text, std::size_t i) {
-  const char c = text[i];
-  if (c == '#') return std::min(text.find('\n', i), text.size());
-  if (c != '"' && c != '\'') return i + 1;
-  const std::size_t quotes = run_of(c, text, i);
-  if (quotes == 2) return i + 2;  // an empty string
-  const bool long_string = quotes >= 3;
-  const std::size_t closing = long_string ? 3 : 1;
-  for (i += closing; i < text.size(); ++i) {
-    if (text[i] == '\n' && !long_string) return i;  // without an end: the parser's to say
-    if (text[i] == '\\' && c == '"') {
-      ++i;
-    } else if (text[i] == c && run_of(c, text, i) >= closing) {
-      return i + closing;
-    }
-  }
-  return text.size();
-}
-
 [[noreturn]] void fail_at_byte(std::string_view text, std::size_t i, const std::string& file,
                                const std::string& message) {
   const std::string_view before = text.substr(0, i);
@@ -70,7 +50,7 @@ void refuse_dangerous(std::string_view text, const std::string& file) {
   const std::string most_nesting = std::to_string(max_nesting);
   int parts = 1;  // of the key, or number, at hand
   int nesting = 0;
-  for (std::size_t i = 0; i < text.size(); i = behind_token(text, i)) {
+  for (std::size_t i = 0; i < text.size(); i = end_of_token(text, i)) {
     const char c = text[i];
     if (i == 0 && text.starts_with("\xEF\xBB\xBF")) {  // a byte order mark
       i = 2;
@@ -170,6 +150,25 @@ void add_files(const toml::node& node, const std::filesystem::path& folder,
 }
 
 }  // namespace
+
+std::size_t end_of_token(std::string_view text, std::size_t i) {
+  const char c = text[i];
+  if (c == '#') return std::min(text.find('\n', i), text.size());
+  if (c != '"' && c != '\'') return i + 1;
+  const std::size_t quotes = run_of(c, text, i);
+  if (quotes == 2) return i + 2;  // an empty string
+  const bool long_string = quotes >= 3;
+  const std::size_t closing = long_string ? 3 : 1;
+  for (i += closing; i < text.size(); ++i) {
+    if (text[i] == '\n' && !long_string) return i;  // without an end: the parser's to say
+    if (text[i] == '\\' && c == '"') {
+      ++i;
+    } else if (text[i] == c && run_of(c, text, i) >= closing) {
+      return i + closing;
+    }
+  }
+  return text.size();
+}
 
 std::string to_text(double value) {
   std::array<char, 32> buffer{};
@@ -450,6 +449,11 @@ Eigen::MatrixXd TomlTable::of_file(const toml::node& node, const std::string& pa
   } catch (const InputError& error) {
     fail_at(node.source().begin, path + " names a file: " + error.what());
   }
+}
+
+void TomlTable::fail_type(const toml::node& node, const std::string& path,
+                          std::string_view wanted) const {
+  fail_at(node.source().begin, path + must_be(node, wanted));
 }
 
 void TomlTable::fail_at(const toml::source_position& position, const std::string& message) const {

@@ -38,6 +38,9 @@ std::string to_text(double value);
 /// A computed number in a message, to five significant digits.
 std::string rounded(double value);
 
+/// Where the string or comment that begins at text[i] ends; i + 1 where none begins there.
+std::size_t end_of_token(std::string_view text, std::size_t i);
+
 using TomlKeys = std::initializer_list<std::string_view>;
 
 /// Where a text comes from, and what is to be said of it.
@@ -95,6 +98,9 @@ class TomlTable {
   /// Throws "file:line:column: `message`".
   [[noreturn]] void fail_at(const toml::source_position& position,
                             const std::string& message) const;
+  /// Throws "file:line:column: `path` is a ...; must be `wanted`", at the value.
+  [[noreturn]] void fail_type(const toml::node& node, const std::string& path,
+                              std::string_view wanted) const;
   /// The key's dotted path.
   std::string path_of(std::string_view key) const;
 

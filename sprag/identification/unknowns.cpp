@@ -284,6 +284,11 @@ bool is_common(const Unknown& unknown) {
   return of_harmonics && unknown.index < 0;
 }
 
+bool can_be_filtered(const Unknown& unknown) {
+  return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
+         !is_common(unknown);
+}
+
 bool carries_scale(const Unknown& unknown) {
   return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
          (unknown.kind == Kind::clearance && unknown.nominal != 0.0);

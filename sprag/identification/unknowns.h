@@ -74,6 +74,10 @@ std::vector<Unknown> common_unknowns(const Scene& scene);
 /// Whether it is one of these, where harmonics are concerned.
 bool is_common(const Unknown& unknown);
 
+/// Whether it is one number of the machine, or a factor on C or K, which a filter of state and
+/// parameters can follow: no single entry of C or K, and none of common_unknowns() of harmonics.
+bool can_be_filtered(const Unknown& unknown);
+
 /// Whether it says how large the motion is; events tell no more than ratios to it.
 bool carries_scale(const Unknown& unknown);
 

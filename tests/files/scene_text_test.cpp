@@ -79,5 +79,49 @@ TEST(SceneText, ManyAtOnce) {
   EXPECT_NE(edited.find("# x_c"), std::string::npos);
 }
 
+TEST(SceneText, ATableGoesWithAllThatIsInIt) {
+  // What is marked goes.
+  constexpr const char* text = R"(name = "x"
+parameters.beam.damping = { sigma = 1 } # goes
+ "parameters" . a = [ # goes
+   1, # goes ]
+] # goes
+parametersx = """ [parameters]
+"""
+# before
+[parameters] # goes
+# goes
+a = { sigma = 1 } # goes
+b = [ # goes
+[ "[", '[', ''], # goes
+# goes [
+] # goes
+
+# goes
+["parameters".c ] # goes
+sigma = 2 # goes
+[parametersx]
+parameters = 2
+
+[ parameters.d] # goes
+# after
+
+[beam]
+parameters = 1
+)";
+  std::string left;
+  for (std::string_view rest = text; !rest.empty();) {
+    const std::string_view line = rest.substr(0, rest.find('\n') + 1);
+    rest.remove_prefix(line.size());
+    const bool blank_inside = line == "\n" && rest.starts_with("# goes");
+    if (line.find("# goes") == std::string_view::npos && !blank_inside) left += line;
+  }
+  EXPECT_EQ(without_table(text, "parameters"), left);
+  EXPECT_EQ(without_table(left, "events"), left);
+  EXPECT_EQ(without_table("[a]\r\nb = 1\r\n[c]\r\nd = 2", "a"), "[c]\r\nd = 2");
+  EXPECT_EQ(without_table("[c]\nd = 2\n[a]\nb = 1", "a"), "[c]\nd = 2\n");
+  EXPECT_EQ(without_table("", "a"), "");
+}
+
 }  // namespace
 }  // namespace sprag
