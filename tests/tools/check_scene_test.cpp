@@ -507,6 +507,31 @@ TEST_F(CheckSceneProgram, JsonHasTheExactNumbers) {
   }
 }
 
+TEST_F(CheckSceneProgram, UncertainParametersAreListed) {
+  const std::string text = test::read_text(shipped("paper_beam"));
+  const std::string file = test::write_text(directory_ / "uncertain.toml", text + R"(
+[parameters]
+impact.restitution = { sigma = 0.01 }
+beam.damping = { sigma = 0.002, consider = true }
+)");
+  EXPECT_TRUE(run({file}).out.ends_with(
+      "\nuncertain parameters: impact.restitution 0.7 +- 0.01, beam.damping 0.17 +- 0.002 "
+      "(considered)\n"))
+      << run({file}).out;
+  const auto json = nlohmann::json::parse(run({file, "--json"}).out);
+  EXPECT_EQ(json["uncertain_parameters"], nlohmann::json::parse(R"([
+    {"parameter": "impact.restitution", "unit": "", "value": 0.7, "sigma": 0.01, "consider": false},
+    {"parameter": "beam.damping", "unit": "N s/m^2", "value": 0.17, "sigma": 0.002,
+     "consider": true}])"));
+  const Ended without = run({shipped("paper_beam")});
+  EXPECT_FALSE(says(without.out, "uncertain parameters")) << without.out;
+  const std::string wrong = test::write_text(
+      directory_ / "wrong.toml", text + "\n[parameters]\nbeam.dampin = { sigma = 0.1 }\n");
+  const Ended refused = run({wrong});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_TRUE(says(refused.err, "did you mean beam.damping?")) << refused.err;
+}
+
 TEST_F(CheckSceneProgram, BadInputExitsWithTwoAndSaysWhere) {
   std::string text = test::read_text(shipped("paper_beam"));
   const std::string good = "restitution = 0.7";

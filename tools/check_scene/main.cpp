@@ -8,6 +8,7 @@
 #include "sprag/files/scene_writer.h"
 #include "sprag/mechanics/scene.h"
 #include "tools/check_scene/json.h"
+#include "tools/check_scene/parameters.h"
 
 namespace {
 
@@ -49,8 +50,10 @@ int main(int argc, char** argv) {
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     nlohmann::ordered_json object;
     sprag::write_json(assessment, object);
+    sprag::write_parameters(scene, object);
     assessment.scene = sprag::printable(assessment.scene);
-    sprag::print_result(object, sprag::to_text(assessment), json, report);
+    sprag::print_result(object, sprag::to_text(assessment) + sprag::parameters_text(scene), json,
+                        report);
     if (!output.empty()) {
       if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);
       const sprag::Reduction& fewest = assessment.accuracy->fewest;

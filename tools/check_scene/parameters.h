@@ -1,0 +1,18 @@
+// The uncertain parameters of a scene, in reports.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+/// "uncertain parameters: impact.restitution 0.7 +- 0.01, beam.damping 0.2 +- 0.002 (considered)",
+/// wrapped; empty where the scene has none.
+std::string parameters_text(const Scene& scene);
+
+/// Adds `uncertain_parameters`, an array; nothing where the scene has none.
+void write_parameters(const Scene& scene, nlohmann::ordered_json& object);
+
+}  // namespace sprag
