@@ -9,10 +9,12 @@
 #include "lcmtypes/channel_log.h"
 #include "sprag/files/events_file.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/mechanics/definiteness.h"
 #include "studies/identification/drifting.h"
 #include "tests/support/program_test.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
+#include "tools/identify/fitted_text.h"
 #include "tools/identify/options.h"
 #include "tools/import_events/contact_log.h"
 
@@ -363,8 +365,114 @@ TEST_F(IdentifyProgramTest, WhatIsNotDeterminedIsNotWritten) {
     EXPECT_TRUE(of["sigma"].is_null());
   }
   EXPECT_GT(undetermined, 0) << ended.out;
+  if (ended.code == 0) {
+    const auto listed = read_scene(path("fitted.toml")).parameters.keys.size();
+    EXPECT_EQ(listed + static_cast<std::size_t>(undetermined), json["parameters"].size());
+  }
   EXPECT_EQ(ended.code == 0, json["fits"] == true);
   EXPECT_EQ(std::filesystem::exists(path("fitted.toml")), ended.code == 0);
+}
+
+// The numbers of the report are in the scene that is written, in place of those that were there.
+TEST_F(IdentifyProgramTest, UncertaintyIsWrittenInPlaceOfTheOldOne) {
+  const std::string text = read_text(scene_file("paper_beam"));
+  const std::string events =
+      events_of(replaced(text, "restitution = 0.7", "restitution = 0.68"), 60);
+  const std::string old = R"(
+# kept
+[parameters]
+consider = true
+beam.damping = { sigma = 0.5 }   # gone
+excitation.amplitude = { sigma = 0.125 }
+correlation = [["beam.damping", "excitation.amplitude", 0.5]]
+)";
+  write_text(path("given.toml"), text + old);
+  const Ended ended =
+      identify({events, path("given.toml"), "--output", path("fitted.toml"), "--json"});
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  const Scene fitted = read_scene(path("fitted.toml"));
+  const ParameterUncertainty& parameters = fitted.parameters;
+  const auto json = nlohmann::json::parse(ended.out);
+  ASSERT_EQ(parameters.keys.size(), json["parameters"].size());
+  for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
+    const auto& of = json["parameters"][k];
+    const std::string& key = parameters.keys[k];
+    EXPECT_EQ(key, of["parameter"]);
+    const double sigma = of["sigma"].get<double>();
+    EXPECT_NEAR(parameters.sigma[static_cast<Eigen::Index>(k)], sigma, 1e-12 * sigma) << key;
+    EXPECT_EQ(parameters.consider[k], key == "beam.damping") << key;
+  }
+  const Eigen::MatrixXd& correlation = parameters.correlation;
+  EXPECT_EQ(correlation, correlation.transpose());
+  EXPECT_TRUE(correlation.diagonal().isOnes(0.0));
+  EXPECT_TRUE(definiteness(correlation).semidefinite);
+  EXPECT_GT(correlation.cwiseAbs().sum(), 1.5 * static_cast<double>(parameters.keys.size()));
+  const std::string written = read_text(path("fitted.toml"));
+  EXPECT_EQ(written.find("0.125"), std::string::npos) << written;
+  EXPECT_EQ(written.find("gone"), std::string::npos) << written;
+  EXPECT_NE(written.find("# kept\n"), std::string::npos) << written;
+  EXPECT_NE(written.find("[parameters]\n# by identify"), std::string::npos) << written;
+  // Once more: the text does not grow.
+  ASSERT_EQ(identify({events, path("fitted.toml"), "--output", path("again.toml")}).code, 0);
+  const auto lines = [](const std::string& of) { return std::count(of.begin(), of.end(), '\n'); };
+  EXPECT_EQ(lines(read_text(path("again.toml"))), lines(written));
+}
+
+// The report's correlation of a parameter with its partner is the one that is written.
+TEST(FittedText, CorrelationsAreThoseOfTheFit) {
+  const std::string text = read_text(scene_file("paper_beam"));
+  const Scene scene = read_scene(scene_file("paper_beam"));
+  const std::vector<ContactEvent> events = test::events_of(scene, 60.0);
+  IdentificationSettings settings;
+  settings.unknowns = sought(scene, {});
+  const Identification fit = sprag::identify(scene, events, settings);
+  ASSERT_TRUE(fit.fits());
+  const FittedText fitted = fitted_text(text, scene, fit, 0.0, "in.toml", "out.toml");
+  EXPECT_TRUE(fitted.not_filtered.empty());
+  const ParameterUncertainty parameters = parse_scene(fitted.text, "out.toml").parameters;
+  ASSERT_EQ(parameters.keys.size(), fit.unknowns.size());
+  for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
+    const FittedUnknown& of = fit.unknowns[k];
+    ASSERT_GE(of.partner, 0);
+    EXPECT_NEAR(parameters.correlation(static_cast<Eigen::Index>(k), of.partner), of.correlation,
+                1e-9)
+        << of.unknown.key;
+  }
+}
+
+// A factor is 1 in the scene that is written, and its deviation a share of the new value.
+TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
+  const std::string text = read_text(scene_file("non_proportional"));
+  Scene real = parse_scene(text, "real.toml");
+  real.model.K *= 1.1;
+  EventsWriter writer(path("events.csv"));
+  for (const ContactEvent& event : test::events_of(real, 40.0)) writer.write(event);
+  ASSERT_TRUE(writer.close());
+  const Ended ended =
+      identify({path("events.csv"), scene_file("non_proportional"), "--free",
+                "system.K,impact.restitution", "--output", path("fitted.toml"), "--json"});
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  const auto json = nlohmann::json::parse(ended.out);
+  const ParameterUncertainty parameters = read_scene(path("fitted.toml")).parameters;
+  ASSERT_EQ(parameters.keys, (std::vector<std::string>{"system.K", "impact.restitution"}));
+  EXPECT_NEAR(json["parameters"][0]["value"].get<double>(), 1.1, 1e-6);
+  EXPECT_NEAR(parameters.sigma[0] / json["parameters"][0]["sigma"].get<double>(), 1.0 / 1.1, 1e-6);
+  EXPECT_NEAR(parameters.sigma[1] / json["parameters"][1]["sigma"].get<double>(), 1.0, 1e-9);
+}
+
+TEST_F(IdentifyProgramTest, WhatAFilterCannotFollowIsNotListed) {
+  const std::string text = read_text(scene_file("lab_rig"));
+  const std::string events =
+      events_of(replaced(text, "[-600.0, 600.0]]", "[-600.0, 620.0]]"), 20.0);
+  const Ended ended =
+      identify({events, scene_file("lab_rig"), "--free", "system.K.2.2,impact.restitution",
+                "--output", path("fitted.toml")});
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_EQ(read_scene(path("fitted.toml")).parameters.keys,
+            (std::vector<std::string>{"impact.restitution"}));
+  EXPECT_NE(ended.err.find("system.K.2.2 is not listed in [parameters] of " + path("fitted.toml")),
+            std::string::npos)
+      << ended.err;
 }
 
 std::vector<std::string> keys_of(const std::vector<Unknown>& unknowns) {

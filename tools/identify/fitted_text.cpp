@@ -5,6 +5,8 @@
 
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_text.h"
+#include "sprag/files/scene_writer.h"
+#include "tools/identify/fitted_parameters.h"
 
 namespace sprag {
 namespace {
@@ -225,11 +227,12 @@ Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::Vect
 
 }  // namespace
 
-std::string fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
-                        double begins, const std::filesystem::path& from,
-                        const std::filesystem::path& to) {
+FittedText fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
+                       double begins, const std::filesystem::path& from,
+                       const std::filesystem::path& to) {
   const std::string file = to.string();
-  const std::string text = with_files_from(given, from.parent_path(), to.parent_path(), file);
+  const std::string text = with_files_from(without_table(given, "parameters"), from.parent_path(),
+                                           to.parent_path(), file);
   Text out(text, file);
   for (const FittedUnknown& unknown : fit.unknowns) {
     if (unknown.determined) set_unknown(scene, fit.fitted, unknown, out);
@@ -255,8 +258,15 @@ std::string fitted_text(std::string_view given, const Scene& scene, const Identi
   const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
   if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);
   std::string written = out.written();
-  parse_scene(written, file);
-  return written;
+  const FittedParameters parameters = fitted_parameters(fit, parse_scene(written, file));
+  if (!parameters.uncertainty.empty()) {
+    if (!written.ends_with("\n")) written += '\n';
+    if (!written.ends_with("\n\n")) written += '\n';
+    written += to_toml(parameters.uncertainty,
+                       "by identify: standard deviations, and correlations of the fit");
+    parse_scene(written, file);
+  }
+  return {written, parameters.left_out};
 }
 
 }  // namespace sprag

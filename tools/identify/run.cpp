@@ -37,7 +37,13 @@ void put_drift(const IdentifyRun& run, Identification& fit) {
 void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
                  Identification fit, double begins) {
   put_drift(run, fit);
-  write_file(run.output, fitted_text(text, scene, fit, begins, run.scene, run.output));
+  const FittedText fitted = fitted_text(text, scene, fit, begins, run.scene, run.output);
+  write_file(run.output, fitted.text);
+  for (const std::string& key : fitted.not_filtered) {
+    std::cerr << key << " is not listed in [parameters] of " << run.output.string()
+              << ": a filter cannot follow single entries of C and K, nor one number for several "
+                 "that differ\n";
+  }
   if (fit.start_t != begins) {
     std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
               << " is left as it was\n";
