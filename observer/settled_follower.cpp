@@ -114,7 +114,7 @@ void SettledFollower::advance(std::int64_t tick) {
 void SettledFollower::predict() {
   if (!predictor_ || !foretells_) return;
   foretells_ = false;
-  const Prediction prediction = predict_from(estimator_, state_, *predictor_, ahead_);
+  const Prediction prediction = estimator_.predict(state_, *predictor_, ahead_);
   if (predictions_) predictions_->write(prediction);
   (void)bus_.publish(prediction_channel,
                      encode_prediction(prediction, session_, wall_clock_us(), buffer_));
