@@ -225,8 +225,9 @@ auto vector_property(Eigen::VectorXd Class::*member) {
   return [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
 }
 
-auto matrix_property(Eigen::MatrixXd Model::*member) {
-  return [member](const py::object& self) { return view(self.cast<const Model&>().*member, self); };
+template <typename Class>
+auto matrix_property(Eigen::MatrixXd Class::*member) {
+  return [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
 }
 
 void bind_beam(py::module_& module) {
@@ -329,6 +330,17 @@ void bind_scene(py::module_& module) {
       .def_property_readonly("q", vector_property(&State::q))
       .def_property_readonly("u", vector_property(&State::u));
 
+  py::class_<ParameterUncertainty>(
+      module, "ParameterUncertainty",
+      "How uncertain parameters of a machine are, [parameters] of its scene: P standard "
+      "deviations, "
+      "in the units of the parameters' values, and their correlation, P x P.")
+      .def_readonly("keys", &ParameterUncertainty::keys)
+      .def_property_readonly("sigma", vector_property(&ParameterUncertainty::sigma))
+      .def_property_readonly("correlation", matrix_property(&ParameterUncertainty::correlation))
+      .def_readonly("consider", &ParameterUncertainty::consider,
+                    "Whether a filter only considers each, and never corrects it.");
+
   py::class_<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
       "A machine, where its master and its replica start, and how sure of it all one is. Starts "
@@ -368,6 +380,13 @@ void bind_scene(py::module_& module) {
       .def_readonly("sigma", &Scene::sigma,
                     "Standard deviations of the replica's start; None where not given.")
       .def_readonly("drift", &Scene::drift, "Energy per unit of time by which the model departs.")
+      .def_property_readonly(
+          "parameters",
+          [](const Scene& scene) -> const ParameterUncertainty* {
+            return scene.parameters.empty() ? nullptr : &scene.parameters;
+          },
+          py::return_value_policy::reference_internal,
+          "How uncertain parameters of the machine are; None where not given.")
       .def_readonly("jitter", &Scene::jitter, "Standard deviation of event times [s].")
       .def("__repr__", [](const Scene& scene) {
         return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +

@@ -5,7 +5,7 @@ import unittest
 import numpy as np
 import sprag
 
-from support import scene
+from support import SOURCE, scene
 
 
 def paper_beam() -> sprag.Scene:
@@ -30,6 +30,24 @@ class MachinesTest(unittest.TestCase):
             by_name, by_file = sprag.read_scene(name), scene(name.removesuffix(".toml"))
             self.assertEqual(by_name.name, by_file.name)
             np.testing.assert_array_equal(by_name.master.q, by_file.master.q)
+
+    def test_uncertain_parameters_are_read(self):
+        text = (SOURCE / "scenes" / "paper_beam.toml").read_text()
+        self.assertIsNone(sprag.parse_scene(text).parameters)
+        parameters = sprag.parse_scene(
+            text
+            + """
+[parameters]
+impact.restitution = { sigma = 0.01 }
+beam.damping = { sigma = 0.002, consider = true }
+correlation = [["impact.restitution", "beam.damping", -0.3]]
+"""
+        ).parameters
+        self.assertEqual(parameters.keys, ["impact.restitution", "beam.damping"])
+        self.assertEqual(parameters.consider, [False, True])
+        np.testing.assert_array_equal(parameters.sigma, [0.01, 0.002])
+        np.testing.assert_array_equal(parameters.correlation, [[1.0, -0.3], [-0.3, 1.0]])
+        self.assertFalse(parameters.sigma.flags.writeable)
 
     def test_outputs_have_names_values_and_sigmas(self):
         outputs = [
