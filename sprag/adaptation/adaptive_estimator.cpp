@@ -17,6 +17,8 @@ constexpr std::size_t kept = 1024, kept_bytes = 64 << 20, fewest_kept = 64;
 constexpr std::int64_t longest_window = 160;
 
 constexpr double far_inside = 0.05;
+// Of the prior standard deviations after one failure before confirmation.
+constexpr double least_inflation = 4.0, most_inflation = 1e4;
 // Of the machine's own.
 constexpr double most_energy = 0.25;
 
@@ -124,6 +126,7 @@ AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknown
   start.setZero(2 * n, 2 * n);
   start.topLeftCorner(n, n) = product(to_y, uncertainty.q);
   start.bottomRightCorner(n, n) = product(to_y, uncertainty.u);
+  inflated = start;
   if (from_prior) {
     prior = scene.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
@@ -179,15 +182,14 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
   if (has_prior()) start_from_prior(start, state);
 }
 
-void AdaptiveEstimator::record_steps(std::vector<FilterStep>* steps) {
-  steps_ = steps;
-  if (joint_) joint_->filter.record_in(steps);
+void AdaptiveEstimator::note_start(const FilterBelief& of) {
+  if (runs_ != nullptr) runs_->push_back({of, {}, {}});
 }
 
-void AdaptiveEstimator::note_start(const FilterBelief& of) {
-  if (steps_ == nullptr) return;
-  steps_->push_back({});
-  steps_->back().after = of;
+void AdaptiveEstimator::note_event(const ContactEvent& event, double sigma) {
+  if (runs_ == nullptr || runs_->empty()) return;
+  runs_->back().events.push_back(event);
+  runs_->back().sigmas.push_back(sigma);
 }
 
 void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
@@ -216,7 +218,6 @@ void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveStat
   state.accepted = state.begins;
   state.lost = state.chi != 0;
   state.trusted = !state.lost;
-  state.fitting = trial();
 }
 
 void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
@@ -261,9 +262,8 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
     if (!single) lose(state);
     for (const ContactEvent& event : of_one) {
       const std::int64_t number = state.beliefs;
-      const std::size_t steps = steps_ != nullptr ? steps_->size() : 0;
       if (!state.lost) take(event, state);
-      if (steps_ != nullptr && number == state.beliefs) steps_->resize(steps);
+      if (number != state.beliefs) note_event(event, belief(state.beliefs).of.sigma);
       if (records_ == nullptr || number == state.beliefs || !state.trusted) continue;
       const auto row = recorded_ + static_cast<std::size_t>(&event - events.data());
       describe(number, event, state, (*records_)[row]);
@@ -370,7 +370,9 @@ void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
   state.doubts = false;
   add_belief(next, state);
   ++state.fitting;
-  if (state.fitting >= trial() && is_sure(next, state)) state.trusted = true;
+  if (state.fitting < trial() || !is_sure(next, state)) return;
+  state.trusted = true;
+  state.inflation = 1.0;
 }
 
 // Events that determine the state, and a few more.
@@ -418,15 +420,21 @@ bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
   joint.next.sigma = t - present.t;
   joint.next.reported[contact] = -infinity;
   if (!joint.filter.take({inside, contact, ContactEventKind::pulse}, joint.next)) return false;
+  note_event({inside, contact, ContactEventKind::pulse}, joint.next.sigma);
   joint.next.sigma = present.sigma;
   add_belief(joint.next, state);
   return true;
 }
 
 void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
-  const bool believed = state.trusted;
+  const bool confirmed = state.fitting >= trial();
+  const bool believed = state.trusted && (confirmed || !has_prior());
   ++state.inconsistencies;
   state.last = inconsistency;
+  if (!confirmed) {
+    state.inflation *= std::clamp(std::sqrt(inconsistency.square), least_inflation, most_inflation);
+    if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
+  }
   lose(state);
   if (believed) {
     // If the parameters are to blame, it is from here on.
@@ -484,7 +492,18 @@ void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
   }
   find_replica(state);
   joint.next = present.of;
-  joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.start, joint.next);
+  // At most as uncertain as the replica's motion is large.
+  const Eigen::Index n = joint.family.n();
+  double own = 0.0, of_start = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double k = joint.stiffness[i];
+    own += square(joint.x[n + i]) + k * square(joint.x[i]);
+    of_start += joint.start.row(n + i).squaredNorm() + k * joint.start.row(i).squaredNorm();
+  }
+  const double most = of_start > 0.0 ? std::sqrt(std::max(own / of_start, 1.0)) : 1.0;
+  state.inflation = std::min(state.inflation, most);
+  joint.inflated = state.inflation * joint.start;
+  joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.inflated, joint.next);
   add_belief(joint.next, state);
   note_start(joint.next);
   state.lost = false;

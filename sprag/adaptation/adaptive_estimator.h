@@ -11,10 +11,10 @@
 //
 // Supervision. The filter rejects one spurious event and bridges one missing event. Where another
 // event does not fit, the filter is lost: the estimate is the replica's, and the filter resets its
-// state to the replica's and keeps its parameters. It is confirmed after as many events as determine
-// the state and a few more. Where events do not fit before that, parameters with a prior return to
-// it, and others are identified anew from the events since. A result or a reset is only confirmed
-// where the expected energy of the error is a small share of the machine's own.
+// state to the replica's and keeps its parameters. It is confirmed after as many events as
+// determine the state and a few more. Where events do not fit before that, parameters with a prior
+// return to it, and others are identified anew from the events since. A result or a reset is only
+// confirmed where the expected energy of the error is a small share of the machine's own.
 //
 // The filter follows one contact at a time: impacts, chatter, sustained contact. While several
 // contacts are closed or hit at once the filter is lost.
@@ -58,7 +58,10 @@ struct AdaptiveState {
   bool lost = false;         ///< its state is not
   bool trusted = false;      ///< the estimate is the filter's
   bool doubts = false;       ///< the last event was spurious, or one was lost
-  std::int64_t fitting = 0;  ///< events in a row that fitted, since it was lost
+  std::int64_t fitting = 0;  ///< events in a row that fitted, since the last start or reset
+  /// Inflation of the prior standard deviations of the state at the next reset, >= 1. A failure
+  /// before confirmation raises it, a confirmation sets it to 1.
+  double inflation = 1.0;
   double mean_square = 1.0;  ///< of its innovations, over about the last 16
   double accepted = -1.0;    ///< [s]
   std::int64_t inconsistencies = 0;
@@ -92,14 +95,20 @@ class AdaptiveEstimator {
   /// by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const AdaptiveState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyEstimator's. While the estimate is that of the filter of state and parameters, velocities
-  /// and impulses are its own; forces are the replica's.
+  /// As AnyEstimator's. While the estimate is that of the filter of state and parameters,
+  /// velocities and impulses are its own; forces are the replica's.
   bool record_in(std::vector<ImpactRecord>& records);
 
-  /// Appends the steps of the filter of uncertain parameters from now on to `steps`, of an
-  /// estimator of which one state alone is moved, and never back. Where the filter starts or
-  /// resets, a step without `mean` has what it starts from. Allocates then.
-  void record_steps(std::vector<FilterStep>* steps);
+  /// What the filter of uncertain parameters goes through between two resets.
+  struct FilterRun {
+    FilterBelief start;
+    std::vector<ContactEvent> events;
+    std::vector<double> sigmas;  ///< of the events' times [s]; an unreported one has a large sigma
+    bool failed = false;         ///< ended by an event that did not fit, before confirmation
+  };
+  /// Appends the runs of the filter from now on to `runs`, of an estimator of which one state alone
+  /// is moved, and never back. Allocates then.
+  void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
   /// The filter of state and parameters; null where parameters are not uncertain.
   EventFilter* filter() { return joint_ ? &joint_->filter : nullptr; }
   /// What it knows at this state.
@@ -154,6 +163,7 @@ class AdaptiveEstimator {
     double sigma = 0.0;         // of event times, with the floor of uncertain parameters [s]
     Eigen::VectorXd stiffness;  // of the modes, as the scene has it
     Eigen::MatrixXd start;      // deviations of a start, 2n x 2n
+    Eigen::MatrixXd inflated;   // of a reset
     // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
     // identified.
     Eigen::MatrixXd prior;
@@ -195,13 +205,14 @@ class AdaptiveEstimator {
                 ImpactRecord& record);
   void restart_filter(AdaptiveState& state);
   void note_start(const FilterBelief& of);
+  void note_event(const ContactEvent& event, double sigma);
   void add_belief(const FilterBelief& of, AdaptiveState& state);
 
   AnyEstimator base_;
   std::unique_ptr<Joint> joint_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
-  std::vector<FilterStep>* steps_ = nullptr;
+  std::vector<FilterRun>* runs_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
 };
 

@@ -13,10 +13,14 @@ namespace {
 
 // A tick that precedes an impact by more deviations of its time is before it.
 constexpr double around_impact = 6.0;
+// Passes, until no estimate moves by more than this share of its deviation.
+constexpr int most_passes = 8;
+constexpr double settled_move = 0.05;
 
 // What is known by all events from `from` on: beliefs whose state is that of their own time.
 struct Chain {
-  double from = 0.0, to = 0.0;
+  double from = 0.0;
+  bool fits = true;
   std::vector<FilterBelief> beliefs;
 };
 
@@ -40,15 +44,35 @@ void set_impact(EventFilter& filter, const FilterBelief& before, int contact, Fi
   after.impact_time = t;
 }
 
-// From the last step of a chain back; steps[first] is its start.
-Chain smoothed(EventFilter& filter, std::span<const FilterStep> steps) {
-  Chain chain;
-  chain.beliefs.resize(steps.size());
+// Forward through a run; `about` are smoothed beliefs from the pass before, or none.
+std::vector<FilterStep> forward(EventFilter& filter, const AdaptiveEstimator::FilterRun& run,
+                                const std::vector<FilterBelief>& about) {
+  std::vector<FilterStep> steps;
+  steps.push_back({});
+  steps.back().after = run.start;
+  filter.record_in(&steps);
+  FilterBelief belief = run.start;
+  for (std::size_t i = 0; i < run.events.size(); ++i) {
+    const double sigma = belief.sigma;
+    belief.sigma = run.sigmas[i];
+    if (belief.sigma > sigma) belief.reported[run.events[i].contact] = -infinity;
+    const std::size_t k = steps.size() - 1;
+    const bool known = k < about.size();
+    if (!filter.take(run.events[i], belief, known ? &about[k] : nullptr)) break;
+    belief.sigma = sigma;
+  }
+  filter.record_in(nullptr);
+  return steps;
+}
+
+// From the last step back; the first one is the start.
+std::vector<FilterBelief> backward(const std::vector<FilterStep>& steps) {
+  std::vector<FilterBelief> beliefs(steps.size());
   const Eigen::Index size = steps.front().after.z.size();
   Eigen::VectorXd a = Eigen::VectorXd::Zero(size);
   Eigen::MatrixXd B = Eigen::MatrixXd::Identity(size, size);
   for (std::size_t k = steps.size(); k-- > 0;) {
-    FilterBelief& belief = chain.beliefs[k];
+    FilterBelief& belief = beliefs[k];
     belief = steps[k].after;
     belief.z += belief.S * a;
     belief.S = belief.S * B;
@@ -56,12 +80,45 @@ Chain smoothed(EventFilter& filter, std::span<const FilterStep> steps) {
     a = steps[k].mean + steps[k].on_next * a;
     B = root_of_sum(steps[k].on_next * B, steps[k].rest);
   }
+  return beliefs;
+}
+
+// The largest move of the parameters and of the state, in deviations.
+double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
+                    const std::vector<FilterBelief>& to) {
+  if (from.size() != to.size()) return infinity;
+  double largest = 0.0;
+  for (std::size_t k = 0; k < to.size(); ++k) {
+    const Eigen::VectorXd x = filter.mean(to[k].t, from[k]);
+    for (Eigen::Index i = 0; i < to[k].z.size(); ++i) {
+      const double before = i < x.size() ? x[i] : from[k].z[i];
+      const double sigma = std::max(to[k].S.row(i).norm(), 1e-12 * std::abs(to[k].z[i]));
+      if (sigma > 0.0) largest = std::max(largest, std::abs(to[k].z[i] - before) / sigma);
+    }
+  }
+  return largest;
+}
+
+// Forward and back, linearized about the path of the pass before, until it stays.
+Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
+  Chain chain;
+  chain.from = run.start.t;
+  chain.fits = !run.failed;
+  if (!chain.fits) return chain;
+  std::vector<FilterStep> steps = forward(filter, run, {});
+  chain.beliefs = backward(steps);
+  for (int pass = 0; pass < most_passes; ++pass) {
+    steps = forward(filter, run, chain.beliefs);
+    std::vector<FilterBelief> next = backward(steps);
+    const double move = largest_move(filter, chain.beliefs, next);
+    chain.beliefs = std::move(next);
+    if (move < settled_move) break;
+  }
   for (std::size_t k = 1; k < steps.size(); ++k) {
-    set_impact(filter, chain.beliefs[k - 1], steps[k].after.innovation.contact, chain.beliefs[k]);
+    set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }
   // No report is late: all of them are here.
   for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
-  chain.from = chain.beliefs.front().t;
   return chain;
 }
 
@@ -93,8 +150,8 @@ std::vector<SmoothedStretch> smooth_parameters(
   };
   // Forward.
   AdaptiveEstimator estimator(scene, h, EstimatorKind::both);
-  std::vector<FilterStep> steps;
-  estimator.record_steps(&steps);
+  std::vector<AdaptiveEstimator::FilterRun> runs;
+  estimator.record_runs(&runs);
   AdaptiveState state;
   std::size_t next = 0;
   const auto advance = [&](AdaptiveEstimator& of, std::int64_t k, AdaptiveState& to) {
@@ -113,11 +170,9 @@ std::vector<SmoothedStretch> smooth_parameters(
   }
   // Back.
   std::vector<Chain> chains;
-  for (std::size_t first = 0; first < steps.size();) {
-    std::size_t end = first + 1;
-    while (end < steps.size() && steps[end].mean.size() > 0) ++end;
-    chains.push_back(smoothed(*estimator.filter(), std::span(steps).subspan(first, end - first)));
-    first = end;
+  for (const AdaptiveEstimator::FilterRun& run : runs) {
+    check_interrupt();
+    chains.push_back(smoothed(*estimator.filter(), run));
   }
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
@@ -133,8 +188,8 @@ std::vector<SmoothedStretch> smooth_parameters(
     advance(again, k, state);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
-    const bool smooth =
-        trusted[static_cast<std::size_t>(k)] && !chains.empty() && chains[chain].from <= t;
+    const bool smooth = trusted[static_cast<std::size_t>(k)] && !chains.empty() &&
+                        chains[chain].from <= t && chains[chain].fits;
     again.note(state, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);

@@ -17,8 +17,9 @@ namespace {
 constexpr int most_steps = 12;
 constexpr double settled = 1e-2;      // of the time's deviation
 constexpr double longest_step = 2.0;  // of sigma
-constexpr double scan_reach = 4.0;    // of sigma
-constexpr int scanned = 17;           // times
+constexpr int newton_steps = 4;
+constexpr double scan_reach = 4.0;  // of sigma
+constexpr int scanned = 17;         // times
 // Nodes about it.
 constexpr double node_reach = 4.2;  // deviations
 constexpr int fewest_nodes = 5, most_nodes = 25;
@@ -99,6 +100,7 @@ FilterBelief EventFilter::no_belief() const {
 
 void EventFilter::record_in(std::vector<FilterStep>* steps) {
   steps_ = steps;
+  if (steps == nullptr) return;
   const Eigen::Index columns = nodes_.front().columns.cols();
   at_.past.setZero(size(), at_.X.cols());
   for (Node& node : nodes_) {
@@ -262,6 +264,41 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
     point.tau = sigma * xi_tau_;
     if (!point.z.allFinite()) return false;
   }
+  return true;
+}
+
+// The time of an event by the belief, linearized about a given state, whose own event is near.
+bool EventFilter::expect(int contact, Kind kind, double t, const FilterBelief& about,
+                         FilterBelief& belief, Point& point) {
+  const bool opens = kind == Kind::opens;
+  point.z = about.z;
+  flight_.set(about.z.tail(unknowns()), false);
+  flight_.fly(about.z.head(2 * n()), about.t, belief.t - about.t, about.held);
+  point.z.head(2 * n()) = flight_.x();
+  // Its own event.
+  double tau = 0.0;
+  for (int i = 0; i < newton_steps; ++i) {
+    linearize(t - tau, point.z, belief);
+    look(contact, opens, t);
+    const double step = std::clamp(at_.of.g / at_.of.velocity, -longest_step * belief.sigma,
+                                   longest_step * belief.sigma);
+    if (!std::isfinite(step)) return false;
+    tau += step;
+  }
+  linearize(t - tau, point.z, belief);
+  look(contact, opens, t);
+  offset_ = belief.z - point.z;
+  dx_ = offset_.head(2 * n());
+  flight_.carry(dx_);
+  dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
+  const double residual = at_.of.g + at_.of.velocity * tau + direction_.dot(dx_) +
+                          at_.by_c.dot(offset_.tail(unknowns()));
+  const double of_time = -at_.of.velocity * belief.sigma;
+  const double variance = at_.phi.squaredNorm() + square(of_time) + at_.noise;
+  if (!(variance > 0.0) || !std::isfinite(residual)) return false;
+  point.tau = -belief.sigma * of_time * residual / variance;
+  point.spread = belief.sigma * std::sqrt(std::max(1.0 - square(of_time) / variance, 0.0));
+  point.square = square(residual) / variance;
   return true;
 }
 
@@ -429,7 +466,7 @@ void EventFilter::keep(const FilterBelief& before, Eigen::Index columns, FilterB
   triangularize(all_, 0, end, columns);
   belief.S = all_.topLeftCorner(size(), size());
   if (steps_ == nullptr) return;
-  steps_->push_back({before, belief, past_mean_, all_.block(size(), 0, size(), size()),
+  steps_->push_back({before, belief, -1, past_mean_, all_.block(size(), 0, size(), size()),
                      all_.block(size(), size(), size(), size())});
 }
 
@@ -472,14 +509,18 @@ bool EventFilter::condense(int contact, Kind kind, double t, const Point& point,
   return belief.z.allFinite() && belief.S.allFinite();
 }
 
-bool EventFilter::take(const ContactEvent& event, FilterBelief& belief) {
+bool EventFilter::take(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about) {
   const std::size_t steps = steps_ != nullptr ? steps_->size() : 0;
-  const bool taken = update(event, belief);
-  if (steps_ != nullptr && steps_->size() > steps) steps_->back().after = belief;
+  const bool taken = update(event, belief, about);
+  if (steps_ != nullptr && steps_->size() > steps) {
+    steps_->back().after = belief;
+    steps_->back().contact = event.contact;
+  }
   return taken;
 }
 
-bool EventFilter::update(const ContactEvent& event, FilterBelief& belief) {
+bool EventFilter::update(const ContactEvent& event, FilterBelief& belief,
+                         const FilterBelief* about) {
   const double t = event.t;
   const int contact = event.contact;
   expire(t, belief);
@@ -498,7 +539,9 @@ bool EventFilter::update(const ContactEvent& event, FilterBelief& belief) {
   }
   spread(belief, t - belief.t);
   const Kind kind = opens ? Kind::opens : stays ? Kind::stays : Kind::impact;
-  if (!find(contact, kind, t, belief, point_)) return false;
+  const bool found = about != nullptr ? expect(contact, kind, t, *about, belief, point_)
+                                      : find(contact, kind, t, belief, point_);
+  if (!found) return false;
   const double omega = flight_.largest_frequency();
   int nodes = 1;
   if (belief.sigma > 0.0) {

@@ -58,6 +58,7 @@ struct FilterBelief {
 /// No inverse of a covariance occurs, and no entry exceeds 1.
 struct FilterStep {
   FilterBelief before, after;
+  int contact = -1;                  ///< whose event it is
   Eigen::VectorXd mean;              ///< 2n + P entries
   FilterBelief::Rows on_next, rest;  ///< square
 };
@@ -86,8 +87,10 @@ class EventFilter {
 
   /// Updates the belief by an event; belief.square and belief.innovation say how it fits. Does not
   /// allocate.
+  /// \param about  linearize about the state and parameters of this belief, such as a smoothed one
+  ///   from a pass before, in place of the most likely ones given the events so far; null: no
   /// \return false where no estimate follows; the belief is of no use then
-  bool take(const ContactEvent& event, FilterBelief& belief);
+  bool take(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about = nullptr);
 
   /// Follows a path of known event times (maximum_likelihood.h) from its start, every step
   /// linearized about the path. `belief` is that after its last impact. Allocates.
@@ -169,7 +172,9 @@ class EventFilter {
   void look(int contact, bool of_force, double t);
   bool find(int contact, Kind kind, double t, FilterBelief& belief, Point& point);
   void scan(int contact, double t, const FilterBelief& belief);
-  bool update(const ContactEvent& event, FilterBelief& belief);
+  bool update(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about);
+  bool expect(int contact, Kind kind, double t, const FilterBelief& about, FilterBelief& belief,
+              Point& point);
   bool condense(int contact, Kind kind, double t, const Point& point, double reach, double extra,
                 int nodes, FilterBelief& belief);
   void condition(int contact, Kind kind, double t, double tau, const Point& point, double extra,
