@@ -82,22 +82,24 @@ double slowest(const Eigen::VectorXd& stiffness) {
 const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
   for (const Unknown& unknown : family.unknowns()) {
     if (is_common(unknown)) {
-      throw ModelError(where + ": " + unknown.key +
-                       " stands for several numbers that differ; the filter estimates them one by "
-                       "one");
+      throw ModelError(
+          where + ": " + unknown.key +
+          " stands for several numbers that differ; an adaptive estimator seeks them one by "
+          "one");
     }
     if (unknown.kind != Unknown::Kind::damping_entry &&
         unknown.kind != Unknown::Kind::stiffness_entry) {
       continue;
     }
-    throw ModelError(where + ": " + unknown.key +
-                     " is a single entry; the filter estimates system.C and system.K as factors "
-                     "alone");
+    throw ModelError(
+        where + ": " + unknown.key +
+        " is a single entry; an adaptive estimator seeks system.C and system.K as factors "
+        "alone");
   }
   if (!family.modal()) {
-    throw ModelError(
-        "system.C couples the modes of M and K; an estimator of parameters needs damping that does "
-        "not, as C = a M + b K");
+    throw ModelError("system.C couples the modes of M and K; " +
+                     std::string(where == "parameters" ? "[parameters]" : "an adaptive estimator") +
+                     " needs damping that does not, as C = a M + b K");
   }
   if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
   return family;
