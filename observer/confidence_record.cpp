@@ -146,7 +146,7 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   if (!confidence.has_replica && last.suspicion == Suspicion::missing_event && !last.known_loss) {
     out << "an event has not come that had to: a missing event? ";
   } else {
-    out << "the filter does not fit, "
+    out << (confidence.parameters.any() ? "the filter" : "the timing filter") << " does not fit, "
         << advice(last) << ' ';
   }
   if (const std::int64_t others = inconsistencies_.total - before - 1; others > 0) {
