@@ -1,10 +1,9 @@
-#include "sprag/filter/event_filter.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "sprag/adaptation/task.h"
+#include "sprag/filter/event_filter.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
