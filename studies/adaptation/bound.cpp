@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "sprag/filter/event_filter.h"
 #include "sprag/adaptation/task.h"
+#include "sprag/filter/event_filter.h"
 #include "sprag/identification/identification.h"
 #include "sprag/mechanics/master.h"
 
