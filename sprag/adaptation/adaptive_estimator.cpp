@@ -289,31 +289,18 @@ void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
                                  const AdaptiveState& state, ImpactRecord& record) {
   const Belief& from = belief(before);
   if (from.number != before || event.kind == ContactEventKind::opens) return;
-  Joint& joint = *joint_;
-  const Eigen::Index n = joint.family.n();
-  const Model& model = base_.flows()->dynamics().model();
-  const Contact& contact = model.contacts[static_cast<std::size_t>(event.contact)];
-  const Eigen::VectorXd w = joint.V.transpose() * contact.w;
-  const auto velocity = [&](const FilterBelief& of, Eigen::RowVectorXd& columns) {
-    joint.u.noalias() = joint.V.lazyProduct(joint.filter.mean(event.t, of).tail(n));
-    joint.filter.gap_deviations(of, joint.of_gaps);
-    columns = w.transpose() * joint.filter.deviations().bottomRows(n);
-    return gap_velocity(contact, joint.u, event.t);
-  };
-  Eigen::RowVectorXd seen;
-  const double after = velocity(belief(state.beliefs).of, seen);
-  record.after = {after, seen.norm()};
-  double gamma = velocity(from.of, seen);
-  const double gap = joint.filter.gap(event.contact);
-  // The gap is zero there, up to what the machine moves by while the report is off.
-  const auto of_gap = joint.of_gaps.row(event.contact);
-  const double variance = of_gap.squaredNorm() + square(gamma * from.of.sigma);
-  const double along = seen.dot(of_gap) / variance;
-  gamma -= along * gap;
-  record.before = {gamma, std::sqrt(std::max(seen.squaredNorm() - seen.dot(of_gap) * along, 0.0))};
+  const FilterBelief& of = belief(state.beliefs).of;
+  if (of.impact_sigma > 0.0) {
+    record.time = {of.impact_time, of.impact_sigma};
+  } else {
+    record.time = {of.occurred[event.contact], of.sigma};
+  }
+  record.before = {of.speed_before, of.speed_before_sigma};
+  record.after = {of.speed_after, of.speed_after_sigma};
   const double G = base_.flows()->dynamics().G()(event.contact, event.contact);
-  record.impulse.value = (after - gamma) / G;
-  record.impulse.sigma = (1.0 + std::abs(after / gamma)) * record.before.sigma / G;
+  record.impulse.value = (of.speed_after - of.speed_before) / G;
+  // Both speeds have one sign of error.
+  record.impulse.sigma = (of.speed_after_sigma + of.speed_before_sigma) / G;
   record.from_filter = true;
 }
 

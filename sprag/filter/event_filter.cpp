@@ -72,6 +72,8 @@ EventFilter::EventFilter(const MachineFamily& family, FilterModel model)
   direction_.setZero(2 * n());
   offset_.setZero(size());
   c_.setZero(unknowns());
+  c_by_c_.setZero(unknowns());
+  rate_by_c_.setZero(unknowns());
   x_.setZero(2 * n());
   unit_.setZero(columns + 2);
   nodes_.resize(most_nodes);
@@ -367,6 +369,21 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
   gamma = moments.mean;
 }
 
+// The gap velocity after an impact, at the instant of it.
+void EventFilter::see_velocity(int contact, Node& node) {
+  const auto w = direction_.head(n());
+  node.after = onward_.gap(contact).velocity;
+  onward_.differences(contact, false, c_by_c_, rate_by_c_);
+  double variance = 0.0;
+  for (Eigen::Index j = 0; j < at_.X.cols(); ++j) {
+    dx_ = at_.X.col(j);
+    onward_.carry_through(dx_);
+    const double seen = w.dot(dx_.tail(n())) + rate_by_c_.dot(at_.T.col(j));
+    variance += square(seen);
+  }
+  node.after_sigma = std::sqrt(variance);
+}
+
 // The belief at t - point.tau if the event was at t - tau.
 void EventFilter::condition(int contact, Kind kind, double t, double tau, const Point& point,
                             double extra, const FilterBelief& belief, Node& node) {
@@ -403,7 +420,11 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
   // Impact and flight to the common time.
   onward_.set(theta, unknowns() > 0);
   onward_.fly(x_, when, 0.0);
-  if (kind != Kind::opens) onward_.strike(contact, kind == Kind::stays);
+  if (kind != Kind::opens) {
+    onward_.strike(contact, kind == Kind::stays);
+    see_velocity(contact, node);
+    node.after += rate_by_c_.dot(c_ - theta);
+  }
   const int held = kind == Kind::stays ? contact : -1;
   onward_.fly_on(tau - point.tau, held);
   node.z.head(2 * n()) = onward_.x();
@@ -483,11 +504,14 @@ bool EventFilter::condense(int contact, Kind kind, double t, const Point& point,
   if (!std::isfinite(largest)) return false;
   collapse(largest, nodes, belief);
   double mean = 0.0, squares = 0.0, speed = 0.0, heaviest = 0.0;
+  double before = 0.0, after = 0.0;
   for (int i = 0; i < nodes; ++i) {
     const Node& node = nodes_[index(i)];
     const double tau = nodes > 1 ? reach * (2.0 * i / (nodes - 1) - 1.0) : 0.0;
     mean += node.log_weight * tau;
     squares += node.log_weight * square(tau);
+    before += node.log_weight * node.gamma;
+    after += node.log_weight * node.after;
     if (node.log_weight <= heaviest) continue;
     heaviest = node.log_weight;
     speed = std::hypot(node.gamma, node.gamma_sigma);
@@ -498,6 +522,16 @@ bool EventFilter::condense(int contact, Kind kind, double t, const Point& point,
     const double left = kind == Kind::stays ? 1.0 : 2.0 - onward_.lost_share(contact);
     belief.jump.tail(n()) = (-left * node.gamma) * dx_.head(n());
   }
+  double of_before = 0.0, of_after = 0.0;
+  for (int i = 0; i < nodes; ++i) {
+    const Node& node = nodes_[index(i)];
+    of_before += node.log_weight * (square(node.gamma - before) + square(node.gamma_sigma));
+    of_after += node.log_weight * (square(node.after - after) + square(node.after_sigma));
+  }
+  belief.speed_before = before;
+  belief.speed_before_sigma = std::sqrt(of_before);
+  belief.speed_after = after;
+  belief.speed_after_sigma = std::sqrt(of_after);
   belief.t = t - point.tau;
   belief.occurred[contact] = belief.t;
   belief.speed[contact] = kind == Kind::opens ? 0.0 : (1.0 - onward_.lost_share(contact)) * speed;

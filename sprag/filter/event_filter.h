@@ -49,8 +49,10 @@ struct FilterBelief {
   Eigen::VectorXd occurred;  ///< per contact: estimated time of its last event [s]
   Eigen::VectorXd speed;     ///< per contact: of the gap after its last impact; 0: none
   // The last impact, for ticks that may precede it.
-  double impact_time = 0.0, impact_sigma = 0.0;  ///< [s]; sigma 0: not uncertain
-  Eigen::VectorXd jump;                          ///< its change of (y, y'), 2n entries
+  double impact_time = 0.0, impact_sigma = 0.0;         ///< [s]; sigma 0: not uncertain
+  double speed_before = 0.0, speed_before_sigma = 0.0;  ///< gap velocity before it [m/s]
+  double speed_after = 0.0, speed_after_sigma = 0.0;    ///< and after it
+  Eigen::VectorXd jump;                                 ///< its change of (y, y'), 2n entries
 };
 
 /// One step of the filter for a smoother: the belief before it is z + S xi, that after it
@@ -159,6 +161,7 @@ class EventFilter {
   };
   struct Node {
     double log_weight = 0.0, gamma = 0.0, gamma_sigma = 0.0;
+    double after = 0.0, after_sigma = 0.0;  // gap velocity after the impact
     Eigen::VectorXd z, past_mean;
     Eigen::MatrixXd columns, past;
   };
@@ -179,6 +182,7 @@ class EventFilter {
                 int nodes, FilterBelief& belief);
   void condition(int contact, Kind kind, double t, double tau, const Point& point, double extra,
                  const FilterBelief& belief, Node& node);
+  void see_velocity(int contact, Node& node);
   void measure(double residual, double noise, Eigen::VectorXd& x, Eigen::VectorXd& c);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node, Eigen::VectorXd& x,
                   Eigen::VectorXd& c);
@@ -203,6 +207,7 @@ class EventFilter {
   Linearized at_;
   Eigen::Index published_ = 0;
   Eigen::VectorXd xi_, next_, gain_, dx_, direction_, offset_, c_, x_, unit_;
+  Eigen::VectorXd c_by_c_, rate_by_c_;
   double xi_tau_ = 0.0;
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below

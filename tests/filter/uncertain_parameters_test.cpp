@@ -348,6 +348,60 @@ TEST(UncertainParametersOf, TheLibrarysObserver) {
   EXPECT_TRUE(estimates.sigma_q.allFinite());
 }
 
+// Impact records claim the time of an impact and its velocities with their deviations.
+TEST(UncertainParametersOf, ImpactRecords) {
+  constexpr std::uint64_t seed = 27;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  Claims times, velocities;
+  for (int i = 0; i < 8; ++i) {
+    Scene scene = random_rattle(random, 1, 1e-3);
+    scene.jitter = 1e-4;
+    const Drawn drawn = draw(scene, random, 25.0);
+    Master master(drawn.machine.model, scene.master);
+    std::vector<ContactEvent> exact;
+    master.advance(at(25.0), exact);
+    AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
+    std::vector<ImpactRecord> records;
+    ASSERT_TRUE(estimator.record_in(records));
+    AdaptiveState state;
+    estimator.start(scene.replica, 0, 0, state);
+    std::size_t next = 0;
+    for (std::int64_t k = 1; k <= ticks; ++k) {
+      const std::size_t first = next;
+      while (next < drawn.events.size() && drawn.events[next].t <= tick_instant(k, drawn.h).hi) {
+        ++next;
+      }
+      estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
+    }
+    Eigen::VectorXd q(1), u(1);
+    Master again(drawn.machine.model, scene.master);
+    std::vector<ContactEvent> passed;
+    for (std::size_t k = 0; k < std::min(records.size(), exact.size()); ++k) {
+      if (records[k].contact != exact[k].contact || exact[k].kind != ContactEventKind::pulse) break;
+      again.advance(at(exact[k].t), passed);
+      again.state(at(exact[k].t), q, u);
+      if (k < 8) continue;
+      ASSERT_TRUE(records[k].from_filter);
+      const auto claim = [](double error, double sigma, Claims& claims) {
+        claims.add(Eigen::VectorXd::Constant(1, error), Eigen::VectorXd::Constant(1, sigma));
+      };
+      claim(records[k].time.value - exact[k].t, records[k].time.sigma, times);
+      const Contact& contact = drawn.machine.model.contacts[index(exact[k].contact)];
+      claim(records[k].after.value - gap_velocity(contact, u, exact[k].t), records[k].after.sigma,
+            velocities);
+    }
+  }
+  std::cout << times.count << " impacts, times " << times.mean() << ", velocities "
+            << velocities.mean() << '\n';
+  EXPECT_GT(times.count, 100);
+  EXPECT_GT(times.mean(), 0.3);
+  EXPECT_LT(times.mean(), 1.8);
+  EXPECT_LT(times.median(), 0.5e-4);  // less than the jitter
+  EXPECT_GT(velocities.mean(), 0.2);
+  EXPECT_LT(velocities.mean(), 2.0);
+}
+
 // Events are as far from their predictions as the claimed sigma says.
 TEST(UncertainParametersOf, Predictions) {
   constexpr std::uint64_t seed = 26;
