@@ -453,7 +453,6 @@ void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
     total += weight;
   }
   const bool records = steps_ != nullptr;
-  if (records) before_ = belief;
   belief.z.setZero();
   past_mean_.setZero();
   for (int i = 0; i < nodes; ++i) {
@@ -477,17 +476,17 @@ void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
     if (records) all_.col(columns).tail(size()) = root * (node.past_mean - past_mean_);
     ++columns;
   }
-  keep(before_, columns, belief);
+  keep(columns, belief);
 }
 
 // The columns all_ become those of the belief, and of the step to it.
-void EventFilter::keep(const FilterBelief& before, Eigen::Index columns, FilterBelief& belief) {
+void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
   const Eigen::Index end = steps_ != nullptr ? 2 * size() : size();
   while (columns < end) all_.col(columns++).setZero();
   triangularize(all_, 0, end, columns);
   belief.S = all_.topLeftCorner(size(), size());
   if (steps_ == nullptr) return;
-  steps_->push_back({before, belief, -1, past_mean_, all_.block(size(), 0, size(), size()),
+  steps_->push_back({belief, -1, past_mean_, all_.block(size(), 0, size(), size()),
                      all_.block(size(), size(), size(), size())});
 }
 
@@ -626,7 +625,6 @@ void EventFilter::let_go(FilterBelief& belief) {
   dx_.setZero();
   flight_.along(contact, dx_.tail(n()));
   const double speed = belief.speed[contact];
-  if (steps_ != nullptr) before_ = belief;
   belief.z.head(2 * n()) = at_.x + (leaving_speed * speed) * dx_;
   belief.t = t;
   belief.held = -1;
@@ -640,7 +638,7 @@ void EventFilter::let_go(FilterBelief& belief) {
   }
   all_.col(columns).setZero();
   all_.col(columns++).head(2 * n()) = (leaving_sigma * speed) * dx_;
-  keep(before_, columns, belief);
+  keep(columns, belief);
 }
 
 // Rows first to end - 1 of A become lower triangular, the first of them in column 0, without a

@@ -55,11 +55,11 @@ struct FilterBelief {
   Eigen::VectorXd jump;                                 ///< its change of (y, y'), 2n entries
 };
 
-/// One step of the filter for a smoother: the belief before it is z + S xi, that after it
-/// z' + S' eta, and, given the event, xi = mean + on_next eta + rest zeta with eta, zeta ~ N(0, I).
+/// One step of the filter for a smoother. With z + S xi before it and z' + S' eta after it, given
+/// the event, xi = mean + on_next eta + rest zeta with eta, zeta ~ N(0, I).
 /// No inverse of a covariance occurs, and no entry exceeds 1.
 struct FilterStep {
-  FilterBelief before, after;
+  FilterBelief after;                ///< z', S'
   int contact = -1;                  ///< whose event it is
   Eigen::VectorXd mean;              ///< 2n + P entries
   FilterBelief::Rows on_next, rest;  ///< square
@@ -192,7 +192,7 @@ class EventFilter {
   bool mix_impact(int contact, double t, const FilterBelief& belief);
   void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
                      Eigen::Index columns);
-  void keep(const FilterBelief& before, Eigen::Index columns, FilterBelief& belief);
+  void keep(Eigen::Index columns, FilterBelief& belief);
   std::vector<double> largest(const Likelihood& path, const Eigen::VectorXd& c);
   Eigen::VectorXd start_of(const Likelihood& path, std::size_t s) const;
 
@@ -212,7 +212,6 @@ class EventFilter {
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below
   std::vector<FilterStep>* steps_ = nullptr;
-  FilterBelief before_;
   Eigen::VectorXd past_mean_, past_gain_;
   Eigen::VectorXd reflector_;
   Point point_;
