@@ -24,7 +24,9 @@ FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events,
   FilterTrial trial;
   if (!(duration > 0.0) || events.empty()) return trial;
   const double h = duration / ticks;
-  Observer observer(scene, {.tick = h, .estimator = EstimatorKind::timing});
+  Scene exact = scene;
+  exact.parameters = {};
+  Observer observer(exact, {.tick = h, .estimator = EstimatorKind::timing});
   for (const ContactEvent& event : events) observer.take(event);
   const Estimate start = observer.at(0.0);
   std::vector<double> shares;

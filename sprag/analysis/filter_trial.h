@@ -29,7 +29,8 @@ struct FilterTrial {
   bool follows() const { return ran() && left < known_share; }
 };
 
-/// The filter from the scene's replica on, with its uncertainty, drift and jitter. Throws
+/// The filter from the replica of the scene on, with its uncertainty, drift and jitter; parameters
+/// count as exact. Throws
 /// ModelError.
 FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events, double duration,
                        const TrialLimits& limits);
