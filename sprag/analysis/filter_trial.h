@@ -30,8 +30,7 @@ struct FilterTrial {
 };
 
 /// The filter from the replica of the scene on, with its uncertainty, drift and jitter; parameters
-/// count as exact. Throws
-/// ModelError.
+/// count as exact. Throws ModelError.
 FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events, double duration,
                        const TrialLimits& limits);
 
