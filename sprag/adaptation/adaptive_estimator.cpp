@@ -42,10 +42,6 @@ std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknow
   return keys;
 }
 
-bool has_filter(EstimatorKind kind) {
-  return kind == EstimatorKind::timing || kind == EstimatorKind::both;
-}
-
 FilterModel model_of(const Scene& scene, const MachineFamily& family, bool from_prior) {
   FilterModel model;
   const Eigen::Index P = std::ssize(family.unknowns()), n = family.n();
@@ -63,10 +59,26 @@ FilterModel model_of(const Scene& scene, const MachineFamily& family, bool from_
   return model;
 }
 
-// Where parameters are uncertain the filter is that of state and parameters, beside the replica.
+// Whether the filter is that of state and parameters, which is beside the replica.
+bool starts_from_prior(const Scene& scene, EstimatorKind kind) {
+  return (kind == EstimatorKind::timing || kind == EstimatorKind::both) &&
+         !scene.parameters.empty();
+}
+
 EstimatorKind base_of(const Scene& scene, EstimatorKind kind) {
-  const bool uncertain = has_filter(kind) && !scene.parameters.empty();
-  return uncertain || kind == EstimatorKind::adaptive ? EstimatorKind::replica : kind;
+  return kind == EstimatorKind::adaptive || starts_from_prior(scene, kind) ? EstimatorKind::replica
+                                                                           : kind;
+}
+
+// Twice the expected energy of columns of (y, y'), of modes with these stiffnesses.
+template <typename Columns>
+double twice_energy(const Columns& columns, const Eigen::VectorXd& stiffness) {
+  const Eigen::Index n = stiffness.size();
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    sum += columns.row(n + i).squaredNorm() + stiffness[i] * columns.row(i).squaredNorm();
+  }
+  return sum;
 }
 
 // Smallest of the modes' stiffnesses that is not 0, of rigid ones alone 1.
@@ -87,10 +99,7 @@ const MachineFamily& require_modal(const MachineFamily& family, const std::strin
           " stands for several numbers that differ; an adaptive estimator seeks them one by "
           "one");
     }
-    if (unknown.kind != Unknown::Kind::damping_entry &&
-        unknown.kind != Unknown::Kind::stiffness_entry) {
-      continue;
-    }
+    if (can_be_filtered(unknown)) continue;
     throw ModelError(
         where + ": " + unknown.key +
         " is a single entry; an adaptive estimator seeks system.C and system.K as factors "
@@ -153,7 +162,7 @@ AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind
     : base_(scene, h, base_of(scene, kind), stepper) {
   if (kind == EstimatorKind::adaptive) {
     joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene), false);
-  } else if (has_filter(kind) && !scene.parameters.empty()) {
+  } else if (starts_from_prior(scene, kind)) {
     joint_ = std::make_unique<Joint>(scene, unknowns_named(scene, scene.parameters.keys), true);
   }
 }
@@ -308,14 +317,8 @@ void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
 bool AdaptiveEstimator::is_sure(const FilterBelief& belief, const AdaptiveState& state) {
   Joint& joint = *joint_;
   find_replica(state);
-  const Eigen::Index n = joint.family.n();
-  double expected = 0.0, own = 0.0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    expected +=
-        belief.S.row(n + i).squaredNorm() + joint.stiffness[i] * belief.S.row(i).squaredNorm();
-    own += square(joint.x[n + i]) + joint.stiffness[i] * square(joint.x[i]);
-  }
-  return expected < most_energy * own;
+  return twice_energy(belief.S, joint.stiffness) <
+         most_energy * twice_energy(joint.x, joint.stiffness);
 }
 
 // (y, y') of the replica at the present tick.
@@ -482,13 +485,8 @@ void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
   find_replica(state);
   joint.next = present.of;
   // At most as uncertain as the replica's motion is large.
-  const Eigen::Index n = joint.family.n();
-  double own = 0.0, of_start = 0.0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const double k = joint.stiffness[i];
-    own += square(joint.x[n + i]) + k * square(joint.x[i]);
-    of_start += joint.start.row(n + i).squaredNorm() + k * joint.start.row(i).squaredNorm();
-  }
+  const double own = twice_energy(joint.x, joint.stiffness);
+  const double of_start = twice_energy(joint.start, joint.stiffness);
   const double most = of_start > 0.0 ? std::sqrt(std::max(own / of_start, 1.0)) : 1.0;
   state.inflation = std::min(state.inflation, most);
   joint.inflated = state.inflation * joint.start;

@@ -111,10 +111,6 @@ class AdaptiveEstimator {
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
   /// The filter of state and parameters; null where parameters are not uncertain.
   EventFilter* filter() { return joint_ ? &joint_->filter : nullptr; }
-  /// What it knows at this state.
-  const FilterBelief& filter_belief(const AdaptiveState& state) const {
-    return belief(state.beliefs).of;
-  }
   /// The estimate of a belief at t, q and u of f entries each.
   void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u);

@@ -294,6 +294,25 @@ void JointFlight::carry(Eigen::Ref<Eigen::VectorXd> dx) {
   }
 }
 
+// The motion of a mode without its steady response to the harmonics.
+JointFlight::FreePart JointFlight::free_part(Eigen::Index i, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  FreePart part{variant.x[i], variant.x[n() + i]};
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex steady = machine.response(i, g) *
+                           Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                           variant.harmonics[static_cast<std::size_t>(g)];
+    part.y -= steady.real();
+    part.u += machine.frequencies[g] * steady.imag();
+  }
+  const Eigen::Index constants = 2 * machine.groups();
+  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+    part.force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+  }
+  part.acceleration = part.force - machine.C(i, 0) * part.u - machine.K(i, 0) * part.y;
+  return part;
+}
+
 // Steady response and motion of the support are one: what is left of x is the free part.
 JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
@@ -313,23 +332,12 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
     gap.acceleration -= Omega * Omega * steady.real();
   }
   for (Eigen::Index i = 0; i < n(); ++i) {
-    double y = variant.x[i], u = variant.x[n() + i];
-    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-      const Complex steady = machine.response(i, g) *
-                             Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                             variant.harmonics[static_cast<std::size_t>(g)];
-      y -= steady.real();
-      u += machine.frequencies[g] * steady.imag();
-    }
-    double force = 0.0;
-    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
-    }
+    const FreePart part = free_part(i, variant);
     const double w = machine.W(i, contact);
-    gap.g += w * y;
+    gap.g += w * part.y;
     gap.length += std::abs(w * variant.x[i]);
-    gap.velocity += w * u;
-    gap.acceleration += w * (force - machine.C(i, 0) * u - machine.K(i, 0) * y);
+    gap.velocity += w * part.u;
+    gap.acceleration += w * part.acceleration;
   }
   gap.rounding += gap.length;
   return gap;
@@ -337,28 +345,9 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
 
 JointFlight::Gap JointFlight::gap(int contact) const { return gap(contact, centre()); }
 
-void JointFlight::gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z) const {
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const OscillatorStep& step = steps_[static_cast<std::size_t>(i)];
-    const double w = centre().machine.W(i, contact);
-    by_z[i] = w * step.zz;
-    by_z[n() + i] = w * step.zv;
-  }
-  if (held_ >= 0) {
-    const auto w = centre().machine.W.col(contact);
-    for (Eigen::Index j = 0; j < 2 * n(); ++j) by_z[j] = w.dot(held_step_.col(j).head(n()));
-  }
-  for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    const auto j = static_cast<std::size_t>(1 + 2 * k);
-    by_z[2 * n() + k] =
-        (gap(contact, variants_[j]).g - gap(contact, variants_[j + 1]).g) / (2.0 * difference_of_c);
-  }
-}
-
 // The gap accelerates by a + w^T w lambda, which is 0 while the contact is held.
 JointFlight::Gap JointFlight::force(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
-  const Eigen::Index constants = 2 * machine.groups();
   double a = 0.0, rate = 0.0, terms = 0.0;
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const Complex z = machine.gap_response(contact, g) *
@@ -370,30 +359,18 @@ JointFlight::Gap JointFlight::force(int contact, const Variant& variant) const {
     terms += Omega * Omega * std::abs(z) * (1.0 + std::abs(Omega * end_));
   }
   const auto w = machine.W.col(contact);
-  const auto free_acceleration = [&](Eigen::Index i, double& u) {
-    double y = variant.x[i];
-    u = variant.x[n() + i];
-    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-      const Complex steady = machine.response(i, g) *
-                             Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                             variant.harmonics[static_cast<std::size_t>(g)];
-      y -= steady.real();
-      u += machine.frequencies[g] * steady.imag();
-    }
-    double force = 0.0;
-    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
-    }
-    terms += std::abs(w[i]) * (std::abs(force) + std::abs(machine.C(i, 0) * u) +
-                               std::abs(machine.K(i, 0) * variant.x[i]));
-    return force - machine.C(i, 0) * u - machine.K(i, 0) * y;
-  };
-  double u = 0.0;
-  for (Eigen::Index i = 0; i < n(); ++i) a += w[i] * free_acceleration(i, u);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const FreePart part = free_part(i, variant);
+    a += w[i] * part.acceleration;
+    terms += 2.0 * std::abs(w[i]) *
+             (std::abs(part.force) + std::abs(machine.C(i, 0) * part.u) +
+              std::abs(machine.K(i, 0) * variant.x[i]));
+  }
   const double lambda = -a / w.squaredNorm();
   for (Eigen::Index i = 0; i < n(); ++i) {
-    const double acceleration = free_acceleration(i, u) + w[i] * lambda;
-    rate -= w[i] * (machine.C(i, 0) * acceleration + machine.K(i, 0) * u);
+    const FreePart part = free_part(i, variant);
+    const double acceleration = part.acceleration + w[i] * lambda;
+    rate -= w[i] * (machine.C(i, 0) * acceleration + machine.K(i, 0) * part.u);
   }
   return {-a, -rate, 0.0, terms, terms};
 }

@@ -62,8 +62,6 @@ class JointFlight {
     double rounding = 0.0;  ///< in units of a rounding of 1
   };
   Gap gap(int contact) const;
-  /// Its derivatives by the x that fly() began with and by c, (2n + P) entries.
-  void gap_derivatives(int contact, Eigen::Ref<Eigen::VectorXd> by_z) const;
   /// w^T w lambda of a held contact, as g, and its rate, as velocity; the force is 0 where the
   /// contact opens.
   Gap force(int contact) const;
@@ -105,6 +103,11 @@ class JointFlight {
   void hold(int contact, double tau, Variant& variant);
   void hold_homogeneous(int contact, double tau);
   void add_held_terms(const Machine& machine, int contact, double share);
+  // Of a mode: position, velocity, constant force, acceleration without contact forces.
+  struct FreePart {
+    double y = 0.0, u = 0.0, force = 0.0, acceleration = 0.0;
+  };
+  FreePart free_part(Eigen::Index i, const Variant& variant) const;
   Gap gap(int contact, const Variant& variant) const;
   Gap force(int contact, const Variant& variant) const;
   void difference();

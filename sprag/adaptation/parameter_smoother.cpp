@@ -22,6 +22,8 @@ struct Chain {
   double from = 0.0;
   bool fits = true;
   std::vector<FilterBelief> beliefs;
+  // From when on each of them or a later one is meant; none decreases.
+  std::vector<double> begins;
 };
 
 // Square root of A A^T + B B^T.
@@ -99,7 +101,8 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
   return largest;
 }
 
-// Forward and back, linearized about the path of the pass before, until it stays.
+// Forward and back, linearized about the path of the pass before, until it stays. A run whose
+// passes do not converge is not smoothed.
 Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
   Chain chain;
   chain.from = run.start.t;
@@ -119,20 +122,22 @@ Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
   }
   // No report is late: all of them are here.
   for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
+  chain.begins.resize(chain.beliefs.size());
+  double least = infinity;
+  for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
+    const FilterBelief& belief = chain.beliefs[k];
+    least = std::min(least, belief.impact_sigma > 0.0
+                                ? belief.impact_time - around_impact * belief.impact_sigma
+                                : belief.t);
+    chain.begins[k] = least;
+  }
   return chain;
 }
 
+// The last belief that begins by t.
 const FilterBelief& at(const Chain& chain, double t) {
-  std::size_t k = chain.beliefs.size() - 1;
-  while (k > 0) {
-    const FilterBelief& belief = chain.beliefs[k];
-    const double from = belief.impact_sigma > 0.0
-                            ? belief.impact_time - around_impact * belief.impact_sigma
-                            : belief.t;
-    if (t >= from) break;
-    --k;
-  }
-  return chain.beliefs[k];
+  const auto later = std::upper_bound(chain.begins.begin() + 1, chain.begins.end(), t);
+  return chain.beliefs[static_cast<std::size_t>(later - chain.begins.begin()) - 1];
 }
 
 }  // namespace
@@ -162,11 +167,9 @@ std::vector<SmoothedStretch> smooth_parameters(
       of.tick(events_at(k, next), to);
     }
   };
-  std::vector<bool> trusted(static_cast<std::size_t>(last) + 1);
   for (std::int64_t k = 0; k <= last; ++k) {
     check_interrupt();
     advance(estimator, k, state);
-    trusted[static_cast<std::size_t>(k)] = !state.lost;
   }
   // Back.
   std::vector<Chain> chains;
@@ -188,8 +191,8 @@ std::vector<SmoothedStretch> smooth_parameters(
     advance(again, k, state);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
-    const bool smooth = trusted[static_cast<std::size_t>(k)] && !chains.empty() &&
-                        chains[chain].from <= t && chains[chain].fits;
+    const bool smooth =
+        !state.lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
     again.note(state, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);

@@ -123,6 +123,13 @@ void EventFilter::spread(const FilterBelief& belief, double duration) {
   A_.topRightCorner(2 * n(), model_.drift.cols()) = root * model_.drift;
 }
 
+// A deviation of (y, y', c) before the flight becomes dx_, that of (y, y') after it.
+void EventFilter::carry(const Eigen::Ref<const Eigen::VectorXd>& dz) {
+  dx_ = dz.head(2 * n());
+  flight_.carry(dx_);
+  dx_.noalias() += flight_.by_unknowns().lazyProduct(dz.tail(unknowns()));
+}
+
 // Flight to t of the point z and of the columns A_.
 void EventFilter::linearize(double t, const Eigen::VectorXd& z, const FilterBelief& belief,
                             bool second_order) {
@@ -134,9 +141,7 @@ void EventFilter::linearize(double t, const Eigen::VectorXd& z, const FilterBeli
   at_.X.setZero();
   at_.T.setZero();
   for (Eigen::Index j = 0; j < known; ++j) {
-    dx_ = A_.col(j).head(2 * n());
-    flight_.carry(dx_);
-    dx_.noalias() += flight_.by_unknowns().lazyProduct(A_.col(j).tail(unknowns()));
+    carry(A_.col(j));
     at_.X.col(j) = dx_;
   }
   at_.T.leftCols(known) = A_.bottomRows(unknowns());
@@ -222,10 +227,9 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
   for (int step = 0; step < most_steps; ++step) {
     linearize(t - sigma * xi_tau_, point.z, belief);
     look(contact, opens, t);
-    const double v = at_.of.velocity;
-    const double seen = at_.phi.squaredNorm();
     if (step == 0 && !opens) {
-      const double variance = seen + square(v * sigma) + at_.noise;
+      const double v = at_.of.velocity;
+      const double variance = at_.phi.squaredNorm() + square(v * sigma) + at_.noise;
       belief.innovation = {t, contact, at_.of.g, std::sqrt(variance)};
       belief.length = std::max(belief.length, at_.of.length);
       const double margin = at_.psi.norm() + std::abs(at_.of.acceleration) * sigma;
@@ -244,8 +248,7 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
           at_.psi.squaredNorm() - square(at_.psi.dot(at_.phi)) / (at_.phi.squaredNorm() + noise);
       noise += square(sigma) * std::max(rest, 0.0);
     }
-    const double rate = at_.of.velocity;
-    const double of_time = -rate * sigma;
+    const double of_time = -at_.of.velocity * sigma;
     const double variance = at_.phi.squaredNorm() + square(of_time) + noise;
     if (!(variance > 0.0) || !std::isfinite(variance)) return false;
     const Eigen::Index known = xi_.size();
@@ -269,9 +272,10 @@ bool EventFilter::find(int contact, Kind kind, double t, FilterBelief& belief, P
   return true;
 }
 
-// The time of an event by the belief, linearized about a given state, whose own event is near.
+// The time of an event by the belief, linearized about a given state, whose own event is near;
+// false where that state has no such event.
 bool EventFilter::expect(int contact, Kind kind, double t, const FilterBelief& about,
-                         FilterBelief& belief, Point& point) {
+                         const FilterBelief& belief, Point& point) {
   const bool opens = kind == Kind::opens;
   point.z = about.z;
   flight_.set(about.z.tail(unknowns()), false);
@@ -290,9 +294,7 @@ bool EventFilter::expect(int contact, Kind kind, double t, const FilterBelief& a
   linearize(t - tau, point.z, belief);
   look(contact, opens, t);
   offset_ = belief.z - point.z;
-  dx_ = offset_.head(2 * n());
-  flight_.carry(dx_);
-  dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
+  carry(offset_);
   const double residual = at_.of.g + at_.of.velocity * tau + direction_.dot(dx_) +
                           at_.by_c.dot(offset_.tail(unknowns()));
   const double of_time = -at_.of.velocity * belief.sigma;
@@ -304,31 +306,35 @@ bool EventFilter::expect(int contact, Kind kind, double t, const FilterBelief& a
   return true;
 }
 
+// Moves the mean (x, c) by `shift` times the gain, the columns' product with `direction`, and takes
+// `share` of it off the columns along that. Considered parameters stay.
+void EventFilter::update_along(const Eigen::VectorXd& direction, double shift, double share,
+                               Eigen::VectorXd& x, Eigen::VectorXd& c) {
+  gain_.head(2 * n()).noalias() = at_.X.lazyProduct(direction);
+  gain_.tail(unknowns()).noalias() = at_.T.lazyProduct(direction);
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    if (model_.considered[static_cast<std::size_t>(k)]) gain_[2 * n() + k] = 0.0;
+  }
+  x += shift * gain_.head(2 * n());
+  c += shift * gain_.tail(unknowns());
+  for (Eigen::Index j = 0; j < direction.size(); ++j) {
+    at_.X.col(j) -= (share * direction[j]) * gain_.head(2 * n());
+    at_.T.col(j) -= (share * direction[j]) * gain_.tail(unknowns());
+  }
+  if (steps_ == nullptr) return;
+  past_gain_.noalias() = at_.past.lazyProduct(direction);
+  past_mean_ += shift * past_gain_;
+  for (Eigen::Index j = 0; j < direction.size(); ++j) {
+    at_.past.col(j) -= (share * direction[j]) * past_gain_;
+  }
+}
+
 // Potter's update of the columns at_ and of the mean (x, c) by phi: x and c without the considered
 // parameters, whose columns stay.
 void EventFilter::measure(double residual, double noise, Eigen::VectorXd& x, Eigen::VectorXd& c) {
   const double variance = at_.phi.squaredNorm() + noise;
   const double shrink = 1.0 / (variance * (1.0 + std::sqrt(noise / variance)));
-  gain_.head(2 * n()).noalias() = at_.X.lazyProduct(at_.phi);
-  gain_.tail(unknowns()).noalias() = at_.T.lazyProduct(at_.phi);
-  for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    if (model_.considered[static_cast<std::size_t>(k)]) gain_[2 * n() + k] = 0.0;
-  }
-  x -= (residual / variance) * gain_.head(2 * n());
-  c -= (residual / variance) * gain_.tail(unknowns());
-  const double of_columns = considers_ ? 1.0 / variance : shrink;
-  for (Eigen::Index j = 0; j < at_.phi.size(); ++j) {
-    const double share = of_columns * at_.phi[j];
-    at_.X.col(j) -= share * gain_.head(2 * n());
-    at_.T.col(j) -= share * gain_.tail(unknowns());
-  }
-  if (steps_ != nullptr) {
-    past_gain_.noalias() = at_.past.lazyProduct(at_.phi);
-    past_mean_ -= (residual / variance) * past_gain_;
-    for (Eigen::Index j = 0; j < at_.phi.size(); ++j) {
-      at_.past.col(j) -= (of_columns * at_.phi[j]) * past_gain_;
-    }
-  }
+  update_along(at_.phi, -residual / variance, considers_ ? 1.0 / variance : shrink, x, c);
   if (!considers_) return;
   const Eigen::Index last = at_.X.cols() - 3;
   at_.X.col(last) += (std::sqrt(noise) / variance) * gain_.head(2 * n());
@@ -349,21 +355,7 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
   const double rest = std::sqrt(std::max(moments.variance, 1e-6 * square(deviation)));
   const double cut = 1.0 - rest / deviation;
   unit_ = at_.psi / deviation;
-  gain_.head(2 * n()).noalias() = at_.X.lazyProduct(unit_);
-  gain_.tail(unknowns()).noalias() = at_.T.lazyProduct(unit_);
-  x += along * gain_.head(2 * n());
-  c += along * gain_.tail(unknowns());
-  for (Eigen::Index j = 0; j < unit_.size(); ++j) {
-    at_.X.col(j) -= (cut * unit_[j]) * gain_.head(2 * n());
-    at_.T.col(j) -= (cut * unit_[j]) * gain_.tail(unknowns());
-  }
-  if (steps_ != nullptr) {
-    past_gain_.noalias() = at_.past.lazyProduct(unit_);
-    past_mean_ += along * past_gain_;
-    for (Eigen::Index j = 0; j < unit_.size(); ++j) {
-      at_.past.col(j) -= (cut * unit_[j]) * past_gain_;
-    }
-  }
+  update_along(unit_, along, cut, x, c);
   at_.psi *= 1.0 - cut;
   node.log_weight += moments.log_weight;
   gamma = moments.mean;
@@ -392,9 +384,7 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
   look(contact, kind == Kind::opens, t);
   // From the point of linearization to the mean.
   offset_ = belief.z - point.z;
-  dx_ = offset_.head(2 * n());
-  flight_.carry(dx_);
-  dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
+  carry(offset_);
   x_ = at_.x + dx_;
   c_ = belief.z.tail(unknowns());
   const double residual = at_.of.g + direction_.dot(dx_) + at_.by_c.dot(offset_.tail(unknowns()));
@@ -402,7 +392,6 @@ void EventFilter::condition(int contact, Kind kind, double t, double tau, const 
   const double variance = at_.phi.squaredNorm() + noise;
   node.log_weight = -0.5 * (square(residual) / variance + std::log(variance));
   if (belief.sigma > 0.0) node.log_weight -= 0.5 * square(tau / belief.sigma);
-  next_ = at_.phi;
   measure(residual, noise, x_, c_);
   const auto theta = point.z.tail(unknowns());
   double gamma = 0.0;
@@ -724,7 +713,7 @@ std::vector<double> EventFilter::largest(const Likelihood& path, const Eigen::Ve
 }
 
 // An impact, linearized about its point and time: the time is one more Gaussian variable. The point
-// becomes that behind the impact.
+// becomes that after the impact.
 void EventFilter::take_linearized(int contact, double t, Point& on, FilterBelief& belief) {
   const double when = t - on.tau;
   spread(belief, when - belief.t);
@@ -735,9 +724,7 @@ void EventFilter::take_linearized(int contact, double t, Point& on, FilterBelief
   const double of_time = -at_.of.velocity * belief.sigma;
   at_.phi[last] = of_time;
   offset_ = belief.z - on.z;
-  dx_ = offset_.head(2 * n());
-  flight_.carry(dx_);
-  dx_.noalias() += flight_.by_unknowns().lazyProduct(offset_.tail(unknowns()));
+  carry(offset_);
   x_ = dx_;
   c_ = offset_.tail(unknowns());
   const double residual =
@@ -847,7 +834,6 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
   unit_ = at_.psi;
   const double a = at_.of.acceleration;
   x_ = (factor * v) * along;
-  gain_.head(2 * n()) = x_;
   // The columns that the hit adds, kept in the first node's room.
   Eigen::MatrixXd& added = nodes_.front().columns;
   for (Eigen::Index j = 0; j < known; ++j) {

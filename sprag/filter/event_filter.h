@@ -176,13 +176,16 @@ class EventFilter {
   bool find(int contact, Kind kind, double t, FilterBelief& belief, Point& point);
   void scan(int contact, double t, const FilterBelief& belief);
   bool update(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about);
-  bool expect(int contact, Kind kind, double t, const FilterBelief& about, FilterBelief& belief,
-              Point& point);
+  bool expect(int contact, Kind kind, double t, const FilterBelief& about,
+              const FilterBelief& belief, Point& point);
   bool condense(int contact, Kind kind, double t, const Point& point, double reach, double extra,
                 int nodes, FilterBelief& belief);
   void condition(int contact, Kind kind, double t, double tau, const Point& point, double extra,
                  const FilterBelief& belief, Node& node);
   void see_velocity(int contact, Node& node);
+  void carry(const Eigen::Ref<const Eigen::VectorXd>& dz);
+  void update_along(const Eigen::VectorXd& direction, double shift, double share,
+                    Eigen::VectorXd& x, Eigen::VectorXd& c);
   void measure(double residual, double noise, Eigen::VectorXd& x, Eigen::VectorXd& c);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node, Eigen::VectorXd& x,
                   Eigen::VectorXd& c);

@@ -67,6 +67,13 @@ Scene random_rattle(Random& random, Eigen::Index f, double share) {
   return scene;
 }
 
+ParameterUncertainty uncertain_restitution(double sigma) {
+  return {{"impact.restitution"},
+          Eigen::VectorXd::Constant(1, sigma),
+          Eigen::MatrixXd::Identity(1, 1),
+          {false}};
+}
+
 // A machine as the scene's [parameters] draw it.
 struct Drawn {
   Scene machine;
@@ -138,6 +145,22 @@ struct Claims {
   }
 };
 
+// The estimator through the ticks 1 to `last`; visit(k) after each.
+template <typename Visit>
+void run(AdaptiveEstimator& estimator, const Scene& scene, const Drawn& drawn, std::int64_t last,
+         AdaptiveState& state, Visit visit) {
+  estimator.start(scene.replica, 0, 0, state);
+  std::size_t next = 0;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    const std::size_t first = next;
+    while (next < drawn.events.size() && drawn.events[next].t <= tick_instant(k, drawn.h).hi) {
+      ++next;
+    }
+    estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
+    visit(k);
+  }
+}
+
 struct Observed {
   Claims state, parameters;
   double sigma_restitution = 0.0;  // of the last run
@@ -146,23 +169,16 @@ struct Observed {
 void observe(const Scene& scene, const Drawn& drawn, Observed& observed) {
   AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
   AdaptiveState state;
-  estimator.start(scene.replica, 0, 0, state);
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   Confidence confidence = estimator.no_confidence();
-  std::size_t next = 0;
-  for (std::int64_t k = 1; k <= ticks; ++k) {
-    const std::size_t first = next;
-    while (next < drawn.events.size() && drawn.events[next].t <= tick_instant(k, drawn.h).hi) {
-      ++next;
-    }
-    estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
+  run(estimator, scene, drawn, ticks, state, [&](std::int64_t k) {
     estimator.output(state, q, u);
     estimator.confidence(state, infinity, confidence);
-    if (k < first_tick) continue;
+    if (k < first_tick) return;
     observed.state.add(q - drawn.q.col(k), confidence.sigma_q);
     observed.state.add(u - drawn.u.col(k), confidence.sigma_u);
-  }
+  });
   if (!confidence.parameters.any()) return;
   observed.sigma_restitution = confidence.parameters.sigmas[0];
   observed.parameters.add(confidence.parameters.values - drawn.values,
@@ -365,15 +381,7 @@ TEST(UncertainParametersOf, ImpactRecords) {
     std::vector<ImpactRecord> records;
     ASSERT_TRUE(estimator.record_in(records));
     AdaptiveState state;
-    estimator.start(scene.replica, 0, 0, state);
-    std::size_t next = 0;
-    for (std::int64_t k = 1; k <= ticks; ++k) {
-      const std::size_t first = next;
-      while (next < drawn.events.size() && drawn.events[next].t <= tick_instant(k, drawn.h).hi) {
-        ++next;
-      }
-      estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
-    }
+    run(estimator, scene, drawn, ticks, state, [](std::int64_t) {});
     Eigen::VectorXd q(1), u(1);
     Master again(drawn.machine.model, scene.master);
     std::vector<ContactEvent> passed;
@@ -417,14 +425,9 @@ TEST(UncertainParametersOf, Predictions) {
     AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
     const Predictor predictor(scene.model);
     AdaptiveState state;
-    estimator.start(scene.replica, 0, 0, state);
-    std::size_t next = 0;
-    for (std::int64_t k = 1; k <= 600; ++k) {
+    run(estimator, scene, drawn, 600, state, [&](std::int64_t k) {
+      if (k % 100 != 0) return;
       const double t = tick_instant(k, drawn.h).hi;
-      const std::size_t first = next;
-      while (next < drawn.events.size() && drawn.events[next].t <= t) ++next;
-      estimator.tick(std::span(drawn.events).subspan(first, next - first), state);
-      if (k % 100 != 0) continue;
       const Prediction prediction = estimator.predict(state, predictor, 2.0);
       std::size_t j = 0;
       while (j < true_events.size() && true_events[j].t <= t) ++j;
@@ -434,7 +437,7 @@ TEST(UncertainParametersOf, Predictions) {
                    Eigen::VectorXd::Constant(1, event.sigma));
         ++j;
       }
-    }
+    });
   }
   std::cout << claims.count << " predicted, " << claims.mean() << '\n';
   EXPECT_GT(claims.count, 60);
@@ -444,10 +447,7 @@ TEST(UncertainParametersOf, Predictions) {
 
 TEST(UncertainParametersOf, MachinesWithoutSuchAFilterAreRefused) {
   Scene scene = shipped_scene("non_proportional");
-  scene.parameters.keys = {"impact.restitution"};
-  scene.parameters.sigma.setConstant(1, 1e-3);
-  scene.parameters.correlation.setIdentity(1, 1);
-  scene.parameters.consider.assign(1, false);
+  scene.parameters = uncertain_restitution(1e-3);
   EXPECT_THROW(AdaptiveEstimator(scene, 0.01, EstimatorKind::both), ModelError);
   EXPECT_NO_THROW(AdaptiveEstimator(scene, 0.01, EstimatorKind::replica));
 }
