@@ -58,6 +58,8 @@ std::vector<FilterStep> forward(EventFilter& filter, const AdaptiveEstimator::Fi
     const double sigma = belief.sigma;
     belief.sigma = run.sigmas[i];
     if (belief.sigma > sigma) belief.reported[run.events[i].contact] = -infinity;
+    // The end of a burst is a step of its own.
+    filter.expire(run.events[i].t, belief);
     const std::size_t k = steps.size() - 1;
     const bool known = k < about.size();
     if (!filter.take(run.events[i], belief, known ? &about[k] : nullptr)) break;
@@ -110,13 +112,14 @@ Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
   if (!chain.fits) return chain;
   std::vector<FilterStep> steps = forward(filter, run, {});
   chain.beliefs = backward(steps);
-  for (int pass = 0; pass < most_passes; ++pass) {
+  double move = infinity;
+  for (int pass = 0; pass < most_passes && !(move < settled_move); ++pass) {
     steps = forward(filter, run, chain.beliefs);
     std::vector<FilterBelief> next = backward(steps);
-    const double move = largest_move(filter, chain.beliefs, next);
+    move = largest_move(filter, chain.beliefs, next);
     chain.beliefs = std::move(next);
-    if (move < settled_move) break;
   }
+  chain.fits = move < settled_move;
   for (std::size_t k = 1; k < steps.size(); ++k) {
     set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }

@@ -293,6 +293,9 @@ bool EventFilter::expect(int contact, Kind kind, double t, const FilterBelief& a
   }
   linearize(t - tau, point.z, belief);
   look(contact, opens, t);
+  // A gap that hardly closes there is not linear in the time.
+  const double bent = scan_reach * std::abs(at_.of.acceleration) * belief.sigma;
+  if (!opens && !(at_.of.velocity < -bent)) return false;
   offset_ = belief.z - point.z;
   carry(offset_);
   const double residual = at_.of.g + at_.of.velocity * tau + direction_.dot(dx_) +
@@ -561,9 +564,8 @@ bool EventFilter::update(const ContactEvent& event, FilterBelief& belief,
   }
   spread(belief, t - belief.t);
   const Kind kind = opens ? Kind::opens : stays ? Kind::stays : Kind::impact;
-  const bool found = about != nullptr ? expect(contact, kind, t, *about, belief, point_)
-                                      : find(contact, kind, t, belief, point_);
-  if (!found) return false;
+  const bool expected = about != nullptr && expect(contact, kind, t, *about, belief, point_);
+  if (!expected && !find(contact, kind, t, belief, point_)) return false;
   const double omega = flight_.largest_frequency();
   int nodes = 1;
   if (belief.sigma > 0.0) {

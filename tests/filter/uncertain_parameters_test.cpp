@@ -267,6 +267,33 @@ TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
   EXPECT_LT(smoothed.median(), 0.9 * filtered.state.median());
 }
 
+// Impacts that hardly close, bursts and sustained contact: smoothing converges there as well.
+TEST(UncertainParametersOf, SmoothedChatter) {
+  constexpr std::uint64_t seed = 28;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  Claims smoothed;
+  for (int i = 0; i < 12; ++i) {
+    Scene scene = shipped_scene("paper_beam_chatter");
+    scene.jitter = 1e-3;
+    scene.parameters = uncertain_restitution(1e-3 * scene.model.contacts[0].restitution);
+    const Drawn drawn = draw(scene, random, 40.0);
+    std::int64_t of_all = 0;
+    smooth_parameters(scene, drawn.events, drawn.h, ticks,
+                      [&](std::int64_t k, const Smoother::Estimate& estimate, bool is_smoothed) {
+                        of_all += is_smoothed ? 1 : 0;
+                        if (k < first_tick) return;
+                        smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
+                        smoothed.add(estimate.u - drawn.u.col(k), estimate.sigma_u);
+                      });
+    EXPECT_GT(of_all, ticks * 8 / 10) << i;
+  }
+  std::cout << "smoothed: " << smoothed.mean() << ", beyond 5 " << smoothed.share_beyond() << '\n';
+  EXPECT_GT(smoothed.mean(), 0.25);
+  EXPECT_LT(smoothed.mean(), 1.6);
+  EXPECT_LT(smoothed.share_beyond(), 2e-3);
+}
+
 // An exact model and exact times: 2f impacts determine the state, to rounding.
 TEST(EventFilter, ExactTimesDetermineTheState) {
   constexpr std::uint64_t seed = 23;
