@@ -4,81 +4,54 @@
 #include <cmath>
 #include <utility>
 
-#include "sprag/estimation/innovation.h"
+#include "sprag/estimation/belief.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/mechanics/instant.h"
+#include "sprag/filter/family_flight.h"
+#include "sprag/filter/model_flight.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/scalars.h"
+#include "sprag/mechanics/wide_product.h"
 
 namespace sprag {
 namespace {
 
-constexpr std::size_t kept = 1024, kept_bytes = 64 << 20, fewest_kept = 64;
+// Beliefs in the pool: as many as fit into these bytes, within limits.
+constexpr std::size_t pool_bytes = 64 << 20, most_kept = 4096, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;
-
-constexpr double far_inside = 0.05;
-// Of the prior standard deviations after one failure before confirmation.
-constexpr double least_inflation = 4.0, most_inflation = 1e4;
-// Of the machine's own.
-constexpr double most_energy = 0.25;
 
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
 constexpr double least_jitter = 1e-6;
-// Steps of a flight with a contact closed, which a tick has time for.
-constexpr double longest_holding = 200.0;
-
-// What a filter follows that knows one contact at a time. Times that jitter may fall together.
-bool is_of_one_contact(std::span<const ContactEvent> of_one, ContactSet before) {
-  const int contact = of_one.front().contact;
-  return (before & ~bit(contact)) == 0 &&
-         std::all_of(of_one.begin(), of_one.end(),
-                     [&](const ContactEvent& event) { return event.contact == contact; });
-}
-
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
   for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
   return keys;
 }
 
-FilterModel model_of(const Scene& scene, const MachineFamily& family, bool from_prior) {
+FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) {
   FilterModel model;
-  const Eigen::Index P = std::ssize(family.unknowns()), n = family.n();
+  const Eigen::Index f = flight.n(), P = flight.unknowns();
   const Uncertainty uncertainty = uncertainty_of(scene);
   const Eigen::Index of_q = uncertainty.drift_q.cols(), of_u = uncertainty.drift_u.cols();
-  const Eigen::MatrixXd to_y = product(family.V().transpose(), scene.model.M);
-  model.drift.setZero(2 * n, of_q + of_u);
-  if (of_q > 0) model.drift.topLeftCorner(n, of_q) = product(to_y, uncertainty.drift_q);
-  if (of_u > 0) model.drift.bottomRightCorner(n, of_u) = product(to_y, uncertainty.drift_u);
-  if (from_prior) {
-    model.considered = scene.parameters.consider;
-  } else {
-    model.walk = walk_of(scene, P);
-  }
+  model.drift.setZero(2 * f, of_q + of_u);
+  if (of_q > 0) model.drift.topLeftCorner(f, of_q) = uncertainty.drift_q;
+  if (of_u > 0) model.drift.bottomRightCorner(f, of_u) = uncertainty.drift_u;
+  model.drift = product(flight.from_state(), model.drift);
+  model.chatter_time = scene.model.chatter_time;
+  model.homogeneous = is_homogeneous(scene.model);
+  if (P > 0 && from_prior) model.considered = scene.parameters.consider;
+  if (P > 0 && !from_prior) model.walk = walk_of(scene, P);
   return model;
 }
 
-// Whether the filter is that of state and parameters, which is beside the replica.
-bool starts_from_prior(const Scene& scene, EstimatorKind kind) {
-  return (kind == EstimatorKind::timing || kind == EstimatorKind::both) &&
-         !scene.parameters.empty();
-}
+bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
-EstimatorKind base_of(const Scene& scene, EstimatorKind kind) {
-  return kind == EstimatorKind::adaptive || starts_from_prior(scene, kind) ? EstimatorKind::replica
-                                                                           : kind;
-}
-
-// Twice the expected energy of columns of (y, y'), of modes with these stiffnesses.
-template <typename Columns>
-double twice_energy(const Columns& columns, const Eigen::VectorXd& stiffness) {
-  const Eigen::Index n = stiffness.size();
-  double sum = 0.0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    sum += columns.row(n + i).squaredNorm() + stiffness[i] * columns.row(i).squaredNorm();
-  }
-  return sum;
+// The flows of a replica, which outlives the filter beside it; or new ones.
+std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
+  if (of_replica == nullptr) return std::make_shared<Flows>(scene.model);
+  return {std::shared_ptr<Flows>(), of_replica};
 }
 
 // Smallest of the modes' stiffnesses that is not 0, of rigid ones alone 1.
@@ -118,65 +91,90 @@ const MachineFamily& require_modal(const MachineFamily& family, const std::strin
 
 static_assert(Estimator<AdaptiveEstimator>);
 
-AdaptiveEstimator::Joint::Joint(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior)
-    : family(scene, std::move(unknowns)),
-      filter(require_modal(family, from_prior ? "parameters" : "adapt.free"),
-             model_of(scene, family, from_prior)),
-      keys(keys_of(family.unknowns())) {
-  const Eigen::Index n = family.n();
-  const Uncertainty uncertainty = uncertainty_of(scene);
-  to_y = product(family.V().transpose(), scene.model.M);
-  V = family.V();
-  outputs.setZero(2 * n, std::ssize(scene.model.outputs));
-  for (Eigen::Index k = 0; k < outputs.cols(); ++k) {
-    const Output& output = scene.model.outputs[static_cast<std::size_t>(k)];
-    outputs.col(k).segment(output.velocity ? n : 0, n) = V.transpose() * output.direction;
-  }
-  stiffness = family.at(family.nominal()).K;
+AdaptiveEstimator::Filter::Filter(const Scene& scene, std::shared_ptr<Flows> flows)
+    : flight(std::make_unique<ModelFlight>(std::move(flows))),
+      filter(*flight, model_of(scene, *flight, true)),
+      sigma(scene.jitter) {
+  scale_is_open = is_homogeneous(scene.model) && sigma > 0.0;
+  set_up(scene);
+}
+
+AdaptiveEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unknowns,
+                                  bool from_prior)
+    : family(std::make_unique<MachineFamily>(scene, std::move(unknowns))),
+      flight(std::make_unique<FamilyFlight>(
+          require_modal(*family, from_prior ? "parameters" : "adapt.free"))),
+      filter(*flight, model_of(scene, *flight, from_prior)),
+      keys(keys_of(family->unknowns())) {
+  const Eigen::VectorXd stiffness = family->at(family->nominal()).K;
   sigma = std::max(scene.jitter, least_jitter / std::sqrt(slowest(stiffness)));
-  start.setZero(2 * n, 2 * n);
-  start.topLeftCorner(n, n) = product(to_y, uncertainty.q);
-  start.bottomRightCorner(n, n) = product(to_y, uncertainty.u);
-  inflated = start;
   if (from_prior) {
     prior = scene.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
-      const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
+      const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
       prior.row(k) /= unknown.slope(unknown.nominal);
     }
+  } else {
+    // Those of a task, and as many again of states that run ahead.
+    heard.resize(2 * static_cast<std::size_t>(most_events));
   }
+  set_up(scene);
+}
+
+void AdaptiveEstimator::Filter::set_up(const Scene& scene) {
+  const Eigen::Index f = flight->n();
+  const Uncertainty uncertainty = uncertainty_of(scene);
+  may_start_inside = uncertainty.may_start_inside;
+  M = scene.model.M;
+  K = scene.model.K;
+  outputs.setZero(2 * f, std::ssize(scene.model.outputs));
+  for (Eigen::Index k = 0; k < outputs.cols(); ++k) {
+    const Output& output = scene.model.outputs[static_cast<std::size_t>(k)];
+    outputs.col(k).segment(output.velocity ? f : 0, f) = output.direction;
+  }
+  for (const Contact& contact : scene.model.contacts) {
+    largest_w = std::max(largest_w, contact.w.cwiseAbs().maxCoeff());
+  }
+  start.setZero(2 * f, 2 * f);
+  start.topLeftCorner(f, f) = uncertainty.q;
+  start.bottomRightCorner(f, f) = uncertainty.u;
+  start = product(flight->from_state(), start);
+  inflated = start;
+  of_start = flight->twice_energy(start);
   next = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
-  beliefs.resize(std::clamp(kept_bytes / bytes, fewest_kept, kept), Belief{-1, next});
-  // Those of a task, and as many again of states that run ahead.
-  heard.resize(2 * static_cast<std::size_t>(most_events));
-  q.setZero(n);
-  u.setZero(n);
-  x.setZero(2 * n);
-  of_gaps.setZero(family.contacts(), filter.most_columns());
-  row.setZero(filter.most_columns());
+  pool = std::make_unique<BeliefPool>(next,
+                                      std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
+  q.setZero(f);
+  u.setZero(f);
+  x.setZero(2 * f);
+  const Eigen::Index columns = filter.deviations().cols();
+  of_gaps.setZero(flight->contacts(), columns);
+  of_state.setZero(2 * f, columns);
+  row.setZero(columns);
 }
 
 AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
-                                     StepperKind stepper)
-    : base_(scene, h, base_of(scene, kind), stepper) {
-  if (kind == EstimatorKind::adaptive) {
-    joint_ = std::make_unique<Joint>(scene, unknowns_to_adapt(scene), false);
-  } else if (starts_from_prior(scene, kind)) {
-    joint_ = std::make_unique<Joint>(scene, unknowns_named(scene, scene.parameters.keys), true);
+                                     StepperKind stepper, TrackThresholds thresholds)
+    : base_(scene, h, EstimatorKind::replica, stepper),
+      kind_(kind),
+      thresholds_(thresholds),
+      identifies_(kind == EstimatorKind::adaptive) {
+  if (!has_filter(kind)) return;
+  if (identifies_) {
+    filter_ = std::make_unique<Filter>(scene, unknowns_to_adapt(scene), false);
+  } else if (!scene.parameters.empty()) {
+    filter_ = std::make_unique<Filter>(scene, unknowns_named(scene, scene.parameters.keys), true);
+  } else {
+    filter_ = std::make_unique<Filter>(scene, shared_flows(base_.flows(), scene));
   }
-}
-
-std::size_t AdaptiveEstimator::most_ahead() const {
-  const auto events = static_cast<std::size_t>(most_events);
-  return joint_ ? std::min(joint_->beliefs.size() - 1, events) : events;
 }
 
 // As many impacts as the search's first grid takes, and some to judge it by.
 std::int64_t AdaptiveEstimator::first_size() const {
-  const auto n = static_cast<std::int64_t>(joint_->family.n());
-  const auto unknowns = static_cast<std::int64_t>(joint_->family.unknowns().size());
-  return std::max(6 * n + 6, 2 * n + unknowns + 8);
+  const auto f = static_cast<std::int64_t>(filter_->flight->n());
+  const auto unknowns = static_cast<std::int64_t>(filter_->flight->unknowns());
+  return std::max(6 * f + 6, 2 * f + unknowns + 8);
 }
 
 void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
@@ -189,8 +187,13 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.chi = chi;
   state.closed = chi;
   state.begins = tick_instant(k, h()).hi;
-  if (joint_) state.size = first_size();
-  if (has_prior()) start_from_prior(start, state);
+  state.trial = thresholds_.trial;
+  if (!filter_) return;
+  if (identifies()) {
+    state.size = first_size();
+  } else {
+    start_from_prior(start, state);
+  }
 }
 
 void AdaptiveEstimator::note_start(const FilterBelief& of) {
@@ -204,45 +207,44 @@ void AdaptiveEstimator::note_event(const ContactEvent& event, double sigma) {
 }
 
 void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
-  const Eigen::Index P = joint_->prior.rows(), n2 = 2 * joint_->family.n();
+  const Eigen::Index P = filter_->prior.rows(), n2 = 2 * filter_->flight->n();
   for (Eigen::Index k = 0; k < P; ++k) {
-    const Unknown& unknown = joint_->family.unknowns()[static_cast<std::size_t>(k)];
+    const Unknown& unknown = filter_->family->unknowns()[static_cast<std::size_t>(k)];
     belief.z[n2 + k] = unknown.coordinate(unknown.nominal);
   }
   belief.S.bottomRows(P).setZero();
   belief.S.rightCols(P).setZero();
-  belief.S.bottomRightCorner(P, P) = joint_->prior;
+  belief.S.bottomRightCorner(P, P) = filter_->prior;
 }
 
 void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveState& state) {
-  Joint& joint = *joint_;
-  joint.next = joint.filter.no_belief();
-  joint.next.sigma = joint.sigma;
-  set_prior(joint.next);
-  const Eigen::Index n = joint.family.n();
-  joint.x.head(n) = product(joint.to_y, start.q);
-  joint.x.tail(n) = product(joint.to_y, start.u);
-  joint.filter.restart(state.begins, joint.x, joint.start, joint.next);
-  add_belief(joint.next, state);
-  note_start(joint.next);
-  state.adapted = true;
+  Filter& filter = *filter_;
+  filter.next = filter.filter.no_belief();
+  filter.next.sigma = filter.sigma;
+  set_prior(filter.next);
+  filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
+  filter.flight->enter(start.q, start.u, state.begins, filter.x);
+  filter.filter.restart(state.begins, filter.x, filter.start, state.chi, filter.next);
+  note_start(filter.next);
   state.accepted = state.begins;
-  state.lost = state.chi != 0;
-  state.trusted = !state.lost;
+  const bool held = filter.flight->can_hold(state.chi, 0.0) &&
+                    (filter.prior.size() == 0 || state.chi == 0);
+  if (!set_belief(filter.next, state) || !held) return lose(state);
+  state.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
 
 void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
-  if (joint_ && state.wanted && has_result(state)) take_result(state);
+  if (identifies() && state.wanted && has_result(state)) take_result(state);
   const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.tick(events, state.base);
   state.tick = state.base.tick;
   state.chi = state.base.chi;
-  if (joint_) hear(events, before, state);
+  if (filter_) hear(events, before, state);
 }
 
 std::int64_t AdaptiveEstimator::coast(std::int64_t n, AdaptiveState& state) {
-  if (joint_) return 0;
+  if (filter_) return 0;
   const std::int64_t taken = base_.coast(n, state.base);
   state.tick = state.base.tick;
   return taken;
@@ -253,129 +255,183 @@ void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveStat
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
   state.chi = state.base.chi;
-  if (joint_) hear(events, before, state);
+  if (filter_) hear(events, before, state);
 }
 
 // What has happened up to the present tick.
 void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
                              AdaptiveState& state) {
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    const bool single = is_of_one_contact(of_one, chi);
-    // A start may be a little behind the first event that it knows.
+    // A start may be a little later than the first event that it knows.
     if (state.events == 0) state.begins = std::min(state.begins, of_one.front().t);
     for (const ContactEvent& event : of_one) {
-      const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
-      heard(state.events) = {event, chi, before};
+      if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
+        state.inside |= bit(event.contact);
+        lose(state);
+      }
+      if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
+      if (identifies()) {
+        const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
+        heard(state.events) = {event, chi, before};
+      }
       ++state.events;
       chi = after(chi, event);
     }
-    if (!state.adapted || state.lost) return;
-    if (!single) lose(state);
+    const BeliefRef before = state.belief;
+    if (state.status != TrackStatus::lost) take(of_one, state);
+    if (records_ == nullptr || state.status != TrackStatus::confirmed) return;
     for (const ContactEvent& event : of_one) {
-      const std::int64_t number = state.beliefs;
-      if (!state.lost) take(event, state);
-      if (number != state.beliefs) note_event(event, belief(state.beliefs).of.sigma);
-      if (records_ == nullptr || number == state.beliefs || !state.trusted) continue;
-      const auto row = recorded_ + static_cast<std::size_t>(&event - events.data());
-      describe(number, event, state, (*records_)[row]);
+      const auto number = recorded_ + static_cast<std::size_t>(&event - events.data());
+      describe(before, event, state, (*records_)[number]);
     }
   });
-  if (state.events - state.window > most_events) begin_window(state.events - most_events, state);
+  if (identifies() && state.events - state.window > most_events) {
+    begin_window(state.events - most_events, state);
+  }
   watch(state);
-  if (state.adapted && state.lost && state.chi == 0) restart_filter(state);
-  if (!identifies()) return;
-  if (!state.adapted && state.events - state.window >= state.size) state.wanted = true;
+  if (state.belief && state.status == TrackStatus::lost) reset(state);
+  if (identifies() && !state.belief && state.events - state.window >= state.size) {
+    state.wanted = true;
+  }
 }
 
 bool AdaptiveEstimator::record_in(std::vector<ImpactRecord>& records) {
   if (!base_.record_in(records)) return false;
-  if (joint_) records_ = &records;
+  if (filter_) records_ = &records;
   return true;
 }
 
-// What the filter says of an event that has led it from this belief to the present one.
-void AdaptiveEstimator::describe(std::int64_t before, const ContactEvent& event,
+// What the filter says of an event that has led it from one belief to the present one.
+void AdaptiveEstimator::describe(const BeliefRef& before, const ContactEvent& event,
                                  const AdaptiveState& state, ImpactRecord& record) {
-  const Belief& from = belief(before);
-  if (from.number != before || event.kind == ContactEventKind::opens) return;
-  const FilterBelief& of = belief(state.beliefs).of;
-  if (of.impact_sigma > 0.0) {
-    record.time = {of.impact_time, of.impact_sigma};
+  if (!before || event.kind == ContactEventKind::opens) return;
+  const FilterBelief& of = *state.belief;
+  const ImpactEstimate& impact = of.impact;
+  if (impact.time_sigma > 0.0) {
+    record.time = {impact.time, impact.time_sigma};
   } else {
     record.time = {of.occurred[event.contact], of.sigma};
   }
-  record.before = {of.speed_before, of.speed_before_sigma};
-  record.after = {of.speed_after, of.speed_after_sigma};
+  record.before = {impact.before, impact.before_sigma};
+  record.after = {impact.after, impact.after_sigma};
   const double G = base_.flows()->dynamics().G()(event.contact, event.contact);
-  record.impulse.value = (of.speed_after - of.speed_before) / G;
+  record.impulse.value = (impact.after - impact.before) / G;
   // Both speeds have one sign of error.
-  record.impulse.sigma = (of.speed_after_sigma + of.speed_before_sigma) / G;
+  record.impulse.sigma = (impact.after_sigma + impact.before_sigma) / G;
   record.from_filter = true;
 }
 
-// Against the energy of the replica, which is about the machine's.
-bool AdaptiveEstimator::is_sure(const FilterBelief& belief, const AdaptiveState& state) {
-  Joint& joint = *joint_;
-  find_replica(state);
-  return twice_energy(belief.S, joint.stiffness) <
-         most_energy * twice_energy(joint.x, joint.stiffness);
+// x of the replica at the present tick, with the machine that the filter believes.
+void AdaptiveEstimator::find_replica(const AdaptiveState& state, double t) {
+  Filter& filter = *filter_;
+  base_.output(state.base, filter.q, filter.u);
+  if (state.belief) filter.flight->set(state.belief->z.tail(filter.flight->unknowns()), false);
+  filter.flight->enter(filter.q, filter.u, t, filter.x);
 }
 
-// (y, y') of the replica at the present tick.
-void AdaptiveEstimator::find_replica(const AdaptiveState& state) {
-  Joint& joint = *joint_;
-  base_.output(state.base, joint.q, joint.u);
-  joint.x.head(joint.q.size()).noalias() = joint.to_y.lazyProduct(joint.q);
-  joint.x.tail(joint.u.size()).noalias() = joint.to_y.lazyProduct(joint.u);
-}
-
-void AdaptiveEstimator::lose(AdaptiveState& state) {
-  state.lost = true;
-  state.trusted = false;
+void AdaptiveEstimator::lose(AdaptiveState& state) const {
+  state.status = TrackStatus::lost;
   state.doubts = false;
   state.fitting = 0;
   state.mean_square = 1.0;
 }
 
-// An event of one contact, with no other closed.
-void AdaptiveEstimator::take(const ContactEvent& event, AdaptiveState& state) {
-  const Belief& present = belief(state.beliefs);
-  if (present.number != state.beliefs) return lose(state);
-  FilterBelief& next = joint_->next;
-  next = present.of;
-  EventFilter& filter = joint_->filter;
-  const bool stays = event.kind == ContactEventKind::closes;
-  if (next.held >= 0 && next.held != event.contact) return lose(state);
-  const bool taken = filter.take(event, next);
-  const double mean = state.mean_square + (next.square - state.mean_square) / innovation_window;
-  if (!taken || !(next.square < largest_innovation) || !(mean < largest_mean_innovation)) {
-    const Suspicion suspicion = next.innovation.gap > far_inside * next.length
-                                    ? Suspicion::spurious_event
-                                    : Suspicion::model;
-    const Inconsistency inconsistency{event.t, event.contact, suspicion, next.square};
-    if (suspicion == Suspicion::spurious_event && !stays && may_doubt(state)) {
+bool AdaptiveEstimator::set_belief(const FilterBelief& of, AdaptiveState& state) const {
+  state.belief = filter_->pool->put(of);
+  return static_cast<bool>(state.belief);
+}
+
+// Twice the energy of the replica's motion at the present tick, its largest so far.
+double AdaptiveEstimator::note_energy(AdaptiveState& state) {
+  const Eigen::VectorXd &q = filter_->q, &u = filter_->u;
+  base_.output(state.base, filter_->q, filter_->u);
+  double energy = 0.0;
+  for (Eigen::Index i = 0; i < q.size(); ++i) {
+    energy += q[i] * filter_->K.col(i).dot(q) + u[i] * filter_->M.col(i).dot(u);
+  }
+  state.energy = std::max(state.energy, energy);
+  return energy;
+}
+
+void AdaptiveEstimator::take(std::span<const ContactEvent> events, AdaptiveState& state) {
+  Filter& filter = *filter_;
+  FilterBelief& next = filter.next;
+  next = *state.belief;
+  const ContactEvent& event = events.back();
+  const bool reachable =
+      filter.filter.can_reach(event.t, next) &&
+      std::ranges::all_of(events, [&](const ContactEvent& each) {
+        return filter.flight->can_strike(each.contact, next.held & ~bit(each.contact));
+      });
+  const bool taken = reachable && filter.filter.take(events, next);
+  if (!reachable || !filter.flight->can_hold(next.held, 0.0)) return lose(state);
+  state.mean_square += (next.square - state.mean_square) / thresholds_.window;
+  if (!taken || !(next.square < thresholds_.innovation) ||
+      !(state.mean_square < thresholds_.mean_innovation)) {
+    const Inconsistency inconsistency{event.t, next.innovation.contact,
+                                      suspicion(*state.belief, next), next.square};
+    const bool single = events.size() == 1 && event.kind == ContactEventKind::pulse;
+    if (inconsistency.suspicion == Suspicion::spurious_event && single && may_doubt(state)) {
+      state.mean_square = std::min(state.mean_square, 1.0);
       return doubt(inconsistency, state);
     }
     return fail(inconsistency, state);
   }
-  state.mean_square = mean;
+  for (const ContactEvent& each : events) note_event(each, next.sigma);
   state.doubts = false;
-  add_belief(next, state);
+  if (!set_belief(next, state)) return lose(state);
   ++state.fitting;
-  if (state.fitting < trial() || !is_sure(next, state)) return;
-  state.trusted = true;
-  state.inflation = 1.0;
+  const double motion = note_energy(state);
+  const double of_error = filter.flight->twice_energy(next.S.topRows(2 * filter.flight->n()));
+  if (of_error > thresholds_.energy_to_keep * std::max(filter.of_start, state.energy)) {
+    return lose(state);
+  }
+  if (state.fitting >= 8 * state.trial) state.trial = thresholds_.trial;
+  if (filter.scale_is_open || state.fitting < to_confirm(state)) return;
+  if (of_error < thresholds_.energy_to_confirm * motion) {
+    state.status = TrackStatus::confirmed;
+    state.inflation = 1.0;
+  }
 }
 
-// Events that determine the state, and a few more.
-std::int64_t AdaptiveEstimator::trial() const {
-  return 2 * static_cast<std::int64_t>(joint_->family.n()) + Probation::shortest;
+std::int64_t AdaptiveEstimator::to_confirm(const AdaptiveState& state) const {
+  return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.trial;
 }
 
-// One event that was none, or one that was lost, is no reason to give up what is known; the next
-// one must fit.
+// Near in place or in time: a spurious event is neither.
+Suspicion AdaptiveEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
+  const Innovation& innovation = after.innovation;
+  const LastFlight flight = last_flight(innovation.contact, innovation.t, before);
+  const double far = thresholds_.far * std::max(after.length, flight.highest);
+  if (flight.inside > thresholds_.long_inside && flight.lowest < -far) {
+    return Suspicion::missing_event;
+  }
+  const bool is_near = flight.ends_near || innovation.gap <= far;
+  return is_near ? Suspicion::model : Suspicion::spurious_event;
+}
+
+AdaptiveEstimator::LastFlight AdaptiveEstimator::last_flight(int contact, double t,
+                                                             const FilterBelief& before) {
+  constexpr int samples = 64, near = 3;
+  LastFlight last;
+  if (contains(before.held, contact)) return last;
+  const double tau = t - before.t;
+  for (int i = 1; i <= samples + near; ++i) {
+    filter_->filter.fly_mean(before.t + tau * i / samples, before);
+    const double gap = filter_->filter.gap(contact);
+    if (i >= samples - near && gap <= 0.0) last.ends_near = true;
+    if (i >= samples) continue;
+    if (gap < 0.0) last.inside += 1.0 / samples;
+    last.lowest = std::min(last.lowest, gap);
+    last.highest = std::max(last.highest, gap);
+  }
+  return last;
+}
+
+// One spurious event, or a missing one, is no reason to give up a confirmed track; the next event
+// must fit.
 bool AdaptiveEstimator::may_doubt(const AdaptiveState& state) {
-  return state.trusted && !state.doubts;
+  return state.status == TrackStatus::confirmed && !state.doubts;
 }
 
 void AdaptiveEstimator::doubt(const Inconsistency& inconsistency, AdaptiveState& state) {
@@ -384,13 +440,13 @@ void AdaptiveEstimator::doubt(const Inconsistency& inconsistency, AdaptiveState&
   state.last = inconsistency;
 }
 
-// An impact of which nothing was heard, where the gap fell through zero.
-bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
-  Joint& joint = *joint_;
-  const FilterBelief& present = belief(state.beliefs).of;
+// Takes the impact that was not reported, where the gap fell through zero.
+bool AdaptiveEstimator::take_missing(int contact, double t, AdaptiveState& state) {
+  Filter& filter = *filter_;
+  const FilterBelief& present = *state.belief;
   const auto gap_at = [&](double when) {
-    joint.filter.mean(when, present);
-    return joint.filter.gap(contact);
+    filter.filter.fly_mean(when, present);
+    return filter.filter.gap(contact);
   };
   constexpr int looks = 64, halvings = 40;
   const double step = (t - present.t) / looks;
@@ -407,38 +463,43 @@ bool AdaptiveEstimator::take_lost(int contact, double t, AdaptiveState& state) {
     const double middle = 0.5 * (outside + inside);
     (gap_at(middle) < 0.0 ? inside : outside) = middle;
   }
-  joint.next = present;
+  filter.next = present;
   // Its time is as uncertain as the flight makes it.
-  joint.next.sigma = t - present.t;
-  joint.next.reported[contact] = -infinity;
-  if (!joint.filter.take({inside, contact, ContactEventKind::pulse}, joint.next)) return false;
-  note_event({inside, contact, ContactEventKind::pulse}, joint.next.sigma);
-  joint.next.sigma = present.sigma;
-  add_belief(joint.next, state);
-  return true;
+  filter.next.sigma = t - present.t;
+  filter.next.reported[contact] = -infinity;
+  const ContactEvent missing{inside, contact, ContactEventKind::pulse};
+  if (!filter.filter.take(missing, filter.next)) return false;
+  note_event(missing, filter.next.sigma);
+  filter.next.sigma = present.sigma;
+  return set_belief(filter.next, state);
 }
 
 void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
-  const bool confirmed = state.fitting >= trial();
-  const bool believed = state.trusted && (confirmed || !has_prior());
+  if (getenv("DBG")) fprintf(stderr,"fail t %.12f contact %d sq %g mean %g susp %d t_b %.12f\n", inconsistency.t, inconsistency.contact, inconsistency.square, state.mean_square,(int)inconsistency.suspicion, state.belief->t);
+  const bool confirmed = state.fitting >= to_confirm(state);
+  const bool believed = state.status == TrackStatus::confirmed && (confirmed || !identifies());
   ++state.inconsistencies;
   state.last = inconsistency;
+  if (state.status == TrackStatus::confirmed) {
+    state.trial = std::min(2 * state.trial, thresholds_.longest_trial);
+  }
   if (!confirmed) {
-    state.inflation *= std::clamp(std::sqrt(inconsistency.square), least_inflation, most_inflation);
+    state.inflation *= std::clamp(std::sqrt(inconsistency.square), thresholds_.least_inflation,
+                                  thresholds_.most_inflation);
     if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
   }
   lose(state);
-  if (believed) {
+  if (identifies() && believed) {
     // If the parameters are to blame, it is from here on.
     begin_window(std::max<std::int64_t>(state.events - 1, 0), state);
-  } else if (has_prior()) {
-    FilterBelief& next = joint_->next;
-    next = belief(state.beliefs).of;
-    set_prior(next);
-    add_belief(next, state);
-  } else {
-    state.adapted = false;
+  } else if (identifies()) {
+    state.belief = {};
     state.accepted = -1.0;
+  } else if (!confirmed) {
+    FilterBelief& next = filter_->next;
+    next = *state.belief;
+    set_prior(next);
+    set_belief(next, state);
   }
 }
 
@@ -450,57 +511,49 @@ void AdaptiveEstimator::begin_window(std::int64_t event, AdaptiveState& state) c
   state.closed = heard(event).chi_before;
 }
 
-// An event has not come that had to.
+// Whether an event that had to come has not been reported.
 void AdaptiveEstimator::watch(AdaptiveState& state) {
-  if (!state.adapted || state.lost) return;
-  const Belief& present = belief(state.beliefs);
-  if (present.number != state.beliefs) {
-    lose(state);
-    return;
-  }
+  if (!state.belief || state.status == TrackStatus::lost) return;
   const double t = tick_instant(state.tick, h()).hi;
-  // A flight that has been held for long costs too much.
-  if (joint_->filter.cost(t, present.of) > longest_holding) {
-    lose(state);
-    return;
+  if (!filter_->filter.can_reach(t, *state.belief)) return lose(state);
+  if (state.belief->bursting != 0) {
+    filter_->next = *state.belief;
+    filter_->filter.expire(t, filter_->next);
+    if (filter_->next.bursting != state.belief->bursting && !set_belief(filter_->next, state)) {
+      return lose(state);
+    }
   }
-  if (!state.trusted) return;
-  const int contact = joint_->filter.overdue(t, present.of);
+  const int contact = filter_->filter.overdue(t, *state.belief);
   if (contact < 0) return;
   const Inconsistency inconsistency{t, contact, Suspicion::missing_event, 0.0};
-  if (may_doubt(state) && take_lost(contact, t, state)) {
+  if (may_doubt(state) && take_missing(contact, t, state)) {
     doubt(inconsistency, state);
   } else {
     fail(inconsistency, state);
   }
 }
 
-void AdaptiveEstimator::restart_filter(AdaptiveState& state) {
-  const Belief& present = belief(state.beliefs);
-  Joint& joint = *joint_;
-  if (present.number != state.beliefs) {
-    state.adapted = false;
+// The state of a lost track becomes the replica's.
+void AdaptiveEstimator::reset(AdaptiveState& state) {
+  Filter& filter = *filter_;
+  const bool exact_parameters = filter.flight->unknowns() == 0;
+  if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
+                       : state.chi != 0) {
     return;
   }
-  find_replica(state);
-  joint.next = present.of;
+  const double t = tick_instant(state.tick, h()).hi;
+  find_replica(state, t);
+  filter.next = *state.belief;
   // At most as uncertain as the replica's motion is large.
-  const double own = twice_energy(joint.x, joint.stiffness);
-  const double of_start = twice_energy(joint.start, joint.stiffness);
-  const double most = of_start > 0.0 ? std::sqrt(std::max(own / of_start, 1.0)) : 1.0;
+  const double motion = std::max(note_energy(state), state.energy);
+  const double most =
+      filter.of_start > 0.0 ? std::sqrt(std::max(motion / filter.of_start, 1.0)) : 1.0;
   state.inflation = std::min(state.inflation, most);
-  joint.inflated = state.inflation * joint.start;
-  joint.filter.restart(tick_instant(state.tick, h()).hi, joint.x, joint.inflated, joint.next);
-  add_belief(joint.next, state);
-  note_start(joint.next);
-  state.lost = false;
-}
-
-void AdaptiveEstimator::add_belief(const FilterBelief& of, AdaptiveState& state) {
-  ++state.beliefs;
-  Belief& next = belief(state.beliefs);
-  next.of = of;
-  next.number = state.beliefs;
+  filter.inflated = state.inflation * filter.start;
+  filter.filter.restart(t, filter.x, filter.inflated, state.chi, filter.next);
+  if (!set_belief(filter.next, state)) return;
+  note_start(filter.next);
+  state.status = TrackStatus::tentative;
 }
 
 bool AdaptiveEstimator::waits(const AdaptiveState& state) const {
@@ -532,7 +585,10 @@ void AdaptiveEstimator::take_result(AdaptiveState& state) {
   state.wanted = false;
   ++state.identifications;
   const std::int64_t first = first_size();
-  if (!result_->accepted || !is_sure(result_->belief, state)) {
+  const FilterBelief& of = result_->belief;
+  const double motion = note_energy(state);
+  if (!result_->accepted || !(filter_->flight->twice_energy(of.S.topRows(2 * filter_->flight->n())) <
+                              thresholds_.energy_to_confirm * motion)) {
     state.size += state.size / 2;
     if (state.size > longest_window) {
       begin_window(state.events - 2 * first, state);
@@ -541,114 +597,123 @@ void AdaptiveEstimator::take_result(AdaptiveState& state) {
     return;
   }
   lose(state);
-  add_belief(result_->belief, state);
-  state.adapted = true;
+  if (!set_belief(of, state)) return;
   state.accepted = tick_instant(state.tick, h()).hi;
   if (!result_->state_is_known || state.chi != 0) return;
-  state.lost = false;
-  state.trusted = true;
-  state.fitting = trial();
+  state.status = TrackStatus::confirmed;
+  state.fitting = to_confirm(state);
+}
+
+bool AdaptiveEstimator::shows_filter(const AdaptiveState& state) const {
+  if (!filter_) return false;
+  return state.status == TrackStatus::confirmed ||
+         (kind_ == EstimatorKind::timing && state.status == TrackStatus::tentative);
 }
 
 void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
                                Eigen::Ref<Eigen::VectorXd> u) {
-  if (!joint_ || !state.trusted) {
+  if (!shows_filter(state)) {
     base_.output(state.base, q, u);
     return;
   }
-  publish(tick_instant(state.tick, h()).hi, belief(state.beliefs).of, q, u);
+  const double t = tick_instant(state.tick, h()).hi;
+  const Eigen::VectorXd& x = filter_->filter.publish_mean(t, *state.belief);
+  filter_->flight->state(x, t, q, u);
 }
 
 void AdaptiveEstimator::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                                 Eigen::Ref<Eigen::VectorXd> u) {
-  const Eigen::Index n = joint_->family.n();
-  const Eigen::VectorXd& x = joint_->filter.publish(t, of);
-  q.noalias() = joint_->V.lazyProduct(x.head(n));
-  u.noalias() = joint_->V.lazyProduct(x.tail(n));
+  filter_->flight->state(filter_->filter.publish(t, of), t, q, u);
 }
 
 Confidence AdaptiveEstimator::no_confidence() const {
   Confidence confidence = base_.no_confidence();
-  if (!joint_) return confidence;
+  if (!filter_) return confidence;
+  const Eigen::Index f = filter_->flight->n();
   confidence.has_filter = true;
-  confidence.sigma_q.setConstant(joint_->family.n(), infinity);
+  confidence.has_replica = kind_ != EstimatorKind::timing;
+  confidence.sigma_q.setConstant(f, infinity);
   confidence.sigma_u = confidence.sigma_q;
-  confidence.sigma_g.setConstant(joint_->family.contacts(), infinity);
-  confidence.sigma_outputs.setConstant(joint_->outputs.cols(), infinity);
-  confidence.parameters.keys = joint_->keys;
-  confidence.parameters.values = joint_->family.nominal();
+  confidence.sigma_g.setConstant(filter_->flight->contacts(), infinity);
+  confidence.sigma_outputs.setConstant(filter_->outputs.cols(), infinity);
+  if (!filter_->family) return confidence;
+  confidence.parameters.keys = filter_->keys;
+  confidence.parameters.values = filter_->family->nominal();
   confidence.parameters.sigmas.setConstant(confidence.parameters.values.size(), infinity);
   return confidence;
 }
 
 void AdaptiveEstimator::note(const AdaptiveState& state, Confidence& confidence) const {
   base_.note(state.base, confidence);
-  if (!joint_) return;
-  const Belief& present = belief(state.beliefs);
-  confidence.from_filter = state.trusted;
+  if (!filter_) return;
+  confidence.from_filter = shows_filter(state);
   confidence.filter = {};
-  if (state.adapted && !state.lost && present.number == state.beliefs) {
-    confidence.filter = present.of.innovation;
+  if (state.belief && state.status != TrackStatus::lost) {
+    confidence.filter = state.belief->innovation;
   }
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
+  confidence.scale_is_lost = filter_->scale_is_open;
   confidence.parameters.accepted = state.accepted;
   confidence.parameters.identifications = state.identifications;
-  confidence.parameters.known = state.adapted ? present.of.t : -1.0;
+  confidence.parameters.known = state.belief ? state.belief->t : -1.0;
 }
 
 void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
                                    Confidence& confidence) {
   base_.confidence(state.base, initial, confidence);
   note(state, confidence);
-  if (!joint_) return;
-  Joint& joint = *joint_;
-  const Eigen::Index n = joint.family.n();
+  if (!filter_) return;
+  if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
-  const FilterBelief& present = belief(state.beliefs).of;
-  if (state.trusted) {
-    joint.filter.publish(t, present);
-    fill_deviations(present, confidence);
+  if (state.status == TrackStatus::confirmed) {
+    filter_->filter.publish(t, *state.belief);
+    fill_deviations(*state.belief, confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);
     confidence.sigma_outputs.setConstant(infinity);
   }
+  if (!filter_->family) return;
   ParameterEstimates& parameters = confidence.parameters;
-  const std::vector<Unknown>& unknowns = joint.family.unknowns();
+  const std::vector<Unknown>& unknowns = filter_->family->unknowns();
   for (Eigen::Index k = 0; k < parameters.values.size(); ++k) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
-    if (!state.adapted) {
+    if (!state.belief) {
       parameters.values[k] = unknown.nominal;
       parameters.sigmas[k] = infinity;
       continue;
     }
-    parameters.values[k] = unknown.value(present.z[2 * n + k]);
-    const Eigen::VectorXd& walk = joint.filter.model().walk;
-    const double walked = walk.size() > 0 ? square(walk[k]) * std::max(t - present.t, 0.0) : 0.0;
-    const double variance = present.S.row(2 * n + k).squaredNorm() + walked;
+    const FilterBelief& of = *state.belief;
+    const Eigen::Index row = 2 * filter_->flight->n() + k;
+    parameters.values[k] = unknown.value(of.z[row]);
+    const Eigen::VectorXd& walk = filter_->filter.model().walk;
+    const double walked = walk.size() > 0 ? square(walk[k]) * std::max(t - of.t, 0.0) : 0.0;
+    const double variance = of.S.row(row).squaredNorm() + walked;
     parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
   }
 }
 
 void AdaptiveEstimator::fill_deviations(const FilterBelief& of, Confidence& confidence) {
-  Joint& joint = *joint_;
-  const Eigen::Index n = joint.family.n();
-  const auto of_x = joint.filter.deviations();
-  joint.filter.gap_deviations(of, joint.of_gaps);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.topRows(n));
-    confidence.sigma_q[i] = joint.row.norm();
-    joint.row.noalias() = joint.V.row(i).lazyProduct(of_x.bottomRows(n));
-    confidence.sigma_u[i] = joint.row.norm();
+  Filter& filter = *filter_;
+  const Eigen::Index f = filter.flight->n();
+  filter.filter.gap_deviations(of, filter.of_gaps);
+  multiply(filter.flight->to_state(), filter.filter.deviations(), filter.of_state);
+  // Roundings of a run are not in the covariance.
+  const double length = measurement_rounding * of.length, speed = measurement_rounding * of.speed;
+  for (Eigen::Index i = 0; i < f; ++i) {
+    confidence.sigma_q[i] = std::hypot(filter.of_state.row(i).norm(), length);
+    confidence.sigma_u[i] = std::hypot(filter.of_state.row(f + i).norm(), speed);
   }
-  for (Eigen::Index i = 0; i < joint.of_gaps.rows(); ++i) {
-    confidence.sigma_g[i] = joint.of_gaps.row(i).norm();
+  for (Eigen::Index i = 0; i < filter.of_gaps.rows(); ++i) {
+    confidence.sigma_g[i] = std::hypot(filter.of_gaps.row(i).norm(), length * filter.largest_w);
   }
-  for (Eigen::Index i = 0; i < joint.outputs.cols(); ++i) {
-    joint.row.noalias() = joint.outputs.col(i).transpose().lazyProduct(of_x);
-    confidence.sigma_outputs[i] = joint.row.norm();
+  for (Eigen::Index i = 0; i < filter.outputs.cols(); ++i) {
+    const auto output = filter.outputs.col(i);
+    filter.row.noalias() = output.transpose().lazyProduct(filter.of_state);
+    const double rounding = std::hypot(length * output.head(f).norm(), speed * output.tail(f).norm());
+    confidence.sigma_outputs[i] = std::hypot(filter.row.norm(), rounding);
   }
 }
 
@@ -662,32 +727,48 @@ bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
   return true;
 }
 
+// As many columns as state and parameters have entries.
+Eigen::MatrixXd AdaptiveEstimator::belief(const AdaptiveState& state, Belief& belief) {
+  Filter& filter = *filter_;
+  const Eigen::Index f = filter.flight->n(), P = filter.flight->unknowns();
+  const double t = tick_instant(state.tick, h()).hi;
+  const FilterBelief& of = *state.belief;
+  const Eigen::VectorXd x = filter.filter.mean(t, of);
+  Eigen::MatrixXd columns(2 * f + P, filter.filter.deviations().cols());
+  columns << filter.flight->to_state() * filter.filter.deviations(),
+      filter.filter.parameter_deviations();
+  const Eigen::MatrixXd S = QR(columns.transpose()).R().transpose();
+  belief.q.resize(f);
+  belief.u.resize(f);
+  filter.flight->state(x, t, belief.q, belief.u);
+  belief.columns = S.cols();
+  belief.S_q = S.topRows(f);
+  belief.S_u = S.middleRows(f, f);
+  return S.bottomRows(P);
+}
+
 Prediction AdaptiveEstimator::predict(const AdaptiveState& state, const Predictor& predictor,
                                       double ahead) {
   const double t = tick_instant(state.tick, h()).hi;
+  if (!filter_ || identifies() || state.status != TrackStatus::confirmed) return {t, t, {}};
   sprag::Belief from;
-  if (!joint_) {
-    if (!base_.belief(state.base, ahead, from)) return {t, t, {}};
-    return predictor.predict(t, state.chi, from, ahead);
+  const Eigen::MatrixXd S_c = belief(state, from);
+  const FilterModel& model = filter_->filter.model();
+  if (model.drift.cols() > 0) {
+    const Eigen::Index f = from.q.size(), known = from.columns;
+    const Eigen::MatrixXd drift = std::sqrt(ahead) * filter_->flight->to_state() * model.drift;
+    from.columns += drift.cols();
+    from.S_q.conservativeResize(f, from.columns);
+    from.S_u.conservativeResize(f, from.columns);
+    from.S_q.rightCols(from.columns - known) = drift.topRows(f);
+    from.S_u.rightCols(from.columns - known) = drift.bottomRows(f);
   }
-  if (!has_prior() || !state.trusted) return {t, t, {}};
-  Joint& joint = *joint_;
-  const MachineFamily& family = joint.family;
-  const Eigen::Index n = family.n(), P = std::ssize(family.unknowns());
-  const FilterBelief& of = belief(state.beliefs).of;
-  const Eigen::VectorXd x = joint.filter.mean(t, of);
-  // As many columns as state and parameters have entries.
-  Eigen::MatrixXd columns(2 * n + P, joint.filter.most_columns());
-  columns << joint.filter.deviations(), joint.filter.parameter_deviations();
-  const Eigen::MatrixXd S = QR(columns.transpose()).R().transpose();
-  from.q = joint.V * x.head(n);
-  from.u = joint.V * x.tail(n);
-  from.columns = S.cols();
-  from.S_q = joint.V * S.topRows(n);
-  from.S_u = joint.V * S.middleRows(n, n);
-  const Eigen::VectorXd c = of.z.tail(P);
+  if (!filter_->family) return predictor.predict(t, state.chi, from, ahead);
+  const MachineFamily& family = *filter_->family;
+  const Eigen::Index P = S_c.rows();
+  const Eigen::VectorXd c = state.belief->z.tail(P);
   return predictor.predict(t, state.chi, from, ahead, [&](const Eigen::VectorXd& xi) {
-    const Eigen::VectorXd at = c + S.bottomRows(P) * xi;
+    const Eigen::VectorXd at = c + S_c * xi.head(S_c.cols());
     Eigen::VectorXd values(P);
     for (Eigen::Index k = 0; k < P; ++k) {
       values[k] = family.unknowns()[static_cast<std::size_t>(k)].value(at[k]);

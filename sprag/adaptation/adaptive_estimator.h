@@ -1,27 +1,22 @@
-// The estimator of the observer programs. Where the parameters of the machine are uncertain, it
-// estimates them with the state (event_filter.h); else it is AnyEstimator.
+// The estimator of the observer programs: a replica, and beside it, where `timing`, `both` or
+// `adaptive` asks for it, the event filter (event_filter.h), which estimates the state, its
+// covariance and the uncertain parameters.
 //
-// Parameters with a prior. If the scene has [parameters], `timing` and `both` start the filter of
-// state and parameters from this prior at the first tick. The estimate is the filter's while its
-// innovations fit, else the replica's.
+// `timing` and `both` start the filter at the first tick from the prior of the scene: uncertainty of
+// the start and [parameters]. `adaptive` shows the replica until enough events have come, then
+// wants an identification (wanted(), task.h); where its result is accepted, the filter starts from
+// its posterior.
 //
-// Parameters that are identified (`adaptive`). From the start on the estimate is the replica's.
-// Once enough events have come an identification is wanted (wanted(), task.h); where its result is
-// accepted, the filter starts from its posterior.
+// Supervision (track.h). While the track is confirmed the estimate is the filter's. The filter
+// rejects one spurious event and bridges one missing event of a confirmed track. Where another event
+// does not fit, the track is lost: the estimate of `both` and `adaptive` is the replica's, and the
+// filter resets its state to the replica's at the next tick. `timing` shows the filter from then
+// on, with infinite deviations until it is confirmed. Parameters with a prior return to it after a
+// failure before confirmation; others are identified anew from the events since.
 //
-// Supervision. The filter rejects one spurious event and bridges one missing event. Where another
-// event does not fit, the filter is lost: the estimate is the replica's, and the filter resets its
-// state to the replica's and keeps its parameters. It is confirmed after as many events as
-// determine the state and a few more. Where events do not fit before that, parameters with a prior
-// return to it, and others are identified anew from the events since. A result or a reset is only
-// confirmed where the expected energy of the error is a small share of the machine's own.
-//
-// The filter follows one contact at a time: impacts, chatter, sustained contact. While several
-// contacts are closed or hit at once the filter is lost.
-//
-// When results count. An identification is wanted in the state of a tick, and of the events up to
-// it; its result counts from the next tick on. So settled ticks must not go on before put() was
-// called; ticks for now do. What is settled then depends on the events alone.
+// An identification is wanted in the state of a tick, and of the events up to it; its result counts
+// from the next tick on. So settled ticks must not go on before put() was called; ticks for now do.
+// What is settled then depends on the events alone.
 #pragma once
 
 #include <cstdint>
@@ -33,11 +28,13 @@
 #include "sprag/adaptation/task.h"
 #include "sprag/estimation/estimators.h"
 #include "sprag/estimation/prediction.h"
+#include "sprag/filter/belief_pool.h"
 #include "sprag/filter/event_filter.h"
+#include "sprag/filter/track.h"
 
 namespace sprag {
 
-/// Everything that changes; copies do not allocate.
+/// Everything that changes; copies do not allocate. Valid while its estimator lives.
 struct AdaptiveState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
@@ -51,19 +48,18 @@ struct AdaptiveState {
   std::int64_t size = 0;    ///< of the window when the next identification is wanted
   bool wanted = false;      ///< one is, of all events up to this tick
   std::int64_t identifications = 0;  ///< whose results counted
+  double accepted = -1.0;            ///< when the last result or prior was taken [s]
 
-  // The filter of state and parameters.
-  std::int64_t beliefs = 0;  ///< so many so far; that of the state is the last one
-  bool adapted = false;      ///< the filter's parameters are believed
-  bool lost = false;         ///< its state is not
-  bool trusted = false;      ///< the estimate is the filter's
-  bool doubts = false;       ///< the last event was spurious, or one was lost
-  std::int64_t fitting = 0;  ///< events in a row that fitted, since the last start or reset
-  /// Inflation of the prior standard deviations of the state at the next reset, >= 1. A failure
-  /// before confirmation raises it, a confirmation sets it to 1.
-  double inflation = 1.0;
-  double mean_square = 1.0;  ///< of its innovations, over about the last 16
-  double accepted = -1.0;    ///< [s]
+  // The filter.
+  BeliefRef belief;  ///< none before the first result of an identification
+  TrackStatus status = TrackStatus::lost;
+  bool doubts = false;           ///< the last event was spurious, or one was missing
+  ContactSet inside = 0;         ///< closed since t = 0, where the machine may have started inside
+  std::int64_t fitting = 0;      ///< events in a row that fitted, since the last start or reset
+  std::int64_t trial = 0;        ///< events to fit before confirmation, beside 2f
+  double inflation = 1.0;        ///< of the prior standard deviations at the next reset, >= 1
+  double mean_square = 1.0;      ///< of the normalized innovations, over about the last 16
+  double energy = 0.0;           ///< twice that of the replica's motion, its largest at an event
   std::int64_t inconsistencies = 0;
   Inconsistency last;
 };
@@ -72,17 +68,17 @@ class AdaptiveEstimator {
  public:
   using State = AdaptiveState;
 
-  /// As AnyEstimator's; adaptive where `kind` says so. Throws ModelError, also where the scene's
-  /// damping couples the modes: there is no filter of parameters for that; and
-  /// std::invalid_argument for a key in scene.adaptation that is none.
-  AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
-                    StepperKind stepper = StepperKind::exact);
+  /// Tick h > 0 [s]; `stepper` is that of a plain replica. Throws ModelError, also where the
+  /// scene's damping couples the modes and parameters are uncertain; and std::invalid_argument for
+  /// a key in scene.adaptation that is none.
+  AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
+                    StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, AdaptiveState& state);
   void tick(std::span<const ContactEvent> events, AdaptiveState& state);
-  /// As AnyEstimator's; 0 where this is adaptive.
+  /// As Replica's; 0 where a filter runs.
   std::int64_t coast(std::int64_t n, AdaptiveState& state);
-  bool coasts() const { return !joint_ && base_.coasts(); }
+  bool coasts() const { return !filter_ && base_.coasts(); }
   void apply(std::span<const ContactEvent> events, AdaptiveState& state);
   void output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);
@@ -91,15 +87,18 @@ class AdaptiveEstimator {
   void confidence(const AdaptiveState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
-  /// As Predictor::predict() from this state; nothing is foreseen where no covariance is known, and
-  /// by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
+  /// Mean and square root of the covariance of (q, u) at the present tick, of a track that is not
+  /// lost; the rows of the parameters' coordinates are returned, P x columns. Allocates.
+  Eigen::MatrixXd belief(const AdaptiveState& state, Belief& belief);
+  /// As Predictor::predict() from this state; nothing is predicted where the track is not
+  /// confirmed, and by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const AdaptiveState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyEstimator's. While the estimate is that of the filter of state and parameters,
-  /// velocities and impulses are its own; forces are the replica's.
+  /// As AnyEstimator's. While the estimate is the filter's, times, velocities and impulses are
+  /// its own; forces are the replica's.
   bool record_in(std::vector<ImpactRecord>& records);
 
-  /// What the filter of uncertain parameters goes through between two resets.
+  /// What the filter goes through between two resets.
   struct FilterRun {
     FilterBelief start;
     std::vector<ContactEvent> events;
@@ -109,8 +108,8 @@ class AdaptiveEstimator {
   /// Appends the runs of the filter from now on to `runs`, of an estimator of which one state alone
   /// is moved, and never back. Allocates then.
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
-  /// The filter of state and parameters; null where parameters are not uncertain.
-  EventFilter* filter() { return joint_ ? &joint_->filter : nullptr; }
+  /// Null for a plain replica.
+  EventFilter* filter() { return filter_ ? &filter_->filter : nullptr; }
   /// The estimate of a belief at t, q and u of f entries each.
   void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u);
@@ -122,98 +121,103 @@ class AdaptiveEstimator {
   /// What it waits for. `task` keeps its room, so that no call allocates that has some of
   /// most_events.
   void wanted(const AdaptiveState& state, AdaptationTask& task) const;
-  /// From now on ticks behind a state that wants it take it; it must stay as it is until another
+  /// From now on ticks after a state that wants it take it; it must stay as it is until another
   /// one is put. Does not allocate.
   void put(const AdaptationResult& result) { result_ = &result; }
   /// What results are made with; null where nothing is identified.
-  const MachineFamily* family() const { return identifies() ? &joint_->family : nullptr; }
+  const MachineFamily* family() const { return identifies() ? filter_->family.get() : nullptr; }
 
-  /// Events that a state may be ahead of one that is still to go on from: what is known of its
-  /// events is kept so long.
-  std::size_t most_ahead() const;
-
-  /// In a task.
+  /// In a task. A state that identifies may be as many events ahead of one to go on from.
   static constexpr std::int64_t most_events = 1024;
 
   Flows* flows() { return base_.flows(); }
   const char* flow_path() { return base_.flow_path(); }
 
  private:
-  struct Belief {
-    std::int64_t number = -1;  // another one than a state's: it is gone
-    FilterBelief of;
-  };
   struct Heard {
     ContactEvent event{};
     ContactSet chi_before = 0;
     double before = 0.0;  // when the event before it was
   };
-  struct Joint {
-    Joint(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
+  struct Filter {
+    Filter(const Scene& scene, std::shared_ptr<Flows> flows);
+    Filter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
 
-    MachineFamily family;
+    void set_up(const Scene& scene);
+
+    std::unique_ptr<MachineFamily> family;  // null: no parameter is uncertain
+    std::unique_ptr<Flight> flight;
     EventFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
-    Eigen::MatrixXd to_y, V;    // y of q, q of y
-    Eigen::MatrixXd outputs;    // of (y, y'), 2n x the model's outputs
-    double sigma = 0.0;         // of event times, with the floor of uncertain parameters [s]
-    Eigen::VectorXd stiffness;  // of the modes, as the scene has it
-    Eigen::MatrixXd start;      // deviations of a start, 2n x 2n
-    Eigen::MatrixXd inflated;   // of a reset
+    Eigen::MatrixXd outputs;   // rows by (q, u), 2f x the model's outputs
+    double sigma = 0.0;        // of event times, with the floor of uncertain parameters [s]
+    double of_start = 0.0;     // twice the expected energy of a start's error
+    double largest_w = 1.0;    // largest entry of the contacts' directions
+    Eigen::MatrixXd M, K;
+    bool scale_is_open = false, may_start_inside = false;
+    Eigen::MatrixXd start;     // deviations of a start, 2f x 2f
+    Eigen::MatrixXd inflated;  // of a reset
     // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
-    // identified.
+    // identified, or there are none.
     Eigen::MatrixXd prior;
-    std::vector<Belief> beliefs;  // ring, by number
-    std::vector<Heard> heard;     // ring, by number of event
+    std::unique_ptr<BeliefPool> pool;
+    std::vector<Heard> heard;  // ring, by number of event; where parameters are identified
     // Scratch.
     FilterBelief next;
     Eigen::VectorXd q, u, x;
-    Eigen::MatrixXd of_gaps;
+    Eigen::MatrixXd of_gaps, of_state;
     Eigen::RowVectorXd row;
   };
+  struct LastFlight {
+    double inside = 0.0;               // share of its time with a negative gap
+    double lowest = 0.0, highest = 0.0;
+    bool ends_near = false;            // the gap was zero or negative shortly before or after it
+  };
 
-  bool has_prior() const { return joint_ && joint_->prior.size() > 0; }
-  bool identifies() const { return joint_ && joint_->prior.size() == 0; }
+  bool identifies() const { return identifies_; }
   void start_from_prior(const sprag::State& start, AdaptiveState& state);
   void set_prior(FilterBelief& belief) const;
-  Belief& belief(std::int64_t number) const {
-    return joint_->beliefs[static_cast<std::size_t>(number) % joint_->beliefs.size()];
-  }
   Heard& heard(std::int64_t event) const {
-    return joint_->heard[static_cast<std::size_t>(event) % joint_->heard.size()];
+    return filter_->heard[static_cast<std::size_t>(event) % filter_->heard.size()];
   }
   std::int64_t first_size() const;
-  std::int64_t trial() const;
+  std::int64_t to_confirm(const AdaptiveState& state) const;
   bool has_result(const AdaptiveState& state) const;
   void take_result(AdaptiveState& state);
   void hear(std::span<const ContactEvent> events, ContactSet chi, AdaptiveState& state);
-  void take(const ContactEvent& event, AdaptiveState& state);
-  static void lose(AdaptiveState& state);
+  void take(std::span<const ContactEvent> of_one_instant, AdaptiveState& state);
+  bool shows_filter(const AdaptiveState& state) const;
+  void lose(AdaptiveState& state) const;
   static bool may_doubt(const AdaptiveState& state);
   static void doubt(const Inconsistency& inconsistency, AdaptiveState& state);
-  bool take_lost(int contact, double t, AdaptiveState& state);
+  bool take_missing(int contact, double t, AdaptiveState& state);
   void fail(const Inconsistency& inconsistency, AdaptiveState& state);
+  double note_energy(AdaptiveState& state);
+  Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
+  LastFlight last_flight(int contact, double t, const FilterBelief& before);
   void begin_window(std::int64_t event, AdaptiveState& state) const;
-  void find_replica(const AdaptiveState& state);
-  bool is_sure(const FilterBelief& belief, const AdaptiveState& state);
+  void find_replica(const AdaptiveState& state, double t);
   void watch(AdaptiveState& state);
-  void describe(std::int64_t before, const ContactEvent& event, const AdaptiveState& state,
+  void describe(const BeliefRef& before, const ContactEvent& event, const AdaptiveState& state,
                 ImpactRecord& record);
-  void restart_filter(AdaptiveState& state);
+  void reset(AdaptiveState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
-  void add_belief(const FilterBelief& of, AdaptiveState& state);
+  bool set_belief(const FilterBelief& of, AdaptiveState& state) const;
 
   AnyEstimator base_;
-  std::unique_ptr<Joint> joint_;
+  EstimatorKind kind_;
+  TrackThresholds thresholds_;
+  bool identifies_ = false;
+  std::unique_ptr<Filter> filter_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
   std::vector<FilterRun>* runs_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
 };
 
-/// For who has the time: what the state waits for, if anything, is identified into `result` and
-/// put. True if so. Allocates. Throws Interrupted (interrupt.h).
+/// Runs the identification that the state waits for, if any, into `result` and puts it. True if so.
+/// Allocates. Throws Interrupted (interrupt.h).
 bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
                   AdaptationResult& result);
 

@@ -35,15 +35,15 @@ Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) 
 
 // When the impact of a step was, by the belief before it.
 void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
-  if (!(after.impact_sigma > 0.0)) return;
-  double t = after.impact_time;
+  if (!(after.impact.time_sigma > 0.0)) return;
+  double t = after.impact.time;
   for (int i = 0; i < 2; ++i) {
     const EventFilter::Crossing crossing = filter.crossing(contact, t, before);
     if (!(crossing.velocity < 0.0)) return;
     t -= crossing.gap / crossing.velocity;
-    after.impact_sigma = crossing.deviation / -crossing.velocity;
+    after.impact.time_sigma = crossing.deviation / -crossing.velocity;
   }
-  after.impact_time = t;
+  after.impact.time = t;
 }
 
 // Forward through a run; `about` are smoothed beliefs from the pass before, or none.
@@ -129,8 +129,8 @@ Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
   double least = infinity;
   for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
     const FilterBelief& belief = chain.beliefs[k];
-    least = std::min(least, belief.impact_sigma > 0.0
-                                ? belief.impact_time - around_impact * belief.impact_sigma
+    least = std::min(least, belief.impact.time_sigma > 0.0
+                                ? belief.impact.time - around_impact * belief.impact.time_sigma
                                 : belief.t);
     chain.begins[k] = least;
   }
@@ -195,7 +195,7 @@ std::vector<SmoothedStretch> smooth_parameters(
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
     const bool smooth =
-        !state.lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
+        state.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
     again.note(state, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);

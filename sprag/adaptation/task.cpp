@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/adaptation/path_posterior.h"
 #include "sprag/identification/identification.h"
 
 namespace sprag {
@@ -60,8 +61,9 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.adaptation.walks()
                            ? resolved * found.interval
                            : std::max(found.jitter, resolved * found.interval);
-  EventFilter filter(family, {walk_of(scene, std::ssize(family.unknowns()))});
-  filter.follow(found.likelihood, found.measured, sigma, result.belief);
+  result.belief =
+      path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
+                     found.likelihood, found.measured, sigma);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
   const Impact& last = found.measured.back().impacts.back();
   result.state_is_known = last.timed && last.event + 1 == task.events.size() &&

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/filter/event_filter.h"
+#include "sprag/filter/filter_belief.h"
 #include "sprag/identification/machine_family.h"
 #include "sprag/mechanics/contact_event.h"
 

@@ -29,15 +29,9 @@
 #include <span>
 
 #include "sprag/estimation/belief.h"
+#include "sprag/filter/flux.h"
 
 namespace sprag {
-
-/// Of gamma ~ N(mu, d^2) where gamma < 0, weighted by the flux and evenly, -gamma + even: log of
-/// the total weight, mean and variance. d > 0, even >= 0.
-struct FluxMoments {
-  double log_weight, mean, variance;
-};
-FluxMoments flux_moments(double mu, double d, double even);
 
 /// log of the normal distribution function, and its density over it, for any x without overflow.
 double log_normal_cdf(double x);

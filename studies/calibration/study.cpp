@@ -7,6 +7,7 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
+#include "sprag/adaptation/adaptive_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
@@ -31,9 +32,6 @@ std::uint64_t other_seed(int seed, int purpose) {
   return 1000000 * static_cast<std::uint64_t>(purpose) + static_cast<std::uint64_t>(seed);
 }
 
-const Consistency& consistency_of(const TimingState& state) { return state.consistency; }
-const Consistency& consistency_of(const SupervisedState& state) { return state.filter.consistency; }
-
 double duration_of(const Scene& scene) {
   const double T = usual_duration(scene.model);
   Master master(scene.model, scene.master);
@@ -47,16 +45,18 @@ bool in_second_half(Eigen::Index sample, const Truth& truth) {
   return 2 * (sample + 1) > truth.q.cols();
 }
 
-template <Estimator E>
-Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEvent> events,
-             const Truth& truth, const std::vector<double>& V_replica) {
+}  // namespace
+
+Trial follow(EstimatorKind kind, const Scene& told, const Scene& machine,
+             std::span<const ContactEvent> events, const Truth& truth,
+             const std::vector<double>& V_replica) {
   const Eigen::Index f = told.model.coordinates();
   const auto& contacts = told.model.contacts;
-  E estimator(told, truth.tick);
+  AdaptiveEstimator estimator(told, truth.tick, kind);
   const ErrorEnergy energy(machine.model);
   const double start =
       energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
-  typename E::State state;
+  AdaptiveState state;
   estimator.start(told.replica, 0, 0, state);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(f), u(f);
@@ -64,13 +64,12 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
   std::vector<double> V;
   std::int64_t count = 0;
   const auto on_tick = [&](std::int64_t k) {
-    const Consistency& consistency = consistency_of(state);
-    // A filter that started again counts anew.
-    const std::int64_t fresh = consistency.count - (consistency.count >= count ? count : 0);
-    count = consistency.count;
+    const std::int64_t fresh = state.events - count;
+    count = state.events;
+    if (fresh == 0 || state.status == TrackStatus::lost) return;
     if (2 * k <= truth.q.cols() * truth.stride) return;
-    trial.innovations += static_cast<double>(fresh) * consistency.mean;
-    trial.innovation_count += fresh;
+    trial.innovations += state.belief->square;
+    ++trial.innovation_count;
   };
   const auto on_sample = [&](Eigen::Index sample) {
     estimator.output(state, q, u);
@@ -103,6 +102,8 @@ Trial follow(const Scene& told, const Scene& machine, std::span<const ContactEve
   trial.V_replica_largest = *std::max_element(of_replica.begin(), of_replica.end());
   return trial;
 }
+
+namespace {
 
 // A start that is off this one by what an estimate is told of it.
 State drawn(const State& start, const Uncertainty& uncertainty, common::Random& random) {
@@ -210,14 +211,6 @@ std::vector<double> follow_replica(const Scene& told, const Scene& machine,
         V.push_back(or_infinity(energy(truth.q.col(sample), truth.u.col(sample), q, u)[0]));
       });
   return V;
-}
-
-Trial follow(EstimatorKind estimator, const Scene& told, const Scene& machine,
-             std::span<const ContactEvent> events, const Truth& truth,
-             const std::vector<double>& V_replica) {
-  return estimator == EstimatorKind::both
-             ? follow<SupervisedFilter>(told, machine, events, truth, V_replica)
-             : follow<TimingFilter>(told, machine, events, truth, V_replica);
 }
 
 namespace {

@@ -1,8 +1,11 @@
-#include "sprag/adaptation/joint_flight.h"
+#include "sprag/filter/family_flight.h"
 
+#include <bit>
 #include <cmath>
 #include <complex>
 #include <limits>
+
+#include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {
@@ -14,6 +17,10 @@ using Complex = std::complex<double>;
 constexpr double difference_of_c = 4e-6;
 // Of angles up to 1: what is left out is a rounding.
 constexpr int terms_of_series = 20;
+// Steps of a flight with a contact closed, for which an event has the time.
+constexpr double most_held_steps = 200.0;
+
+int contact_of(ContactSet held) { return held == 0 ? -1 : std::countr_zero(held); }
 
 bool is_of_flow(const Unknown& unknown) {
   return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
@@ -31,7 +38,7 @@ OscillatorStep step_of(double c, double k, double tau) {
 
 }  // namespace
 
-JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
+FamilyFlight::FamilyFlight(const MachineFamily& family) : family_(&family) {
   const Eigen::VectorXd nominal = family.nominal();
   variants_.resize(1 + 2 * static_cast<std::size_t>(unknowns()));
   for (Variant& variant : variants_) {
@@ -58,14 +65,22 @@ JointFlight::JointFlight(const MachineFamily& family) : family_(&family) {
   held_step_.setZero(2 * n(), 2 * n());
   term_.setZero(2 * n());
   next_.setZero(2 * n());
+  stiffness_ = centre().machine.K;
+  to_state_.setZero(2 * n(), 2 * n());
+  from_state_ = to_state_;
+  const Eigen::MatrixXd to_modes = product(family.V().transpose(), family.scene().model.M);
+  for (const Eigen::Index i : {Eigen::Index{0}, n()}) {
+    to_state_.block(i, i, n(), n()) = family.V();
+    from_state_.block(i, i, n(), n()) = to_modes;
+  }
 }
 
-void JointFlight::set(const Eigen::VectorXd& values, Variant& variant) const {
+void FamilyFlight::set_machine(const Eigen::VectorXd& values, Variant& variant) const {
   family_->at(values, variant.machine);
   family_->inputs(values, variant.inputs);
 }
 
-void JointFlight::set(const Eigen::Ref<const Eigen::VectorXd>& c, bool derivatives) {
+void FamilyFlight::set(const ConstVector& c, bool derivatives) {
   if (c_ == c && (derivatives_ || !derivatives)) return;  // what is there is enough
   derivatives_ = derivatives;
   c_ = c;
@@ -73,7 +88,7 @@ void JointFlight::set(const Eigen::Ref<const Eigen::VectorXd>& c, bool derivativ
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     values_[k] = all[static_cast<std::size_t>(k)].value(c[k]);
   }
-  set(values_, centre());
+  set_machine(values_, centre());
   for (Eigen::Index k = 0; derivatives && k < unknowns(); ++k) {
     const Unknown& unknown = all[static_cast<std::size_t>(k)];
     const double value = values_[k];
@@ -83,13 +98,13 @@ void JointFlight::set(const Eigen::Ref<const Eigen::VectorXd>& c, bool derivativ
       variant.machine.W = centre().machine.W;
       variant.machine.positions = centre().machine.positions;
       values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
-      set(values_, variant);
+      set_machine(values_, variant);
     }
     values_[k] = value;
   }
 }
 
-void JointFlight::find_steps(const Variant& variant, double tau,
+void FamilyFlight::find_steps(const Variant& variant, double tau,
                              std::vector<OscillatorStep>& steps) const {
   for (Eigen::Index i = 0; i < n(); ++i) {
     steps[static_cast<std::size_t>(i)] =
@@ -98,7 +113,7 @@ void JointFlight::find_steps(const Variant& variant, double tau,
 }
 
 // The steady response to the harmonics, at the instant that they are at.
-void JointFlight::add_steady(double sign, Variant& variant) const {
+void FamilyFlight::add_steady(double sign, Variant& variant) const {
   const Machine& machine = variant.machine;
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const Complex z = sign * Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
@@ -111,7 +126,7 @@ void JointFlight::add_steady(double sign, Variant& variant) const {
   }
 }
 
-double JointFlight::cost_of_holding(double tau) const {
+double FamilyFlight::steps_of_holding(double tau) const {
   const Machine& machine = centre().machine;
   double rate = machine.C.maxCoeff() + std::sqrt(machine.K.maxCoeff());
   if (machine.groups() > 0) rate = std::max(rate, machine.frequencies.maxCoeff());
@@ -120,7 +135,7 @@ double JointFlight::cost_of_holding(double tau) const {
 
 // term_ <- A term_ share, where x' = A x without what drives it: the force of the contact keeps its
 // gap from accelerating.
-void JointFlight::add_held_terms(const Machine& machine, int contact, double share) {
+void FamilyFlight::add_held_terms(const Machine& machine, int contact, double share) {
   const auto w = machine.W.col(contact);
   next_.head(n()) = term_.tail(n());
   for (Eigen::Index i = 0; i < n(); ++i) {
@@ -132,11 +147,11 @@ void JointFlight::add_held_terms(const Machine& machine, int contact, double sha
 }
 
 // The free part of x, by Taylor series in steps in which no angle turns by more than 1.
-void JointFlight::hold(int contact, double tau, Variant& variant) {
+void FamilyFlight::hold(int contact, double tau, Variant& variant) {
   const Machine& machine = variant.machine;
   const auto w = machine.W.col(contact);
   const Eigen::Index constants = 2 * machine.groups();
-  const double steps = std::max(1.0, cost_of_holding(tau));
+  const double steps = std::max(1.0, steps_of_holding(tau));
   const double step = tau / steps;
   for (int i = 0; i < static_cast<int>(steps); ++i) {
     term_ = variant.x;
@@ -179,8 +194,8 @@ void JointFlight::hold(int contact, double tau, Variant& variant) {
 }
 
 // What becomes of deviations.
-void JointFlight::hold_homogeneous(int contact, double tau) {
-  const double steps = std::max(1.0, cost_of_holding(tau));
+void FamilyFlight::hold_homogeneous(int contact, double tau) {
+  const double steps = std::max(1.0, steps_of_holding(tau));
   for (Eigen::Index j = 0; j < 2 * n(); ++j) {
     auto column = held_step_.col(j);
     column.setZero();
@@ -195,8 +210,7 @@ void JointFlight::hold_homogeneous(int contact, double tau) {
   }
 }
 
-void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau,
-                      Variant& variant) {
+void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& variant) {
   const Machine& machine = variant.machine;
   const auto turn = [&](double to) {
     for (Eigen::Index g = 0; g < machine.groups(); ++g) {
@@ -227,40 +241,49 @@ void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, doub
   add_steady(1.0, variant);
 }
 
-void JointFlight::fly(const Eigen::Ref<const Eigen::VectorXd>& x, double t, double tau, int held) {
-  end_ = t + tau;
+void FamilyFlight::move(double tau, int held) {
   held_ = held;
   if (held < 0) {
     find_steps(centre(), tau, steps_);
   } else {
     hold_homogeneous(held, tau);
   }
+}
+
+void FamilyFlight::fly(const ConstVector& x, double t, double tau, ContactSet held) {
+  end_ = t + tau;
+  move(tau, contact_of(held));
   const std::size_t count = derivatives_ ? variants_.size() : 1;
   for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
   difference();
 }
 
-void JointFlight::fly_on(double tau, int held) {
-  held_ = held;
-  if (held < 0) {
-    find_steps(centre(), tau, steps_);
-  } else {
-    hold_homogeneous(held, tau);
-  }
+void FamilyFlight::fly_on(double tau, ContactSet held) {
+  move(tau, contact_of(held));
   const std::size_t count = derivatives_ ? variants_.size() : 1;
   for (std::size_t j = 0; j < count; ++j) fly(variants_[j].x, end_, tau, variants_[j]);
   end_ += tau;
   difference();
 }
 
-void JointFlight::turn(double tau, Eigen::Ref<Eigen::VectorXd> dx) {
+bool FamilyFlight::can_hold(ContactSet held, double duration) const {
+  return held == 0 || (std::has_single_bit(held) && steps_of_holding(duration) < most_held_steps);
+}
+
+ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const {
+  return first | closed;
+}
+
+void FamilyFlight::turn(double tau, ContactSet, Columns dx) {
   find_steps(centre(), tau, turn_);
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    turn_[static_cast<std::size_t>(i)].apply(0.0, dx[i], dx[n() + i]);
+  for (auto column : dx.colwise()) {
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      turn_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
+    }
   }
 }
 
-void JointFlight::carry_by_unknown(Eigen::Index k, Eigen::Ref<Eigen::VectorXd> dx) const {
+void FamilyFlight::carry_by_unknown(Eigen::Index k, Vector dx) const {
   const auto j = static_cast<std::size_t>(1 + 2 * k);
   for (Eigen::Index i = 0; i < n(); ++i) {
     const OscillatorStep& above = variants_[j].steps[static_cast<std::size_t>(i)];
@@ -271,11 +294,11 @@ void JointFlight::carry_by_unknown(Eigen::Index k, Eigen::Ref<Eigen::VectorXd> d
   }
 }
 
-double JointFlight::largest_frequency() const {
+double FamilyFlight::largest_frequency() const {
   return std::sqrt(std::max(centre().machine.K.maxCoeff(), 0.0));
 }
 
-void JointFlight::difference() {
+void FamilyFlight::difference() {
   x_ = centre().x;
   for (Eigen::Index k = 0; derivatives_ && k < unknowns(); ++k) {
     const auto j = static_cast<std::size_t>(1 + 2 * k);
@@ -283,19 +306,21 @@ void JointFlight::difference() {
   }
 }
 
-void JointFlight::carry(Eigen::Ref<Eigen::VectorXd> dx) {
-  if (held_ >= 0) {
-    term_ = dx;
-    dx.noalias() = held_step_.lazyProduct(term_);
-    return;
-  }
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    steps_[static_cast<std::size_t>(i)].apply(0.0, dx[i], dx[n() + i]);
+void FamilyFlight::carry(Columns dx) {
+  for (auto column : dx.colwise()) {
+    if (held_ >= 0) {
+      term_ = column;
+      column.noalias() = held_step_.lazyProduct(term_);
+      continue;
+    }
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      steps_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
+    }
   }
 }
 
 // The motion of a mode without its steady response to the harmonics.
-JointFlight::FreePart JointFlight::free_part(Eigen::Index i, const Variant& variant) const {
+FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& variant) const {
   const Machine& machine = variant.machine;
   FreePart part{variant.x[i], variant.x[n() + i]};
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
@@ -314,7 +339,7 @@ JointFlight::FreePart JointFlight::free_part(Eigen::Index i, const Variant& vari
 }
 
 // Steady response and motion of the support are one: what is left of x is the free part.
-JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
+Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
   Gap gap;
   const Eigen::Index constants = 2 * machine.groups();
@@ -343,10 +368,8 @@ JointFlight::Gap JointFlight::gap(int contact, const Variant& variant) const {
   return gap;
 }
 
-JointFlight::Gap JointFlight::gap(int contact) const { return gap(contact, centre()); }
-
 // The gap accelerates by a + w^T w lambda, which is 0 while the contact is held.
-JointFlight::Gap JointFlight::force(int contact, const Variant& variant) const {
+Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
   double a = 0.0, rate = 0.0, terms = 0.0;
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
@@ -375,10 +398,7 @@ JointFlight::Gap JointFlight::force(int contact, const Variant& variant) const {
   return {-a, -rate, 0.0, terms, terms};
 }
 
-JointFlight::Gap JointFlight::force(int contact) const { return force(contact, centre()); }
-
-void JointFlight::differences(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> of_g,
-                              Eigen::Ref<Eigen::VectorXd> of_velocity) const {
+void FamilyFlight::differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
   const auto at = [&](std::size_t j) {
     return of_force ? force(contact, variants_[j]) : gap(contact, variants_[j]);
   };
@@ -390,18 +410,19 @@ void JointFlight::differences(int contact, bool of_force, Eigen::Ref<Eigen::Vect
   }
 }
 
-void JointFlight::direction(int contact, bool of_force, Eigen::Ref<Eigen::VectorXd> by_x) const {
+void FamilyFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
   const Machine& machine = centre().machine;
-  by_x.setZero();
+  of_g.setZero();
+  of_velocity.setZero();
   for (Eigen::Index i = 0; i < n(); ++i) {
     const double w = machine.W(i, contact);
-    by_x[i] = of_force ? w * machine.K(i, 0) : w;
-    if (of_force) by_x[n() + i] = w * machine.C(i, 0);
+    of_g[i] = of_force ? w * machine.K(i, 0) : w;
+    (of_force ? of_g : of_velocity)[n() + i] = of_force ? w * machine.C(i, 0) : w;
   }
 }
 
 // Where the contact stays closed its restitution is 0.
-void JointFlight::strike(int contact, bool stays, Variant& variant) {
+void FamilyFlight::strike(int contact, bool stays, Variant& variant) {
   const double gamma = gap(contact, variant).velocity;
   const auto w = variant.machine.W.col(contact);
   if (stays) {
@@ -411,7 +432,7 @@ void JointFlight::strike(int contact, bool stays, Variant& variant) {
   }
 }
 
-void JointFlight::strike(int contact, bool stays) {
+ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet) {
   struck_ = contact;
   stays_ = stays;
   const Gap before = gap(contact);
@@ -434,27 +455,49 @@ void JointFlight::strike(int contact, bool stays) {
   const std::size_t count = derivatives_ ? variants_.size() : 1;
   for (std::size_t j = 0; j < count; ++j) strike(contact, stays, variants_[j]);
   difference();
+  return stays ? bit(contact) : 0;
 }
 
-double JointFlight::lost_share(int contact) const {
+double FamilyFlight::restitution(int contact) const {
   const Machine& machine = centre().machine;
-  return 2.0 - machine.W.col(contact).dot(machine.jump.col(contact));
+  return machine.W.col(contact).dot(machine.jump.col(contact)) - 1.0;
 }
 
-void JointFlight::along(int contact, Eigen::Ref<Eigen::VectorXd> y) const {
+void FamilyFlight::along(int contact, Vector dx) const {
   const auto w = centre().machine.W.col(contact);
-  y = w / w.squaredNorm();
+  dx.head(n()).setZero();
+  dx.tail(n()) = w / w.squaredNorm();
 }
 
-void JointFlight::carry_through(Eigen::Ref<Eigen::VectorXd> dx) const {
+void FamilyFlight::carry_through(Columns dx) const {
   const Machine& machine = centre().machine;
-  const double gamma = machine.W.col(struck_).dot(dx.tail(n()));
   const auto w = machine.W.col(struck_);
-  if (stays_) {
-    dx.tail(n()) -= (gamma / w.squaredNorm()) * w;
-  } else {
-    dx.tail(n()) -= gamma * machine.jump.col(struck_);
+  for (auto column : dx.colwise()) {
+    const double gamma = w.dot(column.tail(n()));
+    if (stays_) {
+      column.tail(n()) -= (gamma / w.squaredNorm()) * w;
+    } else {
+      column.tail(n()) -= gamma * machine.jump.col(struck_);
+    }
   }
+}
+
+void FamilyFlight::enter(const ConstVector& q, const ConstVector& u, double, Vector x) {
+  x.head(n()).noalias() = from_state_.topLeftCorner(n(), n()).lazyProduct(q);
+  x.tail(n()).noalias() = from_state_.topLeftCorner(n(), n()).lazyProduct(u);
+}
+
+void FamilyFlight::state(const ConstVector& x, double, Vector q, Vector u) {
+  q.noalias() = family_->V().lazyProduct(x.head(n()));
+  u.noalias() = family_->V().lazyProduct(x.tail(n()));
+}
+
+double FamilyFlight::twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const {
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    sum += dx.row(n() + i).squaredNorm() + stiffness_[i] * dx.row(i).squaredNorm();
+  }
+  return sum;
 }
 
 }  // namespace sprag
