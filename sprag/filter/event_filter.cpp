@@ -402,7 +402,11 @@ void EventFilter::describe(const Event& event, double reach, int nodes, FilterBe
     if (node.log_weight <= heaviest) continue;
     heaviest = node.log_weight;
     rebound = epsilon * std::hypot(node.gamma, node.gamma_sigma);
-    impact.jump = node.jump;
+    if (event.kind == Kind::opens) {
+      impact.jump.setZero();
+    } else {
+      impact.jump = node.jump;
+    }
   }
   double of_before = 0.0, of_after = 0.0;
   for (int i = 0; i < nodes; ++i) {
@@ -415,9 +419,10 @@ void EventFilter::describe(const Event& event, double reach, int nodes, FilterBe
   belief.t = event.t - point_.tau;
   belief.occurred[event.contact] = belief.t;
   belief.rebound[event.contact] = rebound;
-  const bool mixes = event.kind == Kind::impact && belief.held == nodes_.front().held;
-  impact.time_sigma = mixes ? std::sqrt(std::max(squares - square(mean), 0.0)) : 0.0;
+  const double rounding = belief.sigma > 0.0 ? impact_rounding * event.t : 0.0;
+  impact.time_sigma = std::hypot(std::sqrt(std::max(squares - square(mean), 0.0)), rounding);
   impact.time = belief.t - mean;
+  impact.held_before = belief.held;
   belief.held = nodes_.front().held;
 }
 
@@ -699,7 +704,7 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
   if (g0 > near_gap * s || !(v < 0.0)) return false;
   // When the mean was hit.
   double g = g0;
-  for (int i = 0; i < 4 && g < 0.0; ++i) {
+  for (int i = 0; i < newton_steps && g0 < 0.0 && square(g) > at_.noise; ++i) {
     ago += g / v;
     at_.fly(t - ago, belief.z, belief);
     at_.look(contact, false, t - ago);
@@ -754,6 +759,31 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
   return true;
 }
 
+// A contact may have opened and not been reported yet.
+bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief) {
+  at_.look(contact, true, t);
+  const double s = std::sqrt(at_.phi.squaredNorm() + at_.noise), force = at_.of.g;
+  double rate = at_.of.velocity, ago = 0.0, g = force;
+  if (force > near_gap * s || !(rate < 0.0)) return false;
+  // When the force of the mean was zero.
+  for (int i = 0; i < newton_steps && g < 0.0; ++i) {
+    ago = std::clamp(ago + g / rate, 0.0, t - belief.t);
+    fly_mean(t - ago, belief);
+    const Flight::Gap of = flight().force(contact);
+    g = of.g;
+    rate = of.velocity;
+    if (!(rate < 0.0)) break;
+  }
+  fly_mean(t - ago, belief);
+  const double open = normal_cdf(-force / s) * normal_cdf(-ago / belief.sigma);
+  const double p = std::max(open / (open + normal_cdf(force / s) + 1e-300), least_probability);
+  flight().fly_on(ago, belief.held & ~bit(contact));
+  kick_ = flight().x() - at_.x;
+  at_.x += p * kick_;
+  at_.X.col(at_.X.cols() - 1) += std::sqrt(p * (1.0 - p)) * kick_;
+  return true;
+}
+
 const Eigen::VectorXd& EventFilter::mean(double t, const FilterBelief& belief) {
   at_.spread(belief, t - belief.t);
   at_.fly(t, belief.z, belief);
@@ -785,16 +815,20 @@ const Eigen::VectorXd& EventFilter::publish(double t, const FilterBelief& belief
   const double s = belief.impact.time_sigma;
   if (s > 0.0 && t < belief.impact.time + publish_reach * s) {
     const double before = std::max(normal_cdf((belief.impact.time - t) / s), least_probability);
-    x_ = belief.impact.jump;
-    flight().turn(t - belief.impact.time, belief.held, x_);
-    at_.x -= before * x_;
-    at_.X.col(last) = std::sqrt(before * (1.0 - before)) * x_;
+    // Without the event.
+    kick_ = belief.z.head(2 * n()) - belief.impact.jump;
+    flight().fly(kick_, belief.t, t - belief.t, belief.impact.held_before);
+    kick_ = flight().x() - at_.x;
+    at_.x += before * kick_;
+    at_.X.col(last) = std::sqrt(before * (1.0 - before)) * kick_;
     return at_.x;
   }
   if (!(belief.sigma > 0.0)) return at_.x;
+  bool opens = false;
+  for_each(belief.held, [&](int i) { opens = opens || mix_opening(i, t, belief); });
+  if (opens) return at_.x;
   for (int i = 0; i < flight().contacts(); ++i) {
     if (contains(belief.held, i) || !flight().can_strike(i, belief.held)) continue;
-    if (t - belief.reported[i] < close_reports * belief.sigma) continue;
     if (mix_impact(i, t, belief)) break;
   }
   return at_.x;

@@ -134,6 +134,7 @@ class EventFilter {
   Eigen::Index take_columns();
   void let_go(int contact, FilterBelief& belief);
   ContactSet released(int contact, const FilterBelief& belief) const;
+  bool mix_opening(int contact, double t, const FilterBelief& belief);
   bool mix_impact(int contact, double t, const FilterBelief& belief);
   double energy(const Eigen::VectorXd& x) const;
 

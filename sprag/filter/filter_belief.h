@@ -14,9 +14,10 @@
 
 namespace sprag {
 
-/// The last impact, for ticks that may precede it and for a table of impacts.
+/// The last event, for ticks that may precede it and for a table of impacts.
 struct ImpactEstimate {
   double time = 0.0, time_sigma = 0.0;      ///< [s]; sigma 0: ticks are not mixed about it
+  ContactSet held_before = 0;               ///< held before it
   double before = 0.0, before_sigma = 0.0;  ///< gap velocity before it [m/s]
   double after = 0.0, after_sigma = 0.0;    ///< and after it [m/s]
   Eigen::VectorXd jump;                     ///< its change of x, 2n entries
