@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include "sprag/estimation/belief.h"
 #include "sprag/filter/flux.h"
 #include "sprag/filter/triangularize.h"
 #include "sprag/mechanics/master.h"
@@ -35,7 +36,7 @@ constexpr double publish_reach = 6.0;
 constexpr double near_gap = 8.0;  // deviations of a gap that may have closed unreported
 // Least probability that a tick lies on the other side of an impact: no deviation of a predicted
 // time is known to be Gaussian further out.
-constexpr double least_probability = 1e-4;
+constexpr double least_probability = 1e-3;
 // Silence: deviations of the gap, and of the time of the report.
 constexpr double silent_gaps = 6.7, silent_reports = 9.0;
 // Of exact times: an innovation below this share of the gap's terms is rounding; the shift of an
@@ -43,6 +44,8 @@ constexpr double silent_gaps = 6.7, silent_reports = 9.0;
 constexpr double insignificant = 1e-10;
 constexpr double impact_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 constexpr double touch = 2.0 * touching;
+// How much less must be known of a gap velocity than the end of a chatter says.
+constexpr double remainder_tells = 100.0;
 
 double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
@@ -277,6 +280,7 @@ void EventFilter::condition(const Event& event, double tau, const FilterBelief& 
     if (!exact && !at_.considers() && event.extra == 0.0) {
       weigh_flux(belief.sigma, variance, gamma, node);
     }
+    if (exact && event.kind == Kind::stays) measure_rest(event, gamma);
   }
   node.gamma = gamma;
   node.gamma_sigma = at_.psi.norm();
@@ -316,6 +320,24 @@ void EventFilter::condition(const Event& event, double tau, const FilterBelief& 
   if (steps_ == nullptr) return;
   node.past_mean = at_.past_mean;
   node.past = at_.past.leftCols(columns);
+}
+
+// Variance of the gap velocity where a chatter is completed.
+double EventFilter::remainder(const Event& event) {
+  const double off = std::max(model_.chatter_time, impact_rounding * event.t);
+  flight().acceleration_gradient(event.contact, kick_);
+  next_.noalias() = at_.X.transpose().lazyProduct(kick_);
+  return square(off) * (square(at_.of.acceleration) + next_.squaredNorm());
+}
+
+// The gap velocity is zero where a chatter ends. It is not taken for more than it can say: where it
+// is known almost as well already it says nothing; nor where contacts may have wedged each other.
+void EventFilter::measure_rest(const Event& event, double gamma) {
+  if (flight().contacts() > 1 || !(flight().restitution(event.contact) > 0.0)) return;
+  const double left = remainder(event);
+  if (!(at_.psi.squaredNorm() > remainder_tells * left)) return;
+  at_.phi = at_.psi;
+  at_.measure(gamma, left + square(measurement_rounding * at_.of.velocity), x_, c_);
 }
 
 // Contacts that are held after one of them opens.
@@ -477,8 +499,9 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   const bool expected = about != nullptr && expect(event, *about, belief);
   if (!expected && !find(event, belief)) return false;
   if (exact && event.kind == Kind::stays && flight().restitution(event.contact) > 0.0) {
-    // The remainder of a completed chatter.
-    event.extra += square(0.5 * square(model_.chatter_time) * at_.of.acceleration);
+    // The remainder of a completed chatter may still lift the contact, by less than it falls in the
+    // time of it.
+    event.extra += 0.25 * square(model_.chatter_time) * remainder(event);
   }
   int nodes = 1;
   if (!exact) {

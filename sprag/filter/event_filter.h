@@ -125,6 +125,8 @@ class EventFilter {
   void note_touched(double t, int contact, FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
   void condition(const Event& event, double tau, const FilterBelief& belief, Node& node);
+  double remainder(const Event& event);
+  void measure_rest(const Event& event, double gamma);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node);
   void collapse(double largest, int nodes, FilterBelief& belief);
   void describe(const Event& event, double reach, int nodes, FilterBelief& belief);

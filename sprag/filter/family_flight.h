@@ -43,6 +43,7 @@ class FamilyFlight final : public Flight {
   /// w^T w lambda, as g.
   Gap force(int contact) const override { return force(contact, centre()); }
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
+  void acceleration_gradient(int, Vector of) const override { of.setZero(); }
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   bool can_strike(int contact, ContactSet held) const override {
     return (held & ~bit(contact)) == 0;

@@ -68,6 +68,8 @@ class Flight {
   /// Gradients by x of g and of its velocity, 2n entries each, of gap() or of force(). The second
   /// is only filled for gap().
   virtual void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const = 0;
+  /// Gradient by x of the acceleration of a gap in free flight, 2n entries.
+  virtual void acceleration_gradient(int contact, Vector of) const = 0;
   /// d(g, velocity) / dc since fly(), of gap() or of force(), P entries each.
   virtual void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const = 0;
 

@@ -195,6 +195,16 @@ void ModelFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_v
   of_velocity.setZero();
 }
 
+void ModelFlight::acceleration_gradient(int contact, Vector of) const {
+  const Oscillators& o = free().oscillators();
+  const Signal& gamma = free().gap_velocity(contact);
+  for (Eigen::Index i = 0; i < f_; ++i) {
+    const Eigen::Index k = first_ + i;
+    of[i] = -o.kappa()[k] * gamma.r[k];
+    of[f_ + i] = gamma.p[k] - 2.0 * o.delta()[k] * gamma.r[k];
+  }
+}
+
 // x' of the free flow at motion_.
 void ModelFlight::find_rates(Vector of) const {
   const Oscillators& o = free().oscillators();

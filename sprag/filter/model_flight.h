@@ -35,6 +35,7 @@ class ModelFlight final : public Flight {
   Gap gap(int contact) const override;
   Gap force(int contact) const override;
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
+  void acceleration_gradient(int contact, Vector of) const override;
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   bool can_strike(int, ContactSet) const override { return true; }
   ContactSet strike(int contact, bool stays, ContactSet held) override;
