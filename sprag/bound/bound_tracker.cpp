@@ -75,7 +75,7 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
   W_ = cap_holds_ ? cap_.from_distance(start_b, modal_, 0.0) : infinity;
   // Since it was within the uncertainty, W has been below the larger of its value then and its end.
   if (k != 0 && cap_holds_) W_ = std::max(W_, cap_.ultimate());
-  W_t_ = since_ = integrated_to_ = t;
+  W_t_ = since_ = integrated_to_ = followed_ = t;
   integral_ = 0.0;
   b_ = k == 0 ? in_ * start_b : infinity;
   lost_until_ = k == 0 ? t : t + tolerance_.time;
@@ -84,11 +84,13 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
 }
 
 double BoundTracker::known_up_to(const EventHistory& events) const {
-  return events.horizon() - tolerance_.time;
+  return std::min(events.horizon(), end_) - tolerance_.time;
 }
 
 void BoundTracker::follow(const EventHistory& events, double t) {
   const double reach = std::min(t, known_up_to(events));
+  if (reach < followed_) return;
+  followed_ = reach;
   const double last = reach + tolerance_.time + time_rounding * std::abs(reach);
   const std::vector<ContactEvent>& all = events.events();
   std::size_t next =
@@ -403,7 +405,8 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
 
 double BoundTracker::bound(const EventHistory& events, double t, const Eigen::VectorXd& q,
                            const Eigen::VectorXd& u) {
-  if (failed_ || t > known_up_to(events) * (1.0 + time_rounding)) return infinity;
+  const double known = known_up_to(events);
+  if (failed_ || t < followed_ || t > known + time_rounding * std::abs(known)) return infinity;
   double b = infinity;
   if (b_ < infinity && t <= since_) {
     b = b_ + cluster_.open_J(t);

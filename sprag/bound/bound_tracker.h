@@ -45,13 +45,15 @@ class BoundTracker {
   /// For a scene with tolerances; `flows` are the machine's and must outlive this. The
   /// `uncertainty` of the scene is B(0); without one nothing is known. Throws ModelError.
   BoundTracker(const Scene& scene, Flows& flows, double h, const BoundFactors& factors = {});
+  BoundTracker(const BoundTracker&) = delete;
+  BoundTracker& operator=(const BoundTracker&) = delete;
 
   /// Begins where the time line begins: at tick k, with chi closed. At k = 0 the machine is within
   /// the scene's `uncertainty` of the replica; at a later tick it was at some time before.
   void start(std::int64_t k, ContactSet chi);
 
-  /// Takes what happened up to t from a history that begins at this start. t must not be before an
-  /// earlier one. Does not allocate once the locked sets that occur have been met.
+  /// Takes what happened up to t from a history that begins at this start. Earlier ones than the
+  /// last are passed over. Does not allocate once the locked sets that occur have been met.
   void follow(const EventHistory& events, double t);
 
   /// B at t, after follow(events, t); q and u of the replica there, f entries each. Infinite where
@@ -72,6 +74,9 @@ class BoundTracker {
   double bound(const Line& line, double t, const Eigen::VectorXd& q, const Eigen::VectorXd& u) {
     return bound(line.events(), t, q, u);
   }
+
+  /// Nothing after t will be asked for, so that nothing is known of events after it [s].
+  void set_end(double t) { end_ = t; }
 
   const EnergyMetric& metric() const { return metric_; }
   const DissipationCap& cap() const { return cap_; }
@@ -115,10 +120,12 @@ class BoundTracker {
   std::int64_t starts_ = 0;
   std::int64_t consumed_ = 0;  // events since the start
   std::size_t gap_ = 0;        // degraded interval that comes next
-  bool failed_ = false;        // nothing holds any longer
-  double b_ = 0.0;             // at since_
-  double since_ = 0.0;         // end of the last window, or where b was last advanced to
-  double integral_ = 0.0;      // of the defect since then
+  double end_ = infinity;
+  double followed_ = 0.0;  // up to here
+  bool failed_ = false;    // nothing holds any longer
+  double b_ = 0.0;         // at since_
+  double since_ = 0.0;     // end of the last window, or where b was last advanced to
+  double integral_ = 0.0;  // of the defect since then
   double integrated_to_ = 0.0;
   DefectNode node_;  // there, if it is known
   bool node_is_known_ = false;
