@@ -117,17 +117,6 @@ void add_replica(std::string& text, const Scene& scene) {
   add(text, "drift", scene.drift);
 }
 
-void add_tolerance(std::string& text, const Tolerance& tolerance) {
-  if (!tolerance.any()) return;
-  text += "\n[tolerance]\n";
-  add(text, "time", tolerance.time);
-  add(text, "restitution", tolerance.restitution);
-  add(text, "stiffness", tolerance.stiffness);
-  add(text, "damping", tolerance.damping);
-  add(text, "force", tolerance.force);
-  add(text, "clearance", tolerance.clearance);
-}
-
 // A beam's keys are none of the matrices that are written for it.
 void add_adaptation(std::string& text, const Scene& scene) {
   if (scene.beam) return;
@@ -156,6 +145,19 @@ std::string to_toml(const ParameterUncertainty& parameters, std::string_view com
     }
   }
   if (!correlations.empty()) text += "correlation = [\n" + correlations + "]\n";
+  return text;
+}
+
+std::string to_toml(const Tolerance& tolerance, std::string_view comment) {
+  if (!tolerance.any()) return {};
+  std::string text = "[tolerance]\n";
+  if (!comment.empty()) text += "# " + std::string(comment) + '\n';
+  add(text, "time", tolerance.time);
+  add(text, "restitution", tolerance.restitution);
+  add(text, "stiffness", tolerance.stiffness);
+  add(text, "damping", tolerance.damping);
+  add(text, "force", tolerance.force);
+  add(text, "clearance", tolerance.clearance);
   return text;
 }
 
@@ -193,7 +195,7 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add_replica(text, scene);
   text += "\n[events]\n";
   add(text, "jitter", scene.jitter);
-  add_tolerance(text, scene.tolerance);
+  if (scene.tolerance.any()) text += '\n' + to_toml(scene.tolerance);
   add_adaptation(text, scene);
   if (!scene.beam && !scene.parameters.empty()) text += '\n' + to_toml(scene.parameters);
   return text;
