@@ -14,6 +14,11 @@ constexpr double state_rounding = 64.0 * machine_epsilon;
 // An event at exactly t + delta is in time, whatever its sum rounds to.
 constexpr double time_rounding = 4.0 * machine_epsilon;
 
+// Whether an impact on one contact leaves the other's gap velocity alone.
+bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
+  return std::abs(G(a, b)) <= 1e-12 * std::sqrt(G(a, a) * G(b, b));
+}
+
 double largest_restitution(const Model& model) {
   double largest = 0.0;
   for (const Contact& contact : model.contacts) largest = std::max(largest, contact.restitution);
@@ -203,12 +208,14 @@ BoundTracker::Impact BoundTracker::impact_of(std::span<const ContactEvent> of_on
   return impact;
 }
 
-// Whether nothing else is closed, and other contacts' windows that are open are of simple impacts.
+// Whether nothing else is closed, and other contacts' windows that are open are of simple impacts
+// that do nothing to this contact.
 bool BoundTracker::is_alone(const Impact& impact) const {
   if (impact.count != 1 || (impact.before & ~bit(impact.contact)) != 0) return false;
   const auto allows = [&](const OpenWindow& other) {
     return other.contact == impact.contact ||
-           (other.simple && impact.kind == ContactEventKind::pulse);
+           (other.simple && impact.kind == ContactEventKind::pulse &&
+            are_uncoupled(metric_.dynamics().G(), impact.contact, other.contact));
   };
   return std::all_of(cluster_.windows.begin(),
                      cluster_.windows.begin() + static_cast<std::ptrdiff_t>(cluster_.open), allows);
@@ -320,17 +327,6 @@ void BoundTracker::single(const Impact& impact, double rho) {
   const EventCost cost =
       single_cost(metric_, tolerance_, stays ? SingleEvent::closes : SingleEvent::impact, i,
                   epsilon, near, rho);
-  // Two impacts of different contacts whose order is not known.
-  const double moved = rho + 2.0 * tolerance_.time * speed(metric_, modal_);
-  for (std::size_t k = 0; k < cluster_.open; ++k) {
-    const OpenWindow& other = cluster_.windows[k];
-    if (other.contact == i) continue;
-    const double G_j = G(other.contact, other.contact);
-    const double kappa = std::abs(G(i, other.contact)) / std::sqrt(G_i * G_j);
-    const double kept = 1.0 + metric_.dynamics().model().contacts[index(other.contact)].restitution;
-    const double own = cost.approach + kappa * kept * other.approach;
-    cluster_.swap += kept * (1.0 + epsilon) * kappa * (other.approach + own + 2.0 * moved);
-  }
   const double gamma = value(free_.flow->gap_velocity(i), free_);
   cluster_.impulse += (1.0 + epsilon) * std::max(0.0, -gamma) / G_i;
   cluster_.acceleration = std::max(cluster_.acceleration,
@@ -399,7 +395,10 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
     cost.E = off * reach;
   }
   cluster_.growth *= 1.0 + off;
-  cluster_.swap += pairs * 2.0 * kept * (reach + 2.0 * delta * before) + 2.0 * kept * jumps;
+  // One after the other, in either order, or at once: |E_b E_a y - y| + |Z_ab y - y| is at most
+  // (3 + kept) kept times the distance of y, before both, to the nearest state that parts.
+  const double either = (3.0 + kept) * kept;
+  cluster_.swap += either * (pairs * (reach + 2.0 * delta * before) + jumps);
   add(impact, cost);
 }
 

@@ -1,9 +1,10 @@
 // Events whose windows of +- delta overlap: between them nothing contracts, and the path from the
 // replica to the machine has moved by what the earlier ones add.
 //
-// The order of one contact's events is kept, that of different contacts may differ: for each pair
-// whose windows meet the two orders' end states differ by a jump. One contact's events together add
-// no more than their impulses allow (momentum), however many they are.
+// The order of one contact's events is kept. Events of different contacts whose windows meet may
+// have happened in either order or at once: for each such pair the end states differ by a jump. One
+// contact's events together add no more than their impulses allow (momentum), however many they
+// are.
 #pragma once
 
 #include <array>

@@ -165,6 +165,11 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
       // Cut in the middle of a burst: that is a case too.
       machine.events.resize(static_cast<std::size_t>(most_events));
       machine.end = machine.events.back().t;
+      // What happens at the end may be cut in two.
+      while (!machine.events.empty() && machine.events.back().t == machine.end) {
+        machine.events.pop_back();
+      }
+      machine.end = std::nextafter(machine.end, 0.0);
     }
     if (machine.events.size() >= 4) return machine;
   }

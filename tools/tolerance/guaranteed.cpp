@@ -22,7 +22,11 @@ std::optional<Tolerance> tolerance_of(const Scene& scene, const Deviation& devia
     tolerance.time = amount;
     return tolerance;
   }
-  if (deviation.kind != Deviation::Kind::parameter || !deviation.share) return std::nullopt;
+  if (deviation.kind != Deviation::Kind::parameter) return std::nullopt;
+  if (!deviation.share) {
+    if (!(deviation.unknown.nominal > 0.0)) return std::nullopt;
+    amount /= deviation.unknown.nominal;
+  }
   double largest = 0.0;
   switch (deviation.unknown.kind) {
     case Unknown::Kind::restitution:
