@@ -21,7 +21,7 @@ struct BoundsSample {
   double bound = 0.0;        ///< of V
   std::int64_t refutations = 0;
   std::vector<std::string> names;
-  std::vector<double> half_widths;  ///< one each; may be infinite
+  std::vector<double> half_widths;  ///< as many as names; infinite where nothing is guaranteed
 };
 
 /// `outputs` are those of the model that is estimated. The message lies in `buffer` and is valid
@@ -30,8 +30,8 @@ std::span<const std::uint8_t> encode_bounds(const EstimateSample& sample,
                                             std::span<const Output> outputs,
                                             std::vector<std::uint8_t>& buffer);
 
-/// Fills `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
-/// then holds nothing of use.
+/// Fills `sample` from a message. Returns Refusal::none, or why the message is refused; `sample` is
+/// unspecified then.
 Refusal decode(std::span<const std::uint8_t> message, BoundsSample& sample);
 
 }  // namespace sprag
