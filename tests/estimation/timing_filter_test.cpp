@@ -239,7 +239,7 @@ TEST(TimingFilter, StaysPositiveDefiniteForVeryManyEvents) {
     std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
               << ", largest V " << worst << " in " << run.impacts << " events, "
               << run.state.silences << " silences\n";
-    // At the end of a thorough run t is 6e5, and doubles are 1e-10 apart: times are told to be
+    // At the end of a thorough run t is 6e5, and doubles are 1e-10 apart: the filter takes times as
     // known to 16 of that.
     EXPECT_LT(worst, sigma == 0.0 ? 1e-14 : 1e-2);
   }
