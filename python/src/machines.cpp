@@ -186,9 +186,9 @@ Tolerance make_tolerance(double time, double restitution, double stiffness, doub
     return required_not_negative(name, value);
   };
   return {.time = required_not_negative("time", time),
-          .restitution = at_most("restitution", restitution, 1.0),
-          .stiffness = at_most("stiffness", stiffness, 0.5),
-          .damping = at_most("damping", damping, 0.5),
+          .restitution = at_most("restitution", restitution, Tolerance::largest_restitution),
+          .stiffness = at_most("stiffness", stiffness, Tolerance::largest_share),
+          .damping = at_most("damping", damping, Tolerance::largest_share),
           .force = required_not_negative("force", force),
           .clearance = required_not_negative("clearance", clearance)};
 }

@@ -19,12 +19,6 @@ bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
   return std::abs(G(a, b)) <= 1e-12 * std::sqrt(G(a, a) * G(b, b));
 }
 
-double largest_restitution(const Model& model) {
-  double largest = 0.0;
-  for (const Contact& contact : model.contacts) largest = std::max(largest, contact.restitution);
-  return largest;
-}
-
 // Joint impacts gain no energy for any restitutions within the tolerance: |E Lambda_C| <=
 // |Lambda_C|.
 bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
@@ -97,17 +91,16 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   if (reach < followed_) return;
   followed_ = reach;
   const double last = reach + tolerance_.time + time_rounding * std::abs(reach);
-  const std::vector<ContactEvent>& all = events.events();
-  std::size_t next =
+  const std::span<const ContactEvent> all(events.events());
+  const auto first =
       static_cast<std::size_t>(std::max<std::int64_t>(consumed_ - events.dropped(), 0));
-  while (next < all.size() && all[next].t <= last) {
-    std::size_t end = next + 1;
-    while (end < all.size() && all[end].t == all[next].t) ++end;
-    pass_gaps(events, all[next].t - tolerance_.time);
-    event(std::span(all).subspan(next, end - next));
-    next = end;
-  }
-  consumed_ = static_cast<std::int64_t>(next) + events.dropped();
+  std::size_t end = first;
+  while (end < all.size() && all[end].t <= last) ++end;
+  for_each_instant(all.subspan(first, end - first), [&](std::span<const ContactEvent> of_one) {
+    pass_gaps(events, of_one.front().t - tolerance_.time);
+    event(of_one);
+  });
+  consumed_ = static_cast<std::int64_t>(end) + events.dropped();
   pass_gaps(events, reach);
 }
 

@@ -53,6 +53,12 @@ double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const Con
   return std::sqrt(std::max(0.5 * Lambda.dot(of * Lambda), 0.0));
 }
 
+double largest_restitution(const Model& model) {
+  double largest = 0.0;
+  for (const Contact& contact : model.contacts) largest = std::max(largest, contact.restitution);
+  return largest;
+}
+
 double restitution_spread(const Eigen::MatrixXd& G, ContactSet contacts) {
   ContactMatrix of = of_contacts(G, contacts);
   if (of.rows() == 1) return 1.0;

@@ -1,17 +1,17 @@
 // What one reported event can add to the error of a replica, in sqrt of energy: an impact, a
 // closing or an opening of a contact that happened up to delta earlier or later than reported.
 //
-// With the event mapping Z (impact, or clutch closed or open) and the flows F before and behind it,
-// the end state of a schedule moves with the event's time by c = F(Z y) - DZ F(y) at most,
+// Let Z be the map of the event (impact, closing or opening of the clutch) and F the flows before
+// and after it. If the event moves in time, the end state moves by c = F(Z y) - DZ F(y) at most,
 // evaluated on the replica's own path y, which is known. n = M^-1 w / G is the direction of the
-// contact, |n| = 1 / sqrt(2 G), gamma the replica's gap velocity. For one contact with nothing else
-// closed:
+// contact, |n| = 1 / sqrt(2 G), gamma the replica's gap velocity. For one contact with no other
+// contact closed, in units of 1 / sqrt(2 G):
 //
-//   impact  D = delta (1 + eps) hypot(w_R g, a + w_D g) / sqrt(2 G),  J = (1 + eps + d_eps) g /
-//   sqrt(2 G) closes  D = delta hypot(w_R g, a+ + w_D g) / sqrt(2 G),           J = g / sqrt(2 G)
-//   opens   D = delta (sup (gamma'_free)^- ) / sqrt(2 G),             J = 0
+//   impact   D = delta (1 + eps) hypot(w_R g, a + w_D g),   J = (1 + eps + d_eps) g
+//   closes   D = delta hypot(w_R g, a+ + w_D g),            J = g
+//   opens    D = delta sup (gamma'_free)^-,                 J = 0
 //
-// and E = d_eps g / sqrt(2 G) of an impact; g = sup gamma^-, a = sup |gamma'| over the window of
+// and E = d_eps g of an impact; g = sup gamma^-, a = sup |gamma'| over the window of
 // +- delta, widened by the path's distance rho from the replica inside a cluster. Else (several
 // contacts at once, or others closed) the path's own speed bounds D, and projections are used:
 // Poisson's law with one epsilon is (1 + eps) P - eps, P the nearest point with gamma >= 0.
@@ -61,6 +61,9 @@ EventCost opening_cost(const EnergyMetric& metric, const Tolerance& tolerance, i
 /// sqrt of the energy from a state to the nearest one with gamma >= 0 in `contacts`, gap velocities
 /// in ascending order of contacts; infinity where the directions depend on each other.
 double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const ContactVector& gamma);
+
+/// The largest epsilon of the contacts, 0 without any.
+double largest_restitution(const Model& model);
 
 /// How many times an impulse's own length the tolerated restitutions can be off, per unit of
 /// restitution, where several contacts take part: sup of sum Lambda_i sqrt(G_ii) / |Lambda|_G.

@@ -417,9 +417,10 @@ void read_tolerance(const TomlTable& root, Scene& scene) {
   const auto table = root.table(
       "tolerance", {"time", "restitution", "stiffness", "damping", "force", "clearance"});
   if (!table) return;
-  constexpr Limits share{.low = 0.0, .high = 0.5};
+  constexpr Limits share{.low = 0.0, .high = Tolerance::largest_share};
+  constexpr Limits of_restitution{.low = 0.0, .high = Tolerance::largest_restitution};
   scene.tolerance = {.time = table->number_or("time", 0.0, not_negative),
-                     .restitution = table->number_or("restitution", 0.0, {.low = 0.0, .high = 1.0}),
+                     .restitution = table->number_or("restitution", 0.0, of_restitution),
                      .stiffness = table->number_or("stiffness", 0.0, share),
                      .damping = table->number_or("damping", 0.0, share),
                      .force = table->number_or("force", 0.0, not_negative),

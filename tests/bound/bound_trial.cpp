@@ -73,7 +73,7 @@ Model true_machine(Random& random, const Scene& scene, bool corners) {
   return truth;
 }
 
-// Just before an event the machine is on the left, so that times near events are told apart.
+// A grid, and times on either side of each report and of each event.
 std::vector<double> sample_times(const BoundCase& machine,
                                  const std::vector<ContactEvent>& reports) {
   const double delta = machine.scene.tolerance.time;
@@ -103,12 +103,10 @@ class FollowedReplica {
   }
 
   void to(double t, Eigen::VectorXd& q, Eigen::VectorXd& u) {
-    while (next_ < reports_.size() && reports_[next_].t <= t) {
-      std::size_t end = next_ + 1;
-      while (end < reports_.size() && reports_[end].t == reports_[next_].t) ++end;
-      replica_.take(std::span(reports_).subspan(next_, end - next_), state_);
-      next_ = end;
-    }
+    const std::size_t first = next_;
+    while (next_ < reports_.size() && reports_[next_].t <= t) ++next_;
+    for_each_instant(std::span<const ContactEvent>(reports_).subspan(first, next_ - first),
+                     [&](std::span<const ContactEvent> of_one) { replica_.take(of_one, state_); });
     replica_.move(at(t), state_);
     state_.motion.flow->state(state_.motion, q, u);
   }

@@ -57,8 +57,8 @@ std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene) {
   GuaranteedWidths result;
   result.why_none = why_no_bound(scene);
   if (!result.why_none.empty()) return result;
-  Flows flows(scene.model);
-  const EnergyMetric metric(flows.dynamics());
+  const Dynamics dynamics(scene.model);
+  const EnergyMetric metric(dynamics);
   const double slowest = std::max(metric.omega().minCoeff(), 1e-2 * metric.omega_max());
   result.duration = slow_periods * 6.3 / (slowest > 0.0 ? slowest : 1.0);
   std::vector<ContactEvent> events;

@@ -4,13 +4,6 @@
 #include <cmath>
 
 namespace sprag {
-namespace {
-
-// As a scene may state them (scene_file.cpp).
-constexpr double largest_share = 0.5;
-
-}  // namespace
-
 Tolerance fitted_tolerance(const Identification& fit, double jitter) {
   Tolerance tolerance;
   tolerance.time = tolerated_sigmas * jitter;
@@ -24,13 +17,13 @@ Tolerance fitted_tolerance(const Identification& fit, double jitter) {
     switch (fitted.unknown.kind) {
       case Unknown::Kind::restitution:
         // A factor on restitutions that differ is at most as much of each.
-        raise(tolerance.restitution, limit, 1.0);
+        raise(tolerance.restitution, limit, Tolerance::largest_restitution);
         break;
       case Unknown::Kind::stiffness:
-        raise(tolerance.stiffness, share, largest_share);
+        raise(tolerance.stiffness, share, Tolerance::largest_share);
         break;
       case Unknown::Kind::damping:
-        raise(tolerance.damping, share, largest_share);
+        raise(tolerance.damping, share, Tolerance::largest_share);
         break;
       case Unknown::Kind::clearance:
         tolerance.clearance = std::max(tolerance.clearance, limit);

@@ -10,9 +10,8 @@
 namespace sprag::tolerance {
 namespace {
 
-constexpr int bisections = 12;          // of the logarithm of the amount
-constexpr double least_share = 1e-4;    // of the least amount that is tried by runs
-constexpr double largest_factor = 0.5;  // a tolerance of stiffness or damping
+constexpr int bisections = 12;        // of the logarithm of the amount
+constexpr double least_share = 1e-4;  // of the least amount that is tried by runs
 
 // The tolerance of an amount; none where the bound does not know such a deviation.
 std::optional<Tolerance> tolerance_of(const Scene& scene, const Deviation& deviation,
@@ -27,19 +26,16 @@ std::optional<Tolerance> tolerance_of(const Scene& scene, const Deviation& devia
     if (!(deviation.unknown.nominal > 0.0)) return std::nullopt;
     amount /= deviation.unknown.nominal;
   }
-  double largest = 0.0;
   switch (deviation.unknown.kind) {
     case Unknown::Kind::restitution:
-      for (const Contact& contact : scene.model.contacts) {
-        largest = std::max(largest, contact.restitution);
-      }
-      tolerance.restitution = std::min(amount * largest, 1.0);
+      tolerance.restitution =
+          std::min(amount * largest_restitution(scene.model), Tolerance::largest_restitution);
       return tolerance;
     case Unknown::Kind::stiffness:
-      tolerance.stiffness = std::min(amount, largest_factor);
+      tolerance.stiffness = std::min(amount, Tolerance::largest_share);
       return tolerance;
     case Unknown::Kind::damping:
-      tolerance.damping = std::min(amount, largest_factor);
+      tolerance.damping = std::min(amount, Tolerance::largest_share);
       return tolerance;
     default:
       return std::nullopt;
