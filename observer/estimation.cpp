@@ -19,18 +19,13 @@ Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::
                         ? std::numeric_limits<double>::infinity()
                         : sprag::initial_bound(scene)),
       estimator(scene, options.tick, options.estimator, options.stepper),
-      time_line(estimator, contacts, scene.replica, history) {
-  q_replica.setZero(coordinates);
-  u_replica.setZero(coordinates);
-  if (!estimator.has_replica() || estimator.flows() == nullptr) return;
-  guarantee.emplace(scene, *estimator.flows(), options.tick);
+      time_line(estimator, contacts, scene.replica, history),
+      guarantee(guarantee_of(scene, estimator)) {
   set_end(options.duration);
 }
 
 void Estimation::set_end(double t) {
-  if (!guarantee) return;
-  time_line.set_lag(guarantee->lag(), last_tick(t, estimator.h()));
-  guarantee->set_end(t);
+  if (guarantee) guarantee->set_end(t, time_line);
 }
 
 EstimateSample Estimation::empty_sample() const {
@@ -67,9 +62,7 @@ void Estimation::describe(const State& state, EstimateSample& sample) {
                        sample.confidence);
   if (guarantee) {
     const bool settled = state.tick <= time_line.settled_tick();
-    if (settled) guarantee->follow(time_line, sample.t);
-    estimator.replica(state, q_replica, u_replica);
-    guarantee->complete(time_line, sample.t, settled, q_replica, u_replica, sample.q, sample.u,
+    guarantee->complete(time_line, sample.t, settled, estimator, state, sample.q, sample.u,
                         sample.confidence);
   }
   name_known_loss(sample.confidence);

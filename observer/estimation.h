@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
-#include <optional>
 #include <vector>
 
 #include "lcmtypes/state_codec.h"
@@ -50,8 +50,7 @@ struct Estimation {
   double initial_bound;  ///< B(0)
   AdaptiveEstimator estimator;
   TimeLine<AdaptiveEstimator> time_line;
-  std::optional<Guarantee> guarantee;    ///< of an estimator with a replica
-  Eigen::VectorXd q_replica, u_replica;  // scratch
+  std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica
 };
 
 }  // namespace sprag

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sprag/bound/bound_tracker.h"
+#include "sprag/bound/dissipation_cap.h"
 #include "sprag/estimation/observer.h"
 #include "sprag/mechanics/scalars.h"
 
@@ -31,14 +31,15 @@ CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent>
     floor.largest = late.back();
   }
   // With the replica anywhere on its path.
-  Flows flows(scene.model);
-  const BoundTracker tracker(scene, flows, settings.tick);
-  if (!tracker.cap().exists()) return floor;
+  const Dynamics dynamics(scene.model);
+  const EnergyMetric metric(dynamics);
+  const DissipationCap cap(metric, scene.tolerance);
+  if (!cap.exists()) return floor;
   floor.without_events = 0.0;
   ModalState state;
   for (Eigen::Index k = 0; k < all.t.size(); ++k) {
-    tracker.metric().enter(all.q.row(k).transpose(), all.u.row(k).transpose(), state);
-    const double b = tracker.cap().distance(tracker.cap().ultimate(), state, all.t[k]);
+    metric.enter(all.q.row(k).transpose(), all.u.row(k).transpose(), state);
+    const double b = cap.distance(cap.ultimate(), state, all.t[k]);
     floor.without_events = std::max(floor.without_events, square(b));
   }
   return floor;

@@ -17,17 +17,13 @@ bool contradicts(const Eigen::VectorXd& difference, const Eigen::VectorXd& sigma
 }
 
 Guarantee::Guarantee(const Scene& scene, Flows& flows, double h)
-    : metric_(std::make_unique<EnergyMetric>(flows.dynamics())),
-      widths_(*metric_),
-      outputs_(flows.dynamics().model().outputs) {
-  if (scene.tolerance.any()) tracker_.emplace(scene, flows, h);
-  dq_.setZero(metric_->coordinates());
-  du_ = dq_;
-  dg_.setZero(flows.dynamics().contacts());
+    : tracker_(scene, flows, h), widths_(tracker_.metric()) {
+  dq_.setZero(dynamics().coordinates());
+  du_ = q_replica_ = u_replica_ = dq_;
+  dg_.setZero(dynamics().contacts());
 }
 
 void Guarantee::prepare(Confidence& confidence) const {
-  if (!tolerant()) return;
   confidence.bound_q.setConstant(widths_.q().size(), infinity);
   confidence.bound_g.setConstant(widths_.gaps().size(), infinity);
   confidence.bound_outputs.setConstant(widths_.outputs().size(), infinity);
@@ -41,8 +37,7 @@ void Guarantee::check(bool settled, const Eigen::VectorXd& q_replica,
     if (confidence.from_filter) {
       dq_ = q - q_replica;
       du_ = u - u_replica;
-      for (Eigen::Index i = 0; i < dg_.size(); ++i)
-        dg_[i] = metric_->dynamics().W().col(i).dot(dq_);
+      for (Eigen::Index i = 0; i < dg_.size(); ++i) dg_[i] = dynamics().W().col(i).dot(dq_);
       refuted = contradicts(dq_, confidence.sigma_q, widths_.q(), confidence.bound) ||
                 contradicts(du_, confidence.sigma_u, widths_.u(), confidence.bound) ||
                 contradicts(dg_, confidence.sigma_g, widths_.gaps(), confidence.bound);
@@ -62,9 +57,9 @@ void Guarantee::check(bool settled, const Eigen::VectorXd& q_replica,
 }
 
 // About what is shown, which may be the filter's: the replica is in the middle of the bound's.
-void Guarantee::tell_widths(const Eigen::VectorXd& q_replica, const Eigen::VectorXd& u_replica,
-                            const Eigen::VectorXd& q, const Eigen::VectorXd& u,
-                            Confidence& confidence) {
+void Guarantee::set_widths(const Eigen::VectorXd& q_replica, const Eigen::VectorXd& u_replica,
+                           const Eigen::VectorXd& q, const Eigen::VectorXd& u,
+                           Confidence& confidence) {
   if (confidence.bound_q.size() == 0) return;
   dq_ = q - q_replica;
   du_ = u - u_replica;
@@ -74,10 +69,10 @@ void Guarantee::tell_widths(const Eigen::VectorXd& q_replica, const Eigen::Vecto
   }
   for (Eigen::Index i = 0; i < dg_.size(); ++i) {
     confidence.bound_g[i] =
-        half_width(widths_.gaps()[i], B) + std::abs(metric_->dynamics().W().col(i).dot(dq_));
+        half_width(widths_.gaps()[i], B) + std::abs(dynamics().W().col(i).dot(dq_));
   }
   for (Eigen::Index i = 0; i < confidence.bound_outputs.size(); ++i) {
-    const Output& output = outputs_[static_cast<std::size_t>(i)];
+    const Output& output = dynamics().model().outputs[static_cast<std::size_t>(i)];
     const double apart = output.direction.dot(output.velocity ? du_ : dq_);
     confidence.bound_outputs[i] = half_width(widths_.outputs()[i], B) + std::abs(apart);
   }

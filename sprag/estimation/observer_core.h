@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -55,10 +56,8 @@ class ObserverCore final : public Observer::Core {
         confidence_(estimator_.no_confidence()),
         q_(scene.model.coordinates()),
         u_(scene.model.coordinates()) {
-    q_replica_.setZero(q_.size());
-    u_replica_.setZero(u_.size());
-    if (estimator_.has_replica() && estimator_.flows() != nullptr) {
-      guarantee_.emplace(scene, *estimator_.flows(), settings.tick);
+    guarantee_ = guarantee_of(scene, estimator_);
+    if (guarantee_) {
       if (std::isfinite(bound)) guarantee_->prepare(confidence_);
       time_line_.set_lag(guarantee_->lag());
     }
@@ -115,9 +114,7 @@ class ObserverCore final : public Observer::Core {
   }
 
   void set_end(double t) override {
-    if (!guarantee_) return;
-    time_line_.set_lag(guarantee_->lag(), last_tick(t, tick()));
-    guarantee_->set_end(t);
+    if (guarantee_) guarantee_->set_end(t, time_line_);
   }
 
   double tick() const override { return estimator_.h(); }
@@ -184,13 +181,11 @@ class ObserverCore final : public Observer::Core {
     estimator_.confidence(state, bound, confidence_);
     const double t = time_of(state.tick);
     if (guarantee_) {
-      estimator_.replica(state, q_replica_, u_replica_);
-      if (settled) guarantee_->follow(time_line_, t);
-      guarantee_->complete(time_line_, t, settled, q_replica_, u_replica_, q_, u_, confidence_);
+      guarantee_->complete(time_line_, t, settled, estimator_, state, q_, u_, confidence_);
     }
     Estimate estimate;
     estimate.tick = state.tick;
-    estimate.t = time_of(state.tick);
+    estimate.t = t;
     estimate.q = q_;
     estimate.u = u_;
     estimate.closed = state.chi;
@@ -230,8 +225,8 @@ class ObserverCore final : public Observer::Core {
   double initial_bound_;
   Between between_;
   Confidence confidence_;
-  std::optional<Guarantee> guarantee_;
-  Eigen::VectorXd q_, u_, q_replica_, u_replica_;
+  std::unique_ptr<Guarantee> guarantee_;
+  Eigen::VectorXd q_, u_;
   State settled_;                      // at the last tick handed out; at first, at tick 0
   std::vector<ContactEvent> waiting_;  // behind the horizon, in order
   std::optional<State> ahead_;         // and further, provisional

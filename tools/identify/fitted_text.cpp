@@ -242,6 +242,12 @@ std::string without_tolerance(std::string_view given) {
   return text;
 }
 
+// An empty line, and the beginning of one more.
+void begin_table(std::string& text) {
+  if (!text.ends_with("\n")) text += '\n';
+  if (!text.ends_with("\n\n")) text += '\n';
+}
+
 // Where a fitted parameter is covered by no tolerance the table is a comment: the bound does not
 // hold for such a machine.
 void add_tolerance(const Identification& fit, double jitter, std::string& text) {
@@ -249,8 +255,7 @@ void add_tolerance(const Identification& fit, double jitter, std::string& text) 
       to_toml(fitted_tolerance(fit, jitter),
               "by identify: limits of four standard deviations of the fit, which are no proof");
   if (table.empty()) return;
-  if (!text.ends_with("\n")) text += '\n';
-  if (!text.ends_with("\n\n")) text += '\n';
+  begin_table(text);
   const std::vector<std::string> others = not_tolerated(fit);
   if (others.empty()) {
     text += table;
@@ -301,11 +306,9 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
   std::string written = out.written();
   const FittedParameters parameters = fitted_parameters(fit, parse_scene(written, file));
   if (!parameters.uncertainty.empty()) {
-    if (!written.ends_with("\n")) written += '\n';
-    if (!written.ends_with("\n\n")) written += '\n';
+    begin_table(written);
     written += to_toml(parameters.uncertainty,
                        "by identify: standard deviations, and correlations of the fit");
-    parse_scene(written, file);
   }
   add_tolerance(fit, jitter, written);
   parse_scene(written, file);
