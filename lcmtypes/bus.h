@@ -32,6 +32,7 @@ inline constexpr const char* parameters_channel = "SPRAG_PARAMETERS";
 inline constexpr const char* impacts_channel = "SPRAG_IMPACTS";
 inline constexpr const char* prediction_channel = "SPRAG_PREDICTION";
 inline constexpr const char* outputs_channel = "SPRAG_OUTPUTS";
+inline constexpr const char* bounds_channel = "SPRAG_BOUNDS";
 inline constexpr const char* health_channel = "SPRAG_HEALTH";
 
 /// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with

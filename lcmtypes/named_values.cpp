@@ -26,22 +26,28 @@ Refusal take_name(std::span<const std::uint8_t>& rest, std::string& name) {
 
 }  // namespace
 
-Refusal take_named_values(std::span<const std::uint8_t>& rest, NamedValues& named) {
+Refusal take_names(std::span<const std::uint8_t>& rest, std::vector<std::string>& names) {
   if (rest.size() < 4) return Refusal::truncated;
   const std::uint8_t* from = rest.data();
   const auto n = take<std::int32_t>(from);
   if (n < 0 || n > most_names) return Refusal::bad_count;
   rest = rest.subspan(4);
-  const auto count = static_cast<std::size_t>(n);
-  named.names.resize(count);
-  named.values.resize(count);
-  named.sigmas.resize(count);
-  for (std::string& name : named.names) {
+  names.resize(static_cast<std::size_t>(n));
+  for (std::string& name : names) {
     const Refusal refusal = take_name(rest, name);
     if (refusal != Refusal::none) return refusal;
   }
+  return Refusal::none;
+}
+
+Refusal take_named_values(std::span<const std::uint8_t>& rest, NamedValues& named) {
+  const Refusal of_names = take_names(rest, named.names);
+  if (of_names != Refusal::none) return of_names;
+  const std::size_t count = named.names.size();
+  named.values.resize(count);
+  named.sigmas.resize(count);
   if (rest.size() < 16 * count) return Refusal::truncated;
-  from = rest.data();
+  const std::uint8_t* from = rest.data();
   bool possible = true;
   for (double& value : named.values) {
     value = take<double>(from);

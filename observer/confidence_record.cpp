@@ -79,6 +79,11 @@ void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream
   take_inconsistencies(confidence, out);
   take_contacts(confidence, out);
   take_forgotten(confidence, out);
+  if (refutations_.more(confidence.refutations, out)) {
+    out << "t = " << t
+        << ": the filter's estimate is false: it lies further from the replica's than the "
+           "guaranteed bound and its own sigma allow. The estimate is the replica's.\n";
+  }
   if (confidence.parameters.any()) take_parameters(confidence, out);
 }
 
@@ -170,6 +175,11 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
   if (last_.has_replica) {
     json["bound"] = {{"initial", or_null(initial_)}, {"final", or_null(last_.bound)}};
   }
+  if (last_.bound_q.size() > 0) {
+    json["bound"]["half_width_q"] = numbers(last_.bound_q);
+    json["bound"]["half_width_g"] = numbers(last_.bound_g);
+    json["refutations"] = refutations_.total;
+  }
   const Innovation& closing = last_.has_replica ? last_.replica : last_.filter;
   if (closing.t >= 0.0) {
     json["last_closing"] = {{"t", closing.t}, {"contact", closing.contact + 1}};
@@ -210,6 +220,10 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
 void ConfidenceRecord::print(std::ostream& out) const {
   if (!any_ || ticks_ == 0) return;
   if (last_.has_replica && std::isfinite(last_.bound)) {
+    if (refutations_.total > 0) {
+      out << "the filter's estimate was false " << refutations_.total
+          << (refutations_.total == 1 ? " time" : " times") << ", by the guaranteed bound\n";
+    }
     out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
   }
   if (penetrating_ticks_ > 0) {

@@ -60,6 +60,7 @@ class ConfidenceRecord {
   Confidence last_;
   std::int64_t ticks_ = 0;
   std::int64_t ticks_from_filter_ = 0;
+  Told refutations_;
   std::vector<Inconsistency> first_;  // a bounded number of them
   std::int64_t ticks_of_start_ = 0;   // whose own covariance was gone
   // Of the settled estimates that were known in full: how many, how many of them penetrate, and

@@ -1,5 +1,6 @@
 #include "observer/estimation.h"
 
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -18,13 +19,21 @@ Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::
                         ? std::numeric_limits<double>::infinity()
                         : sprag::initial_bound(scene)),
       estimator(scene, options.tick, options.estimator, options.stepper),
-      time_line(estimator, contacts, scene.replica, history) {}
+      time_line(estimator, contacts, scene.replica, history),
+      guarantee(guarantee_of(scene, estimator)) {
+  set_end(options.duration);
+}
+
+void Estimation::set_end(double t) {
+  if (guarantee) guarantee->set_end(t, time_line);
+}
 
 EstimateSample Estimation::empty_sample() const {
   EstimateSample sample;
   sample.q.setZero(coordinates);
   sample.u.setZero(coordinates);
   sample.confidence = estimator.no_confidence();
+  if (guarantee && std::isfinite(initial_bound)) guarantee->prepare(sample.confidence);
   return sample;
 }
 
@@ -51,12 +60,21 @@ void Estimation::describe(const State& state, EstimateSample& sample) {
   const bool complete = time_line.complete_to(sample.t);
   estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
                        sample.confidence);
+  if (guarantee) {
+    const bool settled = state.tick <= time_line.settled_tick();
+    guarantee->complete(time_line, sample.t, settled, estimator, state, sample.q, sample.u,
+                        sample.confidence);
+  }
   name_known_loss(sample.confidence);
   // An adaptive filter has supports of its own.
   const bool of_others = sample.confidence.parameters.any() && sample.confidence.from_filter;
   sample.confidence.penetration =
       of_others ? 0.0
                 : penetration(supports, sample.q, sample.t, sample.confidence.sigma_g, length);
+}
+
+void Estimation::pass(const State& state) {
+  if (guarantee) guarantee->follow(time_line, tick_instant(state.tick, estimator.h()).hi);
 }
 
 void Estimation::to_json(nlohmann::ordered_json& report) {

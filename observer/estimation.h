@@ -3,12 +3,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
 #include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/bound/guarantee.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/scene.h"
 
@@ -28,7 +30,12 @@ struct Estimation {
   /// What there is to say of a tick, but for session, settled tick and time of sending; or without
   /// q, u, deviations and bound, which costs next to nothing. They do not allocate.
   void describe(const State& state, EstimateSample& sample);
+  /// Takes note of a settled tick of which only note() is asked; each in order.
+  void pass(const State& state);
   void note(const State& state, EstimateSample& sample) const;
+
+  /// Nothing after t is asked for.
+  void set_end(double t);
 
   /// Adds "settled_tick" and "flow_path".
   void to_json(nlohmann::ordered_json& report);
@@ -43,6 +50,7 @@ struct Estimation {
   double initial_bound;  ///< B(0)
   AdaptiveEstimator estimator;
   TimeLine<AdaptiveEstimator> time_line;
+  std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica
 };
 
 }  // namespace sprag

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "lcmtypes/bounds_codec.h"
 #include "lcmtypes/health_codec.h"
 #include "lcmtypes/outputs_codec.h"
 #include "lcmtypes/parameters_codec.h"
@@ -96,6 +97,10 @@ void Publication::publish(EstimateSample& estimate, bool settled) {
     ++unsent_;
   }
   if (!outputs_.empty()) publish_outputs(estimate, settled);
+  if (settled && estimate.confidence.bound_q.size() > 0 &&
+      !bus_.publish(bounds_channel, encode_bounds(estimate, outputs_, buffer_))) {
+    ++unsent_;
+  }
   if (settled && estimate.confidence.parameters.any()) publish_parameters(estimate);
 }
 

@@ -73,6 +73,7 @@ class Replay {
     if (!recorded.gaps.empty() && recorded.gaps.front().from <= until) {
       time_line_.degrade(recorded.gaps.front().from, std::min(recorded.gaps.back().to, until));
     }
+    estimation_.set_end(until);
     time_line_.set_horizon(until);
     if (until > end) {
       std::cerr << name << ": no event behind t = " << end
@@ -208,6 +209,7 @@ class Replay {
       estimation_.describe(state, sample_);
       settled_.take(sample_);
     } else {
+      estimation_.pass(state);
       estimation_.note(state, sample_);
       settled_.note(sample_);
       if (state.tick == last_) conclude(state);

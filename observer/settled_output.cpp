@@ -13,8 +13,10 @@ SettledOutput::SettledOutput(const std::filesystem::path& states, const Estimate
     : initial_bound_(initial), outputs_(std::move(outputs)) {
   if (states.empty()) return;
   std::vector<std::string> columns = confidence_columns(empty.confidence, initial);
+  bounded_ = empty.confidence.bound_q.size() > 0;
   says_penetrating_ = !columns.empty();
-  for (std::string& name : output_columns(outputs_, true)) columns.push_back(std::move(name));
+  for (std::string& name : output_columns(outputs_, true, bounded_))
+    columns.push_back(std::move(name));
   if (says_penetrating_) columns.emplace_back("penetrating");
   states_.emplace(states, empty.q.size(), columns);
   states_->require_good();
@@ -42,7 +44,8 @@ void SettledOutput::take(const EstimateSample& settled) {
   record_.take_penetration(settled.confidence.penetration);
   if (!states_) return;
   to_columns(settled.confidence, initial_bound_, columns_);
-  add_outputs(outputs_, settled.q, settled.u, settled.confidence.sigma_outputs, columns_);
+  add_outputs(outputs_, settled.q, settled.u, settled.confidence.sigma_outputs, columns_,
+              bounded_ ? &settled.confidence.bound_outputs : nullptr);
   if (says_penetrating_) columns_.push_back(settled.confidence.penetration > 0.0 ? 1.0 : 0.0);
   states_->write(settled.tick, settled.t, settled.q, settled.u, columns_);
 }

@@ -52,6 +52,7 @@ class SettledOutput {
   double initial_bound_;
   std::vector<Output> outputs_;
   bool says_penetrating_ = false;  // the states have that column
+  bool bounded_ = false;           // and those of guaranteed half-widths
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
   std::vector<double> columns_;

@@ -178,10 +178,26 @@ void require_outside(const Scene& scene) {
   }
 }
 
+Tolerance make_tolerance(double time, double restitution, double stiffness, double damping,
+                         double force, double clearance) {
+  const auto at_most = [](const char* name, double value, double most) {
+    require(value <= most,
+            std::string(name) + " must be in [0, " + (most == 1.0 ? "1" : "0.5") + "]");
+    return required_not_negative(name, value);
+  };
+  return {.time = required_not_negative("time", time),
+          .restitution = at_most("restitution", restitution, Tolerance::largest_restitution),
+          .stiffness = at_most("stiffness", stiffness, Tolerance::largest_share),
+          .damping = at_most("damping", damping, Tolerance::largest_share),
+          .force = required_not_negative("force", force),
+          .clearance = required_not_negative("clearance", clearance)};
+}
+
 std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const State& replica,
                                   const std::optional<Eigen::VectorXd>& uncertainty, double drift,
                                   double jitter, std::optional<double> chatter_time,
-                                  std::string name, const std::optional<State>& sigma) {
+                                  std::string name, const std::optional<State>& sigma,
+                                  const std::optional<Tolerance>& tolerance) {
   const Eigen::Index f = model.coordinates();
   auto scene = std::make_shared<Scene>();
   scene->name = std::move(name);
@@ -205,6 +221,7 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
   }
   scene->drift = required_not_negative("drift", drift);
   scene->jitter = required_not_negative("jitter", jitter);
+  if (tolerance) scene->tolerance = *tolerance;
   if (chatter_time) {
     scene->model.chatter_time = required_positive("chatter_time", *chatter_time);
   } else {
@@ -341,6 +358,22 @@ void bind_scene(py::module_& module) {
       .def_readonly("consider", &ParameterUncertainty::consider,
                     "Whether a filter only considers each, and never corrects it.");
 
+  py::class_<Tolerance>(
+      module, "Tolerance",
+      "Hard limits of what may be off, [tolerance] of a scene, for which the bound on V is proven: "
+      "time [s], of each event; restitution, absolute; stiffness and damping, as shares of K and "
+      "C, "
+      "at most 0.5; force, in the norm of the inverse of M; clearance [m].")
+      .def(py::init(&make_tolerance), py::kw_only(), py::arg("time") = 0.0,
+           py::arg("restitution") = 0.0, py::arg("stiffness") = 0.0, py::arg("damping") = 0.0,
+           py::arg("force") = 0.0, py::arg("clearance") = 0.0)
+      .def_readonly("time", &Tolerance::time)
+      .def_readonly("restitution", &Tolerance::restitution)
+      .def_readonly("stiffness", &Tolerance::stiffness)
+      .def_readonly("damping", &Tolerance::damping)
+      .def_readonly("force", &Tolerance::force)
+      .def_readonly("clearance", &Tolerance::clearance);
+
   py::class_<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
       "A machine, where its master and its replica start, and how sure of it all one is. Starts "
@@ -349,11 +382,12 @@ void bind_scene(py::module_& module) {
       "or "
       "in its place sigma: standard deviations of its q and u, as a State; "
       "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
-      "[s]: from the machine's own time where it is not given.")
+      "[s]: from the machine's own time where it is not given; tolerance: hard limits of what may "
+      "be off, for the bound on V.")
       .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
            py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
            py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
-           py::arg("name") = "", py::arg("sigma") = py::none())
+           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none())
       .def_readonly("name", &Scene::name)
       .def_property_readonly(
           "f", [](const Scene& scene) { return scene.model.coordinates(); },
@@ -388,6 +422,7 @@ void bind_scene(py::module_& module) {
           py::return_value_policy::reference_internal,
           "How uncertain parameters of the machine are; None where not given.")
       .def_readonly("jitter", &Scene::jitter, "Standard deviation of event times [s].")
+      .def_readonly("tolerance", &Scene::tolerance, "Hard limits of what may be off.")
       .def("__repr__", [](const Scene& scene) {
         return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +
                ", m = " + std::to_string(scene.model.contacts.size()) + ">";

@@ -168,6 +168,13 @@ void bind_estimates(py::module_& module) {
       .def_property_readonly("bound", array_property(&Estimates::bound),
                              "The replica's V is at most this, n entries [energy]; inf where "
                              "nothing guarantees it.")
+      .def_property_readonly("bound_q", array_property(&Estimates::bound_q),
+                             "Guaranteed half-widths about q, n x f; no columns where the scene "
+                             "has no tolerances.")
+      .def_property_readonly("bound_gap", array_property(&Estimates::bound_gap),
+                             "The same of the gaps [m], n x m.")
+      .def_property_readonly("bound_outputs", array_property(&Estimates::bound_outputs),
+                             "The same of the scene's outputs.")
       .def_property_readonly(
           "of_filter",
           [](const py::object& self) {
@@ -243,6 +250,13 @@ void bind_observer(py::module_& module) {
                              "Their standard deviations.")
       .def_readonly("bound", &Estimate::bound,
                     "The replica's V is at most this; inf where nothing guarantees it.")
+      .def_property_readonly("bound_q", array_property(&Estimate::bound_q),
+                             "Guaranteed half-widths about q, f entries; none where the scene has "
+                             "no tolerances.")
+      .def_property_readonly("bound_gap", array_property(&Estimate::bound_gap),
+                             "The same of the gaps [m], m entries.")
+      .def_property_readonly("bound_outputs", array_property(&Estimate::bound_outputs),
+                             "The same of the scene's outputs.")
       .def_property_readonly(
           "parameters",
           [](const Estimate& estimate) {

@@ -130,6 +130,12 @@ class AdaptiveEstimator {
   /// In a task. A state that identifies may be as many events ahead of one to go on from.
   static constexpr std::int64_t most_events = 1024;
 
+  /// As AnyEstimator's; not of one that identifies: its machine may be another than the scene's.
+  bool has_replica() const { return !identifies() && base_.has_replica(); }
+  void replica(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+               Eigen::Ref<Eigen::VectorXd> u) const {
+    base_.replica(state.base, q, u);
+  }
   Flows* flows() { return base_.flows(); }
   const char* flow_path() { return base_.flow_path(); }
 

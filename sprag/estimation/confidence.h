@@ -71,6 +71,12 @@ struct Confidence {
   Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
   Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]
   Eigen::VectorXd sigma_outputs;     ///< of the model's outputs, one each
+  /// Guaranteed half-widths about the estimate, of q (f entries), gaps (m) and outputs: the bound
+  /// as lengths (sprag/bound/half_width.h); empty where no bound is given.
+  Eigen::VectorXd bound_q, bound_g, bound_outputs;
+  /// How often a filter's estimate has come to lie further from the replica's than the bound and
+  /// its own sigma allow: it is false then, and the replica's is shown (sprag/bound/guarantee.h).
+  std::int64_t refutations = 0;
   Innovation replica, filter;        ///< of the same closing
   std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
   Inconsistency last;
@@ -86,6 +92,13 @@ struct Confidence {
 inline double sigma_of_output(const Confidence& confidence, std::size_t i) {
   const auto k = static_cast<Eigen::Index>(i);
   return k < confidence.sigma_outputs.size() ? confidence.sigma_outputs[k]
+                                             : std::numeric_limits<double>::infinity();
+}
+
+/// Guaranteed half-width of output number i, from 0; infinite where no bound is given.
+inline double bound_of_output(const Confidence& confidence, std::size_t i) {
+  const auto k = static_cast<Eigen::Index>(i);
+  return k < confidence.bound_outputs.size() ? confidence.bound_outputs[k]
                                              : std::numeric_limits<double>::infinity();
 }
 

@@ -23,20 +23,6 @@ constexpr double time_ulps = 4.0;
 constexpr double tolerated = 8.0;
 constexpr double window = 16.0;  // rests of a chatter, of contacts that are completed together
 
-bool law_is_masters(const Model& model) {
-  return std::none_of(model.contacts.begin(), model.contacts.end(), [](const Contact& contact) {
-    return contact.replica_restitution.has_value();
-  });
-}
-
-bool law_is_monotone(const Model& model) {
-  if (model.contacts.size() <= 1) return true;
-  return model.law == ImpactLaw::poisson &&
-         std::all_of(model.contacts.begin(), model.contacts.end(), [&](const Contact& contact) {
-           return contact.restitution == model.contacts.front().restitution;
-         });
-}
-
 double quadratic_form(const Eigen::MatrixXd& A, bool diagonal, const Eigen::VectorXd& x) {
   if (diagonal) return (A.diagonal().array() * x.array().square()).sum();
   double sum = 0.0;
@@ -105,26 +91,26 @@ ContactSet rows_of(ContactSet of, ContactSet among) {
 
 }  // namespace
 
+bool law_is_masters(const Model& model) {
+  return std::none_of(model.contacts.begin(), model.contacts.end(), [](const Contact& contact) {
+    return contact.replica_restitution.has_value();
+  });
+}
+
+bool law_is_monotone(const Model& model) {
+  if (model.contacts.size() <= 1) return true;
+  return model.law == ImpactLaw::poisson &&
+         std::all_of(model.contacts.begin(), model.contacts.end(), [&](const Contact& contact) {
+           return contact.restitution == model.contacts.front().restitution;
+         });
+}
+
 ErrorBound::ErrorBound(const Flows& flows)
     : flows_(&flows),
       guaranteed_(law_is_monotone(flows.dynamics().model()) &&
-                  law_is_masters(flows.dynamics().model())) {
+                  law_is_masters(flows.dynamics().model())),
+      flight_(flows) {
   const Dynamics& dynamics = flows.dynamics();
-  const Flow& free = flows[0];
-  const Eigen::Index n = free.size();
-  if (free.path() == FlowPath::dense) {
-    dense_ = ContractionTable(dynamics.model());
-    omega_max_ = dense_.omega_max();
-    damping_ = dense_.damping();
-  } else if (free.modes() > 0) {
-    omega_max_ =
-        free.oscillators().root_kappa().segment(free.frequencies(), free.modes()).maxCoeff();
-    damping_ = 2.0 * free.oscillators().delta().maxCoeff();
-    // As of the energy (energy.h), which does not see them either.
-    const double noise =
-        free.path() == FlowPath::modal ? static_cast<double>(free.modes()) * machine_epsilon : 0.0;
-    rigid_ = std::sqrt(noise) * omega_max_;
-  }
   const CholeskyFactor M(dynamics.model().M);
   const auto in_energy = [&](const Eigen::VectorXd& force) { return M.solve_L(force).norm(); };
   force_ = in_energy(dynamics.force_constant());
@@ -136,8 +122,6 @@ ErrorBound::ErrorBound(const Flows& flows)
                 std::sqrt(dynamics.G()(i, i));
     }
   }
-  kernels_.resize(n);
-  known_.fill(-1.0);
   q_.setZero(dynamics.coordinates());
   u_.setZero(dynamics.coordinates());
 }
@@ -151,53 +135,11 @@ void ErrorBound::start(const Motion& motion, ContactSet chi, ErrorBoundState& st
 
 double ErrorBound::bound(const ErrorBoundState& state, double initial, Instant t, bool free) {
   const double tau = free ? t - state.free_since : 0.0;
-  const double b = std::sqrt(under_way(tau)) * (std::sqrt(initial * state.share) + state.remainder);
+  const double b =
+      std::sqrt(flight_.square_at_node(tau)) * (std::sqrt(initial * state.share) + state.remainder);
   // sqrt(2 E) rises by the forces alone.
   const double moving = b + std::sqrt(state.energy) + force_ * tau;
   return square(b + state_ulps * machine_epsilon * moving);
-}
-
-double ErrorBound::contraction(double tau) {
-  const Flow& free = (*flows_)[0];
-  const double rounding = state_ulps * machine_epsilon;
-  if (free.path() == FlowPath::dense) return std::min(1.0, square(dense_(tau)) + rounding);
-  const Oscillators& o = free.oscillators();
-  const Eigen::Index nf = free.frequencies();
-  o.kernels(tau, nf, free.modes(), kernels_);
-  double largest = 0.0;
-  for (Eigen::Index i = nf; i < nf + free.modes(); ++i) {
-    const double omega = o.root_kappa()[i];
-    // In (omega z, v), whose length is the energy; without stiffness in v alone.
-    const bool rigid = omega <= rigid_;
-    const double zz = rigid ? 0.0 : kernels_.zz[i];
-    const double vz = rigid ? 0.0 : kernels_.vz[i] / omega;
-    const double zv = kernels_.zv[i] * omega;
-    const double vv = kernels_.vv[i];
-    const double a = zz * zz + vz * vz;
-    const double d = zv * zv + vv * vv;
-    const double b = zz * zv + vz * vv;
-    largest = std::max(largest, 0.5 * (a + d) + std::hypot(0.5 * (a - d), b));
-  }
-  return std::min(1.0, largest + rounding);
-}
-
-// That of a node not later, which holds as well: ticks ask often, and a machine may have many
-// modes.
-double ErrorBound::under_way(double tau) {
-  if ((*flows_)[0].path() == FlowPath::dense) return contraction(tau);
-  int exponent = 0;
-  const double mantissa = std::frexp(tau, &exponent);  // in [0.5, 1)
-  if (tau == 0.0 || exponent < first_octave) return 1.0;
-  const int octave = std::min(exponent - first_octave, octaves - 1);
-  const int node = octave < exponent - first_octave
-                       ? nodes_in_octave - 1
-                       : static_cast<int>((mantissa - 0.5) * 2.0 * nodes_in_octave);
-  double& known =
-      known_[static_cast<std::size_t>(octave) * nodes_in_octave + static_cast<std::size_t>(node)];
-  if (known < 0.0) {
-    known = contraction(std::ldexp(0.5 + 0.5 * node / nodes_in_octave, octave + first_octave));
-  }
-  return known;
 }
 
 void ErrorBound::event(ContactSet before, ContactSet closing, ContactSet chi,
@@ -264,7 +206,8 @@ void ErrorBound::strike(ContactSet before, ContactSet closing, ContactSet chi,
   // Several that throw the machine to and fro are completed with a gap left.
   const bool wedge = std::popcount(closing) > 1;
   const double gap = wedge ? window * rest * std::sqrt(2.0 * state.energy) : 0.0;
-  state.remainder += std::max(d, pulled) + share * omega_max_ * (gap + shift(closed, motion));
+  state.remainder +=
+      std::max(d, pulled) + share * flight_.omega_max() * (gap + shift(closed, motion));
 }
 
 // Velocities of one contact at a time up to sqrt(G_ii) have an energy of 1/2; those of all at once
@@ -298,7 +241,7 @@ double ErrorBound::chatter_rest(Instant t) const {
 }
 
 double ErrorBound::acceleration(double energy) const {
-  return force_ + (omega_max_ + damping_) * std::sqrt(2.0 * energy);
+  return force_ + (flight_.omega_max() + flight_.damping()) * std::sqrt(2.0 * energy);
 }
 
 void ErrorBound::note_energy(const Motion& motion, ErrorBoundState& state) {

@@ -27,14 +27,18 @@
 // whether the machine's is.
 #pragma once
 
-#include <array>
 #include <span>
 
-#include "sprag/estimation/contraction_table.h"
+#include "sprag/bound/flight_contraction.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/flows.h"
 
 namespace sprag {
+
+/// Whether the replica's impacts are the master's: no contact has a replica_restitution.
+bool law_is_masters(const Model& model);
+/// Whether no impact expands a distance: one contact, or Poisson's law with one restitution.
+bool law_is_monotone(const Model& model);
 
 /// Everything that changes.
 struct ErrorBoundState {
@@ -67,12 +71,9 @@ class ErrorBound {
   double bound(const ErrorBoundState& state, double initial, Instant t, bool free);
 
   /// |exp(A tau)|^2 of free flight, at most.
-  double contraction(double tau);
+  double contraction(double tau) { return flight_.square(tau); }
 
  private:
-  static constexpr int first_octave = -40, octaves = 64, nodes_in_octave = 16;
-
-  double under_way(double tau);
   void note_energy(const Motion& motion, ErrorBoundState& state);
   void strike(ContactSet before, ContactSet closing, ContactSet chi,
               std::span<const double> epsilon, const Motion& motion, ErrorBoundState& state) const;
@@ -83,14 +84,9 @@ class ErrorBound {
 
   const Flows* flows_;
   bool guaranteed_ = false;
-  double omega_max_ = 0.0;
-  double rigid_ = 0.0;    // frequency of what counts as a rigid motion, at most
-  double damping_ = 0.0;  // largest rate [1/s]
-  double force_ = 0.0;    // largest acceleration by forces and supports, norm of M
-  ContractionTable dense_;
-  OscillatorKernels kernels_;
-  std::array<double, std::size_t{octaves} * nodes_in_octave> known_;  // < 0: not yet
-  Eigen::VectorXd q_, u_;                                             // scratch
+  FlightContraction flight_;
+  double force_ = 0.0;     // largest acceleration by forces and supports, norm of M
+  Eigen::VectorXd q_, u_;  // scratch
 };
 
 }  // namespace sprag

@@ -132,6 +132,18 @@ bool AnyEstimator::record_in(std::vector<ImpactRecord>& records) {
   return false;
 }
 
+bool AnyEstimator::has_replica() const {
+  return std::holds_alternative<Replica>(estimator_) ||
+         std::holds_alternative<SupervisedFilter>(estimator_);
+}
+
+void AnyEstimator::replica(const State& state, Eigen::Ref<Eigen::VectorXd> q,
+                           Eigen::Ref<Eigen::VectorXd> u) const {
+  const auto* supervised = std::get_if<SupervisedState>(&state.of);
+  const ReplicaState& of = supervised != nullptr ? *supervised : std::get<ReplicaState>(state.of);
+  of.motion.flow->state(of.motion, q, u);
+}
+
 Flows* AnyEstimator::flows() {
   return std::visit(
       [](auto& estimator) -> Flows* {
@@ -150,7 +162,8 @@ const char* AnyEstimator::flow_path() {
 }
 
 double initial_bound(const Scene& scene) {
-  const bool exact = scene.jitter == 0.0 && scene.drift == 0.0 && scene.parameters.empty();
+  const bool exact = scene.tolerance.any() ||
+                     (scene.jitter == 0.0 && scene.drift == 0.0 && scene.parameters.empty());
   return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum()
                                                : std::numeric_limits<double>::infinity();
 }

@@ -53,6 +53,11 @@ class AnyEstimator {
   /// Moreau's stepper, which knows no events' own times.
   bool record_in(std::vector<ImpactRecord>& records);
 
+  /// The replica's own estimate, f entries each, of an estimator that has one with exact flow.
+  bool has_replica() const;
+  void replica(const State& state, Eigen::Ref<Eigen::VectorXd> q,
+               Eigen::Ref<Eigen::VectorXd> u) const;
+
   /// What it moves on; null with Moreau's stepper, which needs none.
   Flows* flows();
   /// How it moves in free flight: the path of its exact flow, or "moreau".
@@ -66,7 +71,8 @@ class AnyEstimator {
 
 /// B(0) of a scene, the sum of its [replica] uncertainty; +infinity where a bound on V cannot be
 /// given: no uncertainty of the start, or a machine that drifts, whose event times jitter or whose
-/// parameters are uncertain.
+/// parameters are uncertain. With tolerances the bound is theirs (sprag/bound/guarantee.h), and
+/// this is B(0) whatever else the scene says.
 double initial_bound(const Scene& scene);
 
 }  // namespace sprag

@@ -33,6 +33,7 @@ EventHistory::EventHistory(int contacts, std::size_t capacity) : contacts_(conta
 
 void EventHistory::restart(std::int64_t next_record, ContactSet chi, double horizon) {
   events_.clear();
+  dropped_ = 0;
   next_record_ = next_record;
   chi_ = chi;
   last_t_ = std::max(horizon, 0.0);
@@ -146,6 +147,7 @@ void EventHistory::make_up(ContactSet closed, double t) {
 void EventHistory::set_horizon(double t) { horizon_ = std::max(horizon_, t); }
 
 void EventHistory::drop(std::size_t n) {
+  dropped_ += static_cast<std::int64_t>(n);
   events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(n));
 }
 

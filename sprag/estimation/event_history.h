@@ -83,6 +83,10 @@ class EventHistory {
   std::int64_t next_record() const { return next_record_; }
   /// Drops the first n events.
   void drop(std::size_t n);
+  /// How many events were dropped since the last restart().
+  std::int64_t dropped() const { return dropped_; }
+  /// The number of the present start, from 1.
+  std::int64_t start() const { return start_; }
 
   double horizon() const { return horizon_; }
   const EventCounts& counts() const { return counts_; }
@@ -103,6 +107,7 @@ class EventHistory {
   std::array<double, max_contacts> last_of_{};  // time of each contact's last event
   double complete_to_ = std::numeric_limits<double>::infinity();
   std::int64_t start_ = 0;
+  std::int64_t dropped_ = 0;
   std::array<ContactEvent, skips> last_skipped_{};
   EventCounts counts_;
   std::vector<DegradedInterval> degraded_;

@@ -23,6 +23,9 @@ void resize(Eigen::Index n, const Estimate& first, Estimates& all) {
   all.outputs.resize(n, first.outputs.size());
   all.sigma_outputs.resize(n, first.sigma_outputs.size());
   all.bound.resize(n);
+  all.bound_q.resize(n, first.bound_q.size());
+  all.bound_gap.resize(n, first.bound_gap.size());
+  all.bound_outputs.resize(n, first.bound_outputs.size());
   all.of_filter.resize(static_cast<std::size_t>(n));
   all.penetrating.resize(static_cast<std::size_t>(n));
   all.parameters.resize(n, first.parameters.values.size());
@@ -64,6 +67,7 @@ bool Observer::take(const ContactEvent& event) { return core_->take(event); }
 void Observer::set_horizon(double t) { core_->set_horizon(t); }
 std::vector<Estimate> Observer::settle() { return core_->settle(); }
 Estimate Observer::at(double t) { return core_->at(t); }
+void Observer::set_end(double t) { core_->set_end(t); }
 double Observer::tick() const { return core_->tick(); }
 const EventHistory& Observer::events() const { return core_->events(); }
 
@@ -82,11 +86,13 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
   for (const ContactEvent& event : events) {
     if (event.t <= duration) observer.take(event);
   }
+  observer.set_end(duration);
   // In pieces, so that few estimates are held twice.
   constexpr Eigen::Index piece = 4096;
+  Eigen::Index last = -1;
   for (Eigen::Index k = 0; k < n;) {
     check_interrupt();
-    const Eigen::Index last = std::min(k + piece, n) - 1;
+    last = std::min(last + piece, n - 1);
     observer.set_horizon(last == n - 1 ? duration : tick_instant(last, h).hi);
     for (const Estimate& estimate : observer.settle()) {
       if (k == 0) resize(n, estimate, all);
@@ -101,6 +107,9 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
       all.outputs.row(k) = estimate.outputs;
       all.sigma_outputs.row(k) = estimate.sigma_outputs;
       all.bound[k] = estimate.bound;
+      all.bound_q.row(k) = estimate.bound_q;
+      all.bound_gap.row(k) = estimate.bound_gap;
+      all.bound_outputs.row(k) = estimate.bound_outputs;
       all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
       all.penetrating[static_cast<std::size_t>(k)] = estimate.penetrating ? 1 : 0;
       ++k;

@@ -44,6 +44,9 @@ struct Estimate {
   Eigen::VectorXd outputs, sigma_outputs;
   /// The replica's V is at most this; infinite where nothing guarantees it.
   double bound = std::numeric_limits<double>::infinity();
+  /// The same as guaranteed half-widths about q, the gaps and the outputs; infinite where nothing
+  /// is guaranteed, empty where the scene allows no bound.
+  Eigen::VectorXd bound_q, bound_gap, bound_outputs;
   /// Of an adaptive observer: what it has found of the machine's parameters; else empty.
   ParameterEstimates parameters;
 };
@@ -77,6 +80,10 @@ class Observer {
   /// Every event up to t has been taken; never goes back.
   void set_horizon(double t);
 
+  /// No estimate after t will be asked for. The ticks up to t then settle when every event up to t
+  /// is known; else, with a tolerance of event times, when every event up to so much later is.
+  void set_end(double t);
+
   /// The estimates of the ticks up to the horizon that were not handed out yet, in order.
   std::vector<Estimate> settle();
 
@@ -96,13 +103,14 @@ class Observer {
 /// Estimates of many ticks, one a row: row k is tick k.
 struct Estimates {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::VectorXd t;                    ///< n entries [s]
-  Rows q, u;                            ///< n x f
-  Rows sigma_q, sigma_u, sigma_gap;     ///< n x f, n x f, n x m; no columns without a timing filter
-  Rows outputs, sigma_outputs;          ///< n x the model's outputs
-  Eigen::VectorXd bound;                ///< n entries
-  std::vector<std::uint8_t> of_filter;  ///< n entries, 0 or 1
-  std::vector<std::uint8_t> penetrating;  ///< n entries, 0 or 1
+  Eigen::VectorXd t;                 ///< n entries [s]
+  Rows q, u;                         ///< n x f
+  Rows sigma_q, sigma_u, sigma_gap;  ///< n x f, n x f, n x m; no columns without a timing filter
+  Rows outputs, sigma_outputs;       ///< n x the model's outputs
+  Eigen::VectorXd bound;             ///< n entries
+  Rows bound_q, bound_gap, bound_outputs;  ///< no columns where the scene allows no bound
+  std::vector<std::uint8_t> of_filter;     ///< n entries, 0 or 1
+  std::vector<std::uint8_t> penetrating;   ///< n entries, 0 or 1
   /// Of an adaptive observer: the parameters that it seeks, P of them, as the scene file names
   /// them, with their values and standard deviations, n x P; infinite until they are found.
   std::vector<std::string> keys;

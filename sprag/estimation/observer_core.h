@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "sprag/bound/guarantee.h"
 #include "sprag/estimation/confidence.h"
 #include "sprag/estimation/observer.h"
 #include "sprag/estimation/penetration.h"
@@ -29,6 +31,7 @@ class Observer::Core {
   virtual void set_horizon(double t) = 0;
   virtual std::vector<Estimate> settle() = 0;
   virtual Estimate at(double t) = 0;
+  virtual void set_end(double t) = 0;
   virtual double tick() const = 0;
   virtual const EventHistory& events() const = 0;
 };
@@ -53,6 +56,11 @@ class ObserverCore final : public Observer::Core {
         confidence_(estimator_.no_confidence()),
         q_(scene.model.coordinates()),
         u_(scene.model.coordinates()) {
+    guarantee_ = guarantee_of(scene, estimator_);
+    if (guarantee_) {
+      if (std::isfinite(bound)) guarantee_->prepare(confidence_);
+      time_line_.set_lag(guarantee_->lag());
+    }
     time_line_.restart(0, 0, 0, no_horizon);
     settled_ = time_line_.present();
   }
@@ -103,6 +111,10 @@ class ObserverCore final : public Observer::Core {
     if (!ahead_ || ahead_->tick > last) start_ahead();
     while (ahead_->tick < last) step_ahead();
     return estimate(*ahead_, false, infinity);
+  }
+
+  void set_end(double t) override {
+    if (guarantee_) guarantee_->set_end(t, time_line_);
   }
 
   double tick() const override { return estimator_.h(); }
@@ -167,9 +179,13 @@ class ObserverCore final : public Observer::Core {
   Estimate estimate(const State& state, bool settled, double bound) {
     estimator_.output(state, q_, u_);
     estimator_.confidence(state, bound, confidence_);
+    const double t = time_of(state.tick);
+    if (guarantee_) {
+      guarantee_->complete(time_line_, t, settled, estimator_, state, q_, u_, confidence_);
+    }
     Estimate estimate;
     estimate.tick = state.tick;
-    estimate.t = time_of(state.tick);
+    estimate.t = t;
     estimate.q = q_;
     estimate.u = u_;
     estimate.closed = state.chi;
@@ -193,6 +209,9 @@ class ObserverCore final : public Observer::Core {
       estimate.sigma_outputs.setConstant(outputs, std::numeric_limits<double>::infinity());
     }
     estimate.bound = confidence_.bound;
+    estimate.bound_q = confidence_.bound_q;
+    estimate.bound_gap = confidence_.bound_g;
+    estimate.bound_outputs = confidence_.bound_outputs;
     estimate.parameters = confidence_.parameters;
     return estimate;
   }
@@ -206,6 +225,7 @@ class ObserverCore final : public Observer::Core {
   double initial_bound_;
   Between between_;
   Confidence confidence_;
+  std::unique_ptr<Guarantee> guarantee_;
   Eigen::VectorXd q_, u_;
   State settled_;                      // at the last tick handed out; at first, at tick 0
   std::vector<ContactEvent> waiting_;  // behind the horizon, in order

@@ -83,6 +83,9 @@ class Replica {
   void take(std::span<const ContactEvent> of_one_instant, ReplicaState& state);
   void close_tick(ReplicaState& state);
 
+  /// Moves to an instant t, not before the motion's, without events. Of the tick that is open.
+  void move(Instant t, ReplicaState& state) { advance(t, state); }
+
   /// Applies events of the present instant without moving: those that a start begins with.
   void apply(std::span<const ContactEvent> events, ReplicaState& state);
 

@@ -108,6 +108,13 @@ class TimeLine {
   /// Every event up to t is known.
   void set_horizon(double t) { events_.set_horizon(t); }
 
+  /// Ticks settle when every event up to `lag` [s] after them is known, but for those from tick
+  /// `last` on: nothing later is asked for.
+  void set_lag(double lag, std::int64_t last = max_tick) {
+    lag_ = lag;
+    last_asked_ = last;
+  }
+
   /// Events may be missing between these times.
   void degrade(double from, double to) { events_.degrade(from, to); }
 
@@ -215,11 +222,19 @@ class TimeLine {
   // Milliseconds with a large machine: callers have more to do than that.
   static constexpr std::int64_t most_coasted = 16'384;
 
-  std::int64_t known_tick() const {
+  // The last tick up to which every event is known.
+  std::int64_t heard_tick() const {
     if (events_.horizon() < 0.0) return first_ - 1;
     return std::max(last_tick(events_.horizon(), h()), first_ - 1);
   }
-  bool is_far(double horizon) const { return last_tick(horizon, h()) - known_tick() > far; }
+  // And up to `lag_` after it.
+  std::int64_t known_tick() const {
+    const std::int64_t heard = heard_tick();
+    if (lag_ == 0.0 || heard >= last_asked_ || heard < first_) return heard;
+    const double waited = events_.horizon() - lag_;
+    return waited < 0.0 ? first_ - 1 : std::max(last_tick(waited, h()), first_ - 1);
+  }
+  bool is_far(double horizon) const { return last_tick(horizon, h()) - heard_tick() > far; }
 
   void restart_behind(const ContactMessage& message) {
     restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
@@ -354,6 +369,8 @@ class TimeLine {
   std::int64_t reached_ = -1;
   std::int64_t handed_out_ = -1;
   std::int64_t hold_ = no_hold;
+  double lag_ = 0.0;  // [s]
+  std::int64_t last_asked_ = max_tick;
   std::size_t consumed_ = 0;  // events up to and including tick now_
   double next_t_ = -1.0;      // of the next event that was looked at, and its tick
   std::int64_t next_tick_ = -1;

@@ -21,6 +21,8 @@ void visit_columns(const Confidence& confidence, double initial, const Column& c
     columns("sigma_u", confidence.sigma_u);
     columns("sigma_g", confidence.sigma_g);
   }
+  columns("bound_q", confidence.bound_q);
+  columns("bound_g", confidence.bound_g);
   column("closing_t", closing.t);
   column("closing_contact", closing.t < 0.0 ? 0.0 : closing.contact + 1.0);
   if (confidence.has_replica) column("replica_gap", confidence.replica.gap);
@@ -28,6 +30,9 @@ void visit_columns(const Confidence& confidence, double initial, const Column& c
   column("filter_gap", confidence.filter.gap);
   column("sigma_filter_gap", confidence.filter.deviation);
   if (confidence.has_replica) column("from_filter", confidence.from_filter ? 1.0 : 0.0);
+  if (confidence.bound_q.size() > 0) {
+    column("refutations", static_cast<double>(confidence.refutations));
+  }
   column("inconsistencies", static_cast<double>(confidence.inconsistencies));
   const ParameterEstimates& parameters = confidence.parameters;
   if (!parameters.any()) return;
@@ -63,33 +68,36 @@ void to_columns(const Confidence& confidence, double initial, std::vector<double
       });
 }
 
-std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool estimated) {
+std::vector<std::string> output_columns(const std::vector<Output>& outputs, bool estimated,
+                                        bool bounded) {
   std::vector<std::string> names;
   for (const Output& output : outputs) {
     names.push_back(output.name);
     if (estimated) names.push_back("sigma_" + output.name);
+    if (bounded) names.push_back("bound_" + output.name);
   }
   return names;
 }
 
 void add_outputs(const std::vector<Output>& outputs, const Eigen::Ref<const Eigen::VectorXd>& q,
                  const Eigen::Ref<const Eigen::VectorXd>& u, const Eigen::VectorXd& sigma,
-                 std::vector<double>& values) {
+                 std::vector<double>& values, const Eigen::VectorXd* bounds) {
   Eigen::Index i = 0;
   for (const Output& output : outputs) {
     values.push_back(value(output, q, u));
     values.push_back(i < sigma.size() ? sigma[i] : std::numeric_limits<double>::infinity());
+    if (bounds != nullptr) values.push_back((*bounds)[i]);
     ++i;
   }
 }
 
 bool is_column_of_states(std::string_view name) {
   constexpr std::string_view words[] = {
-      "k",           "t",          "B",           "closing_t",       "closing_contact",
-      "replica_gap", "filter_gap", "from_filter", "inconsistencies", "accepted",
-      "smoothed",    "penetrating"};
+      "k",           "t",           "B",           "closing_t",       "closing_contact",
+      "replica_gap", "filter_gap",  "from_filter", "inconsistencies", "accepted",
+      "smoothed",    "penetrating", "refutations"};
   if (std::find(std::begin(words), std::end(words), name) != std::end(words)) return true;
-  if (name.starts_with("sigma_")) return true;
+  if (name.starts_with("sigma_") || name.starts_with("bound_")) return true;
   // Of gaps there are the sigmas.
   const bool numbered = name.starts_with('q') || name.starts_with('u') || name.starts_with('g');
   return numbered && name.size() > 1 &&

@@ -413,6 +413,20 @@ void read_events(const TomlTable& root, Scene& scene) {
   if (table) scene.jitter = table->number_or("jitter", 0.0, not_negative);
 }
 
+void read_tolerance(const TomlTable& root, Scene& scene) {
+  const auto table = root.table(
+      "tolerance", {"time", "restitution", "stiffness", "damping", "force", "clearance"});
+  if (!table) return;
+  constexpr Limits share{.low = 0.0, .high = Tolerance::largest_share};
+  constexpr Limits of_restitution{.low = 0.0, .high = Tolerance::largest_restitution};
+  scene.tolerance = {.time = table->number_or("time", 0.0, not_negative),
+                     .restitution = table->number_or("restitution", 0.0, of_restitution),
+                     .stiffness = table->number_or("stiffness", 0.0, share),
+                     .damping = table->number_or("damping", 0.0, share),
+                     .force = table->number_or("force", 0.0, not_negative),
+                     .clearance = table->number_or("clearance", 0.0, not_negative)};
+}
+
 void read_adaptation(const TomlTable& root, Scene& scene) {
   const auto table = root.table("adapt", {"free", "within", "walk"});
   if (!table) return;
@@ -492,7 +506,7 @@ namespace {
 Scene scene_of(TomlDocument& document, const std::string& file) {
   const TomlTable root =
       document.root({"name", "beam", "excitation", "system", "force", "impact", "contact", "output",
-                     "master", "replica", "events", "adapt", "parameters"});
+                     "master", "replica", "events", "tolerance", "adapt", "parameters"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
@@ -511,6 +525,7 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
     set_chatter_time(scene.model, scene.has_master ? scene.master : scene.replica);
   }
   read_events(root, scene);
+  read_tolerance(root, scene);
   read_adaptation(root, scene);
   scene.parameters = read_parameters(root, scene);
   scene.remarks = document.remarks();

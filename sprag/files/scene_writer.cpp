@@ -148,6 +148,19 @@ std::string to_toml(const ParameterUncertainty& parameters, std::string_view com
   return text;
 }
 
+std::string to_toml(const Tolerance& tolerance, std::string_view comment) {
+  if (!tolerance.any()) return {};
+  std::string text = "[tolerance]\n";
+  if (!comment.empty()) text += "# " + std::string(comment) + '\n';
+  add(text, "time", tolerance.time);
+  add(text, "restitution", tolerance.restitution);
+  add(text, "stiffness", tolerance.stiffness);
+  add(text, "damping", tolerance.damping);
+  add(text, "force", tolerance.force);
+  add(text, "clearance", tolerance.clearance);
+  return text;
+}
+
 std::string to_toml(const Scene& scene, std::string_view comment) {
   std::string text;
   while (!comment.empty()) {
@@ -182,6 +195,7 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add_replica(text, scene);
   text += "\n[events]\n";
   add(text, "jitter", scene.jitter);
+  if (scene.tolerance.any()) text += '\n' + to_toml(scene.tolerance);
   add_adaptation(text, scene);
   if (!scene.beam && !scene.parameters.empty()) text += '\n' + to_toml(scene.parameters);
   return text;

@@ -19,6 +19,9 @@ std::string to_toml(const Scene& scene, std::string_view comment = "");
 /// without '#'.
 std::string to_toml(const ParameterUncertainty& parameters, std::string_view comment = "");
 
+/// The table [tolerance]; empty where nothing may be off. `comment` is one line.
+std::string to_toml(const Tolerance& tolerance, std::string_view comment = "");
+
 /// Writes it to a file. Throws std::runtime_error if that cannot be written.
 void write_scene(const std::filesystem::path& file, const Scene& scene,
                  std::string_view comment = "");

@@ -727,6 +727,8 @@ Identification Identifier::run() {
   }
   cut_by_the_jitter(best);
   through_bounces(best);
+  // Before any repair, which could make another machine of the record.
+  from_fewer(stretches, best);
   if (!best.good() && settings_.mend) {
     // Near to each other, a bounce and what is none are hard to tell apart.
     const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
@@ -735,7 +737,6 @@ Identification Identifier::run() {
     // With a jitter that is specified too small nothing is found.
     if (!flights.empty() && !best.good() && jitters) mends(flights, std::nullopt, best);
   }
-  from_fewer(stretches, best);
   if (!best.exists()) {
     result.problem = FitProblem::no_convergence;
     result.fitted = family_.scene();

@@ -126,8 +126,9 @@ std::pair<double, double> Unknown::neighbours(double at, double step) const {
 }
 
 bool Unknown::is_physical_bound(double of_value) const {
-  const bool lowest_is_zero =
-      (kind == Kind::damping || kind == Kind::restitution) && of_value <= 0.0;
+  constexpr double rounding = 1e-9;
+  const bool lowest_is_zero = (kind == Kind::damping || kind == Kind::restitution) &&
+                              of_value <= rounding * std::abs(nominal);
   return lowest_is_zero || (upper_limit > 0.0 && of_value >= upper_limit * (1.0 - 1e-12));
 }
 

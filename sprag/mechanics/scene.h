@@ -10,6 +10,7 @@
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/model.h"
 #include "sprag/mechanics/parameter_uncertainty.h"
+#include "sprag/mechanics/tolerance.h"
 
 namespace sprag {
 
@@ -53,6 +54,7 @@ struct Scene {
   std::optional<State> sigma;        ///< in place of uncertainty: standard deviations of its start
   double drift = 0.0;                ///< energy by which the model departs, per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
+  Tolerance tolerance;               ///< hard limits of what may be off; all 0: nothing is
   Adaptation adaptation;
   ParameterUncertainty parameters;   ///< how uncertain parameters are; empty: not given
   bool has_master = true;            ///< false: where the machine starts is not said

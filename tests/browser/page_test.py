@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import time
 
 from support import (BrowserCase, LiveCase, ask, estimates, free_url, last_health, main, open_stream,
@@ -234,6 +235,21 @@ class PageTest(BrowserCase):
         self.assertGreater(page.js(BAND), 1000)
         self.expect_quiet(page)
         self.assertIsNone(view.poll())
+
+    def test_a_guaranteed_band_lies_beside_the_calibrated_one(self):
+        tolerant = self.file("tolerant.toml")
+        with open(scene()) as nominal, open(tolerant, "w") as own:
+            own.write(nominal.read() + "\n[tolerance]\ntime = 1e-4\n")
+        events = self.file("events.csv")
+        subprocess.run([os.environ["MASTER_SIM"], tolerant, "--no-lcm", "--speed", "max", "--duration", "8",
+                        "--events", events], check=True, capture_output=True)
+        view = self.start_view("--replay", events, "--speed", "8", name=tolerant.removesuffix(".toml"), bus=False)
+        page = self.open_page(view.address)
+        hidden = "document.getElementById('guaranteed-legend').hidden"
+        page.wait("the band", f"sprag.over && !{hidden} && sprag.curves.guaranteed.low.some((y) => y !== null)")
+        shown = page.js("sprag.curves.guaranteed")
+        self.assertTrue(all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None))
+        self.expect_quiet(page)
 
     def test_what_is_refused_is_shown_by_cause(self):
         secret, other = self.file("key"), self.file("other")

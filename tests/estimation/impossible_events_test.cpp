@@ -109,7 +109,7 @@ void expect_numbers(const Scene& scene, std::span<const ContactEvent> events, bo
 
 TYPED_TEST(ImpossibleEventsTest, LeaveNumbersLiveAndOfflineTheSame) {
   constexpr double h = 0.02;
-  std::vector<int> drawn(static_cast<std::size_t>(repetitions(machines)));
+  std::vector<int> drawn(static_cast<std::size_t>(long_repetitions(machines)));
   std::iota(drawn.begin(), drawn.end(), 0);
   drawn.push_back(throws_off_for_ever);
   for (const int machine : drawn) {

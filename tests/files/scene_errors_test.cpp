@@ -198,6 +198,27 @@ TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
   EXPECT_EQ(again.sigma->q, scene.sigma->q);
 }
 
+TEST(SceneErrors, TolerancesAreLimited) {
+  const auto with = [](const std::string& line) {
+    return "[tolerance]\n" + line + '\n' + std::string(beam_text);
+  };
+  for (const auto& [line, error] :
+       {std::pair("time = -1e-3", "x.toml:2:8: tolerance.time is -0.001; must be >= 0"),
+        std::pair("restitution = 1.5",
+                  "x.toml:2:15: tolerance.restitution is 1.5; must be in [0, 1]"),
+        std::pair("stiffness = 0.6",
+                  "x.toml:2:13: tolerance.stiffness is 0.6; must be in [0, 0.5]"),
+        std::pair("damping = -1", "x.toml:2:11: tolerance.damping is -1; must be in [0, 0.5]"),
+        std::pair("force = -1", "x.toml:2:9: tolerance.force is -1; must be >= 0"),
+        std::pair("clearance = -1", "x.toml:2:13: tolerance.clearance is -1; must be >= 0")}) {
+    EXPECT_EQ(error_of(with(line)), error);
+  }
+  EXPECT_NE(error_of(with("times = 1")).find("tolerance.time"), std::string::npos);
+  EXPECT_FALSE(parse(std::string(beam_text)).tolerance.any());
+  const Tolerance tolerance = parse(with("time = 1e-4\nclearance = 2e-3")).tolerance;
+  EXPECT_EQ(tolerance, (Tolerance{.time = 1e-4, .clearance = 2e-3}));
+}
+
 TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
   const std::string events = "[events]\njitter = -1e-3\n";
   EXPECT_EQ(error_of(events + std::string(beam_text)),

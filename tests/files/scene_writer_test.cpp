@@ -61,6 +61,11 @@ Bits bits_of(const Scene& scene) {
   add(bits, scene.uncertainty);
   add(bits, scene.drift);
   add(bits, scene.jitter);
+  const Tolerance& tolerance = scene.tolerance;
+  for (const double value : {tolerance.time, tolerance.restitution, tolerance.stiffness,
+                             tolerance.damping, tolerance.force, tolerance.clearance}) {
+    add(bits, value);
+  }
   add(bits, scene.adaptation.within);
   add(bits, scene.adaptation.walk);
   bits.push_back(scene.adaptation.free.size());
@@ -105,6 +110,14 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
     scene.replica.u[0] = -0.0;
     scene.drift = random.log_uniform(1e-300, 1e300);
     scene.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
+    if (random.chance(0.5)) {
+      scene.tolerance = {.time = random.log_uniform(1e-9, 1.0),
+                         .restitution = random.uniform(0.0, 1.0),
+                         .stiffness = random.uniform(0.0, 0.5),
+                         .damping = random.uniform(0.0, 0.5),
+                         .force = random.log_uniform(1e-9, 1e9),
+                         .clearance = random.log_uniform(1e-9, 1.0)};
+    }
     scene.release_penetration = random.chance(0.5);
     if (random.chance(0.5)) scene.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
     const auto free = std::max<Eigen::Index>(1, std::ssize(scene.adaptation.free));

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bounds_codec.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/health_codec.h"
@@ -137,6 +138,7 @@ void message(Input input) {
   EstimateSample estimate;
   Health health;
   OutputsSample outputs;
+  BoundsSample bounds;
   ParametersSample parameters;
   while (!reader.empty()) {
     arrival.monotonic += 1'000'000LL * reader.value<std::uint8_t>();
@@ -148,6 +150,7 @@ void message(Input input) {
       (void)decode(bytes, estimate);
       (void)decode(bytes, health);
       (void)decode(bytes, outputs);
+      (void)decode(bytes, bounds);
       (void)decode(bytes, parameters);
       Packet packet;
       if (read_packet(bytes, packet) != PacketFault::none) continue;

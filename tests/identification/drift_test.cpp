@@ -38,7 +38,7 @@ class DriftOfScenes : public testing::TestWithParam<const char*> {};
 
 TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
   constexpr double drift = 1e-8, jitter = 1e-4;
-  for (int seed = 1; seed <= std::max(1, repetitions(3)); ++seed) {
+  for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
     for (const std::optional<double> told : {std::optional<double>(), std::optional(jitter)}) {
       const auto found =
           drift_of(GetParam(), drift, jitter, told, static_cast<std::uint64_t>(seed));
@@ -55,7 +55,7 @@ TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
 
 TEST_P(DriftOfScenes, IsNoneOfAMachineThatIsItsModel) {
   constexpr double jitter = 1e-4;
-  for (int seed = 1; seed <= std::max(1, repetitions(3)); ++seed) {
+  for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
     for (const std::optional<double> told : {std::optional<double>(), std::optional(jitter)}) {
       const auto none = drift_of(GetParam(), 0.0, jitter, told, static_cast<std::uint64_t>(seed));
       ASSERT_TRUE(none);

@@ -125,5 +125,38 @@ TEST(JointChatter, EveryMachineBetweenSupportsComesToAnEnd) {
   }
 }
 
+// A stop that moves onto the opposite one squeezes the mass: ever more impacts in ever less time.
+TEST(JointChatter, AMassThatTwoStopsSqueezeEndsWithAnError) {
+  const std::string squeezed = R"([system]
+M = [[1.0]]
+C = [[0.1]]
+K = [[1.0]]
+[impact]
+restitution = 0.95
+[[contact]]
+direction = [1.0]
+clearance = 0.01
+[[contact]]
+direction = [-1.0]
+clearance = 0.03
+motion = { amplitude = 0.05, frequency = 3.0 }
+[master]
+q = [0.0]
+u = [0.3]
+)";
+  const Scene scene = parse_scene(squeezed, "squeezed_mass.toml");
+  Master master(scene.model, scene.master);
+  std::vector<ContactEvent> events;
+  try {
+    master.advance(at(5.0), events, 200000);
+    FAIL() << events.size() << " events";
+  } catch (const SimulationError& error) {
+    const std::string what = error.what();
+    EXPECT_TRUE(what.starts_with("t = 0.83")) << what;
+    EXPECT_NE(what.find("contacts 1 and 2"), std::string::npos) << what;
+    EXPECT_NE(what.find("check their clearances and motions"), std::string::npos) << what;
+  }
+}
+
 }  // namespace
 }  // namespace sprag::test

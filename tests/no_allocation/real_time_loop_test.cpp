@@ -16,8 +16,7 @@
 namespace sprag::test {
 namespace {
 
-TEST(RealTimeLoop, RunsAndTellsItsStatusWithoutAllocating) {
-  const Scene scene = cached_scene("paper_beam.toml");
+void expect_no_allocation(const Scene& scene) {
   ObserverOptions options;
   options.duration = 4.0;
   Estimation estimation(scene, options, 1000);
@@ -27,7 +26,8 @@ TEST(RealTimeLoop, RunsAndTellsItsStatusWithoutAllocating) {
   const std::vector<ContactEvent> events = master_events(scene, options.duration);
   const auto times = event_and_heartbeat_times(events, 1e-2, options.duration);
   std::int64_t sequence = 0;
-  for (ContactMessage message : reports_at(times, events, 1)) {
+  for (ContactMessage message :
+       reports_at(times, events, static_cast<int>(scene.model.contacts.size()))) {
     message.speed = std::numeric_limits<double>::infinity();
     message.session = 7;
     message.sequence = sequence++;
@@ -56,6 +56,26 @@ TEST(RealTimeLoop, RunsAndTellsItsStatusWithoutAllocating) {
   EXPECT_EQ(status->session, 7);
   EXPECT_EQ(status->tick, 4000);
   EXPECT_EQ(status->events.events, static_cast<std::int64_t>(events.size()));
+}
+
+TEST(RealTimeLoop, RunsAndTellsItsStatusWithoutAllocating) {
+  expect_no_allocation(cached_scene("paper_beam.toml"));
+}
+
+TEST(RealTimeLoop, BoundsTheErrorUnderTolerancesWithoutAllocating) {
+  for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml", "two_supports_beam.toml",
+                           "non_proportional.toml"}) {
+    SCOPED_TRACE(name);
+    Scene scene = cached_scene(name);
+    scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1.0);
+    scene.tolerance = {.time = 1e-3,
+                       .restitution = 1e-3,
+                       .stiffness = 1e-4,
+                       .damping = 1e-3,
+                       .force = 1e-3,
+                       .clearance = 1e-4};
+    expect_no_allocation(scene);
+  }
 }
 
 }  // namespace

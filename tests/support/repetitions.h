@@ -1,6 +1,8 @@
 // How often a randomized test repeats: a sanitized build is slower and repeats less.
 #pragma once
 
+#include <cstdlib>
+
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SPRAG_SANITIZED 1
 #elif defined(__has_feature)
@@ -19,5 +21,12 @@ inline constexpr bool sanitized = false;
 #endif
 
 constexpr int repetitions(int count) { return sanitized ? (count + 19) / 20 : count; }
+
+/// Of the tests that run longest: a quarter of `count`, or all of it where the environment variable
+/// SPRAG_THOROUGH is set, as `scripts/test --thorough` does.
+inline int long_repetitions(int count) {
+  static const bool thorough = std::getenv("SPRAG_THOROUGH") != nullptr;
+  return repetitions(thorough ? count : (count + 3) / 4);
+}
 
 }  // namespace sprag

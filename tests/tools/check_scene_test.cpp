@@ -120,7 +120,7 @@ TEST(CheckScene, PaperBeamHasAModeAtANodeAndItsTick) {
   EXPECT_NEAR(a.modes[2].decades, 0.17 / ln10, 1e-12);
   EXPECT_FALSE(a.modes[0].barely_seen() || a.modes[1].barely_seen());
   EXPECT_TRUE(a.modes[2].barely_seen());
-  const Finding& seen = finding(a, "seen_modes");
+  const Finding seen = finding(a, "seen_modes");
   EXPECT_FALSE(seen.holds || seen.required);
   EXPECT_TRUE(says(seen.what, "mode 3 (omega 61.7, w^T phi = -0.00436, 0.07383 decades"))
       << seen.what;
@@ -192,7 +192,7 @@ TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain
   EXPECT_GT(a.trial.longest_open, 0.0);
   EXPECT_GT(a.trial.open_share, 0.5);
   EXPECT_LE(a.trial.open_share, 1.0);
-  const Finding& W = finding(a, "W");
+  const Finding W = finding(a, "W");
   EXPECT_TRUE(W.what.starts_with("provided that time windows in which all contacts are open recur"))
       << W.what;
   EXPECT_TRUE(says(W.what, "at least 1.5 between them: they cannot close together")) << W.what;

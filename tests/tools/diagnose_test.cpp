@@ -425,7 +425,8 @@ TEST(Diagnose, AClockThatIsOffIsFoundWhereTwoFrequenciesTellIt) {
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
   EXPECT_EQ(best->parameter.name, "clock offset") << to_text(diagnosis);
   EXPECT_NEAR(best->value, 0.004, 1e-7);
-  EXPECT_EQ(to_text(diagnosis).find("cannot be told from the phase"), std::string::npos);
+  EXPECT_EQ(to_text(diagnosis).find("cannot be distinguished from a change of the phase"),
+            std::string::npos);
 }
 
 TEST(Diagnose, WithOneFrequencyAClockThatIsOffIsAPhase) {

@@ -203,6 +203,65 @@ TEST(Watch, TheLastWordOnATickCounts) {
   EXPECT_EQ(watch.frame(9).settled->q[1], 0.7);
 }
 
+// What the observer of another process says of one tick: q1, q2, g1.
+BoundsSample bounds_at(std::int64_t tick, std::vector<double> half_widths) {
+  BoundsSample sample;
+  sample.session = 5;
+  sample.tick = tick;
+  sample.t = 0.01 * static_cast<double>(tick);
+  sample.names = {"q1", "q2", "g1"};
+  sample.half_widths = std::move(half_widths);
+  return sample;
+}
+
+TEST(Watch, TheGuaranteedBandLiesAboutTheSettledEstimateOfItsTick) {
+  Watch watch(two_carriages());
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  const Window window{0.0, 1.0, 100};
+  const auto band = [&](std::size_t quantity) { return watch.curves(quantity, window).guaranteed; };
+  watch.take(bounds_at(1, {0.1, 0.2, 0.3}), {1, 0});
+  EXPECT_TRUE(band(0).t.empty()) << "no estimate of this tick has settled";
+  watch.take_settled(estimate_at(1, 0.4, 0.01), {2, 0});
+  watch.take(bounds_at(2, {0.1, 0.2, 0.3}), {3, 0});
+  EXPECT_TRUE(band(0).t.empty()) << "of another tick";
+  watch.take(bounds_at(1, {0.1, 0.2, 0.3}), {4, 0});
+  watch.take_settled(estimate_at(2, 0.6, 0.01), {5, 0});
+  watch.take(bounds_at(2, {0.1, infinity, 0.3}), {6, 0});
+  // The gap is 0.1 + q2; quantities are g1, q1, q2.
+  EXPECT_EQ(band(0).t, (std::vector<double>{0.01, 0.02}));
+  EXPECT_NEAR(band(0).values[0][0], 0.2, 1e-6);
+  EXPECT_NEAR(band(0).values[1][0], 0.8, 1e-6);
+  EXPECT_NEAR(band(1).values[0][0], -0.5, 1e-6);
+  EXPECT_NEAR(band(1).values[1][0], -0.3, 1e-6);
+  EXPECT_NEAR(band(2).values[1][0], 0.6, 1e-6);
+  EXPECT_TRUE(std::isnan(band(2).values[0][1])) << "nothing is guaranteed";
+  EXPECT_TRUE(std::isnan(band(2).values[1][1]));
+
+  BoundsSample other = bounds_at(2, {0.1, 0.2, 0.3});
+  other.session = 6;
+  watch.take(other, {7, 0});
+  EXPECT_EQ(watch.of_others(), 1);
+  for (const std::size_t count : {0U, 4U}) {
+    other = bounds_at(2, std::vector<double>(count, 0.1));
+    other.names.resize(count);
+    watch.take(other, {8, 0});
+  }
+  EXPECT_EQ(watch.misfits(), 2) << "other machines";
+  EXPECT_EQ(band(0).t.size(), 2U);
+}
+
+TEST(Watch, AnObserverWithinTheProgramGivesItsHalfWidthsWithTheEstimate) {
+  Watch watch(two_carriages());
+  EstimateSample sample = estimate_at(1, 0.4, 0.01);
+  sample.confidence.bound_q = Eigen::Vector2d(0.1, 0.2);
+  sample.confidence.bound_g = Eigen::VectorXd::Constant(1, 0.3);
+  watch.take_settled(sample, {1, 0});
+  const Rows band = watch.curves(0, {0.0, 1.0, 100}).guaranteed;
+  ASSERT_EQ(band.t.size(), 1U);
+  EXPECT_NEAR(band.values[0][0], 0.2, 1e-6);
+  EXPECT_NEAR(band.values[1][0], 0.8, 1e-6);
+}
+
 TEST(Watch, OfAReplicaNoDeviationsAreShown) {
   Watch watch(two_carriages());
   EstimateSample sample = estimate_at(1, 0.1, 0.01);

@@ -7,6 +7,7 @@
 #include "sprag/analysis/assessment.h"
 #include "sprag/files/scene_writer.h"
 #include "sprag/mechanics/scene.h"
+#include "tools/check_scene/guaranteed.h"
 #include "tools/check_scene/json.h"
 #include "tools/check_scene/parameters.h"
 
@@ -51,9 +52,13 @@ int main(int argc, char** argv) {
     nlohmann::ordered_json object;
     sprag::write_json(assessment, object);
     sprag::write_parameters(scene, object);
+    const auto guaranteed = sprag::guaranteed_widths(scene);
+    sprag::write_guaranteed(guaranteed, object);
     assessment.scene = sprag::printable(assessment.scene);
-    sprag::print_result(object, sprag::to_text(assessment) + sprag::parameters_text(scene), json,
-                        report);
+    sprag::print_result(object,
+                        sprag::to_text(assessment) + sprag::parameters_text(scene) +
+                            sprag::guaranteed_text(scene, guaranteed),
+                        json, report);
     if (!output.empty()) {
       if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);
       const sprag::Reduction& fewest = assessment.accuracy->fewest;

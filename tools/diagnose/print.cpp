@@ -50,10 +50,12 @@ const Candidate* phase_of(const Diagnosis& diagnosis) {
 std::string clock_text(const Diagnosis& diagnosis) {
   const Candidate* phase = phase_of(diagnosis);
   if (phase == nullptr) {
-    return "The machine does not depend on t: an offset of the clock cannot be told.\n";
+    return "The machine does not depend on t: an offset of the clock cannot be determined.\n";
   }
   if (!(diagnosis.only_frequency > 0.0)) return "";
-  std::string text = "With one frequency an offset of the clock cannot be told from the phase";
+  std::string text =
+      "With one frequency an offset of the clock cannot be distinguished from a change of the "
+      "phase";
   if (phase->told && change(*phase) != 0.0) {
     text += ": " + number(change(*phase), 3) + " rad is " +
             number(-change(*phase) / diagnosis.only_frequency, 3) + " s";

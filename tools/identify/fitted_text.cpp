@@ -7,6 +7,7 @@
 #include "sprag/files/scene_text.h"
 #include "sprag/files/scene_writer.h"
 #include "tools/identify/fitted_parameters.h"
+#include "tools/identify/fitted_tolerance.h"
 
 namespace sprag {
 namespace {
@@ -225,14 +226,59 @@ Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::Vect
   return sigma.cwiseMax(1e-9 * (largest > 0.0 ? largest : 1.0));
 }
 
+constexpr std::string_view not_covered = "# The bound B covers no error of";
+
+// Without the comment of an earlier fit.
+std::string without_tolerance(std::string_view given) {
+  std::string text = without_table(given, "tolerance");
+  const std::size_t begin = text.find(not_covered);
+  if (begin == std::string::npos) return text;
+  std::size_t end = begin;
+  while (end < text.size() && text[end] == '#') {
+    end = std::min(text.find('\n', end), text.size() - 1) + 1;
+  }
+  text.erase(begin, end - begin);
+  while (text.ends_with("\n\n")) text.pop_back();
+  return text;
+}
+
+// An empty line, and the beginning of one more.
+void begin_table(std::string& text) {
+  if (!text.ends_with("\n")) text += '\n';
+  if (!text.ends_with("\n\n")) text += '\n';
+}
+
+// Where a fitted parameter is covered by no tolerance the table is a comment: the bound does not
+// hold for such a machine.
+void add_tolerance(const Identification& fit, double jitter, std::string& text) {
+  const std::string table =
+      to_toml(fitted_tolerance(fit, jitter),
+              "by identify: limits of four standard deviations of the fit, which are no proof");
+  if (table.empty()) return;
+  begin_table(text);
+  const std::vector<std::string> others = not_tolerated(fit);
+  if (others.empty()) {
+    text += table;
+    return;
+  }
+  text += not_covered;
+  for (const std::string& key : others) text += (key == others.front() ? " " : ", ") + key;
+  text += ".\n# Where these are known otherwise:\n";
+  for (std::size_t begin = 0; begin < table.size();) {
+    const std::size_t end = table.find('\n', begin);
+    text += "# " + table.substr(begin, end + 1 - begin);
+    begin = end + 1;
+  }
+}
+
 }  // namespace
 
 FittedText fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
                        double begins, const std::filesystem::path& from,
                        const std::filesystem::path& to) {
   const std::string file = to.string();
-  const std::string text = with_files_from(without_table(given, "parameters"), from.parent_path(),
-                                           to.parent_path(), file);
+  const std::string text = with_files_from(without_table(without_tolerance(given), "parameters"),
+                                           from.parent_path(), to.parent_path(), file);
   Text out(text, file);
   for (const FittedUnknown& unknown : fit.unknowns) {
     if (unknown.determined) set_unknown(scene, fit.fitted, unknown, out);
@@ -260,12 +306,12 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
   std::string written = out.written();
   const FittedParameters parameters = fitted_parameters(fit, parse_scene(written, file));
   if (!parameters.uncertainty.empty()) {
-    if (!written.ends_with("\n")) written += '\n';
-    if (!written.ends_with("\n\n")) written += '\n';
+    begin_table(written);
     written += to_toml(parameters.uncertainty,
                        "by identify: standard deviations, and correlations of the fit");
-    parse_scene(written, file);
   }
+  add_tolerance(fit, jitter, written);
+  parse_scene(written, file);
   return {written, parameters.left_out};
 }
 

@@ -36,7 +36,7 @@ bool at_ticks(const Table& table) {
 // What a master writes says nothing of its own error.
 bool is_estimate(const Table& states) {
   return std::any_of(states.names.begin(), states.names.end(), [](const std::string& name) {
-    return name == "B" || name.starts_with("sigma_");
+    return name == "B" || name.starts_with("sigma_") || name.starts_with("bound_");
   });
 }
 
@@ -111,17 +111,27 @@ void add_parted(Curve curve, const std::vector<double>& penetrating, Panel& pane
   if (any) panel.curves.push_back(std::move(inside));
 }
 
-// A column with its band, as one run's part of a panel.
+// y with a band of some times a half-width, where that is finite.
+Band band_about(std::string title, Colour colour, const std::vector<double>& t,
+                const std::vector<double>& y, const std::vector<double>& width, double times) {
+  Band band{std::move(title), colour, t, y, y};
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    const bool known = std::isfinite(width[i]);
+    band.low[i] = known ? y[i] - times * width[i] : nan;
+    band.high[i] = known ? y[i] + times * width[i] : nan;
+  }
+  return band;
+}
+
+// A column with its bands, as one run's part of a panel.
 void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
-               std::vector<double> y, const std::vector<double>* sigma, Panel& panel) {
-  if (sigma != nullptr) {
-    Band band{"± 2 sigma of " + table.label, colour, t, y, y};
-    for (std::size_t i = 0; i < y.size(); ++i) {
-      const bool known = std::isfinite((*sigma)[i]);
-      band.low[i] = known ? y[i] - 2.0 * (*sigma)[i] : nan;
-      band.high[i] = known ? y[i] + 2.0 * (*sigma)[i] : nan;
-    }
-    panel.bands.push_back(std::move(band));
+               std::vector<double> y, const std::string& name, Panel& panel) {
+  if (const auto* bound = table.column("bound_" + name)) {
+    panel.bands.push_back(
+        band_about("guaranteed, of " + table.label, Colour::grey, t, y, *bound, 1.0));
+  }
+  if (const auto* sigma = table.column("sigma_" + name)) {
+    panel.bands.push_back(band_about("± 2 sigma of " + table.label, colour, t, y, *sigma, 2.0));
   }
   const Line line = is_estimate(table) ? Line::solid : Line::thick;
   Curve curve{table.label, colour, line, t, std::move(y)};
@@ -261,8 +271,7 @@ class Panels {
         named(name, scene_->model.contacts.size() == 1 ? "gap g [m]" : "gap " + name + " [m]");
     each(TableKind::states, [&](const Table& states) {
       add_curve(states, colours_.of(states), *states.column("t"),
-                gap_over_time(states, scene_->model.contacts[i]),
-                states.column("sigma_" + panel.name), panel);
+                gap_over_time(states, scene_->model.contacts[i]), panel.name, panel);
     });
     if (i < contacts_.size()) {
       panel.impacts = contacts_[i].pulses;
@@ -276,8 +285,7 @@ class Panels {
     Panel panel = named(name, name);
     each(TableKind::states, [&](const Table& states) {
       if (const auto* y = states.column(name)) {
-        add_curve(states, colours_.of(states), *states.column("t"), *y,
-                  states.column("sigma_" + name), panel);
+        add_curve(states, colours_.of(states), *states.column("t"), *y, name, panel);
       }
     });
     return panel;

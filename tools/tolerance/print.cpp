@@ -99,6 +99,7 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
     widest = std::max(widest, description(found.deviation).size());
   std::vector<std::string> cells = {"what is off"};
   for (const EstimatorKind kind : settings.estimators) cells.emplace_back(study::name(kind));
+  cells.emplace_back("guaranteed for");
   add_line(cells, widest, column, text);
   cells = {"nothing: V is"};
   for (const Spread& V : tolerances.undisturbed.V) cells.push_back(short_number(V.median));
@@ -106,6 +107,7 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   for (const Found& found : tolerances.found) {
     cells = {description(found.deviation)};
     for (const Limit& limit : found.limits) cells.push_back(limit_text(found.deviation, limit));
+    cells.push_back(found.guaranteed ? limit_text(found.deviation, *found.guaranteed) : "-");
     add_line(cells, widest, column, text);
   }
   text += '\n';
@@ -122,7 +124,9 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
                 (bench.scene().drift > 0.0 ? ", and filters are told a drift of " +
                                                  short_number(bench.scene().drift) + " per s"
                                            : std::string()) +
-                ".");
+                ". The columns of estimators are measured. \"guaranteed for\" is proven: with a "
+                "deviation of every event, or of the parameter, up to there the replica's bound B "
+                "stays below the target.");
   return text;
 }
 
@@ -157,6 +161,13 @@ void write_json(const Bench& bench, const Tolerances& tolerances, nlohmann::orde
       entry["kind"] = kind_name(limit.kind);
       if (limit.kind != Limit::Kind::never) entry["amount"] = limit.amount;
       entry["text"] = limit_text(found.deviation, limit);
+    }
+    if (found.guaranteed) {
+      of["guaranteed"] = {{"kind", kind_name(found.guaranteed->kind)},
+                          {"text", limit_text(found.deviation, *found.guaranteed)}};
+      if (found.guaranteed->kind != Limit::Kind::never) {
+        of["guaranteed"]["amount"] = found.guaranteed->amount;
+      }
     }
     for (const Point& point : found.points) {
       of["points"].push_back({{"amount", point.amount}, {"V", spreads(point)}});

@@ -7,6 +7,7 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
+#include "tools/tolerance/guaranteed.h"
 
 namespace sprag::tolerance {
 namespace {
@@ -86,7 +87,8 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
                   const std::function<void(int round, double done)>& tell) {
   const std::size_t estimators = bench.settings().estimators.size();
   Tolerances result;
-  for (Deviation& deviation : deviations) result.found.push_back({std::move(deviation), {}, {}});
+  for (Deviation& deviation : deviations)
+    result.found.push_back({std::move(deviation), {}, {}, {}});
 
   std::vector<Trial> coarse = {{}};
   for (const Found& found : result.found) {
@@ -125,6 +127,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
               [](const Point& a, const Point& b) { return a.amount < b.amount; });
     for (std::size_t e = 0; e < estimators; ++e)
       found.limits.push_back(limit_of(result.undisturbed, found.points, e, bench.target()));
+    found.guaranteed = guaranteed_limit(bench, found.deviation);
   }
   return result;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,9 @@ struct Found {
   Deviation deviation;
   std::vector<Point> points;  ///< by amount
   std::vector<Limit> limits;  ///< of each estimator
+  /// Up to which the guaranteed bound of the replica stays below the target (guaranteed.h); none
+  /// where the bound covers no such deviation.
+  std::optional<Limit> guaranteed = {};
 };
 
 struct Tolerances {

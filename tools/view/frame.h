@@ -83,6 +83,7 @@ struct Curves {
   Window window;
   std::size_t quantity = 0;
   Rows estimate;                               ///< low, mean, high
+  Rows guaranteed;                             ///< low, high: the machine is proven to be between
   Rows truth;                                  ///< one column
   Rows energy;                                 ///< V
   Rows bound;                                  ///< B

@@ -189,6 +189,7 @@ void put_curves(const Curves& curves, const Watch& watch, std::pair<double, doub
   to.member("last", extent.second);
   to.member("quantity", std::string_view(watch.quantities()[curves.quantity].name));
   put_rows("estimate", curves.estimate, {"low", "mean", "high"}, to);
+  put_rows("guaranteed", curves.guaranteed, {"low", "high"}, to);
   put_rows("truth", curves.truth, {"value"}, to);
   put_rows("energy", curves.energy, {"V"}, to);
   put_rows("bound", curves.bound, {"B"}, to);

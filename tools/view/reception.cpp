@@ -6,9 +6,9 @@
 namespace sprag::view {
 namespace {
 
-constexpr std::array<const char*, 7> channels{
-    contacts_channel, estimate_channel,   settled_channel, truth_channel,
-    outputs_channel,  parameters_channel, health_channel};
+constexpr std::array<const char*, 8> channels{contacts_channel,   estimate_channel, settled_channel,
+                                              truth_channel,      outputs_channel,  bounds_channel,
+                                              parameters_channel, health_channel};
 
 }  // namespace
 
@@ -36,6 +36,8 @@ void Reception::take(std::string_view channel, std::span<const std::uint8_t> dat
     decoded(data, state_, [&](Watch& watch) { watch.take_truth(state_, arrival); });
   } else if (channel == outputs_channel) {
     decoded(data, outputs_, [&](Watch& watch) { watch.take(outputs_, arrival); });
+  } else if (channel == bounds_channel) {
+    decoded(data, bounds_, [&](Watch& watch) { watch.take(bounds_, arrival); });
   } else if (channel == parameters_channel) {
     decoded(data, parameters_, [&](Watch& watch) { watch.take(parameters_, arrival); });
   } else if (channel == health_channel) {

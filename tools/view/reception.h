@@ -37,6 +37,7 @@ class Reception {
   EstimateSample estimate_;
   StateSample state_;
   OutputsSample outputs_;
+  BoundsSample bounds_;
   ParametersSample parameters_;
   Health health_;
 };

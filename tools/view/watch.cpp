@@ -96,6 +96,7 @@ Watch::Watch(const Scene& scene, Freshness freshness)
       pairing_(scene.model, pairing_window(f_)),
       estimates_(3 * without_outputs(quantities_), history_memory),
       outputs_(3 * scene.model.outputs.size(), history_memory),
+      guaranteed_(2 * quantities_.size(), history_memory),
       truths_(quantities_.size(), history_memory),
       bounds_(1, history_memory),
       energies_(1, history_memory) {}
@@ -115,7 +116,7 @@ bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arr
 
 void Watch::begin(std::int64_t session) {
   session_ = session;
-  for (History* history : {&estimates_, &outputs_, &truths_, &bounds_, &energies_}) {
+  for (History* history : {&estimates_, &outputs_, &guaranteed_, &truths_, &bounds_, &energies_}) {
     history->clear();
   }
   raster_.clear();
@@ -249,6 +250,8 @@ void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
     }
     add_outputs(sample.t, values, std::span(sigmas.data(), values.size()));
   }
+  // Messages do not carry half-widths with the estimate; an observer within this program does.
+  if (sample.confidence.bound_q.size() > 0) add_guaranteed(sample, sample.confidence);
   settled_ = sample;
   const bool inside = penetration_of(sample) > 0.0;
   if (inside != penetrating_.closed(0)) {
@@ -268,6 +271,23 @@ void Watch::add_outputs(double t, std::span<const double> values, std::span<cons
   std::vector<double> row(3 * values.size());
   for (std::size_t i = 0; i < values.size(); ++i) put_band(values[i], sigmas[i], &row[3 * i]);
   outputs_.add(t, row);
+}
+
+void Watch::add_guaranteed(const EstimateSample& sample, const Confidence& half_widths) {
+  std::vector<double> row;
+  row.reserve(2 * quantities_.size());
+  for (const Quantity& quantity : quantities_) {
+    const Eigen::VectorXd& kind = quantity.kind == Quantity::Kind::gap ? half_widths.bound_g
+                                  : quantity.kind == Quantity::Kind::output
+                                      ? half_widths.bound_outputs
+                                      : half_widths.bound_q;
+    const auto i = static_cast<Eigen::Index>(quantity.index);
+    const double half_width = i < kind.size() ? kind[i] : nan;
+    const double mean = value_of(quantity, sample.q, sample.u, sample.t);
+    row.push_back(mean - half_width);
+    row.push_back(mean + half_width);
+  }
+  guaranteed_.add(sample.t, row);
 }
 
 void Watch::take_truth(const StateSample& sample, const Arrival& arrival) {
@@ -302,6 +322,30 @@ void Watch::take(const OutputsSample& sample, const Arrival& arrival) {
   }
   if (!sample.settled || !follows(sample.session, sample.utime, arrival)) return;
   add_outputs(sample.t, sample.outputs.values, sample.outputs.sigmas);
+}
+
+void Watch::take(const BoundsSample& sample, const Arrival& arrival) {
+  const std::vector<Output>& outputs = scene_.model.outputs;
+  const std::size_t others = scene_.model.contacts.size() + outputs.size();
+  const std::size_t count = sample.names.size();
+  const bool same =
+      count >= others && count - others <= static_cast<std::size_t>(f_) &&
+      std::equal(outputs.begin(), outputs.end(), sample.names.end() - std::ssize(outputs),
+                 sample.names.end(),
+                 [](const Output& output, const std::string& name) { return output.name == name; });
+  if (!same) {
+    ++misfits_;
+    return;
+  }
+  if (!follows(sample.session, sample.utime, arrival)) return;
+  if (!settled_ || settled_->tick != sample.tick) return;
+  const Eigen::Map<const Eigen::VectorXd> all(sample.half_widths.data(), std::ssize(sample.names));
+  const auto contacts = static_cast<Eigen::Index>(scene_.model.contacts.size());
+  Confidence half_widths;
+  half_widths.bound_outputs = all.tail(std::ssize(outputs));
+  half_widths.bound_q = all.head(all.size() - contacts - std::ssize(outputs));
+  half_widths.bound_g = all.segment(half_widths.bound_q.size(), contacts);
+  add_guaranteed(*settled_, half_widths);
 }
 
 void Watch::take(const ParametersSample& sample, const Arrival& arrival) {
@@ -427,6 +471,9 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
   const std::vector<Wanted> first{{0, Keep::both}}, own{{curves.quantity, Keep::both}};
   const History& history = is_output ? outputs_ : estimates_;
   curves.estimate = history.thinned(window, band);
+  const std::size_t low = 2 * curves.quantity;
+  curves.guaranteed = guaranteed_.thinned(
+      window, std::vector<Wanted>{{low, Keep::least}, {low + 1, Keep::greatest}});
   curves.truth = truths_.thinned(window, own);
   curves.energy = energies_.thinned(window, first);
   curves.bound = bounds_.thinned(window, first);

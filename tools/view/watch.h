@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "lcmtypes/bounds_codec.h"
 #include "lcmtypes/health_codec.h"
 #include "lcmtypes/outputs_codec.h"
 #include "lcmtypes/parameters_codec.h"
@@ -39,6 +40,9 @@ class Watch {
   void take_settled(const EstimateSample& sample, const Arrival& arrival);
   void take_truth(const StateSample& sample, const Arrival& arrival);
   void take(const OutputsSample& sample, const Arrival& arrival);
+  /// Half-widths count only for the settled estimate of the same tick, which must have come before:
+  /// a band needs both.
+  void take(const BoundsSample& sample, const Arrival& arrival);
   void take(const ParametersSample& sample, const Arrival& arrival);
   void take(const Health& health, const Arrival& arrival);
 
@@ -72,6 +76,7 @@ class Watch {
   double value_of(const Quantity& quantity, const Eigen::VectorXd& q, const Eigen::VectorXd& u,
                   double t) const;
   void add_outputs(double t, std::span<const double> values, std::span<const double> sigmas);
+  void add_guaranteed(const EstimateSample& sample, const Confidence& half_widths);
   std::vector<double> estimate_row(const EstimateSample& sample) const;
   double penetration_of(const EstimateSample& sample) const;
   void add_energy(const SyncRow* row);
@@ -94,11 +99,12 @@ class Watch {
   std::deque<Suspect> suspects_;
   Pairing pairing_;
 
-  History estimates_;  // low, mean and high of each quantity that is no output
-  History outputs_;    // and of each output
-  History truths_;     // of each quantity
-  History bounds_;     // B
-  History energies_;   // V
+  History estimates_;   // low, mean and high of each quantity that is no output
+  History outputs_;     // and of each output
+  History guaranteed_;  // low and high of each quantity, between which the machine is proven to be
+  History truths_;      // of each quantity
+  History bounds_;      // B
+  History energies_;    // V
 
   // Estimates for now behind the last settled one, by their time: the last word on a tick counts.
   std::map<double, EstimateSample> provisional_;

@@ -349,6 +349,33 @@
     c.restore();
   }
 
+  // Between these edges the machine is proven to be. Where nothing is guaranteed there are none.
+  function drawGuaranteed(c, area, chart) {
+    const curves = sprag.curves;
+    if (!curves) return;
+    const { t, low, high } = curves.guaranteed;
+    c.save();
+    c.beginPath();
+    c.rect(area.x, area.y, area.w, area.h);
+    c.clip();
+    c.strokeStyle = style.replica;
+    c.lineWidth = 1.6;
+    c.setLineDash([2, 3]);
+    for (const edge of [low, high]) {
+      let pen = false;
+      c.beginPath();
+      edge.forEach((y, i) => {
+        if (y === null) { pen = false; return; }
+        const at = [chart.toDomXCoord(t[i]), chart.toDomYCoord(y)];
+        if (pen) c.lineTo(...at);
+        else c.moveTo(...at);
+        pen = true;
+      });
+      c.stroke();
+    }
+    c.restore();
+  }
+
   // Behind the curves: when the estimate was inside a support, where the machine cannot be.
   function shadePenetration(c, area, chart) {
     const curves = sprag.curves;
@@ -381,7 +408,7 @@
     });
     curveChart = new Dygraph(byId("curve-chart"), [[0, [null, null, null], [null, null, null]]], Object.assign({
       labels: ["t", "estimate", "machine"], customBars: true, axes: axes({}), dateWindow: [0, 20],
-      plotter: [plotBand, Dygraph.Plotters.linePlotter], underlayCallback: shadePenetration,
+      plotter: [plotBand, Dygraph.Plotters.linePlotter], underlayCallback: (...all) => { shadePenetration(...all); drawGuaranteed(...all); },
       series: { estimate: { strokeWidth: 2 }, machine: { strokeWidth: 1.6, strokePattern: [7, 4] } },
     }, common));
     energyChart = new Dygraph(byId("energy-chart"), [[0, null, null]], Object.assign({
@@ -442,15 +469,17 @@
     if (sprag.curves) drawRaster(sprag.curves);
   }
 
-  // What is drawn, and of the band as much as leaves the curves legible.
-  function heightsOf({ estimate, truth }) {
+  // What is drawn, and of the bands as much as leaves the curves legible.
+  function heightsOf({ estimate, guaranteed, truth }) {
     let low = Infinity, high = -Infinity, lowest = Infinity, highest = -Infinity;
     const take = (y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } };
     estimate.mean.forEach(take);
     truth.value.forEach(take);
     if (low > high) return [-1, 1];
-    estimate.low.forEach((y) => { if (y !== null) lowest = Math.min(lowest, y); });
-    estimate.high.forEach((y) => { if (y !== null) highest = Math.max(highest, y); });
+    for (const band of [estimate, guaranteed]) {
+      band.low.forEach((y) => { if (y !== null) lowest = Math.min(lowest, y); });
+      band.high.forEach((y) => { if (y !== null) highest = Math.max(highest, y); });
+    }
     const room = high - low || Math.abs(high) || 1;
     const bottom = Math.max(Math.min(low, lowest), low - 0.5 * room);
     const top = Math.min(Math.max(high, highest), high + 0.5 * room);
@@ -483,6 +512,7 @@
     energyChart.updateOptions({ file: energies, dateWindow, valueRange });
     applying = false;
     drawRaster(curves);
+    byId("guaranteed-legend").hidden = !curves.guaranteed.low.some((y) => y !== null);
     byId("inside-legend").hidden = curves.penetrating.length === 0;
     document.querySelectorAll('[data-of="truth"]').forEach((e) => { e.hidden = truth.t.length === 0 && energy.t.length === 0; });
     document.querySelector('[data-of="bound"]').hidden = !bound.B.some((B) => B !== null);

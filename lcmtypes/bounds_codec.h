@@ -1,0 +1,37 @@
+// What is guaranteed of an estimate <-> sprag_bounds_t (SPRAG_BOUNDS).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lcmtypes/refusal.h"
+#include "lcmtypes/state_codec.h"
+#include "sprag/mechanics/model.h"
+
+namespace sprag {
+
+/// The half-widths of one tick, as a message has them.
+struct BoundsSample {
+  std::int64_t session = 0;  ///< the master's
+  std::int64_t utime = 0;    ///< wall clock at send [us]
+  std::int64_t tick = 0;     ///< k
+  double t = 0.0;            ///< simulated time of the tick [s]
+  double bound = 0.0;        ///< of V
+  std::int64_t refutations = 0;
+  std::vector<std::string> names;
+  std::vector<double> half_widths;  ///< as many as names; infinite where nothing is guaranteed
+};
+
+/// `outputs` are those of the model that is estimated. The message lies in `buffer` and is valid
+/// until the buffer is used again.
+std::span<const std::uint8_t> encode_bounds(const EstimateSample& sample,
+                                            std::span<const Output> outputs,
+                                            std::vector<std::uint8_t>& buffer);
+
+/// Fills `sample` from a message. Returns Refusal::none, or why the message is refused; `sample` is
+/// unspecified then.
+Refusal decode(std::span<const std::uint8_t> message, BoundsSample& sample);
+
+}  // namespace sprag

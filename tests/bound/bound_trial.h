@@ -1,0 +1,58 @@
+// Trials that try to break the bound B under tolerances: a random machine, a true one at or within
+// its tolerances, and event times that are shifted within theirs so as to make V / B large.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sprag/bound/bound_tracker.h"
+#include "sprag/mechanics/contact_event.h"
+#include "sprag/mechanics/scene.h"
+#include "tests/support/random.h"
+
+namespace sprag::test {
+
+/// A machine as it is known, and as it is.
+struct BoundCase {
+  Scene scene;  ///< with tolerance and uncertainty
+  Model truth;
+  State start;  ///< of the true machine
+  double end = 0.0;
+  std::vector<ContactEvent> events;  ///< true ones up to `end`
+};
+
+struct BoundCaseSettings {
+  int contacts = 1;
+  bool exact_start = false;  ///< V(0) = 0
+  bool corners = false;      ///< parameters at the ends of their ranges
+};
+
+/// A case with at least four events, at most `most_events`; what is off is drawn too.
+BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, int most_events);
+
+enum class ShiftPattern { early, late, alternating, signs, uniform, greedy, optimized };
+inline constexpr int shift_patterns = 7;
+
+/// Largest V / B of a run, and B at its end.
+struct BoundRun {
+  double worst = 0.0;  ///< V / B
+  double worst_t = 0.0;
+  double final_B = 0.0, final_V = 0.0;
+  int samples = 0;
+  int infinite = 0;
+};
+
+/// Runs tracker, replica and machine with shifts s_k of the events, |s_k| <= tolerance.time.
+BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shifts,
+                        const BoundFactors& factors = {});
+
+/// Shifts of a pattern; greedy and optimized ones run the case to find them.
+std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, Random& random,
+                                const BoundFactors& factors = {});
+
+/// The events at their reported times, in order; those of one contact keep theirs.
+std::vector<ContactEvent> shifted(const BoundCase& machine, const std::vector<double>& shifts);
+
+std::string describe(const BoundCase& machine);
+
+}  // namespace sprag::test

@@ -1,0 +1,237 @@
+// What observers say under tolerances: the bound, its half-widths, when it is known, and which
+// filter estimates it refutes.
+#include "sprag/bound/guarantee.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <iostream>
+
+#include "sprag/estimation/observer.h"
+#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/simulate.h"
+#include "tests/support/random.h"
+#include "tests/support/random_model.h"
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+Scene tolerant_beam(double time) {
+  Scene scene = shipped_scene("paper_beam");
+  if (scene.uncertainty.size() == 0) {
+    const double V0 = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
+                                               scene.replica.u)[0];
+    scene.uncertainty = Eigen::VectorXd::Constant(3, V0 * 1.001 / 3.0);
+  }
+  scene.tolerance.time = time;
+  return scene;
+}
+
+std::vector<ContactEvent> moved(std::vector<ContactEvent> events, double delta, Random& random) {
+  for (ContactEvent& event : events) event.t += random.chance(0.5) ? delta : -delta;
+  return events;
+}
+
+TEST(Guarantee, ZeroTolerancesGiveTheExactBoundToTheLastBit) {
+  const Scene scene = shipped_scene("paper_beam");
+  Scene zero = scene;
+  zero.tolerance = {};
+  const std::vector<ContactEvent> events = events_of(scene, 20.0);
+  const Estimates exact = observe(scene, events, 20.0);
+  const Estimates same = observe(zero, events, 20.0);
+  EXPECT_EQ(exact.bound, same.bound);
+  EXPECT_EQ(same.bound_q.cols(), 0);
+  // And a tolerance that is next to nothing gives nearly that.
+  zero.tolerance.restitution = 1e-300;
+  const Estimates nearly = observe(zero, events, 20.0);
+  for (Eigen::Index k = 0; k < nearly.bound.size(); ++k) {
+    EXPECT_LE(nearly.bound[k], exact.bound[k] * 1.08 + 1e-20) << k;
+    EXPECT_GE(nearly.bound[k], exact.bound[k] * 0.92) << k;
+  }
+}
+
+TEST(Guarantee, HoldsThroughAnObserverAndItsLengths) {
+  constexpr std::uint64_t seed = 5210;
+  std::cout << "seed " << seed << '\n';
+  for (const EstimatorKind kind : {EstimatorKind::replica, EstimatorKind::both}) {
+    const double delta = 1e-4;
+    Scene scene = tolerant_beam(delta);
+    scene.jitter = delta / 2.0;
+    Random random(seed);
+    constexpr double end = 60.0;
+    const Simulation machine = simulate(scene.model, scene.master, end, 0.01);
+    const Estimates all =
+        observe(scene, moved(machine.events, delta * 0.999, random), end, {.estimator = kind});
+    const ErrorEnergy energy(scene.model);
+    int finite = 0;
+    for (Eigen::Index k = 0; k < all.t.size(); ++k) {
+      if (!std::isfinite(all.bound[k])) continue;
+      ++finite;
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        ASSERT_LE(std::abs(all.q(k, i) - machine.q(k, i)), all.bound_q(k, i)) << all.t[k];
+      }
+      const double gap_off =
+          scene.model.contacts[0].w.dot((all.q.row(k) - machine.q.row(k)).transpose());
+      ASSERT_LE(std::abs(gap_off), all.bound_gap(k, 0));
+      if (kind == EstimatorKind::both) continue;
+      const double V = energy(machine.q.row(k).transpose(), machine.u.row(k).transpose(),
+                              all.q.row(k).transpose(), all.u.row(k).transpose())[0];
+      ASSERT_LE(V, all.bound[k]) << all.t[k];
+    }
+    // Of the last ticks events may still be reported.
+    EXPECT_EQ(all.t.size() - finite, 1);
+    std::cout << "B at the end " << all.bound[all.t.size() - 3] << ", half-width of the gap "
+              << all.bound_gap(all.t.size() - 3, 0) << '\n';
+    EXPECT_LT(all.bound[all.t.size() - 3], 1e-3);
+  }
+}
+
+TEST(Guarantee, WaitsForEventsThatMayStillBeReported) {
+  const double delta = 0.05;
+  const Scene scene = tolerant_beam(delta);
+  Observer observer(scene, {.tick = 0.01, .estimator = EstimatorKind::replica});
+  observer.set_horizon(1.0);
+  const std::vector<Estimate> settled = observer.settle();
+  ASSERT_FALSE(settled.empty());
+  EXPECT_NEAR(settled.back().t, 1.0 - delta, 0.011);
+  EXPECT_LE(settled.back().t, 1.0 - delta + 1e-12);
+  for (const Estimate& estimate : settled) EXPECT_TRUE(std::isfinite(estimate.bound));
+  EXPECT_EQ(observer.at(1.2).bound, infinity);
+  // With an end they all settle, and the last say that nothing is known.
+  observer.set_end(1.0);
+  const std::vector<Estimate> rest = observer.settle();
+  ASSERT_FALSE(rest.empty());
+  EXPECT_EQ(rest.back().t, 1.0);
+  EXPECT_EQ(rest.back().bound, infinity);
+}
+
+// Events are lost: the numbers say so, and the bound is finite all the same, and falls again.
+TEST(Guarantee, IsFiniteAfterAGap) {
+  Scene scene = tolerant_beam(1e-5);
+  scene.model.C *= 3.0;
+  constexpr double end = 200.0;
+  const Simulation machine = simulate(scene.model, scene.master, end, 0.01);
+  Flows flows(scene.model);
+  BoundTracker tracker(scene, flows, 0.01);
+  ASSERT_TRUE(tracker.cap().exists());
+  EventHistory history(1, 100000);
+  history.restart(0, 0, no_horizon);
+  Replica replica(scene.model, 0.01);
+  Replica::State state;
+  replica.start(scene.replica, 0, 0, state);
+  const ErrorEnergy energy(scene.model);
+  constexpr double lost_from = 40.0, lost_to = 45.0;
+  std::vector<ContactEvent> heard;
+  for (const ContactEvent& event : machine.events) {
+    if (event.t < lost_from || event.t > lost_to) heard.push_back(event);
+  }
+  for (const ContactEvent& event : heard) {
+    if (event.t < lost_from) history.add(event);
+  }
+  history.set_horizon(lost_from);
+  history.degrade(lost_from, lost_to);
+  for (const ContactEvent& event : heard) {
+    if (event.t > lost_to) history.add(event);
+  }
+  history.set_horizon(end + 1.0);
+  std::size_t next = 0;
+  Eigen::VectorXd q(3), u(3);
+  double before = 0.0, in_gap = 0.0, at_end = 0.0;
+  for (Eigen::Index k = 0; k < machine.q.rows(); ++k) {
+    const double t = 0.01 * static_cast<double>(k);
+    std::size_t last = next;
+    while (last < heard.size() && heard[last].t <= t) ++last;
+    if (k > 0) replica.tick(std::span(heard).subspan(next, last - next), state);
+    next = last;
+    replica.output(state, q, u);
+    tracker.follow(history, t);
+    const double B = tracker.bound(history, t, q, u);
+    ASSERT_TRUE(std::isfinite(B)) << t;
+    const double V = energy(machine.q.row(k).transpose(), machine.u.row(k).transpose(), q, u)[0];
+    ASSERT_LE(V, B) << t;
+    if (t < lost_from - 0.1) before = B;
+    if (t > lost_from && t < lost_to) in_gap = std::max(in_gap, B);
+    at_end = B;
+  }
+  std::cout << "B before the gap " << before << ", in it at most " << in_gap << ", at the end "
+            << at_end << '\n';
+  EXPECT_GT(in_gap, 10.0 * before);
+  EXPECT_LT(at_end, 0.1 * in_gap);
+}
+
+TEST(Guarantee, ContradictionNeedsBothBandsToMiss) {
+  const Eigen::VectorXd factors = Eigen::Vector2d(2.0, 3.0);
+  const auto says = [&](double difference, double sigma, double bound) {
+    return contradicts(Eigen::Vector2d(0.0, difference), Eigen::Vector2d(sigma, sigma), factors,
+                       bound);
+  };
+  EXPECT_FALSE(says(3.0 + 0.4, 0.1, 1.0));
+  EXPECT_TRUE(says(3.0 + 0.6, 0.1, 1.0));
+  EXPECT_TRUE(says(-3.0 - 0.6, 0.1, 1.0));
+  EXPECT_FALSE(says(100.0, 0.1, infinity));
+  EXPECT_FALSE(says(100.0, infinity, 1.0));
+}
+
+// A filter that is sure and wrong is shown no longer; its sigma is not claimed.
+TEST(Guarantee, ShowsTheReplicaWhereAFilterIsFalse) {
+  const Scene scene = tolerant_beam(1e-4);
+  Flows flows(scene.model);
+  Guarantee guarantee(scene, flows, 0.01);
+  struct Line {
+    EventHistory history{1, 10};
+    const EventHistory& events() const { return history; }
+    std::int64_t starts() const { return 1; }
+    std::int64_t first_tick() const { return 0; }
+    ContactSet first_closed() const { return 0; }
+  } line;
+  line.history.restart(0, 0, no_horizon);
+  line.history.set_horizon(10.0);
+  Confidence confidence;
+  guarantee.prepare(confidence);
+  ASSERT_EQ(confidence.bound_q.size(), 3);
+  const Eigen::VectorXd q = scene.replica.q, u = scene.replica.u;
+  for (const double off : {0.0, 100.0, 100.0, 0.0}) {
+    confidence.from_filter = true;
+    confidence.sigma_q = confidence.sigma_u = Eigen::VectorXd::Constant(3, 1e-3);
+    confidence.sigma_g = confidence.sigma_outputs = Eigen::VectorXd::Constant(1, 1e-3);
+    Eigen::VectorXd q_shown = q, u_shown = u;
+    q_shown[0] += off;
+    guarantee.follow(line, 0.0);
+    guarantee.complete(line, 0.0, true, q, u, q_shown, u_shown, confidence);
+    EXPECT_TRUE(std::isfinite(confidence.bound));
+    EXPECT_EQ(q_shown, q);
+    EXPECT_EQ(confidence.from_filter, off == 0.0);
+    EXPECT_EQ(std::isfinite(confidence.sigma_q[0]), off == 0.0);
+  }
+  EXPECT_EQ(confidence.refutations, 1);
+}
+
+// |c^T q| of all q with the energy B is largest at the half-width.
+TEST(HalfWidths, AreAttained) {
+  constexpr std::uint64_t seed = 5211;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  for (int repetition = 0; repetition < 20; ++repetition) {
+    Model model = random_machine(random, Structure::coupled, random.integer(1, 5));
+    add_contacts(random, model, 1);
+    const Eigen::VectorXd c = random.vector(model.coordinates());
+    model.outputs = {{"x", c, false}, {"v", c, true}};
+    const Dynamics dynamics(model);
+    const EnergyMetric metric(dynamics);
+    const HalfWidths widths(metric);
+    const double B = random.log_uniform(1e-6, 1.0);
+    const Eigen::VectorXd q = model.K.ldlt().solve(c);
+    const Eigen::VectorXd u = model.M.ldlt().solve(c);
+    const double scale_q = std::sqrt(2.0 * B / q.dot(model.K * q));
+    const double scale_u = std::sqrt(2.0 * B / u.dot(model.M * u));
+    EXPECT_NEAR(scale_q * c.dot(q) / half_width(widths.outputs()[0], B), 1.0, 1e-6);
+    EXPECT_NEAR(scale_u * c.dot(u) / half_width(widths.outputs()[1], B), 1.0, 1e-9);
+  }
+  EXPECT_EQ(half_width(0.0, infinity), 0.0);
+  EXPECT_EQ(half_width(1.0, infinity), infinity);
+}
+
+}  // namespace
+}  // namespace sprag::test

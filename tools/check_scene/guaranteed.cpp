@@ -1,0 +1,133 @@
+#include "tools/check_scene/guaranteed.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "sprag/analysis/wrapped_text.h"
+#include "sprag/bound/bound_tracker.h"
+#include "sprag/bound/half_width.h"
+#include "sprag/mechanics/master.h"
+#include "sprag/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t wanted_events = 400;
+constexpr double slow_periods = 20.0;  // of the first look
+constexpr int most_doublings = 8;
+
+std::string with_unit(double value, double scale, const char* unit) {
+  char number[48];
+  std::snprintf(number, sizeof number, "%.2g", value * scale);
+  std::string text = number;
+  if (*unit != '\0') text += std::string(" ") += unit;
+  return text;
+}
+
+std::string length(double value) {
+  if (value < 1e-4) return with_unit(value, 1e6, "um");
+  return value < 0.1 ? with_unit(value, 1e3, "mm") : with_unit(value, 1.0, "m");
+}
+
+std::string duration_text(double value) {
+  if (value < 1e-4) return with_unit(value, 1e6, "us");
+  return value < 0.1 ? with_unit(value, 1e3, "ms") : with_unit(value, 1.0, "s");
+}
+
+std::string limits_text(const Tolerance& tolerance) {
+  std::string text;
+  const auto add = [&](double value, const std::string& words) {
+    if (value > 0.0) text += (text.empty() ? "" : ", ") + words;
+  };
+  add(tolerance.time, duration_text(tolerance.time));
+  add(tolerance.restitution, "restitution to " + with_unit(tolerance.restitution, 1.0, ""));
+  add(tolerance.stiffness, "stiffness to " + with_unit(tolerance.stiffness, 100.0, "%"));
+  add(tolerance.damping, "damping to " + with_unit(tolerance.damping, 100.0, "%"));
+  add(tolerance.force, "force to " + with_unit(tolerance.force, 1.0, ""));
+  add(tolerance.clearance, "clearance to " + length(tolerance.clearance));
+  return text;
+}
+
+}  // namespace
+
+std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene) {
+  if (!scene.tolerance.any()) return std::nullopt;
+  GuaranteedWidths result;
+  result.why_none = why_no_bound(scene);
+  if (!result.why_none.empty()) return result;
+  const Dynamics dynamics(scene.model);
+  const EnergyMetric metric(dynamics);
+  const double slowest = std::max(metric.omega().minCoeff(), 1e-2 * metric.omega_max());
+  result.duration = slow_periods * 6.3 / (slowest > 0.0 ? slowest : 1.0);
+  std::vector<ContactEvent> events;
+  try {
+    Master master(scene.model, scene.has_master ? scene.master : scene.replica);
+    for (int i = 0; i < most_doublings; ++i) {
+      master.advance(at(result.duration), events, 20 * wanted_events);
+      if (events.size() >= wanted_events) break;
+      if (i + 1 < most_doublings) result.duration *= 2.0;
+    }
+  } catch (const SimulationError& error) {
+    result.why_none = std::string("the trial run ended: ") + error.what();
+    return result;
+  }
+  result.floor = certified_floor(scene, events, result.duration);
+  const HalfWidths widths(metric);
+  const auto& outputs = scene.model.outputs;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    result.widths.emplace_back(
+        outputs[i].name,
+        half_width(widths.outputs()[static_cast<Eigen::Index>(i)], result.floor.largest));
+  }
+  for (Eigen::Index i = 0; i < widths.gaps().size() && outputs.empty(); ++i) {
+    result.widths.emplace_back("gap " + std::to_string(i + 1),
+                               half_width(widths.gaps()[i], result.floor.largest));
+  }
+  if (!std::isfinite(result.floor.largest)) result.why_none = "the bound stays infinite";
+  return result;
+}
+
+std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWidths>& found) {
+  if (!found) return {};
+  std::string words;
+  if (!found->why_none.empty()) {
+    words = "not guaranteed: " + found->why_none;
+  } else {
+    words = "guaranteed:";
+    for (std::size_t i = 0; i < found->widths.size(); ++i) {
+      const auto& [name, width] = found->widths[i];
+      words += (i > 0 ? ", " : " ") + name + " within " + length(width);
+    }
+    words += " at " + limits_text(scene.tolerance) + "; B is at most " +
+             with_unit(found->floor.largest, 1.0, "") + " in the second half of a trial of " +
+             with_unit(found->duration, 1.0, "s");
+    words += std::isfinite(found->floor.without_events)
+                 ? ", and " + with_unit(found->floor.without_events, 1.0, "") +
+                       " after a gap in the events"
+                 : "; after a gap in the events it is infinite, since C or K is singular or "
+                   "joint impacts may gain energy";
+  }
+  std::string text;
+  append_wrapped(text, words);
+  return text;
+}
+
+void write_guaranteed(const std::optional<GuaranteedWidths>& found,
+                      nlohmann::ordered_json& object) {
+  if (!found) return;
+  const auto or_null = [](double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json& of = object["guaranteed"];
+  of["why_none"] = found->why_none.empty() ? nlohmann::ordered_json(nullptr)
+                                           : nlohmann::ordered_json(found->why_none);
+  of["duration"] = found->duration;
+  of["bound"] = or_null(found->why_none.empty() ? found->floor.largest : infinity);
+  of["bound_after_gap"] = or_null(found->why_none.empty() ? found->floor.without_events : infinity);
+  of["half_widths"] = nlohmann::ordered_json::object();
+  for (const auto& [name, width] : found->widths) of["half_widths"][name] = or_null(width);
+}
+
+}  // namespace sprag

@@ -1,0 +1,32 @@
+// What the tolerances of a scene guarantee, in reports.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sprag/bound/certified_floor.h"
+#include "sprag/mechanics/scene.h"
+
+namespace sprag {
+
+struct GuaranteedWidths {
+  CertifiedFloor floor;
+  double duration = 0.0;  ///< of the trial [s]
+  std::string why_none;   ///< why nothing is guaranteed; empty where something is
+  /// Half-widths of the scene's outputs, or without outputs of its gaps, at the largest late B.
+  std::vector<std::pair<std::string, double>> widths;
+};
+
+/// By a trial run of the scene's master with exact event times; none where the scene has no
+/// tolerances. Throws ModelError or Interrupted.
+std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene);
+
+/// "guaranteed: tip within 2.1 mm at 0.1 ms"; empty without tolerances.
+std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWidths>& widths);
+void write_guaranteed(const std::optional<GuaranteedWidths>& widths,
+                      nlohmann::ordered_json& object);
+
+}  // namespace sprag
