@@ -359,7 +359,7 @@ void AdaptiveEstimator::take(std::span<const ContactEvent> events, AdaptiveState
   next = *state.belief;
   const ContactEvent& event = events.back();
   const bool reachable =
-      filter.filter.can_reach(event.t, next) &&
+      filter.filter.can_reach(event.t, next) && filter.filter.can_separate(events, next) &&
       std::ranges::all_of(events, [&](const ContactEvent& each) {
         return filter.flight->can_strike(each.contact, next.held & ~bit(each.contact));
       });
@@ -475,7 +475,6 @@ bool AdaptiveEstimator::take_missing(int contact, double t, AdaptiveState& state
 }
 
 void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
-  if (getenv("DBG")) fprintf(stderr,"fail t %.12f contact %d sq %g mean %g susp %d t_b %.12f\n", inconsistency.t, inconsistency.contact, inconsistency.square, state.mean_square,(int)inconsistency.suspicion, state.belief->t);
   const bool confirmed = state.fitting >= to_confirm(state);
   const bool believed = state.status == TrackStatus::confirmed && (confirmed || !identifies());
   ++state.inconsistencies;

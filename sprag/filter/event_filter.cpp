@@ -25,6 +25,9 @@ constexpr int scanned = 17;         // times
 constexpr double node_reach = 4.2;  // deviations
 constexpr int fewest_nodes = 5, most_nodes = 25;
 constexpr double negligible = 1e-14;  // weight of a node
+constexpr double most_share = 0.85;   // of all weight, of one of several nodes
+constexpr double closer = 0.25;
+constexpr int most_placements = 12;
 // Reports of a contact that are closer, in sigma, are a burst.
 constexpr double close_reports = 3.0;
 constexpr double burst_reach = 2.5;
@@ -56,8 +59,9 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
   model_.considered.resize(static_cast<std::size_t>(unknowns()), false);
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
-  for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
+  for (Eigen::VectorXd* of : {&x_, &kick_, &earlier_}) of->setZero(2 * n());
   for (Eigen::VectorXd* of : {&c_, &c_by_c_, &velocity_by_c_}) of->setZero(unknowns());
+  opened_ = no_belief();
   xi_.setZero(at_.A.cols());
   next_.setZero(at_.X.cols());
   unit_.setZero(at_.X.cols());
@@ -252,8 +256,8 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
 }
 
 // The belief at t - point.tau if the event was at t - tau.
-void EventFilter::condition(const Event& event, double tau, const FilterBelief& belief,
-                            Node& node) {
+void EventFilter::condition(const Event& event, const FilterBelief& belief, Node& node) {
+  const double tau = node.tau;
   const double when = event.t - tau;
   const bool closes = event.kind != Kind::opens, exact = belief.sigma == 0.0;
   at_.fly(when, point_.z, belief);
@@ -393,30 +397,47 @@ void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
                      all_.block(size, size, size, size)});
 }
 
+// Nodes about point_.tau within `reach`, moved and scaled until they cover the posterior of the time:
+// a node that has nearly all the weight would be certain of it, and one of weight at the end says
+// that there is more.
 bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBelief& belief) {
-  double largest = -infinity;
-  for (int i = 0; i < nodes; ++i) {
-    const double u = nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0;
-    Node& node = nodes_[index(i)];
-    condition(event, point_.tau + reach * u, belief, node);
-    if (!(node.log_weight < infinity)) return false;
-    largest = std::max(largest, node.log_weight);
+  double center = point_.tau, largest = -infinity;
+  for (int attempt = 0; attempt < most_placements; ++attempt) {
+    largest = -infinity;
+    int heaviest = 0;
+    for (int i = 0; i < nodes; ++i) {
+      Node& node = nodes_[index(i)];
+      node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
+      condition(event, belief, node);
+      if (!(node.log_weight < infinity)) return false;
+      if (node.log_weight > largest) heaviest = i;
+      largest = std::max(largest, node.log_weight);
+    }
+    if (!std::isfinite(largest)) return false;
+    if (nodes == 1) break;
+    double total = 0.0;
+    for (int i = 0; i < nodes; ++i) total += std::exp(nodes_[index(i)].log_weight - largest);
+    if (total < 1.0 / most_share) {
+      center = nodes_[index(heaviest)].tau;
+      reach *= closer;
+    } else {
+      break;
+    }
   }
-  if (!std::isfinite(largest)) return false;
   collapse(largest, nodes, belief);
-  describe(event, reach, nodes, belief);
+  describe(event, nodes, belief);
   return belief.z.allFinite() && belief.S.allFinite();
 }
 
 // What the belief says of the event that has led to it.
-void EventFilter::describe(const Event& event, double reach, int nodes, FilterBelief& belief) {
+void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) {
   ImpactEstimate& impact = belief.impact;
   const double epsilon = event.kind == Kind::impact ? flight().restitution(event.contact) : 0.0;
   double mean = 0.0, squares = 0.0, rebound = 0.0, heaviest = 0.0;
   impact.before = impact.after = 0.0;
   for (int i = 0; i < nodes; ++i) {
     const Node& node = nodes_[index(i)];
-    const double tau = nodes > 1 ? reach * (2.0 * i / (nodes - 1) - 1.0) : 0.0;
+    const double tau = node.tau - point_.tau;
     mean += node.log_weight * tau;
     squares += node.log_weight * square(tau);
     impact.before += node.log_weight * node.gamma;
@@ -678,6 +699,19 @@ void EventFilter::expire(double t, FilterBelief& belief) {
   });
 }
 
+bool EventFilter::can_separate(std::span<const ContactEvent> events,
+                               const FilterBelief& belief) const {
+  const double reach = close_reports * belief.sigma;
+  const auto is_recent = [&](int i, double t) { return t < belief.reported[i] + reach; };
+  for (const ContactEvent& event : events) {
+    for (int i = 0; i < flight().contacts(); ++i) {
+      if (i == event.contact || !is_recent(i, event.t)) continue;
+      if (contains(belief.bursting, i) || is_recent(event.contact, event.t)) return false;
+    }
+  }
+  return true;
+}
+
 // A burst has ended: the contact left at its last report.
 void EventFilter::let_go(int contact, FilterBelief& belief) {
   const double t = std::max(belief.reported[contact], belief.t);
@@ -782,28 +816,73 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
   return true;
 }
 
-// A contact may have opened and not been reported yet.
-bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief) {
+// How long before t the force of a contact has fallen below zero, on the path of the mean.
+double EventFilter::since_opening(int contact, double t, const FilterBelief& belief) {
+  constexpr int looks = 16, halvings = 30;
+  const double step = std::max(t - belief.t, 0.0) / looks;
+  const auto force_at = [&](double ago) {
+    fly_mean(t - ago, belief);
+    return flight().force(contact).g;
+  };
+  double open = 0.0, held = 0.0;
+  while (force_at(held) < 0.0 && held < looks * step) {
+    open = held;
+    held = std::min(held + step, looks * step);
+  }
+  for (int i = 0; i < halvings && held > open; ++i) {
+    const double middle = 0.5 * (open + held);
+    (force_at(middle) < 0.0 ? open : held) = middle;
+  }
+  return open;
+}
+
+// A contact may have opened and not been reported yet: the more likely case, and how far the other
+// is from it. The contact force is zero at an opening, so that its time is of second order.
+// Returns whether it is the more likely one; `opened` is the belief from there on then.
+bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief,
+                              FilterBelief& opened) {
   at_.look(contact, true, t);
   const double s = std::sqrt(at_.phi.squaredNorm() + at_.noise), force = at_.of.g;
-  double rate = at_.of.velocity, ago = 0.0, g = force;
-  if (force > near_gap * s || !(rate < 0.0)) return false;
-  // When the force of the mean was zero.
-  for (int i = 0; i < newton_steps && g < 0.0; ++i) {
-    ago = std::clamp(ago + g / rate, 0.0, t - belief.t);
-    fly_mean(t - ago, belief);
-    const Flight::Gap of = flight().force(contact);
-    g = of.g;
-    rate = of.velocity;
-    if (!(rate < 0.0)) break;
-  }
+  x_ = at_.x;
+  const double ago = force < 0.0 ? since_opening(contact, t, belief) : 0.0;
   fly_mean(t - ago, belief);
+  const double rate = flight().force(contact).velocity;
   const double open = normal_cdf(-force / s) * normal_cdf(-ago / belief.sigma);
   const double p = std::max(open / (open + normal_cdf(force / s) + 1e-300), least_probability);
-  flight().fly_on(ago, belief.held & ~bit(contact));
-  kick_ = flight().x() - at_.x;
-  at_.x += p * kick_;
-  at_.X.col(at_.X.cols() - 1) += std::sqrt(p * (1.0 - p)) * kick_;
+  const ContactSet others = belief.held & ~bit(contact);
+  // Opened earlier by the deviation of its time.
+  const double limit = std::max(t - ago - belief.t, 0.0);
+  const double spread = rate < 0.0 ? std::min(s / -rate, limit) : limit;
+  fly_mean(t - ago - spread, belief);
+  flight().fly_on(ago + spread, others);
+  earlier_ = flight().x();
+  fly_mean(t - ago, belief);
+  flight().fly_on(ago, others);
+  kick_ = flight().x() - x_;
+  earlier_ -= flight().x();
+  const Eigen::Index last = at_.X.cols() - 2;
+  const double apart = std::sqrt(p * (1.0 - p));
+  if (!(p > 0.5)) {
+    at_.x += p * kick_;
+    at_.X.col(last) += apart * kick_;
+    return false;
+  }
+  // The belief where it opens.
+  at_.fly(t - ago, belief.z, belief);
+  opened.t = t - ago;
+  opened.held = others;
+  opened.z.head(2 * n()) = at_.x;
+  opened.z.tail(unknowns()) = belief.z.tail(unknowns());
+  const Eigen::Index columns = take_columns();
+  flight().turn(-ago, others, earlier_);
+  flight().turn(-ago, others, kick_);
+  all_.col(columns).setZero();
+  all_.col(columns).head(2 * n()) = earlier_;
+  all_.col(columns + 1).setZero();
+  all_.col(columns + 1).head(2 * n()) = apart * kick_;
+  triangularize(all_, 0, at_.size(), columns + 2, reflector_);
+  opened.S = all_.topLeftCorner(at_.size(), at_.size());
+  opened.z.head(2 * n()) -= (1.0 - p) * kick_;
   return true;
 }
 
@@ -836,25 +915,44 @@ const Eigen::VectorXd& EventFilter::publish(double t, const FilterBelief& belief
     return at_.x;
   }
   const double s = belief.impact.time_sigma;
-  if (s > 0.0 && t < belief.impact.time + publish_reach * s) {
-    const double before = std::max(normal_cdf((belief.impact.time - t) / s), least_probability);
-    // Without the event.
-    kick_ = belief.z.head(2 * n()) - belief.impact.jump;
-    flight().fly(kick_, belief.t, t - belief.t, belief.impact.held_before);
-    kick_ = flight().x() - at_.x;
-    at_.x += before * kick_;
-    at_.X.col(last) = std::sqrt(before * (1.0 - before)) * kick_;
-    return at_.x;
+  const bool is_recent = s > 0.0 && t < belief.impact.time + publish_reach * s;
+  if (belief.sigma > 0.0 && !(is_recent && t < belief.impact.time)) mix_unreported(t, belief);
+  if (!is_recent) return at_.x;
+  // Without the last event.
+  const double before = std::max(normal_cdf((belief.impact.time - t) / s), least_probability);
+  kick_ = belief.z.head(2 * n()) - belief.impact.jump;
+  flight().fly(kick_, belief.t, t - belief.t, belief.impact.held_before);
+  kick_ = flight().x() - at_.x;
+  at_.x += before * kick_;
+  at_.X.col(last) = std::sqrt(before * (1.0 - before)) * kick_;
+  return at_.x;
+}
+
+// The events that may have happened without being reported yet.
+void EventFilter::mix_unreported(double t, const FilterBelief& belief) {
+  const FilterBelief* present = &belief;
+  for (ContactSet held = belief.held; held != 0;) {
+    int opening = -1;
+    double least = near_gap;
+    for_each(held, [&](int i) {
+      at_.look(i, true, t);
+      const double force = at_.of.g / std::sqrt(at_.phi.squaredNorm() + at_.noise);
+      if (!(force < least) || (force > 0.0 && !(at_.of.velocity < 0.0))) return;
+      least = force;
+      opening = i;
+    });
+    if (opening < 0) break;
+    if (present == &belief) opened_ = belief;
+    if (!mix_opening(opening, t, *present, opened_)) return;
+    present = &opened_;
+    held = opened_.held;
+    mean(t, opened_);
   }
-  if (!(belief.sigma > 0.0)) return at_.x;
-  bool opens = false;
-  for_each(belief.held, [&](int i) { opens = opens || mix_opening(i, t, belief); });
-  if (opens) return at_.x;
+  if (present != &belief) return;
   for (int i = 0; i < flight().contacts(); ++i) {
     if (contains(belief.held, i) || !flight().can_strike(i, belief.held)) continue;
     if (mix_impact(i, t, belief)) break;
   }
-  return at_.x;
 }
 
 void EventFilter::gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps) {

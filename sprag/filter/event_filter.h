@@ -67,6 +67,10 @@ class EventFilter {
     return flight().can_hold(belief.held, t - belief.t);
   }
 
+  /// Whether the rule for bursts covers these events: no burst of one contact is within 3 sigma of
+  /// a report of another one.
+  bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief) const;
+
   /// The published estimate at t: mean x, 2n entries, which weighs whether the last reported impact,
   /// or one that has not been reported yet, lies before t. Valid until the next call.
   const Eigen::VectorXd& publish(double t, const FilterBelief& belief);
@@ -102,6 +106,7 @@ class EventFilter {
     double tau = 0.0, spread = 0.0, square = 0.0;
   };
   struct Node {
+    double tau = 0.0;  // the event was at t - tau
     double log_weight = 0.0;
     double gamma = 0.0, gamma_sigma = 0.0;  // gap velocity before the impact
     double after = 0.0, after_sigma = 0.0;  // and after it
@@ -124,19 +129,21 @@ class EventFilter {
   bool measure_together(double t, ContactSet closing, FilterBelief& belief);
   void note_touched(double t, int contact, FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
-  void condition(const Event& event, double tau, const FilterBelief& belief, Node& node);
+  void condition(const Event& event, const FilterBelief& belief, Node& node);
   double remainder(const Event& event);
   void measure_rest(const Event& event, double gamma);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node);
   void collapse(double largest, int nodes, FilterBelief& belief);
-  void describe(const Event& event, double reach, int nodes, FilterBelief& belief);
+  void describe(const Event& event, int nodes, FilterBelief& belief);
   void keep(Eigen::Index columns, FilterBelief& belief);
   bool burst(const Event& event, FilterBelief& belief);
   void close(const Event& event, FilterBelief& belief);
   Eigen::Index take_columns();
   void let_go(int contact, FilterBelief& belief);
   ContactSet released(int contact, const FilterBelief& belief) const;
-  bool mix_opening(int contact, double t, const FilterBelief& belief);
+  void mix_unreported(double t, const FilterBelief& belief);
+  bool mix_opening(int contact, double t, const FilterBelief& belief, FilterBelief& opened);
+  double since_opening(int contact, double t, const FilterBelief& belief);
   bool mix_impact(int contact, double t, const FilterBelief& belief);
   double energy(const Eigen::VectorXd& x) const;
 
@@ -145,8 +152,9 @@ class EventFilter {
 
   // Scratch.
   Point point_;
-  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, c_by_c_, velocity_by_c_;
+  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_, c_by_c_, velocity_by_c_;
   double xi_tau_ = 0.0;
+  FilterBelief opened_;
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below
   std::vector<FilterStep>* steps_ = nullptr;

@@ -22,8 +22,8 @@ LinearizedFlight::LinearizedFlight(Flight& flight, const FilterModel& model)
     if (flight.changes_flow(k)) flow_unknowns_.push_back(k);
   }
   const Eigen::Index before = size() + model.walk.size() + model.drift.cols();
-  // Second-order columns; one of the Schmidt update or of time rounding; two of publishing.
-  const Eigen::Index columns = before * (1 + std::ssize(flow_unknowns_)) + 3;
+  // Second-order columns; one of the Schmidt update or of time rounding; three of publishing.
+  const Eigen::Index columns = before * (1 + std::ssize(flow_unknowns_)) + 4;
   A.setZero(size(), before);
   X.setZero(2 * n(), columns);
   T.setZero(unknowns(), columns);

@@ -24,8 +24,8 @@ class LinearizedFlight {
   Eigen::Index n() const { return flight_->n(); }
   Eigen::Index unknowns() const { return flight_->unknowns(); }
   Eigen::Index size() const { return 2 * n() + unknowns(); }
-  /// Columns of an event's belief before it is collapsed; X has two more, for what is published.
-  Eigen::Index event_columns() const { return X.cols() - 2; }
+  /// Columns of an event's belief before it is collapsed; X has three more, for what is published.
+  Eigen::Index event_columns() const { return X.cols() - 3; }
   bool considers() const { return considers_; }
 
   /// Whether `past` is kept: what each column is of xi before the event.
