@@ -337,8 +337,31 @@ void AdaptiveEstimator::lose(AdaptiveState& state) const {
 }
 
 bool AdaptiveEstimator::set_belief(const FilterBelief& of, AdaptiveState& state) const {
+  state.earlier = {};
   state.belief = filter_->pool->put(of);
   return static_cast<bool>(state.belief);
+}
+
+// After an event.
+bool AdaptiveEstimator::add_belief(const FilterBelief& of, AdaptiveState& state) const {
+  std::move_backward(state.earlier.begin(), state.earlier.end() - 1, state.earlier.end());
+  state.earlier.front() = state.belief;
+  state.belief = filter_->pool->put(of);
+  return static_cast<bool>(state.belief);
+}
+
+// The last belief whose event is not certainly later than t.
+const FilterBelief& AdaptiveEstimator::belief_at(double t, const AdaptiveState& state) {
+  constexpr double certain = 3.0;  // deviations of an event's time
+  const FilterBelief* last = &*state.belief;
+  for (const BeliefRef& before : state.earlier) {
+    const ImpactEstimate& event = last->impact;
+    const double begins =
+        event.time_sigma > 0.0 ? event.time - certain * event.time_sigma : last->t;
+    if (!before || t >= begins) break;
+    last = &*before;
+  }
+  return *last;
 }
 
 // Twice the energy of the replica's motion at the present tick, its largest so far.
@@ -379,7 +402,7 @@ void AdaptiveEstimator::take(std::span<const ContactEvent> events, AdaptiveState
   }
   for (const ContactEvent& each : events) note_event(each, next.sigma);
   state.doubts = false;
-  if (!set_belief(next, state)) return lose(state);
+  if (!add_belief(next, state)) return lose(state);
   ++state.fitting;
   const double motion = note_energy(state);
   const double of_error = filter.flight->twice_energy(next.S.topRows(2 * filter.flight->n()));
@@ -471,7 +494,7 @@ bool AdaptiveEstimator::take_missing(int contact, double t, AdaptiveState& state
   if (!filter.filter.take(missing, filter.next)) return false;
   note_event(missing, filter.next.sigma);
   filter.next.sigma = present.sigma;
-  return set_belief(filter.next, state);
+  return add_belief(filter.next, state);
 }
 
 void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
@@ -616,7 +639,7 @@ void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::Vec
     return;
   }
   const double t = tick_instant(state.tick, h()).hi;
-  const Eigen::VectorXd& x = filter_->filter.publish_mean(t, *state.belief);
+  const Eigen::VectorXd& x = filter_->filter.publish_mean(t, belief_at(t, state));
   filter_->flight->state(x, t, q, u);
 }
 
@@ -666,8 +689,9 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
   if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
   if (state.status == TrackStatus::confirmed) {
-    filter_->filter.publish(t, *state.belief);
-    fill_deviations(*state.belief, confidence);
+    const FilterBelief& belief = belief_at(t, state);
+    filter_->filter.publish(t, belief);
+    fill_deviations(belief, confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);

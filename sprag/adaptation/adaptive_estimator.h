@@ -19,6 +19,7 @@
 // What is settled then depends on the events alone.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -52,6 +53,8 @@ struct AdaptiveState {
 
   // The filter.
   BeliefRef belief;  ///< none before the first result of an identification
+  /// Those before its last events, the latest first: for ticks that precede several of them.
+  std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
   bool doubts = false;           ///< the last event was spurious, or one was missing
   ContactSet inside = 0;         ///< closed since t = 0, where the machine may have started inside
@@ -210,6 +213,8 @@ class AdaptiveEstimator {
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
   bool set_belief(const FilterBelief& of, AdaptiveState& state) const;
+  bool add_belief(const FilterBelief& of, AdaptiveState& state) const;
+  static const FilterBelief& belief_at(double t, const AdaptiveState& state);
 
   AnyEstimator base_;
   EstimatorKind kind_;

@@ -32,6 +32,8 @@ constexpr int most_placements = 12;
 constexpr double close_reports = 3.0;
 constexpr double burst_reach = 2.5;
 constexpr int burst_nodes = 11;
+// Change of one gap velocity by an impact of another contact, over that of its own, that is none.
+constexpr double negligible_coupling = 1e-9;
 // A contact leaves a burst with this share of its speed before, and the deviation of that.
 constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
 // The tick may precede the last impact by so many deviations of its time.
@@ -140,6 +142,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
   xi_.setZero();
   xi_tau_ = 0.0;
   point_.z = belief.z;
+  point_.grazes = false;
   const auto linearize = [&] {
     at_.fly(t - sigma * xi_tau_, point_.z, belief);
     at_.look(event.contact, opens, t);
@@ -161,6 +164,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
       const double margin = at_.psi.norm() + std::abs(at_.of.acceleration) * sigma;
       if (sigma > 0.0 && !(v < -scan_reach * margin)) {
         scan(event, belief);
+        point_.grazes = true;
         set_point();
         linearize();
       }
@@ -531,10 +535,17 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
     nodes = static_cast<int>(
         std::clamp(std::round(wanted) + 1.0, 1.0 * fewest_nodes, 1.0 * most_nodes));
   }
+  double reach = node_reach * point_.spread;
+  if (!expected && point_.grazes) {
+    // It may have been at several times.
+    reach = node_reach * belief.sigma;
+    nodes = most_nodes;
+    point_.tau = 0.0;
+  }
   belief.square = point_.square;
   belief.bursting &= ~bit(event.contact);
   const double before = exact && model_.homogeneous ? energy(at_.x) : 0.0;
-  if (!condense(event, node_reach * point_.spread, nodes, belief)) return false;
+  if (!condense(event, reach, nodes, belief)) return false;
   if (before > 0.0) {
     const double energy_left = energy(x_);
     belief.log_left += std::log(energy_left / before);
@@ -699,14 +710,17 @@ void EventFilter::expire(double t, FilterBelief& belief) {
   });
 }
 
-bool EventFilter::can_separate(std::span<const ContactEvent> events,
-                               const FilterBelief& belief) const {
+bool EventFilter::can_separate(std::span<const ContactEvent> events, const FilterBelief& belief) {
   const double reach = close_reports * belief.sigma;
   const auto is_recent = [&](int i, double t) { return t < belief.reported[i] + reach; };
   for (const ContactEvent& event : events) {
     for (int i = 0; i < flight().contacts(); ++i) {
       if (i == event.contact || !is_recent(i, event.t)) continue;
-      if (contains(belief.bursting, i) || is_recent(event.contact, event.t)) return false;
+      if (!contains(belief.bursting, i) && !is_recent(event.contact, event.t)) continue;
+      fly_mean(belief.t, belief);
+      flight().gradients(i, false, at_.of_g, at_.of_velocity);
+      flight().along(event.contact, kick_);
+      if (std::abs(at_.of_velocity.dot(kick_)) > negligible_coupling) return false;
     }
   }
   return true;
@@ -846,13 +860,15 @@ bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief,
   x_ = at_.x;
   const double ago = force < 0.0 ? since_opening(contact, t, belief) : 0.0;
   fly_mean(t - ago, belief);
-  const double rate = flight().force(contact).velocity;
+  const Flight::Gap there = flight().force(contact);
   const double open = normal_cdf(-force / s) * normal_cdf(-ago / belief.sigma);
   const double p = std::max(open / (open + normal_cdf(force / s) + 1e-300), least_probability);
   const ContactSet others = belief.held & ~bit(contact);
-  // Opened earlier by the deviation of its time.
-  const double limit = std::max(t - ago - belief.t, 0.0);
-  const double spread = rate < 0.0 ? std::min(s / -rate, limit) : limit;
+  // Opened earlier by the deviation of its time; or before another event that was reported first.
+  const double spread =
+      there.velocity < 0.0
+          ? std::min(std::hypot(s, std::min(there.g, 0.0)) / -there.velocity, belief.sigma)
+          : belief.sigma;
   fly_mean(t - ago - spread, belief);
   flight().fly_on(ago + spread, others);
   earlier_ = flight().x();
@@ -865,6 +881,7 @@ bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief,
   if (!(p > 0.5)) {
     at_.x += p * kick_;
     at_.X.col(last) += apart * kick_;
+    at_.X.col(last - 1) += earlier_;
     return false;
   }
   // The belief where it opens.

@@ -68,8 +68,8 @@ class EventFilter {
   }
 
   /// Whether the rule for bursts covers these events: no burst of one contact is within 3 sigma of
-  /// a report of another one.
-  bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief) const;
+  /// a report of another one whose impulses change its gap velocity. Does not allocate.
+  bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief);
 
   /// The published estimate at t: mean x, 2n entries, which weighs whether the last reported impact,
   /// or one that has not been reported yet, lies before t. Valid until the next call.
@@ -104,6 +104,7 @@ class EventFilter {
   struct Point {
     Eigen::VectorXd z;
     double tau = 0.0, spread = 0.0, square = 0.0;
+    bool grazes = false;  // the gap velocity is not certain
   };
   struct Node {
     double tau = 0.0;  // the event was at t - tau
