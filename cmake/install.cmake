@@ -3,7 +3,7 @@
 include(CMakePackageConfigHelpers)
 
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/sprag)
-install(TARGETS sprag sprag_statistics sprag_analysis sprag_identification sprag_adaptation EXPORT sprag-targets COMPONENT development)
+install(TARGETS sprag sprag_statistics sprag_analysis EXPORT sprag-targets COMPONENT development)
 install(DIRECTORY sprag DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development
         FILES_MATCHING PATTERN "*.h")
 install(EXPORT sprag-targets NAMESPACE sprag:: DESTINATION ${package} COMPONENT development)

@@ -105,16 +105,10 @@ void ConfidenceRecord::take_parameters(const Confidence& confidence, std::ostrea
   accepted_ = parameters.accepted;
 }
 
-// Ticks go back further than the filter keeps what it knew.
+// More events lie within the time that ticks may go back than the filter has room for.
 void ConfidenceRecord::take_forgotten(const Confidence& confidence, std::ostream& out) {
-  if (!confidence.remembered && ++ticks_of_start_ == 1) {
-    out << "t = " << t_
-        << ": the timing filter's covariance of this tick is gone, sigma is the start's; more of "
-           "these are only counted\n";
-  }
   if (forgotten_.more(confidence.forgotten, out)) {
-    out << "t = " << t_ << ": sigma starts again from the start's: " << forgotten_.total
-        << (forgotten_.total == 1 ? " covariance was gone\n" : " covariances were gone\n");
+    out << "t = " << t_ << ": the filter starts again: it has no room for so many events\n";
   }
 }
 
@@ -205,7 +199,6 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
                             {"parameters", parameters_to_json(last_.parameters)}};
   }
   json["forgotten_covariances"] = forgotten_.total;
-  json["ticks_with_sigma_of_start"] = ticks_of_start_;
   json["inconsistencies"] = inconsistencies_.total;
   nlohmann::ordered_json& list = json["first_inconsistencies"] = nlohmann::ordered_json::array();
   for (const Inconsistency& one : first_) {

@@ -62,7 +62,6 @@ class ConfidenceRecord {
   std::int64_t ticks_from_filter_ = 0;
   Told refutations_;
   std::vector<Inconsistency> first_;  // a bounded number of them
-  std::int64_t ticks_of_start_ = 0;   // whose own covariance was gone
   // Of the settled estimates that were known in full: how many, how many of them penetrate, and
   // the largest depth [m].
   std::int64_t ticks_in_full_ = 0, penetrating_ticks_ = 0;

@@ -9,7 +9,7 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/bound/guarantee.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/scene.h"
@@ -17,7 +17,7 @@
 namespace sprag {
 
 struct Estimation {
-  using State = AdaptiveEstimator::State;
+  using State = TrackingEstimator::State;
 
   /// Keeps `history` ticks to go back to. Throws ModelError.
   Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history);
@@ -48,8 +48,8 @@ struct Estimation {
   int contacts;
   Eigen::Index coordinates;
   double initial_bound;  ///< B(0)
-  AdaptiveEstimator estimator;
-  TimeLine<AdaptiveEstimator> time_line;
+  TrackingEstimator estimator;
+  TimeLine<TrackingEstimator> time_line;
   std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica
 };
 

@@ -62,7 +62,7 @@ class LiveObserver {
                      scene.model.outputs) {
     if (Flows* flows = estimation_.estimator.flows()) flow_builder_.emplace(*flows);
     if (const MachineFamily* family = estimation_.estimator.family()) {
-      identification_.emplace(*family, AdaptiveEstimator::most_events);
+      identification_.emplace(*family, TrackingEstimator::most_events);
       loop_.identify_in(*identification_);
     }
     if (!options.impacts.empty() || options.predict > 0.0) {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/mechanics/instant.h"
 
 namespace sprag {

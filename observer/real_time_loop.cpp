@@ -36,7 +36,7 @@ RealTimeLoop::RealTimeLoop(Estimation& estimation, std::int64_t last, Freshness 
 
 void RealTimeLoop::identify_in(IdentificationThread& thread) {
   identification_ = &thread;
-  wanted_.events.reserve(AdaptiveEstimator::most_events);
+  wanted_.events.reserve(TrackingEstimator::most_events);
 }
 
 void RealTimeLoop::run(const std::atomic<bool>& stop) {

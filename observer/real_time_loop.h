@@ -78,7 +78,7 @@ class RealTimeLoop {
   void tell_status(std::int64_t now);
 
   Estimation& estimation_;
-  TimeLine<AdaptiveEstimator>& time_line_;
+  TimeLine<TrackingEstimator>& time_line_;
   double h_;
   std::int64_t last_;
   Inbox& inbox_;

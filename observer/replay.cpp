@@ -227,7 +227,7 @@ class Replay {
   }
 
   Estimation estimation_;
-  TimeLine<AdaptiveEstimator>& time_line_ = estimation_.time_line;
+  TimeLine<TrackingEstimator>& time_line_ = estimation_.time_line;
   AdaptationResult identified_;
   SettledOutput settled_;
   EstimateSample sample_;

@@ -14,7 +14,7 @@
 #include "observer/options.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/impact_record.h"
 #include "sprag/files/impacts_file.h"
 #include "sprag/files/predictions_file.h"
@@ -67,9 +67,9 @@ class SettledFollower {
 
   State start_;
   std::int64_t last_;
-  AdaptiveEstimator estimator_;
+  TrackingEstimator estimator_;
   AdaptationResult identified_;
-  AdaptiveEstimator::State state_;
+  TrackingEstimator::State state_;
   bool started_ = false;
   std::int64_t session_ = 0;
   std::vector<ContactEvent> events_;  // behind the present tick

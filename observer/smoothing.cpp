@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "observer/recorded_events.h"
-#include "sprag/adaptation/parameter_smoother.h"
-#include "sprag/estimation/smoother.h"
+#include "sprag/filter/smoother.h"
 #include "sprag/files/confidence_columns.h"
 #include "sprag/files/states_file.h"
 
@@ -52,7 +51,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   states.require_good();
   std::int64_t ticks = 0, smoothed_ticks = 0;
   std::vector<double> more;
-  const auto write = [&](std::int64_t k, const Smoother::Estimate& estimate, bool smoothed) {
+  const auto write = [&](std::int64_t k, const SmoothedEstimate& estimate, bool smoothed) {
     more.clear();
     for (const Eigen::VectorXd* x : {&estimate.sigma_q, &estimate.sigma_u, &estimate.sigma_gap}) {
       more.insert(more.end(), x->begin(), x->end());
@@ -65,24 +64,17 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   };
   std::vector<SmoothedStretch> stretches;
   try {
-    const auto run = scene.parameters.empty() ? smooth : smooth_parameters;
-    stretches = run(scene, recorded.events, options.tick, last_tick(end, options.tick), write);
+    stretches = smooth(scene, recorded.events, options.tick, last_tick(end, options.tick), write);
   } catch (const SmoothingError& error) {
     throw UsageError(std::string("--smooth: ") + error.what());
   }
   report["ticks"] = ticks;
   report["smoothed_ticks"] = smoothed_ticks;
   for (const SmoothedStretch& stretch : stretches) {
-    nlohmann::ordered_json entry = {
-        {"from", stretch.from}, {"to", stretch.to}, {"events", stretch.events}};
-    if (stretch.failure.empty()) {
-      entry["misfit"] = stretch.misfit;
-    } else {
-      entry["failure"] = stretch.failure;
-      std::cerr << "t = " << stretch.from << " to " << stretch.to << ": the filter's estimate ("
-                << stretch.failure << ")\n";
-    }
-    report["stretches"].push_back(entry);
+    report["stretches"].push_back({{"from", stretch.from},
+                                   {"to", stretch.to},
+                                   {"events", stretch.events},
+                                   {"misfit", stretch.misfit}});
   }
   std::cerr << "smoothed " << smoothed_ticks << " of " << ticks << " ticks\n";
   states.finish();

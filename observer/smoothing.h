@@ -1,4 +1,4 @@
-// Offline: the whole path from a whole recording (sprag/estimation/smoother.h).
+// Offline: the whole path from a whole recording (sprag/filter/smoother.h).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -18,9 +18,8 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
-#include "sprag/adaptation/adaptive_observer.h"
-#include "sprag/analysis/assessment.h"
 #include "sprag/estimation/observer.h"
+#include "sprag/analysis/assessment.h"
 #include "sprag/files/events_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/simulate.h"
@@ -74,7 +73,7 @@ class SharedObserver {
  public:
   SharedObserver(const Scene& scene, const ObserverSettings& settings)
       : contacts_(scene.model.contacts.size()),
-        observer_(long_call([&] { return make_observer(scene, settings); })) {}
+        observer_(long_call([&] { return Observer(scene, settings); })) {}
 
   bool take(double t, int contact, int kind) {
     const ContactEvent event = to_event(t, contact, kind, contacts_);
@@ -213,7 +212,7 @@ void bind_estimates(py::module_& module) {
          const std::string& estimator, const std::string& stepper) {
         const auto taken = to_events(events, scene.model.contacts.size());
         const ObserverSettings settings = to_settings(tick, estimator, stepper);
-        return long_call([&] { return observe(make_observer(scene, settings), taken, duration); });
+        return long_call([&] { return observe(scene, taken, duration, settings); });
       },
       py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
       py::arg("tick") = 0.01, py::arg("estimator") = "both", py::arg("stepper") = "exact",

@@ -64,7 +64,7 @@ struct ParameterEstimates {
 
 struct Confidence {
   bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
-  bool has_filter = false;   ///< a timing filter runs: all the rest is its own
+  bool has_filter = false;   ///< an event filter runs: all the rest is its own
   bool from_filter = false;  ///< the estimate that goes with this is the filter's
   double penetration = 0.0;  ///< depth of the estimate inside a support [m] (penetration.h)
   double bound = std::numeric_limits<double>::infinity();  ///< V of the replica is at most this
@@ -81,8 +81,7 @@ struct Confidence {
   std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
   Inconsistency last;
   bool scale_is_lost = false;  ///< a filter alone is never sure again: no event tells it
-  std::int64_t forgotten = 0;  ///< covariances that were gone when the filter went on from them
-  bool remembered = true;      ///< false: this one is gone, and the deviations begin at the start's
+  std::int64_t forgotten = 0;  ///< how often the filter had no room left and started again
   Redundancy redundancy;
   std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
   ParameterEstimates parameters;

@@ -252,4 +252,11 @@ void ErrorBound::note_energy(const Motion& motion, ErrorBoundState& state) {
                                                quadratic_form(model.K, dynamics.diagonal(), q_)));
 }
 
+double initial_bound(const Scene& scene) {
+  const bool exact = scene.tolerance.any() ||
+                     (scene.jitter == 0.0 && scene.drift == 0.0 && scene.parameters.empty());
+  return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum()
+                                               : std::numeric_limits<double>::infinity();
+}
+
 }  // namespace sprag

@@ -32,6 +32,7 @@
 #include "sprag/bound/flight_contraction.h"
 #include "sprag/mechanics/flow.h"
 #include "sprag/mechanics/flows.h"
+#include "sprag/mechanics/scene.h"
 
 namespace sprag {
 
@@ -88,5 +89,11 @@ class ErrorBound {
   double force_ = 0.0;     // largest acceleration by forces and supports, norm of M
   Eigen::VectorXd q_, u_;  // scratch
 };
+
+/// B(0) of a scene, the sum of its [replica] uncertainty; +infinity where a bound on V cannot be
+/// given: no uncertainty of the start, or a machine that drifts, whose event times jitter or whose
+/// parameters are uncertain. With tolerances the bound is theirs (sprag/bound/guarantee.h), and
+/// this is B(0) whatever else the scene says.
+double initial_bound(const Scene& scene);
 
 }  // namespace sprag

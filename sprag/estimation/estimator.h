@@ -13,6 +13,10 @@
 
 namespace sprag {
 
+/// The replica alone; the event filter alone; the filter, and the replica where it does not fit; or
+/// the same with a model that is identified.
+enum class EstimatorKind { replica, timing, both, adaptive };
+
 /// E::State holds everything that changes, with `tick` and `chi`. Copies between states of one
 /// estimator do not allocate, nor does anything here but start() and no_confidence(). h is a tick
 /// [s]; q and u have f entries each.

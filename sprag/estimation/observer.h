@@ -9,7 +9,8 @@
 //   sprag::Estimate now = observer.at(1.2);        // provisional: events may still come
 //
 // An object belongs to one thread at a time; different objects do not share anything. Everything
-// allocates: what must not, takes TimeLine (time_line.h) and an estimator.
+// allocates: what must not, takes TimeLine (time_line.h) and an estimator. An adaptive observer
+// identifies the machine where it settles, so that settle() takes some tenths of a second there.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,8 +21,8 @@
 #include <string>
 #include <vector>
 
+#include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/confidence.h"
-#include "sprag/estimation/estimators.h"
 #include "sprag/estimation/event_history.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
@@ -53,19 +54,16 @@ struct Estimate {
 
 struct ObserverSettings {
   double tick = 0.01;                             ///< h > 0 [s]
-  EstimatorKind estimator = EstimatorKind::both;  ///< adaptive: see adaptive_observer.h
+  EstimatorKind estimator = EstimatorKind::both;
   StepperKind stepper = StepperKind::exact;       ///< of EstimatorKind::replica
 };
 
 class Observer {
  public:
-  /// At tick 0, in scene.replica. Throws ModelError, or std::invalid_argument for a tick that is
-  /// not > 0, an estimator that has no such stepper, an adaptive one, or a scene with [parameters]
-  /// (make_observer(), adaptation/adaptive_observer.h).
+  /// At tick 0, in scene.replica. Throws ModelError, also where there is no adaptive estimator of
+  /// this scene, and std::invalid_argument for a tick that is not > 0, an estimator that has no
+  /// such stepper, or a key in scene.adaptation that is none.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
-  /// What it is made of (observer_core.h).
-  class Core;
-  explicit Observer(std::unique_ptr<Core> core);
   ~Observer();
   Observer(Observer&&) noexcept;
   Observer& operator=(Observer&&) noexcept;
@@ -97,6 +95,7 @@ class Observer {
   const EventHistory& events() const;
 
  private:
+  class Core;
   std::unique_ptr<Core> core_;
 };
 
@@ -125,8 +124,5 @@ Estimates observe(const Scene& scene, std::span<const ContactEvent> events, doub
 
 /// The same with an observer that has taken nothing yet.
 Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration);
-
-/// Throws std::invalid_argument where it is not > 0.
-void require_tick(double tick);
 
 }  // namespace sprag

@@ -99,7 +99,8 @@ class Replica {
   void note(const ReplicaState& state, Confidence& confidence) const;  ///< all but the bound
   void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
-  /// As TimingFilter's; of the error nothing is known.
+  /// Records each event from now on, of a replica of which one state alone is moved and never back;
+  /// null: none. Of the error nothing is known.
   void record_in(ImpactRecorder* recorder) { recorder_ = recorder; }
 
   double h() const { return h_; }

@@ -7,6 +7,7 @@
 
 #include "sprag/estimation/belief.h"
 #include "sprag/filter/flux.h"
+#include "sprag/filter/track.h"
 #include "sprag/filter/triangularize.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
@@ -981,6 +982,12 @@ void EventFilter::gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::M
     at_.by_c.noalias() -= flight().by_unknowns().transpose().lazyProduct(at_.of_g);
     of_gaps.row(i).noalias() += at_.by_c.transpose().lazyProduct(at_.T);
   }
+}
+
+const Eigen::VectorXd& EventFilter::force_row(int contact, double t, Flight::Gap& force) {
+  at_.look(contact, true, t);
+  force = at_.of;
+  return at_.phi;
 }
 
 EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterBelief& belief) {

@@ -84,6 +84,9 @@ class EventFilter {
   const Eigen::MatrixXd& parameter_deviations() const { return at_.T; }
   /// Rows of the gaps, m x columns of deviations(), after publish().
   void gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps);
+  /// After mean(): the force of a held contact, or a quantity with its zeros, and its row on the
+  /// columns of deviations(). Valid until the next call.
+  const Eigen::VectorXd& force_row(int contact, double t, Flight::Gap& force);
   /// Moves the flight of the mean to t.
   void fly_mean(double t, const FilterBelief& belief);
   /// After fly_mean() or mean(): a gap.

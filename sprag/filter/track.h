@@ -15,11 +15,13 @@ enum class TrackStatus : std::int8_t {
   confirmed   ///< its sigma is claimed
 };
 
+/// Gate of one normalized innovation squared: chi^2 of one degree of freedom exceeds it once in
+/// 10^11 events.
+inline constexpr double largest_innovation = 45.0;
+
 /// docs/robustness.md has a table of what each of them buys.
 struct TrackThresholds {
-  /// Gate of one normalized innovation squared: chi^2 of one degree of freedom exceeds it once in
-  /// 10^11 events.
-  double innovation = 45.0;
+  double innovation = largest_innovation;
   /// Gate of their mean over about `window` events, exceeded once in 10^7.
   double mean_innovation = 4.0;
   double window = 16.0;

@@ -233,4 +233,9 @@ double second_rate(const Signal& signal, const Motion& motion) {
   return sum;
 }
 
+double largest_terms(const Signal& signal, const Motion& motion) {
+  return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
+         (signal.r * motion.x.v).abs().sum();
+}
+
 }  // namespace sprag

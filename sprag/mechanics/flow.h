@@ -171,4 +171,7 @@ double value(const Signal& signal, const Motion& motion);
 double rate(const Signal& signal, const Motion& motion);
 double second_rate(const Signal& signal, const Motion& motion);
 
+/// Sum of the absolute terms of a signal: its roundings are in proportion.
+double largest_terms(const Signal& signal, const Motion& motion);
+
 }  // namespace sprag

@@ -2,8 +2,8 @@
 
 #include <vector>
 
+#include "sprag/adaptation/path_posterior.h"
 #include "sprag/adaptation/task.h"
-#include "sprag/filter/event_filter.h"
 #include "sprag/identification/identification.h"
 #include "sprag/mechanics/master.h"
 
@@ -23,9 +23,9 @@ double least_V(const Scene& machine, int impacts, double sigma) {
   settings.mend = false;
   const Identification found = identify(machine, events, settings);
   const MachineFamily family(machine, settings.unknowns);
-  EventFilter filter(family, {walk_of(family.scene(), std::ssize(family.unknowns()))});
-  FilterBelief belief;
-  filter.follow(found.likelihood, found.measured, sigma, belief);
+  const FilterModel model{walk_of(family.scene(), std::ssize(family.unknowns()))};
+  const FilterBelief belief =
+      path_posterior(family, model, found.likelihood, found.measured, sigma);
   const Machine of = family.at(family.nominal());
   double V = 0.0;
   for (Eigen::Index i = 0; i < family.n(); ++i) {

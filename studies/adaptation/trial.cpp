@@ -5,7 +5,7 @@
 #include <ctime>
 #include <optional>
 
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/common/later.h"
@@ -139,12 +139,12 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   const Scene scene = wrong_scene(machine, trial, draw);
   MovingMaster master(machine, trial);
   const ErrorEnergy energy(machine.model);
-  AdaptiveEstimator adaptive(scene, trial.tick, EstimatorKind::adaptive);
+  TrackingEstimator adaptive(scene, trial.tick, EstimatorKind::adaptive);
   Replica replica(scene, trial.tick);
-  SupervisedFilter both(scene, trial.tick);
-  SupervisedState of_both;
+  TrackingEstimator both(scene, trial.tick, EstimatorKind::both);
+  TrackingState of_both;
   both.start(scene.replica, 0, 0, of_both);
-  AdaptiveEstimator::State state;
+  TrackingState state;
   ReplicaState of_replica;
   adaptive.start(scene.replica, 0, 0, state);
   replica.start(scene.replica, 0, 0, of_replica);

@@ -8,11 +8,10 @@
 #include <span>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
-#include "sprag/estimation/uncertainty.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
@@ -56,6 +55,11 @@ void free_tick_with_output(benchmark::State& run) {
   }
 }
 BENCHMARK(free_tick_with_output)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
+
+class Filter : public TrackingEstimator {
+ public:
+  Filter(const Scene& scene, double h) : TrackingEstimator(scene, h, EstimatorKind::timing) {}
+};
 
 // Master alone, up to where double precision follows the true path.
 void master(benchmark::State& run, const char* name, double T) {
@@ -109,15 +113,15 @@ void events(benchmark::State& run) {
   }
 }
 BENCHMARK(events<Replica>)->Args({3, 0})->Args({50, 0})->UseManualTime()->Iterations(200);
-BENCHMARK(events<TimingFilter>)
+BENCHMARK(events<Filter>)
     ->Args({3, 0})
     ->Args({3, 100})
     ->Args({50, 0})
     ->Args({50, 100})
     ->UseManualTime()
     ->Iterations(50);
-BENCHMARK(events<SupervisedFilter>)->Args({3, 100})->UseManualTime()->Iterations(200);
-BENCHMARK(free_tick<TimingFilter>)->Arg(3)->Arg(10)->Arg(100);
+BENCHMARK(events<TrackingEstimator>)->Args({3, 100})->UseManualTime()->Iterations(200);
+BENCHMARK(free_tick<Filter>)->Arg(3)->Arg(10)->Arg(100);
 
 // What the filter says at a tick, deviations and all, as a row of its states takes: a chain of n
 // masses with a contact each, so that the modes are dense. Two matrices of n times 2 n are moved.
@@ -134,8 +138,8 @@ void row(benchmark::State& run) {
   }
   scene.master = scene.replica = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
   scene.replica.q *= 1.1;
-  TimingFilter filter(scene.model, tick, uncertainty_of(scene));
-  TimingFilter::State state;
+  Filter filter(scene, tick);
+  TrackingState state;
   filter.start(scene.replica, 0, 0, state);
   Confidence confidence = filter.no_confidence();
   for ([[maybe_unused]] auto _ : run) {

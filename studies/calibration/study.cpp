@@ -7,7 +7,7 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
@@ -52,11 +52,11 @@ Trial follow(EstimatorKind kind, const Scene& told, const Scene& machine,
              const std::vector<double>& V_replica) {
   const Eigen::Index f = told.model.coordinates();
   const auto& contacts = told.model.contacts;
-  AdaptiveEstimator estimator(told, truth.tick, kind);
+  TrackingEstimator estimator(told, truth.tick, kind);
   const ErrorEnergy energy(machine.model);
   const double start =
       energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
-  AdaptiveState state;
+  TrackingState state;
   estimator.start(told.replica, 0, 0, state);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(f), u(f);

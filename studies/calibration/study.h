@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sprag/estimation/estimator.h"
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/mechanics/scene.h"
 #include "studies/calibration/statistics.h"
 #include "studies/common/disturbance.h"

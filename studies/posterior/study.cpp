@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "command_line/in_parallel.h"
-#include "sprag/estimation/timing_filter.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
 #include "studies/calibration/study.h"
@@ -71,13 +71,14 @@ void follow(const Scene& told, const calibration::Truth& truth,
             std::span<const ContactEvent> reports, const Options& options, int seed, Sums& sums) {
   const Eigen::Index f = told.model.coordinates();
   const Flows flows(told.model);
-  TimingFilter filter(told, truth.tick);
-  TimingFilter::State state;
+  TrackingEstimator filter(told, truth.tick, EstimatorKind::timing);
+  TrackingState state;
   filter.start(told.replica, 0, 0, state);
   const Eigen::Index samples = truth.q.cols();
   const Eigen::Index every = std::max<Eigen::Index>(samples / 2 / options.instants, 1);
   const auto impacts = static_cast<std::size_t>(options.window);
-  Eigen::VectorXd x(2 * f), mean(2 * f), sigma(2 * f), sigma_g(told.model.contacts.size());
+  Eigen::VectorXd x(2 * f), mean(2 * f), sigma(2 * f);
+  Confidence confidence = filter.no_confidence();
   Belief belief;
   const Recording recording{truth.events, reports, told.jitter};
   std::vector<Begin> begins;
@@ -94,7 +95,8 @@ void follow(const Scene& told, const calibration::Truth& truth,
       return;
     }
     ++sums.of.instants;
-    filter.deviations(state, sigma.head(f), sigma.tail(f), sigma_g);
+    filter.confidence(state, infinity, confidence);
+    sigma << confidence.sigma_q, confidence.sigma_u;
     for (Eigen::Index i = 0; i < 2 * f; ++i) {
       sums.of.filter.add(mean[i] - x[i], sigma[i]);
       sums.of.exact.add(exact->mean[i] - x[i], exact->deviation[i]);
@@ -111,7 +113,8 @@ void follow(const Scene& told, const calibration::Truth& truth,
     x << truth.q.col(sample), truth.u.col(sample);
     filter.output(state, mean.head(f), mean.tail(f));
     if (2 * sample >= samples && sample % every == 0) compare_at(sample, t);
-    if (chi != 0 || !filter.belief(state, 0.0, belief)) return;
+    if (chi != 0 || state.status != TrackStatus::confirmed) return;
+    filter.belief(state, belief);
     Eigen::MatrixXd S_transposed(belief.columns, 2 * f);
     S_transposed << belief.S_q.leftCols(belief.columns).transpose(),
         belief.S_u.leftCols(belief.columns).transpose();

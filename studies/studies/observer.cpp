@@ -5,9 +5,8 @@
 #include "sprag/estimation/estimator.h"
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
-#include "sprag/estimation/supervised_filter.h"
-#include "sprag/estimation/timing_filter.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/common/disturbance.h"
@@ -46,9 +45,9 @@ void keep_ends(std::int64_t k, double h, const Keep& keep) {
   }
 }
 
-template <Estimator E>
-void replay(const Scene& scene, const Events& events, double h, States* ends) {
-  E estimator(scene, h);
+template <Estimator E, typename... Kind>
+void replay(const Scene& scene, const Events& events, double h, States* ends, Kind... kind) {
+  E estimator(scene, h, kind...);
   typename E::State state;
   State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
   estimator.start(scene.replica, 0, 0, state);
@@ -143,8 +142,12 @@ void observer(Table& table) {
       };
       const Events late = snapped(events, h);
       measure("exact replica", [&](States* ends) { replay<Replica>(scene, events, h, ends); });
-      measure("timing filter", [&](States* ends) { replay<TimingFilter>(scene, events, h, ends); });
-      measure("both", [&](States* ends) { replay<SupervisedFilter>(scene, events, h, ends); });
+      for (const auto& [name, kind] : {std::pair("event filter", EstimatorKind::timing),
+                                       std::pair("both", EstimatorKind::both)}) {
+        measure(name, [&, kind = kind](States* ends) {
+          replay<TrackingEstimator>(scene, events, h, ends, kind);
+        });
+      }
       measure("Moreau-Jean replica",
               [&](States* ends) { replay<MoreauReplica>(scene, events, h, ends); });
       measure("replica with events at ticks",

@@ -8,13 +8,13 @@
 #include <limits>
 
 #include "sprag/analysis/quantile.h"
-#include "sprag/estimation/belief.h"
-#include "sprag/estimation/timing_filter.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/master.h"
+#include "studies/studies/belief_columns.h"
 #include "studies/common/disturbance.h"
 #include "studies/common/random.h"
 #include "studies/studies/study.h"
@@ -195,8 +195,8 @@ double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
   const double T = truth.end();
   const auto events =
       common::disturb(truth.events, {.jitter = jitter}, 1, T, static_cast<std::uint64_t>(seed));
-  TimingFilter filter(scene, shown_every);
-  TimingFilter::State state;
+  TrackingEstimator filter(scene, shown_every, EstimatorKind::timing);
+  TrackingState state;
   filter.start(scene.replica, 0, 0, state);
   const ErrorEnergy energy(scene.model);
   State shown = scene.replica;

@@ -1,4 +1,4 @@
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ Scene wrong_beam() {
 }
 
 // At t = 96.3 it chatters and stays closed for a while.
-TEST(AdaptiveEstimator, SevenWrongParametersAndExactTimes) {
+TEST(TrackingEstimator, SevenWrongParametersAndExactTimes) {
   const Trial trial{.duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
   ASSERT_EQ(outcome.accepted.size(), 1U);
@@ -52,7 +52,7 @@ TEST(AdaptiveEstimator, SevenWrongParametersAndExactTimes) {
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
-TEST(AdaptiveEstimator, SevenWrongParametersAndTimesThatJitter) {
+TEST(TrackingEstimator, SevenWrongParametersAndTimesThatJitter) {
   const Trial trial{.jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 2);
   std::cout << "floor " << outcome.floor(60.0) << ", replica "
@@ -81,7 +81,7 @@ TEST(AdaptiveEstimator, SevenWrongParametersAndTimesThatJitter) {
   }
 }
 
-TEST(AdaptiveEstimator, ParametersThatMoveAreFollowed) {
+TEST(TrackingEstimator, ParametersThatMoveAreFollowed) {
   Trial trial{.jitter = 1e-4, .walk = 1e-3, .duration = 100.0};
   trial.moves = {{"impact.restitution", -0.1}, {"beam.bending_stiffness", 0.02}};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
@@ -95,7 +95,7 @@ TEST(AdaptiveEstimator, ParametersThatMoveAreFollowed) {
 }
 
 // Events that say little: it waits for more.
-TEST(AdaptiveEstimator, WhatIsNotSureIsNotBelieved) {
+TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
   const Trial trial{.jitter = 1e-3, .duration = 60.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1002);
   ASSERT_FALSE(outcome.accepted.empty());
@@ -105,7 +105,7 @@ TEST(AdaptiveEstimator, WhatIsNotSureIsNotBelieved) {
 }
 
 // They are noticed one at a time, and cost next to nothing.
-TEST(AdaptiveEstimator, LostEventsAreNoReasonToGiveUp) {
+TEST(TrackingEstimator, LostEventsAreNoReasonToGiveUp) {
   const Trial trial{.lost = 0.02, .jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 6);
   std::cout << "floor " << outcome.floor(60.0) << '\n';
@@ -114,15 +114,15 @@ TEST(AdaptiveEstimator, LostEventsAreNoReasonToGiveUp) {
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
-TEST(AdaptiveEstimator, ASpuriousEventIsLeftOut) {
+TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
   const Scene scene = wrong_beam();
   std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
   // In the middle of a flight.
   const double t = 0.5 * (events[39].t + events[40].t);
   events.insert(events.begin() + 40, ContactEvent{t, 0, ContactEventKind::pulse});
   constexpr double h = 0.02;
-  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
-  AdaptiveState state;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
   estimator.start(scene.replica, 0, 0, state);
   AdaptationResult result;
   std::size_t next = 0;
@@ -144,14 +144,14 @@ TEST(AdaptiveEstimator, ASpuriousEventIsLeftOut) {
 }
 
 // Ticks are the same whether results are there at once, or late and the time line has to go back.
-TEST(AdaptiveEstimator, ResultsThatComeLateChangeNothing) {
+TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
   const Scene scene = wrong_beam();
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 30.0);
   constexpr double h = 0.02;
   using Row = std::vector<double>;
   const auto rows_of = [&](std::int64_t delay, std::int64_t history) {
-    AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
-    TimeLine<AdaptiveEstimator> line(estimator, 1, scene.replica, history);
+    TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+    TimeLine<TrackingEstimator> line(estimator, 1, scene.replica, history);
     line.restart(0, 0, 0, no_horizon);
     AdaptationTask task;
     AdaptationResult result;
@@ -173,7 +173,7 @@ TEST(AdaptiveEstimator, ResultsThatComeLateChangeNothing) {
       // The next ticks are looked at ahead.
       line.run(
           k + 5, [](const auto&) {},
-          [&](const AdaptiveState& state) {
+          [&](const TrackingState& state) {
             estimator.output(state, q, u);
             estimator.confidence(state, 1.0, confidence);
             Row& row = rows.emplace_back(q.begin(), q.end());
@@ -201,7 +201,7 @@ TEST(AdaptiveEstimator, ResultsThatComeLateChangeNothing) {
 }
 
 // A machine that becomes another one is not explained by walks: it is identified anew.
-TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
+TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
   const Scene scene = wrong_beam();
   std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
   Scene other = shipped_scene("paper_beam");
@@ -211,8 +211,8 @@ TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
     events.push_back(event);
   }
   constexpr double h = 0.02;
-  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
-  AdaptiveState state;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
   estimator.start(scene.replica, 0, 0, state);
   AdaptationResult result;
   std::size_t next = 0;
@@ -238,12 +238,12 @@ TEST(AdaptiveEstimator, ParametersThatJumpAreIdentifiedAnew) {
 
 // An observer that is started while the machine runs: the first event it knows lies before its
 // tick.
-TEST(AdaptiveEstimator, MayJoinLate) {
+TEST(TrackingEstimator, MayJoinLate) {
   const Scene scene = wrong_beam(), machine = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(machine, 60.0);
   constexpr double h = 0.25;
-  AdaptiveEstimator estimator(scene, h, EstimatorKind::adaptive);
-  AdaptiveState state;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
   std::size_t next = 30;
   std::int64_t k = first_tick_after(events[next].t, h);
   ASSERT_LT(events[next].t, tick_instant(k, h).hi);
@@ -267,7 +267,7 @@ TEST(AdaptiveEstimator, MayJoinLate) {
     }
     estimator.tick(of_tick, state);
   }
-  ASSERT_TRUE(state.trusted);
+  ASSERT_TRUE(state.status == TrackStatus::confirmed);
   Master master(machine.model, machine.master);
   std::vector<ContactEvent> passed;
   master.advance(at(60.0), passed);
@@ -277,10 +277,10 @@ TEST(AdaptiveEstimator, MayJoinLate) {
   EXPECT_LT(ErrorEnergy(machine.model)(q_m, u_m, q, u)[0], 1e-20);
 }
 
-TEST(AdaptiveEstimator, WhatItCannotDoIsRefused) {
+TEST(TrackingEstimator, WhatItCannotDoIsRefused) {
   const auto refusal = [](const Scene& scene) -> std::string {
     try {
-      AdaptiveEstimator(scene, 1e-2, EstimatorKind::adaptive);
+      TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive);
     } catch (const ModelError& error) {
       return error.what();
     }
@@ -298,7 +298,7 @@ TEST(AdaptiveEstimator, WhatItCannotDoIsRefused) {
   Scene scene = shipped_scene("paper_beam");
   EXPECT_THROW(Observer(scene, {.estimator = EstimatorKind::adaptive}), std::invalid_argument);
   scene.adaptation.free = {"beam.dampin"};
-  EXPECT_THROW(AdaptiveEstimator(scene, 1e-2, EstimatorKind::adaptive), std::invalid_argument);
+  EXPECT_THROW(TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive), std::invalid_argument);
 }
 
 }  // namespace

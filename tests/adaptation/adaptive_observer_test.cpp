@@ -1,11 +1,11 @@
-#include "sprag/adaptation/adaptive_observer.h"
+#include "sprag/estimation/observer.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <random>
 
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/run.h"
@@ -37,8 +37,8 @@ struct Row {
 
 // Events tick by tick, and identifications at once.
 std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEvent>& events) {
-  AdaptiveEstimator estimator(scene, tick_length, EstimatorKind::adaptive);
-  AdaptiveState state;
+  TrackingEstimator estimator(scene, tick_length, EstimatorKind::adaptive);
+  TrackingState state;
   estimator.start(scene.replica, 0, 0, state);
   AdaptationResult result;
   Confidence confidence = estimator.no_confidence();
@@ -64,7 +64,7 @@ std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEven
 Row row_of(const Estimate& of) { return {of.tick, of.q, of.u, of.parameters.values, of.of_filter}; }
 
 // Events in any order, some ahead of the horizon, with looks ahead in between.
-TEST(AdaptiveObserver, SettlesWhatAnAdaptiveEstimatorTells) {
+TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
   const Scene scene = wrong_scene(), machine = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(machine, duration);
   const std::vector<Row> expected = expected_rows(scene, events);
@@ -72,7 +72,7 @@ TEST(AdaptiveObserver, SettlesWhatAnAdaptiveEstimatorTells) {
   std::vector<ContactEvent> any_order = events;
   std::mt19937_64 engine(7);
   std::shuffle(any_order.begin() + 8, any_order.end(), engine);
-  Observer observer = adaptive_observer(scene, tick_length);
+  Observer observer(scene, {tick_length, EstimatorKind::adaptive});
   std::vector<Row> settled;
   for (std::size_t i = 0; i < 8; ++i) observer.take(any_order[i]);
   const auto settle = [&] {
@@ -113,7 +113,7 @@ TEST(AdaptiveObserver, SettlesWhatAnAdaptiveEstimatorTells) {
 TEST(AdaptiveObserver, ObservesARecording) {
   const Scene scene = wrong_scene();
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), duration);
-  const Estimates all = observe(adaptive_observer(scene, tick_length), events, duration);
+  const Estimates all = observe(Observer(scene, {tick_length, EstimatorKind::adaptive}), events, duration);
   const std::vector<Row> expected = expected_rows(scene, events);
   ASSERT_EQ(all.t.size(), static_cast<Eigen::Index>(expected.size()));
   EXPECT_EQ(all.keys.size(), 2U);
@@ -128,8 +128,8 @@ TEST(AdaptiveObserver, ObservesARecording) {
 }
 
 TEST(AdaptiveObserver, RefusesWhatItCannotDo) {
-  EXPECT_THROW(adaptive_observer(shipped_scene("non_proportional"), 0.01), ModelError);
-  EXPECT_THROW(adaptive_observer(shipped_scene("paper_beam"), 0.0), std::invalid_argument);
+  EXPECT_THROW(Observer(shipped_scene("non_proportional"), {0.01, EstimatorKind::adaptive}), ModelError);
+  EXPECT_THROW(Observer(shipped_scene("paper_beam"), {0.0, EstimatorKind::adaptive}), std::invalid_argument);
 }
 
 }  // namespace

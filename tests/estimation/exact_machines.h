@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/supervised_filter.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scene.h"
@@ -131,10 +131,10 @@ struct ExactRun {
 inline std::optional<ExactRun> run_exact(const Scene& scene) {
   constexpr double h = 0.02;
   constexpr int enough = 400;
-  SupervisedFilter both(scene.model, h, uncertainty_of(scene));
-  SupervisedFilter::State of_both;
-  TimingFilter timing(scene.model, h, uncertainty_of(scene));
-  TimingFilter::State of_timing;
+  BothEstimator both(scene, h);
+  TrackingState of_both;
+  TimingEstimator timing(scene, h);
+  TrackingState of_timing;
   both.start(scene.replica, 0, 0, of_both);
   timing.start(scene.replica, 0, 0, of_timing);
   ExactRun run;
@@ -163,7 +163,7 @@ inline std::optional<ExactRun> run_exact(const Scene& scene) {
     return std::nullopt;
   }
   run.both = of_both.inconsistencies;
-  run.timing = of_timing.silences + of_timing.misfits;
+  run.timing = of_timing.inconsistencies;
   return run;
 }
 

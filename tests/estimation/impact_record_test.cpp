@@ -6,11 +6,11 @@
 #include <iostream>
 #include <random>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -119,7 +119,7 @@ TEST_P(ImpactsOfExactEvents, AreTheMasters) {
   const double end = 12.0;
   const std::vector<TrueImpact> truth = true_impacts(scene, end);
   for (const EstimatorKind kind : {EstimatorKind::timing, EstimatorKind::both}) {
-    AnyEstimator estimator(scene, 0.01, kind);
+    TrackingEstimator estimator(scene, 0.01, kind);
     std::vector<ContactEvent> events;
     for (const TrueImpact& of : truth) events.push_back(of.event);
     const std::vector<ImpactRecord> records = records_of(estimator, scene, events, end + 0.02);
@@ -182,7 +182,7 @@ TEST(ImpactRecord, AReplicaKnowsNothingOfItsErrorAndEndsOnTheMastersForces) {
   const std::vector<TrueImpact> truth = true_impacts(scene, end);
   std::vector<ContactEvent> events;
   for (const TrueImpact& of : truth) events.push_back(of.event);
-  AnyEstimator estimator(scene, 0.01, EstimatorKind::replica);
+  TrackingEstimator estimator(scene, 0.01, EstimatorKind::replica);
   const auto records = records_of(estimator, scene, events, end + 0.02);
   ASSERT_EQ(records.size(), truth.size());
   int sustained = 0;
@@ -204,7 +204,7 @@ TEST(ImpactRecord, AReplicaKnowsNothingOfItsErrorAndEndsOnTheMastersForces) {
 }
 
 TEST(ImpactRecord, WithMoreausStepperThereIsNone) {
-  AnyEstimator estimator(cached_scene("paper_beam.toml"), 0.01, EstimatorKind::replica,
+  TrackingEstimator estimator(cached_scene("paper_beam.toml"), 0.01, EstimatorKind::replica,
                          StepperKind::moreau);
   std::vector<ImpactRecord> records;
   EXPECT_FALSE(estimator.record_in(records));
@@ -233,7 +233,7 @@ TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   for (int seed = 1; seed <= 100; ++seed) {
     std::mt19937_64 engine(static_cast<unsigned>(seed));
     const auto events = late_in_order(exact, of.sigma, engine);
-    AnyEstimator estimator(scene, 0.01, EstimatorKind::timing);
+    TrackingEstimator estimator(scene, 0.01, EstimatorKind::timing);
     const auto records = records_of(estimator, scene, events, end + 0.1);
     ASSERT_EQ(records.size(), truth.size());
     const auto add = [](double& sum, const Uncertain& x, double is) {

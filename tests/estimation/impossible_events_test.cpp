@@ -10,9 +10,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/estimation/time_line.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 
@@ -92,7 +92,7 @@ std::string not_a_number(E& estimator, const typename E::State& state, Confidenc
 
 template <typename E>
 class ImpossibleEventsTest : public ::testing::Test {};
-using Estimators = ::testing::Types<Replica, MoreauReplica, TimingFilter, SupervisedFilter>;
+using Estimators = ::testing::Types<Replica, MoreauReplica, TimingEstimator, BothEstimator>;
 TYPED_TEST_SUITE(ImpossibleEventsTest, Estimators);
 
 template <Estimator E>

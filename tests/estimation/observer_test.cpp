@@ -12,6 +12,7 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/simulate.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -59,16 +60,16 @@ class ObserverTest
 TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
   std::vector<Estimate> expected;
   {
-    AnyEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
+    TrackingEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
-    TimeLine<AnyEstimator> line(estimator, contacts, scene_.replica, 1);
+    TimeLine<TrackingEstimator> line(estimator, contacts, scene_.replica, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events_) line.receive(event);
     line.set_horizon(duration);
     Confidence confidence = estimator.no_confidence();
     line.run(
         0, [](const auto&) {},
-        [&](const AnyEstimator::State& state) {
+        [&](const TrackingEstimator::State& state) {
           Estimate estimate;
           estimate.tick = state.tick;
           estimate.t = tick_instant(state.tick, tick_length).hi;

@@ -6,7 +6,7 @@
 #include <iostream>
 #include <random>
 
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/scalars.h"
 #include "tests/estimation/recorded_run.h"
 
@@ -22,9 +22,9 @@ bool is_closing(const PredictedEvent& event) { return event.kind != ContactEvent
 
 // on_event(i, estimator, state) at the tick after event number i, the last one of its tick.
 template <typename OnEvent>
-void follow(AdaptiveEstimator& estimator, const Scene& scene, std::span<const ContactEvent> events,
+void follow(TrackingEstimator& estimator, const Scene& scene, std::span<const ContactEvent> events,
             double end, const OnEvent& on_event) {
-  AdaptiveEstimator::State state;
+  TrackingEstimator::State state;
   estimator.start(scene.replica, 0, 0, state);
   std::size_t used = 0;
   for (std::int64_t k = 1; tick_instant(k, estimator.h()).hi <= end; ++k) {
@@ -88,9 +88,9 @@ TEST_P(LearntPredictions, AreTheMasters) {
   const double end = 6.0;
   const std::vector<ContactEvent> events = master_events(scene, end);
   const Predictor predictor(scene.model);
-  AdaptiveEstimator estimator(scene, 1e-3, EstimatorKind::both);
+  TrackingEstimator estimator(scene, 1e-3, EstimatorKind::both);
   int compared = 0;
-  follow(estimator, scene, events, end, [&](std::size_t i, const AdaptiveEstimator::State& state) {
+  follow(estimator, scene, events, end, [&](std::size_t i, const TrackingEstimator::State& state) {
     if (i < events.size() / 2 || i + 1 == events.size()) return;
     const Prediction prediction = estimator.predict(state, predictor, 1.0);
     if (prediction.events.empty()) return;
@@ -130,7 +130,7 @@ TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
       event.t = last = std::max(event.t + of.sigma * normal(engine), std::nextafter(last, end));
       events.push_back(event);
     }
-    AdaptiveEstimator estimator(scene, 1e-3, EstimatorKind::timing);
+    TrackingEstimator estimator(scene, 1e-3, EstimatorKind::timing);
     follow(estimator, scene, events, end, [&](std::size_t i, const auto& state) {
       const Prediction prediction = estimator.predict(state, predictor, ahead);
       const auto& next = prediction.events;
@@ -318,7 +318,7 @@ TEST(Prediction, OfAReplicaNothingIsClaimed) {
   const Scene& scene = cached_scene("two_stops_beam.toml");
   const Predictor predictor(scene.model);
   for (const StepperKind stepper : {StepperKind::exact, StepperKind::moreau}) {
-    AdaptiveEstimator estimator(scene, 1e-3, EstimatorKind::replica, stepper);
+    TrackingEstimator estimator(scene, 1e-3, EstimatorKind::replica, stepper);
     int asked = 0;
     follow(estimator, scene, master_events(scene, 6.0), 6.0, [&](std::size_t, const auto& state) {
       ++asked;

@@ -2,10 +2,9 @@
 #pragma once
 
 #include <algorithm>
-#include <utility>
 #include <vector>
 
-#include "sprag/estimation/timing_filter.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/master.h"
@@ -15,11 +14,11 @@ namespace sprag {
 
 /// The master and a filter that is told its events, tick by tick.
 struct Pursuit {
-  explicit Pursuit(const Scene& scene, double h, Uncertainty uncertainty)
+  Pursuit(const Scene& scene, double h)
       : scene_(scene),
         h_(h),
         master(scene.model, scene.master),
-        filter(scene.model, h, std::move(uncertainty)),
+        filter(scene, h),
         energy_(scene.model),
         truth{scene.master.q, scene.master.u},
         mean(truth) {
@@ -51,8 +50,8 @@ struct Pursuit {
   const Scene& scene_;
   double h_;
   Master master;
-  TimingFilter filter;
-  TimingFilter::State state;
+  TimingEstimator filter;
+  TrackingState state;
   ErrorEnergy energy_;
   State truth, mean;
   std::vector<ContactEvent> events_;

@@ -1,4 +1,4 @@
-#include "sprag/estimation/smoother.h"
+#include "sprag/filter/smoother.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <iostream>
 #include <random>
 
-#include "sprag/estimation/timing_filter.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/simulate.h"
 #include "tests/estimation/recorded_run.h"
 
@@ -54,20 +54,20 @@ TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
   const unsigned seeds = of.seeds;
   for (unsigned seed = 1; seed <= seeds; ++seed) {
     const std::vector<ContactEvent> events = off(truth.events, of.sigma, seed);
-    std::vector<Smoother::Estimate> estimates;
+    std::vector<SmoothedEstimate> estimates;
     const auto stretches =
         smooth(scene, events, h, truth.t.size() - 1,
-               [&](std::int64_t, const Smoother::Estimate& estimate, bool clear) {
+               [&](std::int64_t, const SmoothedEstimate& estimate, bool clear) {
                  share += clear ? 1.0 : 0.0;
                  estimates.push_back(estimate);
                });
     for (const SmoothedStretch& stretch : stretches) {
-      if (!stretch.failure.empty() || stretch.events < 20) continue;
+      if (stretch.events < 20) continue;
       misfit += stretch.misfit;
       ++stretches_of_all;
     }
-    TimingFilter filter(scene, h);
-    TimingFilter::State state;
+    TimingEstimator filter(scene, h);
+    TrackingState state;
     filter.start(scene.replica, 0, 0, state);
     std::span<const ContactEvent> left = events;
     Eigen::VectorXd q(f), u(f);
@@ -79,7 +79,7 @@ TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
         left = left.subspan(n);
       }
       filter.output(state, q, u);
-      const Smoother::Estimate& estimate = estimates[static_cast<std::size_t>(k)];
+      const SmoothedEstimate& estimate = estimates[static_cast<std::size_t>(k)];
       const auto energy = [&](const Eigen::VectorXd& at_q, const Eigen::VectorXd& at_u) {
         const Eigen::VectorXd dq = at_q - truth.q.row(k).transpose();
         const Eigen::VectorXd du = at_u - truth.u.row(k).transpose();
@@ -137,7 +137,7 @@ TEST(Smoother, OutputsAreSureAsTheStateIs) {
     std::int64_t smoothed = 0, filtered = 0;
     double squares = 0.0;
     smooth(scene, events, 0.0137, truth.t.size() - 1,
-           [&](std::int64_t k, const Smoother::Estimate& estimate, bool clear) {
+           [&](std::int64_t k, const SmoothedEstimate& estimate, bool clear) {
              ++(clear ? smoothed : filtered);
              const auto near = [&](Eigen::Index i, double sigma) {
                EXPECT_NEAR(estimate.sigma_outputs[i], sigma, 1e-6 * sigma + 1e-9) << name << k;
@@ -157,17 +157,30 @@ TEST(Smoother, OutputsAreSureAsTheStateIs) {
   }
 }
 
-TEST(Smoother, RefusesWhatItDoesNotFollow) {
+TEST(Smoother, RefusesExactTimesAndScalesThatNothingSets) {
   Scene scene = cached_scene("paper_beam.toml");
-  EXPECT_THROW(Smoother{scene}, SmoothingError);
+  const auto none = [](std::int64_t, const SmoothedEstimate&, bool) {};
+  EXPECT_THROW(smooth(scene, {}, 0.01, 10, none), SmoothingError);
   scene.jitter = 1e-4;
-  Smoother smoother(scene);
-  using enum ContactEventKind;
-  EXPECT_THROW(smoother.take(std::vector<ContactEvent>{{0.5, 0, closes}}), SmoothingError);
-  // Times that no path has.
+  scene.model.forces.clear();
+  scene.model.contacts[0].motion = {};
+  scene.model.contacts[0].clearance = 0.0;
+  EXPECT_THROW(smooth(scene, {}, 0.01, 10, none), SmoothingError);
+}
+
+// Times that no path has: nothing is smoothed, and nothing is claimed.
+TEST(Smoother, EventsThatDoNotFitAreNotSmoothed) {
+  Scene scene = cached_scene("paper_beam.toml");
+  scene.jitter = 1e-4;
   std::vector<ContactEvent> wrong;
-  for (int i = 1; i < 40; ++i) wrong.push_back({0.3137 * i + 0.1 * std::sin(7.0 * i), 0, pulse});
-  EXPECT_THROW(smoother.take(wrong), SmoothingError);
+  for (int i = 1; i < 40; ++i) {
+    wrong.push_back({0.3137 * i + 0.1 * std::sin(7.0 * i), 0, ContactEventKind::pulse});
+  }
+  int claimed = 0;
+  smooth(scene, wrong, 0.01, 1200, [&](std::int64_t k, const SmoothedEstimate& estimate, bool) {
+    if (k > 400 && estimate.sigma_q.allFinite()) ++claimed;
+  });
+  EXPECT_EQ(claimed, 0);
 }
 
 }  // namespace

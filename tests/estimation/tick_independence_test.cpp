@@ -9,9 +9,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -105,7 +105,7 @@ void expect_equal(const Scene& scene, const std::vector<ContactEvent>& events, d
     ASSERT_EQ(x.last.t, y.last.t) << i;
     ASSERT_EQ(x.last.contact, y.last.contact) << i;
     ASSERT_EQ(x.last.suspicion, y.last.suspicion) << i;
-    const bool never_restarted = std::is_same_v<E, TimingFilter> || x.inconsistencies == 0;
+    const bool never_restarted = std::is_same_v<E, TimingEstimator> || x.inconsistencies == 0;
     if (never_restarted) {
       ASSERT_EQ(x.filter.t, y.filter.t) << i;
       ASSERT_EQ(x.filter.gap, y.filter.gap) << i;
@@ -185,7 +185,7 @@ TEST_P(TickIndependence, OfBoth) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);
   scene.jitter = jitter;
-  expect_equal<SupervisedFilter>(scene, events_of(c, scene, jitter), c.end,
+  expect_equal<BothEstimator>(scene, events_of(c, scene, jitter), c.end,
                                  c.trouble != Trouble::none, c.share_after_restart);
 }
 
@@ -195,7 +195,7 @@ TEST_P(TickIndependence, OfTheTimingFilter) {
   Scene scene = scene_of(c);
   scene.jitter = jitter;
   if (c.trouble == Trouble::spurious || c.trouble == Trouble::spurious_before) return;
-  expect_equal<TimingFilter>(scene, events_of(c, scene, jitter), c.end,
+  expect_equal<TimingEstimator>(scene, events_of(c, scene, jitter), c.end,
                              c.trouble == Trouble::missing);
 }
 

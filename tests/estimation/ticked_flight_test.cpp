@@ -7,8 +7,6 @@
 #include <cstdint>
 
 #include "sprag/estimation/replica.h"
-#include "sprag/estimation/timing_filter.h"
-#include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/instant.h"
 
@@ -88,12 +86,6 @@ void has_its_time_again(Stepper& stepper) {
 TEST(TickedFlight, AReplicasEventFindsTheTimeOfItsTick) {
   Replica replica(paper_beam().model, tick_length);
   has_its_time_again(replica);
-}
-
-TEST(TickedFlight, AFiltersEventFindsTheTimeOfItsTick) {
-  const Scene beam = paper_beam();
-  TimingFilter filter(beam.model, tick_length, uncertainty_of(beam));
-  has_its_time_again(filter);
 }
 
 }  // namespace

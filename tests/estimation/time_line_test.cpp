@@ -8,10 +8,10 @@
 
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
-#include "tests/estimation/adaptive_estimators.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
-#include "tests/estimation/supervised_filters.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -89,7 +89,7 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised,
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth,
                                     IdentifyingAdaptive>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 

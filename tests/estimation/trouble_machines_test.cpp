@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -27,8 +27,8 @@ void expect_not_taken_for_another(const std::string& name, bool told_of_start) {
       energy(scene.master.q, scene.master.u, scene.replica.q, scene.replica.u).tail(f);
   if (told_of_start) scene.uncertainty = 3.0 * V_i.array() + 1e-9 * V_i.sum();
   constexpr double h = 0.01;
-  SupervisedFilter both(scene.model, h, uncertainty_of(scene));
-  SupervisedFilter::State state;
+  BothEstimator both(scene, h);
+  TrackingState state;
   both.start(scene.replica, 0, 0, state);
   Confidence confidence = both.no_confidence();
   Master master(scene.model, scene.master);
@@ -53,7 +53,7 @@ void expect_not_taken_for_another(const std::string& name, bool told_of_start) {
             << " of " << V_i.sum() << ", " << state.inconsistencies << " inconsistencies\n";
   EXPECT_LT(worst, 5.0);
   EXPECT_EQ(state.inconsistencies, 0);
-  EXPECT_TRUE(state.trusted);
+  EXPECT_TRUE(state.status == TrackStatus::confirmed);
   EXPECT_LT(largest, 1e-3 * V_i.sum());
 }
 

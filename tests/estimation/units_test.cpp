@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scale.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
 
@@ -113,7 +113,7 @@ void expect_same(const Run& a, const Run& b) {
 std::size_t check(const Scene& scene, double T) {
   const Run master = run_master(scene, T, {});
   const Run replica = run_stepper<Replica>(scene, master.events, T, {});
-  const Run filter = run_stepper<TimingFilter>(scene, master.events, T, {});
+  const Run filter = run_stepper<TimingEstimator>(scene, master.events, T, {});
   const double own = time_scale(scene.model, scene.master);
   for (const Units& units : changes) {
     SCOPED_TRACE(name_of(units));
@@ -131,7 +131,7 @@ std::size_t check(const Scene& scene, double T) {
     // which are the same up to rounding only.
     if (units.mass % 2 == 0 && scene.jitter == 0.0) {
       SCOPED_TRACE("timing filter");
-      expect_same(filter, run_stepper<TimingFilter>(scene, master.events, T, units));
+      expect_same(filter, run_stepper<TimingEstimator>(scene, master.events, T, units));
     }
     if (testing::Test::HasFailure()) break;
   }

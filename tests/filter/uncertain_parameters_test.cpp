@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "sprag/adaptation/adaptive_estimator.h"
-#include "sprag/adaptation/adaptive_observer.h"
-#include "sprag/adaptation/parameter_smoother.h"
+#include "sprag/filter/tracking_estimator.h"
+#include "sprag/estimation/observer.h"
+#include "sprag/filter/smoother.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
@@ -147,8 +147,8 @@ struct Claims {
 
 // The estimator through the ticks 1 to `last`; visit(k) after each.
 template <typename Visit>
-void run(AdaptiveEstimator& estimator, const Scene& scene, const Drawn& drawn, std::int64_t last,
-         AdaptiveState& state, Visit visit) {
+void run(TrackingEstimator& estimator, const Scene& scene, const Drawn& drawn, std::int64_t last,
+         TrackingState& state, Visit visit) {
   estimator.start(scene.replica, 0, 0, state);
   std::size_t next = 0;
   for (std::int64_t k = 1; k <= last; ++k) {
@@ -167,8 +167,8 @@ struct Observed {
 };
 
 void observe(const Scene& scene, const Drawn& drawn, Observed& observed) {
-  AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
-  AdaptiveState state;
+  TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
+  TrackingState state;
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   Confidence confidence = estimator.no_confidence();
@@ -249,8 +249,8 @@ TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
     const Drawn drawn = draw(scene, random, 25.0);
     observe(scene, drawn, filtered);
     std::int64_t of_all = 0;
-    smooth_parameters(scene, drawn.events, drawn.h, ticks,
-                      [&](std::int64_t k, const Smoother::Estimate& estimate, bool is_smoothed) {
+    smooth(scene, drawn.events, drawn.h, ticks,
+                      [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
                         of_all += is_smoothed ? 1 : 0;
                         if (k < first_tick) return;
                         smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
@@ -279,8 +279,8 @@ TEST(UncertainParametersOf, SmoothedChatter) {
     scene.parameters = uncertain_restitution(1e-3 * scene.model.contacts[0].restitution);
     const Drawn drawn = draw(scene, random, 40.0);
     std::int64_t of_all = 0;
-    smooth_parameters(scene, drawn.events, drawn.h, ticks,
-                      [&](std::int64_t k, const Smoother::Estimate& estimate, bool is_smoothed) {
+    smooth(scene, drawn.events, drawn.h, ticks,
+                      [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
                         of_all += is_smoothed ? 1 : 0;
                         if (k < first_tick) return;
                         smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
@@ -294,46 +294,6 @@ TEST(UncertainParametersOf, SmoothedChatter) {
   EXPECT_LT(smoothed.share_beyond(), 2e-3);
 }
 
-// An exact model and exact times: 2f impacts determine the state, to rounding.
-TEST(EventFilter, ExactTimesDetermineTheState) {
-  constexpr std::uint64_t seed = 23;
-  std::cout << "seed " << seed << '\n';
-  Random random(seed);
-  for (int i = 0; i < 6; ++i) {
-    Scene scene = random_rattle(random, 1 + i % 3, 1e-3);
-    const MachineFamily family(scene, {});
-    EventFilter filter(family, {});
-    FilterBelief belief = filter.no_belief();
-    const Eigen::Index n = family.n();
-    const Uncertainty start = uncertainty_of(scene);
-    const Eigen::MatrixXd to_y = family.V().transpose() * scene.model.M;
-    belief.z << to_y * scene.replica.q, to_y * scene.replica.u;
-    belief.S.topLeftCorner(n, n) = to_y * start.q;
-    belief.S.bottomRightCorner(n, n) = to_y * start.u;
-    Master master(scene.model, scene.master);
-    std::vector<ContactEvent> events;
-    master.advance(at(15.0), events);
-    ASSERT_GT(std::ssize(events), 6 * n);
-    Eigen::VectorXd q(n), u(n);
-    const ErrorEnergy energy(scene.model);
-    std::int64_t impacts = 0;
-    for (const ContactEvent& event : events) {
-      ASSERT_EQ(event.kind, ContactEventKind::pulse);
-      ASSERT_TRUE(filter.take(event, belief));
-      if (++impacts <= 4 * n) continue;
-      EXPECT_LT(belief.square, largest_innovation);
-      const Eigen::VectorXd x = filter.publish(15.0, belief);
-      const Eigen::VectorXd before = filter.mean(event.t, belief);
-      EXPECT_LT(belief.S.norm(), 1e-10);
-      EXPECT_TRUE(x.allFinite() && before.allFinite());
-    }
-    const Eigen::VectorXd x = filter.publish(15.0, belief);
-    master.state(at(15.0), q, u);
-    const Eigen::VectorXd V = energy(q, u, family.V() * x.head(n), family.V() * x.tail(n));
-    EXPECT_LT(V[0], 1e-20) << "machine " << i;
-  }
-}
-
 // Late reports: the time line goes back, and settles the same.
 TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   constexpr std::uint64_t seed = 24;
@@ -342,8 +302,8 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   scene.jitter = 1e-4;
   const Drawn drawn = draw(scene, random, 25.0);
   const auto settled = [&](std::int64_t delay) {
-    AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
-    TimeLine<AdaptiveEstimator> line(estimator, 2, scene.replica, 16);
+    TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
+    TimeLine<TrackingEstimator> line(estimator, 2, scene.replica, 16);
     line.restart(0, 0, 0, no_horizon);
     std::vector<double> rows;
     Eigen::VectorXd q(2), u(2);
@@ -357,7 +317,7 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
       line.set_horizon(t);
       line.run(
           k + delay, [](const auto&) {},
-          [&](const AdaptiveState& state) {
+          [&](const TrackingState& state) {
             estimator.output(state, q, u);
             estimator.confidence(state, infinity, confidence);
             for (const Eigen::VectorXd* x :
@@ -377,15 +337,14 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   EXPECT_EQ(settled(40), replayed);  // further than the history
 }
 
-// The library's observer settles the same, and Observer itself does not ignore the uncertainty.
+// The library's observer does not ignore the uncertainty.
 TEST(UncertainParametersOf, TheLibrarysObserver) {
   Random random(25);
   Scene scene = random_rattle(random, 1, 1e-3);
   scene.jitter = 1e-4;
   const Drawn drawn = draw(scene, random, 10.0);
   const ObserverSettings settings{drawn.h, EstimatorKind::both};
-  EXPECT_THROW(Observer(scene, settings), std::invalid_argument);
-  const Estimates estimates = observe(make_observer(scene, settings), drawn.events, 10.0);
+  const Estimates estimates = observe(scene, drawn.events, 10.0, settings);
   ASSERT_EQ(estimates.keys, scene.parameters.keys);
   EXPECT_LT(estimates.sigma_parameters.bottomRows(1)(0, 0), 0.7 * scene.parameters.sigma[0]);
   EXPECT_TRUE(estimates.sigma_q.allFinite());
@@ -404,10 +363,10 @@ TEST(UncertainParametersOf, ImpactRecords) {
     Master master(drawn.machine.model, scene.master);
     std::vector<ContactEvent> exact;
     master.advance(at(25.0), exact);
-    AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
+    TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
     std::vector<ImpactRecord> records;
     ASSERT_TRUE(estimator.record_in(records));
-    AdaptiveState state;
+    TrackingState state;
     run(estimator, scene, drawn, ticks, state, [](std::int64_t) {});
     Eigen::VectorXd q(1), u(1);
     Master again(drawn.machine.model, scene.master);
@@ -449,9 +408,9 @@ TEST(UncertainParametersOf, Predictions) {
     const Drawn drawn = draw(scene, random, 12.0);
     std::vector<ContactEvent> true_events;
     Master(drawn.machine.model, scene.master).advance(at(20.0), true_events);
-    AdaptiveEstimator estimator(scene, drawn.h, EstimatorKind::both);
+    TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
     const Predictor predictor(scene.model);
-    AdaptiveState state;
+    TrackingState state;
     run(estimator, scene, drawn, 600, state, [&](std::int64_t k) {
       if (k % 100 != 0) return;
       const double t = tick_instant(k, drawn.h).hi;
@@ -475,8 +434,8 @@ TEST(UncertainParametersOf, Predictions) {
 TEST(UncertainParametersOf, MachinesWithoutSuchAFilterAreRefused) {
   Scene scene = shipped_scene("non_proportional");
   scene.parameters = uncertain_restitution(1e-3);
-  EXPECT_THROW(AdaptiveEstimator(scene, 0.01, EstimatorKind::both), ModelError);
-  EXPECT_NO_THROW(AdaptiveEstimator(scene, 0.01, EstimatorKind::replica));
+  EXPECT_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::both), ModelError);
+  EXPECT_NO_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::replica));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // An adaptive estimator's ticks: before a result, when it counts, with the joint filter, and
 // through contacts that stay closed.
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 
 #include <gtest/gtest.h>
 
@@ -10,21 +10,21 @@
 namespace sprag::test {
 namespace {
 
-TEST(AdaptiveEstimator, TicksDoNotAllocate) {
+TEST(TrackingEstimator, TicksDoNotAllocate) {
   const Scene machine = shipped_scene("paper_beam");
   Scene told = machine;
   told.model.contacts[0].restitution = 0.68;
   told.model.outputs = {{"a", Eigen::Vector3d::Ones()}, {"b", Eigen::Vector3d::Ones(), true}};
   const std::vector<ContactEvent> events = events_of(machine, 110.0);
   constexpr double h = 0.01;
-  AdaptiveEstimator estimator(told, h, EstimatorKind::adaptive);
-  AdaptiveState state, saved;
+  TrackingEstimator estimator(told, h, EstimatorKind::adaptive);
+  TrackingState state, saved;
   estimator.start(told.replica, 0, 0, state);
   estimator.start(told.replica, 0, 0, saved);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(3), u(3);
   AdaptationTask task;
-  task.events.reserve(AdaptiveEstimator::most_events);
+  task.events.reserve(TrackingEstimator::most_events);
   AdaptationResult result;
   std::size_t next = 0;
   long allocations = 0, of_filter = 0, results = 0;

@@ -1,5 +1,5 @@
 // The steppers' ticks, through everything that occurs in them.
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 
 #include <gtest/gtest.h>
 
@@ -11,6 +11,7 @@
 
 #include "sprag/estimation/replica_sweep.h"
 #include "tests/estimation/random_events.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
@@ -60,7 +61,7 @@ Drive random_drive(std::uint64_t seed, Structure structure, Eigen::Index f, int 
 
 ContactSet locked(const ReplicaState& state) { return state.motion.flow->locked(); }
 ContactSet locked(const MoreauState&) { return 0; }
-ContactSet locked(const TimingState& state) { return state.motion.flow->locked(); }
+ContactSet locked(const TrackingState& state) { return state.belief ? state.belief->held : 0; }
 
 /// What a run has met, and what it has allocated.
 struct Met {
@@ -126,20 +127,20 @@ TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
 }
 
 /// A scene that lets the filter do all it can.
-Uncertainty uncertain(const char* name) {
+Scene uncertain(const char* name) {
   Scene scene = shipped_scene(name);
   scene.drift = 1e-6;
   scene.jitter = 1e-4;
-  return uncertainty_of(scene);
+  return scene;
 }
 
 // All locked sets of up to four contacts are foreseen, whatever the machine.
-TEST(TimingFilterTick, NeverAllocates) {
+TEST(EventFilterTick, NeverAllocates) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
     SCOPED_TRACE(name);
     const Drive drive = shipped(name);
-    TimingFilter filter(drive.model, drive.h, uncertain(name));
-    TimingFilter::State state;
+    TimingEstimator filter(uncertain(name), drive.h);
+    TrackingState state;
     const Met met = run(filter, drive, state);
     EXPECT_EQ(met.allocations, 0);
     EXPECT_GT(met.pulses, 20);
@@ -147,16 +148,16 @@ TEST(TimingFilterTick, NeverAllocates) {
 }
 
 // Through falling back to the replica and starting again, too.
-TEST(SupervisedFilterTick, NeverAllocatesNorDoesWhatItSaysOfItself) {
+TEST(TrackingEstimatorTick, NeverAllocatesNorDoesItsConfidence) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
     SCOPED_TRACE(name);
     const Drive drive = shipped(name);
-    Model wrong = drive.model;
-    for (Contact& contact : wrong.contacts) contact.restitution *= 0.9;
-    const Eigen::VectorXd ones = Eigen::VectorXd::Ones(wrong.coordinates());
-    wrong.outputs = {{"a", ones}, {"b", ones, true}};
-    SupervisedFilter filter(wrong, drive.h, uncertain(name));
-    SupervisedFilter::State state;
+    Scene wrong = uncertain(name);
+    for (Contact& contact : wrong.model.contacts) contact.restitution *= 0.9;
+    const Eigen::VectorXd ones = Eigen::VectorXd::Ones(wrong.model.coordinates());
+    wrong.model.outputs = {{"a", ones}, {"b", ones, true}};
+    BothEstimator filter(wrong, drive.h);
+    TrackingState state;
     const Met met = run(filter, drive, state);
     EXPECT_EQ(met.allocations, 0);
     EXPECT_GT(state.inconsistencies, 0);

@@ -13,10 +13,11 @@
 #include "observer/master_clock.h"
 #include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/histogram.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/no_allocation/allocations.h"
 
 namespace sprag::test {
@@ -24,7 +25,7 @@ namespace {
 
 template <typename E>
 class TimeLineRun : public testing::Test {};
-using Estimators = testing::Types<Replica, MoreauReplica, SupervisedFilter, AnyEstimator>;
+using Estimators = testing::Types<Replica, MoreauReplica, BothEstimator, AnyReplica>;
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// What comes over the wire: a report every 10 ms and at every event, encoded.
@@ -42,7 +43,7 @@ std::vector<EncodedContacts> messages_of(std::span<const ContactEvent> events, i
 template <Estimator E>
 std::vector<Scene> scenes(const char* name) {
   std::vector<Scene> all{cached_scene(name)};
-  if (std::is_same_v<E, SupervisedFilter> || std::is_same_v<E, AnyEstimator>) {
+  if (std::is_same_v<E, BothEstimator>) {
     all.push_back(all.front());
     all.back().jitter = 1e-3;
   }

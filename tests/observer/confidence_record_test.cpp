@@ -10,9 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/time_line.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -70,16 +71,16 @@ void expect_told_when_an_event_does_not_come(const std::string& words) {
 }
 
 TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfTheTimingFilterAlone) {
-  expect_told_when_an_event_does_not_come<TimingFilter>(", contact 1: an event has not come");
+  expect_told_when_an_event_does_not_come<TimingEstimator>(", contact 1: an event has not come");
 }
 
 TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfBoth) {
-  expect_told_when_an_event_does_not_come<SupervisedFilter>("a missing event? The estimate is");
+  expect_told_when_an_event_does_not_come<BothEstimator>("a missing event? The estimate is");
 }
 
 TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
   const Scene& scene = cached_scene("paper_beam.toml");
-  const Said said = said_of<TimingFilter>(scene, master_events(scene, 30.0), 30.0);
+  const Said said = said_of<TimingEstimator>(scene, master_events(scene, 30.0), 30.0);
   EXPECT_EQ(said.report["confidence"]["inconsistencies"], 0);
   EXPECT_EQ(said.report["confidence"]["forgotten_covariances"], 0);
   EXPECT_EQ(said.report["confidence"]["ticks_with_sigma_of_start"], 0);
@@ -92,7 +93,7 @@ TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
   Scene told = scene;
   told.model.contacts[0].restitution *= 0.98;
   told.jitter = 1e-4;
-  const Said said = said_of<TimingFilter>(told, master_events(scene, 100.0), 100.0);
+  const Said said = said_of<TimingEstimator>(told, master_events(scene, 100.0), 100.0);
   const auto& confidence = said.report["confidence"];
   EXPECT_GE(confidence["inconsistencies"], 1);
   EXPECT_EQ(confidence["first_inconsistencies"][0]["suspicion"], "model");
@@ -107,7 +108,7 @@ TEST(ConfidenceRecord, TellsThatTheScaleIsLostForGood) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.model.forces.clear();
   scene.model.contacts[0].motion = {};
-  const Said said = said_of<TimingFilter>(scene, missing_event(scene, 100.0).events, 100.0);
+  const Said said = said_of<TimingEstimator>(scene, missing_event(scene, 100.0).events, 100.0);
   EXPECT_GE(said.report["confidence"]["inconsistencies"], 1) << said.lines;
   EXPECT_NE(said.lines.find("Sigma is infinite from here on: "), std::string::npos) << said.lines;
   EXPECT_EQ(said.lines.find("have fitted again"), std::string::npos) << said.lines;
@@ -118,57 +119,10 @@ TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
   const Scene& scene = cached_scene("paper_beam.toml");
   auto events = master_events(scene, 30.0);
   events.resize(30);
-  const Said said = said_of<TimingFilter>(scene, events, 30.0);
+  const Said said = said_of<TimingEstimator>(scene, events, 30.0);
   for (const char* key : {"sigma_q", "sigma_u", "sigma_g"}) {
     const std::string list = said.report["confidence"][key].dump();
     EXPECT_EQ(list, std::string(key) == "sigma_g" ? "[null]" : "[null,null,null]") << key;
-  }
-}
-
-// The filter keeps 1024 instants of a machine of this size. A time line that goes back further
-// settles ticks whose covariances have been written over, and goes on from one of them.
-TEST(ConfidenceRecord, TellsThatCovariancesWereGone) {
-  const Scene& scene = cached_scene("paper_beam.toml");
-  constexpr double h = 1e-2;
-  constexpr std::int64_t instants = 1200;
-  std::vector<ContactEvent> events;
-  events.reserve(instants);
-  for (std::int64_t i = 0; i < instants; ++i) {
-    events.push_back({h * (static_cast<double>(i) + 0.5), 0, ContactEventKind::pulse});
-  }
-  for (const bool back : {false, true}) {
-    TimingFilter filter(scene, h);
-    TimeLine<TimingFilter> line(filter, 1, scene.replica, 2 * instants);
-    Confidence confidence = filter.no_confidence();
-    ConfidenceRecord record;
-    std::ostringstream out;
-    line.restart(0, 0, 0, no_horizon);
-    const auto run = [&](std::int64_t target) {
-      line.run(
-          target, [](const auto&) {},
-          [&](const auto& state) {
-            filter.confidence(state, 0.5, confidence);
-            record.note(tick_instant(state.tick, h).hi, confidence, out);
-            record.conclude(confidence, 0.5);
-            return true;
-          });
-    };
-    for (const ContactEvent& event : events) line.receive(event);
-    if (back) {
-      run(instants);
-      line.go_back_to(100);
-    }
-    line.set_horizon(events.back().t);
-    run(instants);
-    nlohmann::ordered_json report;
-    record.to_json(report);
-    const auto& figures = report["confidence"];
-    EXPECT_EQ(figures["forgotten_covariances"], back ? 1 : 0);
-    EXPECT_EQ(figures["ticks_with_sigma_of_start"] > 0, back);
-    EXPECT_EQ(out.str().find("sigma starts again from the start's: 1 covariance was gone") !=
-                  std::string::npos,
-              back)
-        << out.str();
   }
 }
 

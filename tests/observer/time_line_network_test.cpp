@@ -9,9 +9,9 @@
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
-#include "tests/estimation/adaptive_estimators.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/estimation/recorded_run.h"
-#include "tests/estimation/supervised_filters.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 
@@ -60,9 +60,9 @@ template <>
 class LateResults<IdentifyingAdaptive> {
  public:
   explicit LateResults(IdentifyingAdaptive& estimator) { estimator.identifies = false; }
-  void want(const AdaptiveState& state, IdentifyingAdaptive& estimator,
+  void want(const TrackingState& state, IdentifyingAdaptive& estimator,
             TimeLine<IdentifyingAdaptive>& line) {
-    used_ = used_ || state.trusted;
+    used_ = used_ || state.status == TrackStatus::confirmed;
     if (!estimator.waits(state)) return;
     estimator.wanted(state, task_);
     line.hold(state.tick);
@@ -180,7 +180,7 @@ class NetworkTest : public ::testing::Test {
   Figures figures_;
 };
 
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactSupervised, JitteringSupervised>;
+using Estimators = ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth>;
 TYPED_TEST_SUITE(NetworkTest, Estimators);
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {

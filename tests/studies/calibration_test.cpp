@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "sprag/estimation/timing_filter.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
@@ -463,8 +463,8 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
   disturbance.jitter = jitter;
   const auto events = common::disturb(truth.events, disturbance, contacts, truth.duration, 2);
   scene.jitter = jitter;
-  TimingFilter filter(scene, truth.tick);
-  TimingFilter::State state;
+  TimingEstimator filter(scene, truth.tick);
+  TrackingState state;
   filter.start(scene.replica, 0, 0, state);
   const Flows flows(scene.model);
 
@@ -482,8 +482,8 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
     filter.tick({first, next}, state);
     const bool near = (next != events.begin() && now.hi - (next - 1)->t < 10.0 * jitter) ||
                       (next != events.end() && next->t - now.hi < 10.0 * jitter);
-    if (now.hi < from || near || state.instants == instants) continue;
-    const Eigen::MatrixXd P = filter.covariance(state);
+    if (now.hi < from || near || state.fitting == instants) continue;
+    const Eigen::MatrixXd P = covariance(filter, state);
     if (t_then > 0.0) {
       const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(P_then);
       Eigen::MatrixXd S(2 * f, 2 * f);
@@ -508,7 +508,7 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
     P_then = P;
     closed = state.chi;
     t_then = now.hi;
-    instants = state.instants;
+    instants = state.fitting;
   }
   EXPECT_GT(compared, 10);
 }

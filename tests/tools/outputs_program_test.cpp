@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "sprag/estimation/observer.h"
-#include "sprag/estimation/smoother.h"
-#include "sprag/estimation/timing_filter.h"
+#include "sprag/filter/smoother.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
@@ -47,8 +47,8 @@ TEST(Outputs, AreSureAsTheStateIs) {
     const std::vector<ContactEvent> events = test::events_of(scene, 8.0);
     const Estimates all =
         observe(scene, events, 8.0, {.tick = 0.01, .estimator = EstimatorKind::timing});
-    TimingFilter filter(scene, 0.01);
-    TimingState state;
+    TimingEstimator filter(scene, 0.01);
+    TrackingState state;
     filter.start(scene.replica, 0, 0, state);
     auto next = events.begin();
     for (int k = 1; k <= 800; ++k) {
@@ -58,7 +58,7 @@ TEST(Outputs, AreSureAsTheStateIs) {
       if (k % 80 != 0) continue;
       EXPECT_EQ(all.outputs(k, 0), all.q(k, 1));
       EXPECT_EQ(all.outputs(k, 1), all.u(k, 0) - all.u(k, 1));
-      const Eigen::MatrixXd P = filter.covariance(state);
+      const Eigen::MatrixXd P = covariance(filter, state);
       const double of_q = P(1, 1);
       const double of_u = P(2, 2) - 2.0 * P(2, 3) + P(3, 3);
       // But for the rounding that both add.

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "command_line/program.h"
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/files/input_file.h"
 #include "sprag/files/nearest_word.h"
@@ -455,7 +455,7 @@ void check_completeness(const TomlTable& root, const Study& study) {
                 "observer.modes varies");
     }
     try {
-      const AdaptiveEstimator possible(study.scene, 1.0, EstimatorKind::adaptive);
+      const TrackingEstimator possible(study.scene, 1.0, EstimatorKind::adaptive);
     } catch (const ModelError& error) {
       root.fail("estimators", std::string("has adaptive: ") + error.what());
     }

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/mechanics/scene.h"
 #include "tools/study/disturbance.h"
 

@@ -151,10 +151,10 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
 }
 
 void pursue(
-    AdaptiveEstimator& estimator, const State& start, std::span<const ContactEvent> events,
+    TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
     const Truth& truth,
-    const std::function<void(Eigen::Index sample, const AdaptiveEstimator::State& state)>& visit) {
-  AdaptiveEstimator::State state;
+    const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit) {
+  TrackingEstimator::State state;
   AdaptationResult result;
   estimator.start(start, 0, 0, state);
   auto next = events.begin();
@@ -176,7 +176,7 @@ void pursue(
 
 Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold) {
-  AdaptiveEstimator estimator(told, truth.tick, kind);
+  TrackingEstimator estimator(told, truth.tick, kind);
   const bool filter = kind != EstimatorKind::replica;
   const ErrorEnergy energy(truth.model);
   Confidence confidence = estimator.no_confidence();
@@ -185,7 +185,7 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   std::vector<double> V;
   NormalizedSquares squares;
   std::int64_t trusted = 0;
-  const auto take = [&](Eigen::Index i, const AdaptiveEstimator::State& state) {
+  const auto take = [&](Eigen::Index i, const TrackingEstimator::State& state) {
     estimator.output(state, q, u);
     V.push_back(error_energy(energy, truth, i, q, u));
     if (!filter) return;

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/contact_event.h"
 #include "sprag/mechanics/scene.h"
 
@@ -36,9 +36,9 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
 /// truth, and visits its state at every sample, 0 ... truth.samples(). What the adaptive one wants
 /// identified is, at once. Throws Interrupted.
 void pursue(
-    AdaptiveEstimator& estimator, const State& start, std::span<const ContactEvent> events,
+    TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
     const Truth& truth,
-    const std::function<void(Eigen::Index sample, const AdaptiveEstimator::State& state)>& visit);
+    const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit);
 
 /// What comes of one estimator in one run. V is (23); "settled": in the second half of the run.
 struct Figures {
@@ -57,7 +57,7 @@ struct Figures {
 
 /// `told` is the machine as the estimator knows it, with the start of its estimate; it may have
 /// fewer coordinates than the machine: what they lack counts as zero. `events` as they arrive.
-/// threshold 0: 1e-4 of V at the start. Throws as AdaptiveEstimator's constructor, or Interrupted.
+/// threshold 0: 1e-4 of V at the start. Throws as TrackingEstimator's constructor, or Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
 

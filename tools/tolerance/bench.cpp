@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "command_line/in_parallel.h"
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/analysis/trial.h"
 #include "sprag/mechanics/energy.h"
 #include "tools/study/design.h"
@@ -70,7 +70,7 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
   if (settings.jitter > 0.0) scene_.jitter = settings.jitter;
   if (settings.drift > 0.0) scene_.drift = settings.drift;
   for (const EstimatorKind kind : settings.estimators) {
-    if (kind == EstimatorKind::adaptive) const AdaptiveEstimator possible(scene_, 1.0, kind);
+    if (kind == EstimatorKind::adaptive) const TrackingEstimator possible(scene_, 1.0, kind);
   }
   closings_per_time_ = look_at_closings(scene_);
   duration_ = settings.duration > 0.0 ? settings.duration : enough_closings / closings_per_time_;

@@ -33,13 +33,13 @@ double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine
                       const ModalMachine& part, const std::vector<ContactEvent>& events,
                       const study::Truth& truth) try {
   const Scene told = reduced_scene(scene, part);
-  AdaptiveEstimator estimator(told, truth.tick, kind);
+  TrackingEstimator estimator(told, truth.tick, kind);
   const Eigen::Index f = told.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   double squares = 0.0;
   Eigen::Index count = 0;
   study::pursue(estimator, told.replica, events, truth,
-                [&](Eigen::Index k, const AdaptiveEstimator::State& state) {
+                [&](Eigen::Index k, const TrackingEstimator::State& state) {
                   if (2 * k <= truth.q.cols()) return;
                   estimator.output(state, q, u);
                   squares += (part.observed * q - whole.observed * truth.q.col(k)).squaredNorm();

@@ -64,7 +64,7 @@ class OwnObserver {
         stage_(stage) {}
 
   void take(const ContactMessage& message, const Arrival& arrival) {
-    TimeLine<AdaptiveEstimator>& time_line = estimation_.time_line;
+    TimeLine<TrackingEstimator>& time_line = estimation_.time_line;
     switch (sessions_.hear(message, arrival)) {
       case SessionTracker::Verdict::ignored:
         return;

@@ -4,6 +4,7 @@
 
 #include "sprag/adaptation/task.h"
 #include "sprag/filter/event_filter.h"
+#include "sprag/filter/family_flight.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
@@ -13,17 +14,17 @@ namespace {
 
 using test::shipped_scene;
 
-class JointFlightOfScenes : public testing::TestWithParam<const char*> {};
+class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 
 // The machine's own path, with all that drives it, and back again.
-TEST_P(JointFlightOfScenes, FliesAsTheMachineDoes) {
+TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
   const Scene scene = shipped_scene(GetParam());
   const MachineFamily family(scene, unknowns_to_adapt(scene));
   Master master(scene.model, scene.master);
   std::vector<ContactEvent> events;
   master.advance(at(100.0), events, 1);
   ASSERT_FALSE(events.empty());
-  JointFlight flight(family);
+  FamilyFlight flight(family);
   Eigen::VectorXd c(flight.unknowns());
   for (Eigen::Index k = 0; k < c.size(); ++k) {
     const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
@@ -33,42 +34,42 @@ TEST_P(JointFlightOfScenes, FliesAsTheMachineDoes) {
   Eigen::VectorXd start(2 * family.n());
   start << family.to_modes(scene.master.q), family.to_modes(scene.master.u);
   const double tau = events.front().t;
-  flight.fly(start, 0.0, tau);
+  flight.fly(start, 0.0, tau, 0);
   const double length = flight.gap(events.front().contact).length;
   EXPECT_NEAR(flight.gap(events.front().contact).g, 0.0, 1e-11 * length);
   EXPECT_LT(flight.gap(events.front().contact).velocity, 0.0);
   const Eigen::VectorXd there = flight.x();
-  flight.fly(there, tau, -tau);
+  flight.fly(there, tau, -tau, 0);
   EXPECT_LT((flight.x() - start).cwiseAbs().maxCoeff(), 1e-9 * there.cwiseAbs().maxCoeff());
 }
 
 // Through an impact, against differences of whole flights.
-TEST_P(JointFlightOfScenes, DerivativesAreThoseOfTheFlight) {
+TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   constexpr std::uint64_t seed = 20261123;
   SCOPED_TRACE(seed);
   Random random(seed);
   const Scene scene = shipped_scene(GetParam());
   const MachineFamily family(scene, unknowns_to_adapt(scene));
-  JointFlight flight(family), other(family);
+  FamilyFlight flight(family), other(family);
   const Eigen::Index n = family.n(), P = flight.unknowns();
   Eigen::VectorXd x(2 * n), c(P);
   x << family.to_modes(scene.replica.q), family.to_modes(scene.replica.u);
   x += 0.1 * x.cwiseAbs().maxCoeff() * random.vector(2 * n);
   c = 0.01 * random.vector(P);
   const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
-  // To an impact, and the same instant behind it for all.
-  const auto behind = [&](JointFlight& of, const Eigen::VectorXd& from, const Eigen::VectorXd& with,
+  // To an impact, and the same instant after it for all.
+  const auto after = [&](FamilyFlight& of, const Eigen::VectorXd& from, const Eigen::VectorXd& with,
                           double delay) {
     of.set(with, true);
-    of.fly(from, t, tau + delay);
-    of.strike(0);
+    of.fly(from, t, tau + delay, 0);
+    of.strike(0, false, 0);
     const Eigen::VectorXd struck = of.x();
-    of.fly(struck, t + tau + delay, later - delay);
+    of.fly(struck, t + tau + delay, later - delay, 0);
     return Eigen::VectorXd(of.x());
   };
   const auto difference = [&](const Eigen::VectorXd& dx, const Eigen::VectorXd& dc, double dt) {
-    return Eigen::VectorXd((behind(other, x + step * dx, c + step * dc, step * dt) -
-                            behind(other, x - step * dx, c - step * dc, -step * dt)) /
+    return Eigen::VectorXd((after(other, x + step * dx, c + step * dc, step * dt) -
+                            after(other, x - step * dx, c - step * dc, -step * dt)) /
                            (2.0 * step));
   };
   const auto expect_same = [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
@@ -76,16 +77,16 @@ TEST_P(JointFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   };
   const Eigen::VectorXd no_x = Eigen::VectorXd::Zero(2 * n), no_c = Eigen::VectorXd::Zero(P);
   flight.set(c, true);
-  flight.fly(x, t, tau);
-  flight.strike(0);
+  flight.fly(x, t, tau, 0);
+  flight.strike(0, false, 0);
   const Eigen::VectorXd struck = flight.x(), by_time = flight.by_time();
   const Eigen::MatrixXd by_c = flight.by_unknowns();
   Eigen::VectorXd dx = random.vector(2 * n);
   const Eigen::VectorXd of_x = difference(dx, no_c, 0.0);
   flight.carry(dx);
   flight.carry_through(dx);
-  // On from behind the impact.
-  flight.fly(struck, t + tau, later);
+  // On from after the impact.
+  flight.fly(struck, t + tau, later, 0);
   const Eigen::MatrixXd by_c_later = flight.by_unknowns();
   flight.carry(dx);
   expect_same(dx, of_x);
@@ -102,12 +103,12 @@ TEST_P(JointFlightOfScenes, DerivativesAreThoseOfTheFlight) {
 }
 
 // Closed for a while, between the end of a chatter and the next opening.
-TEST(JointFlight, HoldsAContactAsTheMachineDoes) {
+TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
   for (const char* name : {"paper_beam_chatter", "two_stops_beam", "steel_ruler"}) {
     SCOPED_TRACE(name);
     const Scene scene = shipped_scene(name);
     const MachineFamily family(scene, unknowns_to_adapt(scene));
-    JointFlight flight(family), moved(family);
+    FamilyFlight flight(family), moved(family);
     Eigen::VectorXd c(flight.unknowns());
     for (Eigen::Index k = 0; k < c.size(); ++k) {
       const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
@@ -132,19 +133,19 @@ TEST(JointFlight, HoldsAContactAsTheMachineDoes) {
     const double to = closing->t + 0.9 * (opens - closing->t);
     const Eigen::VectorXd start = state_at(from), end = state_at(to);
     flight.set(c, true);
-    flight.fly(start, from, to - from, closing->contact);
+    flight.fly(start, from, to - from, bit(closing->contact));
     EXPECT_LT((flight.x() - end).norm(), 1e-10 * end.norm()) << flight.x().transpose();
     // Deviations.
     Eigen::VectorXd dx = Eigen::VectorXd::LinSpaced(start.size(), 0.5, 1.0) * start.norm();
     moved.set(c, false);
-    moved.fly(start + 1e-3 * dx, from, to - from, closing->contact);
+    moved.fly(start + 1e-3 * dx, from, to - from, bit(closing->contact));
     const Eigen::VectorXd difference = (moved.x() - flight.x()) / 1e-3;
     flight.carry(dx);
     EXPECT_LT((dx - difference).norm(), 1e-8 * difference.norm());
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, JointFlightOfScenes,
+INSTANTIATE_TEST_SUITE_P(Scenes, FamilyFlightOfScenes,
                          testing::Values("paper_beam", "two_stops_beam", "lab_rig"));
 
 TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
@@ -153,7 +154,8 @@ TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   Scene scene = shipped_scene("paper_beam");
   scene.adaptation.walk[0] = 0.3;
   const MachineFamily family(scene, unknowns_to_adapt(scene));
-  EventFilter filter(family, {walk_of(family.scene(), std::ssize(family.unknowns()))});
+  FamilyFlight flight(family);
+  EventFilter filter(flight, {walk_of(family.scene(), std::ssize(family.unknowns()))});
   FilterBelief belief = filter.no_belief();
   const Eigen::Index n2 = 2 * filter.n(), P = filter.unknowns();
   for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {
@@ -161,7 +163,7 @@ TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   }
   const Eigen::MatrixXd before = belief.S * belief.S.transpose();
   const Eigen::MatrixXd wide = 3.0 * Eigen::MatrixXd::Identity(n2, n2);
-  filter.restart(4.0, Eigen::VectorXd::Ones(n2), wide, belief);
+  filter.restart(4.0, Eigen::VectorXd::Ones(n2), wide, 0, belief);
   const Eigen::MatrixXd after = belief.S * belief.S.transpose();
   EXPECT_TRUE(after.topLeftCorner(n2, n2).isApprox(9.0 * Eigen::MatrixXd::Identity(n2, n2)));
   EXPECT_TRUE(after.topRightCorner(n2, P).isZero(1e-12));

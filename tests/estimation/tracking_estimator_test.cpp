@@ -1,6 +1,6 @@
 // Replica and timing filter side by side: which is believed, and what is said of events that do not
 // fit.
-#include "sprag/estimation/supervised_filter.h"
+#include "sprag/filter/tracking_estimator.h"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 #include <iostream>
 #include <random>
 
-#include "sprag/estimation/estimators.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/mechanics/energy.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 
@@ -45,10 +45,10 @@ struct Outcome {
 
 Outcome outcome(const Scene& machine, const Scene& told, std::span<const ContactEvent> events) {
   const Eigen::Index f = machine.model.coordinates();
-  SupervisedFilter both(told.model, tick_of_both, uncertainty_of(told));
-  TimingFilter filter(told.model, tick_of_both, uncertainty_of(told));
-  SupervisedFilter::State state;
-  TimingFilter::State alone;
+  BothEstimator both(told, tick_of_both);
+  TimingEstimator filter(told, tick_of_both);
+  TrackingState state;
+  TrackingState alone;
   both.start(told.replica, 0, 0, state);
   filter.start(told.replica, 0, 0, alone);
   Master master(machine.model, machine.master);
@@ -70,12 +70,12 @@ Outcome outcome(const Scene& machine, const Scene& told, std::span<const Contact
       result.inconsistencies = state.inconsistencies;
       result.first.push_back(state.last);
     }
-    if (state.trusted) result.trusted += 1.0 / ticks;
+    if (state.status == TrackStatus::confirmed) result.trusted += 1.0 / ticks;
     if (k <= from) continue;
     master.advance(tick_instant(k, tick_of_both), ignored);
     master.state(tick_instant(k, tick_of_both), q_m, u_m);
     const auto V = [&] { return energy(q_m, u_m, q, u)[0] + 1e-40; };
-    both.replica().output(state, q, u);
+    both.replica(state, q, u);
     const double of_replica = V();
     filter.output(alone, q, u);
     const double of_filter = V();
@@ -99,7 +99,7 @@ void print(const char* what, const Outcome& o) {
 
 // With exact events, and right noise, nothing is found fault with, and the estimate is the
 // filter's.
-TEST(SupervisedFilter, BelievesTheFilterWhereAllIsRight) {
+TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
   for (const char* name :
        {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
         "lab_rig", "bouncing_ball", "impact_oscillator", "non_proportional"}) {
@@ -161,7 +161,7 @@ std::vector<Scene> drawn_machines(int count, Random& random) {
 
 // A start that is known far better than jitter lets a filter know the machine later: that it then
 // expects more error than at the start is no reason to give it up.
-TEST(SupervisedFilter, BelievesAFilterWhoseStartIsKnownWell) {
+TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
   Random random(3);
   std::mt19937_64 engine(3);
   int better = 0, machines = 0;
@@ -180,7 +180,7 @@ TEST(SupervisedFilter, BelievesAFilterWhoseStartIsKnownWell) {
 
 // The replica comes to where the filter can start, and does so however sure the scene is of
 // another start.
-TEST(SupervisedFilter, FindsAMachineOfWhoseStartItIsToldTooMuch) {
+TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
   Random random(5);
   std::mt19937_64 engine(5);
   for (const double jitter : {0.0, 1e-5}) {
@@ -199,7 +199,7 @@ TEST(SupervisedFilter, FindsAMachineOfWhoseStartItIsToldTooMuch) {
   }
 }
 
-TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
+TEST(TrackingEstimator, NamesASpuriousAndAMissingEvent) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto events = master_events(scene, length);
 
@@ -231,7 +231,7 @@ TEST(SupervisedFilter, NamesASpuriousAndAMissingEvent) {
 
 // A ball whose drag and restitution are not quite the model's is where the model has it, but for a
 // small share of each flight: the impacts are its own.
-TEST(SupervisedFilter, DoesNotCallAnImpactOfAWrongModelSpurious) {
+TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
   constexpr std::uint64_t seed = 5;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -262,7 +262,7 @@ TEST(SupervisedFilter, DoesNotCallAnImpactOfAWrongModelSpurious) {
     events =
         jittered(std::vector(events.begin(), events.begin() + std::min(16L, std::ssize(events))),
                  told.jitter, engine);
-    SupervisedFilter both(told.model, tick_of_both, uncertainty_of(told));
+    BothEstimator both(told, tick_of_both);
     std::int64_t count = 0;
     run_time_line(both, told, events, events.back().t, false, [&](const auto& state) {
       if (state.inconsistencies == count) return;
@@ -315,7 +315,7 @@ TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   EXPECT_LT(o.worse, 0.15);
 }
 
-TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
+TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto exact = master_events(scene, length);
   for (const double sigma : {0.0, 1e-3}) {
@@ -352,7 +352,7 @@ TEST(SupervisedFilter, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
 // Events that contradict nothing, of machines that did not make them: several contacts at an
 // instant, and one contact that opens, closes and opens again within one.
 // A beam that swings freely on its support is hit at the same times at any amplitude.
-TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
+TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   for (Force& force : scene.model.forces) {
     force.constant = 0.0;
@@ -363,8 +363,8 @@ TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
     contact.motion.amplitude = 0.0;
   }
   const auto last_confidence = [](const Scene& of) {
-    SupervisedFilter both(of.model, tick_of_both, uncertainty_of(of));
-    SupervisedFilter::State state;
+    BothEstimator both(of, tick_of_both);
+    TrackingState state;
     both.start(of.replica, 0, 0, state);
     Master master(of.model, of.master);
     std::vector<ContactEvent> events;
@@ -389,7 +389,7 @@ TEST(SupervisedFilter, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
   EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
 }
 
-TEST(SupervisedFilter, BearsAnyEvents) {
+TEST(TrackingEstimator, BearsAnyEvents) {
   constexpr std::uint64_t seed = 31;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -404,7 +404,7 @@ TEST(SupervisedFilter, BearsAnyEvents) {
     scene.jitter = random.chance(0.5) ? 1e-3 : 0.0;
     std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
     for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
-    SupervisedFilter filter(scene.model, tick_of_both, uncertainty_of(scene));
+    BothEstimator filter(scene, tick_of_both);
     Confidence confidence = filter.no_confidence();
     bool finite = true;
     run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
@@ -418,7 +418,7 @@ TEST(SupervisedFilter, BearsAnyEvents) {
 }
 
 // In a time line: events that come late, one by one, and rollbacks for no reason.
-TEST(SupervisedFilter, RollbacksDoNotShow) {
+TEST(TrackingEstimator, RollbacksDoNotShow) {
   const Scene& scene = cached_scene("paper_beam.toml");
   std::mt19937_64 engine(3);
   auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
@@ -427,7 +427,7 @@ TEST(SupervisedFilter, RollbacksDoNotShow) {
   Scene told = scene;
   told.jitter = 1e-3;
   const auto run = [&](bool late) {
-    SupervisedFilter filter(told.model, tick_of_both, uncertainty_of(told));
+    BothEstimator filter(told, tick_of_both);
     std::pair<Recording, std::vector<Confidence>> settled;
     Confidence confidence = filter.no_confidence();
     run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {

@@ -1,6 +1,7 @@
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -89,9 +90,9 @@ const MachineFamily& require_modal(const MachineFamily& family, const std::strin
 
 }  // namespace
 
-static_assert(Estimator<AdaptiveEstimator>);
+static_assert(Estimator<TrackingEstimator>);
 
-AdaptiveEstimator::Filter::Filter(const Scene& scene, std::shared_ptr<Flows> flows)
+TrackingEstimator::Filter::Filter(const Scene& scene, std::shared_ptr<Flows> flows)
     : flight(std::make_unique<ModelFlight>(std::move(flows))),
       filter(*flight, model_of(scene, *flight, true)),
       sigma(scene.jitter) {
@@ -99,7 +100,7 @@ AdaptiveEstimator::Filter::Filter(const Scene& scene, std::shared_ptr<Flows> flo
   set_up(scene);
 }
 
-AdaptiveEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unknowns,
+TrackingEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unknowns,
                                   bool from_prior)
     : family(std::make_unique<MachineFamily>(scene, std::move(unknowns))),
       flight(std::make_unique<FamilyFlight>(
@@ -121,7 +122,7 @@ AdaptiveEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unkno
   set_up(scene);
 }
 
-void AdaptiveEstimator::Filter::set_up(const Scene& scene) {
+void TrackingEstimator::Filter::set_up(const Scene& scene) {
   const Eigen::Index f = flight->n();
   const Uncertainty uncertainty = uncertainty_of(scene);
   may_start_inside = uncertainty.may_start_inside;
@@ -154,9 +155,9 @@ void AdaptiveEstimator::Filter::set_up(const Scene& scene) {
   row.setZero(columns);
 }
 
-AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind,
+TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind,
                                      StepperKind stepper, TrackThresholds thresholds)
-    : base_(scene, h, EstimatorKind::replica, stepper),
+    : base_(scene, h, stepper),
       kind_(kind),
       thresholds_(thresholds),
       identifies_(kind == EstimatorKind::adaptive) {
@@ -171,16 +172,16 @@ AdaptiveEstimator::AdaptiveEstimator(const Scene& scene, double h, EstimatorKind
 }
 
 // As many impacts as the search's first grid takes, and some to judge it by.
-std::int64_t AdaptiveEstimator::first_size() const {
+std::int64_t TrackingEstimator::first_size() const {
   const auto f = static_cast<std::int64_t>(filter_->flight->n());
   const auto unknowns = static_cast<std::int64_t>(filter_->flight->unknowns());
   return std::max(6 * f + 6, 2 * f + unknowns + 8);
 }
 
-void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
-                              AdaptiveState& state) {
+void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                              TrackingState& state) {
   base_.start(start, k, chi, state.base);
-  AnyEstimator::State base = std::move(state.base);
+  AnyReplica::State base = std::move(state.base);
   state = {};
   state.base = std::move(base);
   state.tick = k;
@@ -196,17 +197,17 @@ void AdaptiveEstimator::start(const sprag::State& start, std::int64_t k, Contact
   }
 }
 
-void AdaptiveEstimator::note_start(const FilterBelief& of) {
+void TrackingEstimator::note_start(const FilterBelief& of) {
   if (runs_ != nullptr) runs_->push_back({of, {}, {}});
 }
 
-void AdaptiveEstimator::note_event(const ContactEvent& event, double sigma) {
+void TrackingEstimator::note_event(const ContactEvent& event, double sigma) {
   if (runs_ == nullptr || runs_->empty()) return;
   runs_->back().events.push_back(event);
   runs_->back().sigmas.push_back(sigma);
 }
 
-void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
+void TrackingEstimator::set_prior(FilterBelief& belief) const {
   const Eigen::Index P = filter_->prior.rows(), n2 = 2 * filter_->flight->n();
   for (Eigen::Index k = 0; k < P; ++k) {
     const Unknown& unknown = filter_->family->unknowns()[static_cast<std::size_t>(k)];
@@ -217,7 +218,7 @@ void AdaptiveEstimator::set_prior(FilterBelief& belief) const {
   belief.S.bottomRightCorner(P, P) = filter_->prior;
 }
 
-void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveState& state) {
+void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
   Filter& filter = *filter_;
   filter.next = filter.filter.no_belief();
   filter.next.sigma = filter.sigma;
@@ -233,7 +234,7 @@ void AdaptiveEstimator::start_from_prior(const sprag::State& start, AdaptiveStat
   state.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
 
-void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState& state) {
+void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
   if (identifies() && state.wanted && has_result(state)) take_result(state);
   const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;
@@ -243,14 +244,14 @@ void AdaptiveEstimator::tick(std::span<const ContactEvent> events, AdaptiveState
   if (filter_) hear(events, before, state);
 }
 
-std::int64_t AdaptiveEstimator::coast(std::int64_t n, AdaptiveState& state) {
+std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
   if (filter_) return 0;
   const std::int64_t taken = base_.coast(n, state.base);
   state.tick = state.base.tick;
   return taken;
 }
 
-void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveState& state) {
+void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingState& state) {
   const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
@@ -259,8 +260,8 @@ void AdaptiveEstimator::apply(std::span<const ContactEvent> events, AdaptiveStat
 }
 
 // What has happened up to the present tick.
-void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
-                             AdaptiveState& state) {
+void TrackingEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
+                             TrackingState& state) {
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
     // A start may be a little later than the first event that it knows.
     if (state.events == 0) state.begins = std::min(state.begins, of_one.front().t);
@@ -295,16 +296,42 @@ void AdaptiveEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
   }
 }
 
-bool AdaptiveEstimator::record_in(std::vector<ImpactRecord>& records) {
+bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
   if (!base_.record_in(records)) return false;
-  if (filter_) records_ = &records;
+  if (!filter_) return true;
+  records_ = &records;
+  if (filter_->family) return true;
+  forces_ = std::make_unique<ImpactRecorder>(base_.flows()->dynamics(), with_forces_, filter_->sigma,
+                                             true);
   return true;
 }
 
+// The forces of held contacts, since the belief's own time.
+void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
+  const Flow* flow = before.held != 0 ? base_.flows()->find(before.held) : nullptr;
+  if (flow == nullptr) return;
+  Filter& filter = *filter_;
+  const Eigen::Index f = filter.flight->n(), size = 2 * f;
+  filter.flight->state(before.z.head(size), before.t, filter.q, filter.u);
+  Motion motion;
+  flow->enter(filter.q, filter.u, at(before.t), Eigen::VectorXd::Zero(std::popcount(before.held)),
+              motion);
+  const Eigen::MatrixXd S = filter.flight->to_state() * before.S.topRows(size);
+  forces_->fly(motion, t - before.t, S.topRows(f), S.bottomRows(f), S.cols());
+}
+
+void TrackingEstimator::measure_release(const FilterBelief& before, const ContactEvent& event) {
+  if (!contains(before.held, event.contact)) return;
+  filter_->filter.mean(event.t, before);
+  Flight::Gap force;
+  const Eigen::VectorXd& row = filter_->filter.force_row(event.contact, event.t, force);
+  forces_->measured_release(event.contact, row, -force.g, square(force.velocity * before.sigma));
+}
+
 // What the filter says of an event that has led it from one belief to the present one.
-void AdaptiveEstimator::describe(const BeliefRef& before, const ContactEvent& event,
-                                 const AdaptiveState& state, ImpactRecord& record) {
-  if (!before || event.kind == ContactEventKind::opens) return;
+void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& event,
+                                 const TrackingState& state, ImpactRecord& record) {
+  if (!before) return;
   const FilterBelief& of = *state.belief;
   const ImpactEstimate& impact = of.impact;
   if (impact.time_sigma > 0.0) {
@@ -314,44 +341,55 @@ void AdaptiveEstimator::describe(const BeliefRef& before, const ContactEvent& ev
   }
   record.before = {impact.before, impact.before_sigma};
   record.after = {impact.after, impact.after_sigma};
-  const double G = base_.flows()->dynamics().G()(event.contact, event.contact);
+  const Dynamics& dynamics = base_.flows()->dynamics();
+  const double G = dynamics.G()(event.contact, event.contact);
   record.impulse.value = (impact.after - impact.before) / G;
   // Both speeds have one sign of error.
   record.impulse.sigma = (impact.after_sigma + impact.before_sigma) / G;
   record.from_filter = true;
+  if (!forces_) return;
+  follow_forces(*before, event.t);
+  if (event.kind == ContactEventKind::opens) measure_release(*before, event);
+  forces_->add(record);
+  record = with_forces_.back();
+  with_forces_.clear();
 }
 
 // x of the replica at the present tick, with the machine that the filter believes.
-void AdaptiveEstimator::find_replica(const AdaptiveState& state, double t) {
+void TrackingEstimator::find_replica(const TrackingState& state, double t) {
   Filter& filter = *filter_;
   base_.output(state.base, filter.q, filter.u);
   if (state.belief) filter.flight->set(state.belief->z.tail(filter.flight->unknowns()), false);
   filter.flight->enter(filter.q, filter.u, t, filter.x);
 }
 
-void AdaptiveEstimator::lose(AdaptiveState& state) const {
+void TrackingEstimator::lose(TrackingState& state) const {
+  if (forces_) forces_->start();
   state.status = TrackStatus::lost;
   state.doubts = false;
   state.fitting = 0;
   state.mean_square = 1.0;
 }
 
-bool AdaptiveEstimator::set_belief(const FilterBelief& of, AdaptiveState& state) const {
+bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state) const {
   state.earlier = {};
   state.belief = filter_->pool->put(of);
+  if (!state.belief) ++state.forgotten;
   return static_cast<bool>(state.belief);
 }
 
 // After an event.
-bool AdaptiveEstimator::add_belief(const FilterBelief& of, AdaptiveState& state) const {
-  std::move_backward(state.earlier.begin(), state.earlier.end() - 1, state.earlier.end());
-  state.earlier.front() = state.belief;
-  state.belief = filter_->pool->put(of);
-  return static_cast<bool>(state.belief);
+bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state) const {
+  auto earlier = std::move(state.earlier);
+  std::move_backward(earlier.begin(), earlier.end() - 1, earlier.end());
+  earlier.front() = std::move(state.belief);
+  if (!set_belief(of, state)) return false;
+  state.earlier = std::move(earlier);
+  return true;
 }
 
 // The last belief whose event is not certainly later than t.
-const FilterBelief& AdaptiveEstimator::belief_at(double t, const AdaptiveState& state) {
+const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& state) {
   constexpr double certain = 3.0;  // deviations of an event's time
   const FilterBelief* last = &*state.belief;
   for (const BeliefRef& before : state.earlier) {
@@ -365,7 +403,7 @@ const FilterBelief& AdaptiveEstimator::belief_at(double t, const AdaptiveState& 
 }
 
 // Twice the energy of the replica's motion at the present tick, its largest so far.
-double AdaptiveEstimator::note_energy(AdaptiveState& state) {
+double TrackingEstimator::note_energy(TrackingState& state) {
   const Eigen::VectorXd &q = filter_->q, &u = filter_->u;
   base_.output(state.base, filter_->q, filter_->u);
   double energy = 0.0;
@@ -376,7 +414,7 @@ double AdaptiveEstimator::note_energy(AdaptiveState& state) {
   return energy;
 }
 
-void AdaptiveEstimator::take(std::span<const ContactEvent> events, AdaptiveState& state) {
+void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState& state) {
   Filter& filter = *filter_;
   FilterBelief& next = filter.next;
   next = *state.belief;
@@ -417,12 +455,12 @@ void AdaptiveEstimator::take(std::span<const ContactEvent> events, AdaptiveState
   }
 }
 
-std::int64_t AdaptiveEstimator::to_confirm(const AdaptiveState& state) const {
+std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
   return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.trial;
 }
 
 // Near in place or in time: a spurious event is neither.
-Suspicion AdaptiveEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
+Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
   const Innovation& innovation = after.innovation;
   const LastFlight flight = last_flight(innovation.contact, innovation.t, before);
   const double far = thresholds_.far * std::max(after.length, flight.highest);
@@ -433,7 +471,7 @@ Suspicion AdaptiveEstimator::suspicion(const FilterBelief& before, const FilterB
   return is_near ? Suspicion::model : Suspicion::spurious_event;
 }
 
-AdaptiveEstimator::LastFlight AdaptiveEstimator::last_flight(int contact, double t,
+TrackingEstimator::LastFlight TrackingEstimator::last_flight(int contact, double t,
                                                              const FilterBelief& before) {
   constexpr int samples = 64, near = 3;
   LastFlight last;
@@ -453,18 +491,18 @@ AdaptiveEstimator::LastFlight AdaptiveEstimator::last_flight(int contact, double
 
 // One spurious event, or a missing one, is no reason to give up a confirmed track; the next event
 // must fit.
-bool AdaptiveEstimator::may_doubt(const AdaptiveState& state) {
+bool TrackingEstimator::may_doubt(const TrackingState& state) {
   return state.status == TrackStatus::confirmed && !state.doubts;
 }
 
-void AdaptiveEstimator::doubt(const Inconsistency& inconsistency, AdaptiveState& state) {
+void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState& state) {
   state.doubts = true;
   ++state.inconsistencies;
   state.last = inconsistency;
 }
 
 // Takes the impact that was not reported, where the gap fell through zero.
-bool AdaptiveEstimator::take_missing(int contact, double t, AdaptiveState& state) {
+bool TrackingEstimator::take_missing(int contact, double t, TrackingState& state) {
   Filter& filter = *filter_;
   const FilterBelief& present = *state.belief;
   const auto gap_at = [&](double when) {
@@ -497,7 +535,7 @@ bool AdaptiveEstimator::take_missing(int contact, double t, AdaptiveState& state
   return add_belief(filter.next, state);
 }
 
-void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& state) {
+void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& state) {
   const bool confirmed = state.fitting >= to_confirm(state);
   const bool believed = state.status == TrackStatus::confirmed && (confirmed || !identifies());
   ++state.inconsistencies;
@@ -525,7 +563,7 @@ void AdaptiveEstimator::fail(const Inconsistency& inconsistency, AdaptiveState& 
   }
 }
 
-void AdaptiveEstimator::begin_window(std::int64_t event, AdaptiveState& state) const {
+void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) const {
   state.window = event;
   state.size = first_size();
   if (event >= state.events) return;
@@ -534,7 +572,7 @@ void AdaptiveEstimator::begin_window(std::int64_t event, AdaptiveState& state) c
 }
 
 // Whether an event that had to come has not been reported.
-void AdaptiveEstimator::watch(AdaptiveState& state) {
+void TrackingEstimator::watch(TrackingState& state) {
   if (!state.belief || state.status == TrackStatus::lost) return;
   const double t = tick_instant(state.tick, h()).hi;
   if (!filter_->filter.can_reach(t, *state.belief)) return lose(state);
@@ -556,7 +594,7 @@ void AdaptiveEstimator::watch(AdaptiveState& state) {
 }
 
 // The state of a lost track becomes the replica's.
-void AdaptiveEstimator::reset(AdaptiveState& state) {
+void TrackingEstimator::reset(TrackingState& state) {
   Filter& filter = *filter_;
   const bool exact_parameters = filter.flight->unknowns() == 0;
   if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
@@ -578,11 +616,11 @@ void AdaptiveEstimator::reset(AdaptiveState& state) {
   state.status = TrackStatus::tentative;
 }
 
-bool AdaptiveEstimator::waits(const AdaptiveState& state) const {
+bool TrackingEstimator::waits(const TrackingState& state) const {
   return identifies() && state.wanted && !has_result(state);
 }
 
-bool AdaptiveEstimator::has_result(const AdaptiveState& state) const {
+bool TrackingEstimator::has_result(const TrackingState& state) const {
   if (result_ == nullptr) return false;
   const AdaptationTask& task = result_->task;
   if (task.number != state.events || task.closed != state.closed || task.begins != state.begins ||
@@ -595,7 +633,7 @@ bool AdaptiveEstimator::has_result(const AdaptiveState& state) const {
   return true;
 }
 
-void AdaptiveEstimator::wanted(const AdaptiveState& state, AdaptationTask& task) const {
+void TrackingEstimator::wanted(const TrackingState& state, AdaptationTask& task) const {
   task.number = state.events;
   task.begins = state.begins;
   task.closed = state.closed;
@@ -603,7 +641,7 @@ void AdaptiveEstimator::wanted(const AdaptiveState& state, AdaptationTask& task)
   for (std::int64_t i = state.window; i < state.events; ++i) task.events.push_back(heard(i).event);
 }
 
-void AdaptiveEstimator::take_result(AdaptiveState& state) {
+void TrackingEstimator::take_result(TrackingState& state) {
   state.wanted = false;
   ++state.identifications;
   const std::int64_t first = first_size();
@@ -626,13 +664,13 @@ void AdaptiveEstimator::take_result(AdaptiveState& state) {
   state.fitting = to_confirm(state);
 }
 
-bool AdaptiveEstimator::shows_filter(const AdaptiveState& state) const {
+bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
   return state.status == TrackStatus::confirmed ||
          (kind_ == EstimatorKind::timing && state.status == TrackStatus::tentative);
 }
 
-void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
                                Eigen::Ref<Eigen::VectorXd> u) {
   if (!shows_filter(state)) {
     base_.output(state.base, q, u);
@@ -643,12 +681,12 @@ void AdaptiveEstimator::output(const AdaptiveState& state, Eigen::Ref<Eigen::Vec
   filter_->flight->state(x, t, q, u);
 }
 
-void AdaptiveEstimator::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
+void TrackingEstimator::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                                 Eigen::Ref<Eigen::VectorXd> u) {
   filter_->flight->state(filter_->filter.publish(t, of), t, q, u);
 }
 
-Confidence AdaptiveEstimator::no_confidence() const {
+Confidence TrackingEstimator::no_confidence() const {
   Confidence confidence = base_.no_confidence();
   if (!filter_) return confidence;
   const Eigen::Index f = filter_->flight->n();
@@ -665,7 +703,7 @@ Confidence AdaptiveEstimator::no_confidence() const {
   return confidence;
 }
 
-void AdaptiveEstimator::note(const AdaptiveState& state, Confidence& confidence) const {
+void TrackingEstimator::note(const TrackingState& state, Confidence& confidence) const {
   base_.note(state.base, confidence);
   if (!filter_) return;
   confidence.from_filter = shows_filter(state);
@@ -675,13 +713,14 @@ void AdaptiveEstimator::note(const AdaptiveState& state, Confidence& confidence)
   }
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
+  confidence.forgotten = state.forgotten;
   confidence.scale_is_lost = filter_->scale_is_open;
   confidence.parameters.accepted = state.accepted;
   confidence.parameters.identifications = state.identifications;
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;
 }
 
-void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
+void TrackingEstimator::confidence(const TrackingState& state, double initial,
                                    Confidence& confidence) {
   base_.confidence(state.base, initial, confidence);
   note(state, confidence);
@@ -718,7 +757,7 @@ void AdaptiveEstimator::confidence(const AdaptiveState& state, double initial,
   }
 }
 
-void AdaptiveEstimator::fill_deviations(const FilterBelief& of, Confidence& confidence) {
+void TrackingEstimator::fill_deviations(const FilterBelief& of, Confidence& confidence) {
   Filter& filter = *filter_;
   const Eigen::Index f = filter.flight->n();
   filter.filter.gap_deviations(of, filter.of_gaps);
@@ -740,7 +779,7 @@ void AdaptiveEstimator::fill_deviations(const FilterBelief& of, Confidence& conf
   }
 }
 
-bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
+bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
                   AdaptationResult& result) {
   if (!estimator.waits(state)) return false;
   AdaptationTask task;
@@ -751,7 +790,7 @@ bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
 }
 
 // As many columns as state and parameters have entries.
-Eigen::MatrixXd AdaptiveEstimator::belief(const AdaptiveState& state, Belief& belief) {
+Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& belief) {
   Filter& filter = *filter_;
   const Eigen::Index f = filter.flight->n(), P = filter.flight->unknowns();
   const double t = tick_instant(state.tick, h()).hi;
@@ -770,7 +809,7 @@ Eigen::MatrixXd AdaptiveEstimator::belief(const AdaptiveState& state, Belief& be
   return S.bottomRows(P);
 }
 
-Prediction AdaptiveEstimator::predict(const AdaptiveState& state, const Predictor& predictor,
+Prediction TrackingEstimator::predict(const TrackingState& state, const Predictor& predictor,
                                       double ahead) {
   const double t = tick_instant(state.tick, h()).hi;
   if (!filter_ || identifies() || state.status != TrackStatus::confirmed) return {t, t, {}};

@@ -1,12 +1,13 @@
-#include "sprag/adaptation/parameter_smoother.h"
+#include "sprag/filter/smoother.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/adaptation/adaptive_estimator.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/interrupt.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/scale.h"
 
 namespace sprag {
 namespace {
@@ -20,6 +21,7 @@ constexpr double settled_move = 0.05;
 // What is known by all events from `from` on: beliefs whose state is that of their own time.
 struct Chain {
   double from = 0.0;
+  double misfit = 0.0;
   bool fits = true;
   std::vector<FilterBelief> beliefs;
   // From when on each of them or a later one is meant; none decreases.
@@ -47,7 +49,7 @@ void set_impact(EventFilter& filter, const FilterBelief& before, int contact, Fi
 }
 
 // Forward through a run; `about` are smoothed beliefs from the pass before, or none.
-std::vector<FilterStep> forward(EventFilter& filter, const AdaptiveEstimator::FilterRun& run,
+std::vector<FilterStep> forward(EventFilter& filter, const TrackingEstimator::FilterRun& run,
                                 const std::vector<FilterBelief>& about) {
   std::vector<FilterStep> steps;
   steps.push_back({});
@@ -105,7 +107,7 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
 
 // Forward and back, linearized about the path of the pass before, until it stays. A run whose
 // passes do not converge is not smoothed.
-Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
+Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
   Chain chain;
   chain.from = run.start.t;
   chain.fits = !run.failed;
@@ -120,6 +122,8 @@ Chain smoothed(EventFilter& filter, const AdaptiveEstimator::FilterRun& run) {
     chain.beliefs = std::move(next);
   }
   chain.fits = move < settled_move;
+  for (std::size_t k = 1; k < steps.size(); ++k) chain.misfit += steps[k].after.square;
+  chain.misfit /= static_cast<double>(std::max<std::size_t>(steps.size() - 1, 1));
   for (std::size_t k = 1; k < steps.size(); ++k) {
     set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }
@@ -145,9 +149,15 @@ const FilterBelief& at(const Chain& chain, double t) {
 
 }  // namespace
 
-std::vector<SmoothedStretch> smooth_parameters(
+std::vector<SmoothedStretch> smooth(
     const Scene& given, std::span<const ContactEvent> events, double h, std::int64_t last,
-    const std::function<void(std::int64_t, const Smoother::Estimate&, bool)>& take) {
+    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take) {
+  if (given.jitter == 0.0 && given.parameters.empty()) {
+    throw SmoothingError("event times are exact ([events] jitter is 0): the filter knows all");
+  }
+  if (is_homogeneous(given.model)) {
+    throw SmoothingError("no force and no clearance sets the scale of the machine's motion");
+  }
   Scene scene = given;
   scene.parameters.consider.assign(scene.parameters.consider.size(), false);
   const auto f = scene.model.coordinates();
@@ -157,12 +167,12 @@ std::vector<SmoothedStretch> smooth_parameters(
     return events.subspan(first, next - first);
   };
   // Forward.
-  AdaptiveEstimator estimator(scene, h, EstimatorKind::both);
-  std::vector<AdaptiveEstimator::FilterRun> runs;
+  TrackingEstimator estimator(scene, h, EstimatorKind::both);
+  std::vector<TrackingEstimator::FilterRun> runs;
   estimator.record_runs(&runs);
-  AdaptiveState state;
+  TrackingState state;
   std::size_t next = 0;
-  const auto advance = [&](AdaptiveEstimator& of, std::int64_t k, AdaptiveState& to) {
+  const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
     if (k == 0) {
       of.start(scene.replica, 0, 0, to);
       of.apply(events_at(0, next), to);
@@ -176,16 +186,16 @@ std::vector<SmoothedStretch> smooth_parameters(
   }
   // Back.
   std::vector<Chain> chains;
-  for (const AdaptiveEstimator::FilterRun& run : runs) {
+  for (const TrackingEstimator::FilterRun& run : runs) {
     check_interrupt();
     chains.push_back(smoothed(*estimator.filter(), run));
   }
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
-  AdaptiveEstimator again(scene, h, EstimatorKind::both);
+  TrackingEstimator again(scene, h, EstimatorKind::both);
   next = 0;
   Confidence confidence = again.no_confidence();
-  Smoother::Estimate estimate;
+  SmoothedEstimate estimate;
   estimate.q.setZero(f);
   estimate.u.setZero(f);
   std::size_t chain = 0;
@@ -202,7 +212,7 @@ std::vector<SmoothedStretch> smooth_parameters(
       again.publish(t, belief, estimate.q, estimate.u);
       again.fill_deviations(belief, confidence);
       if (stretches.empty() || stretches.back().to < t - 1.5 * h || k == 0) {
-        stretches.push_back({t, t, 0, 0.0, {}});
+        stretches.push_back({t, t, 0, chains[chain].misfit});
       }
       stretches.back().to = t;
     } else {

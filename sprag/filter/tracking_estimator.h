@@ -27,7 +27,7 @@
 #include <vector>
 
 #include "sprag/adaptation/task.h"
-#include "sprag/estimation/estimators.h"
+#include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/prediction.h"
 #include "sprag/filter/belief_pool.h"
 #include "sprag/filter/event_filter.h"
@@ -36,10 +36,10 @@
 namespace sprag {
 
 /// Everything that changes; copies do not allocate. Valid while its estimator lives.
-struct AdaptiveState {
+struct TrackingState {
   std::int64_t tick = 0;
   ContactSet chi = 0;
-  AnyEstimator::State base;
+  AnyReplica::State base;
 
   // Identification.
   std::int64_t events = 0;  ///< since the start
@@ -65,40 +65,41 @@ struct AdaptiveState {
   double energy = 0.0;           ///< twice that of the replica's motion, its largest at an event
   std::int64_t inconsistencies = 0;
   Inconsistency last;
+  std::int64_t forgotten = 0;  ///< how often there was no room for its belief
 };
 
-class AdaptiveEstimator {
+class TrackingEstimator {
  public:
-  using State = AdaptiveState;
+  using State = TrackingState;
 
   /// Tick h > 0 [s]; `stepper` is that of a plain replica. Throws ModelError, also where the
   /// scene's damping couples the modes and parameters are uncertain; and std::invalid_argument for
   /// a key in scene.adaptation that is none.
-  AdaptiveEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
+  TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
                     StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});
 
-  void start(const sprag::State& start, std::int64_t k, ContactSet chi, AdaptiveState& state);
-  void tick(std::span<const ContactEvent> events, AdaptiveState& state);
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state);
+  void tick(std::span<const ContactEvent> events, TrackingState& state);
   /// As Replica's; 0 where a filter runs.
-  std::int64_t coast(std::int64_t n, AdaptiveState& state);
+  std::int64_t coast(std::int64_t n, TrackingState& state);
   bool coasts() const { return !filter_ && base_.coasts(); }
-  void apply(std::span<const ContactEvent> events, AdaptiveState& state);
-  void output(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+  void apply(std::span<const ContactEvent> events, TrackingState& state);
+  void output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;
-  void note(const AdaptiveState& state, Confidence& confidence) const;
-  void confidence(const AdaptiveState& state, double initial, Confidence& confidence);
+  void note(const TrackingState& state, Confidence& confidence) const;
+  void confidence(const TrackingState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
   /// Mean and square root of the covariance of (q, u) at the present tick, of a track that is not
   /// lost; the rows of the parameters' coordinates are returned, P x columns. Allocates.
-  Eigen::MatrixXd belief(const AdaptiveState& state, Belief& belief);
+  Eigen::MatrixXd belief(const TrackingState& state, Belief& belief);
   /// As Predictor::predict() from this state; nothing is predicted where the track is not
   /// confirmed, and by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
-  Prediction predict(const AdaptiveState& state, const Predictor& predictor, double ahead);
+  Prediction predict(const TrackingState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyEstimator's. While the estimate is the filter's, times, velocities and impulses are
-  /// its own; forces are the replica's.
+  /// As AnyReplica's. While the estimate is the filter's, times, velocities and impulses are its
+  /// own, and forces where no parameter is uncertain.
   bool record_in(std::vector<ImpactRecord>& records);
 
   /// What the filter goes through between two resets.
@@ -120,10 +121,10 @@ class AdaptiveEstimator {
   void fill_deviations(const FilterBelief& of, Confidence& confidence);
 
   /// Whether the next tick of this state waits for a result that has not been put.
-  bool waits(const AdaptiveState& state) const;
+  bool waits(const TrackingState& state) const;
   /// What it waits for. `task` keeps its room, so that no call allocates that has some of
   /// most_events.
-  void wanted(const AdaptiveState& state, AdaptationTask& task) const;
+  void wanted(const TrackingState& state, AdaptationTask& task) const;
   /// From now on ticks after a state that wants it take it; it must stay as it is until another
   /// one is put. Does not allocate.
   void put(const AdaptationResult& result) { result_ = &result; }
@@ -134,10 +135,12 @@ class AdaptiveEstimator {
   static constexpr std::int64_t most_events = 1024;
 
   /// As AnyEstimator's; not of one that identifies: its machine may be another than the scene's.
-  bool has_replica() const { return !identifies() && base_.has_replica(); }
-  void replica(const AdaptiveState& state, Eigen::Ref<Eigen::VectorXd> q,
+  bool has_replica() const {
+    return !identifies() && kind_ != EstimatorKind::timing && base_.is_exact();
+  }
+  void replica(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u) const {
-    base_.replica(state.base, q, u);
+    AnyReplica::exact_output(state.base, q, u);
   }
   Flows* flows() { return base_.flows(); }
   const char* flow_path() { return base_.flow_path(); }
@@ -184,52 +187,56 @@ class AdaptiveEstimator {
   };
 
   bool identifies() const { return identifies_; }
-  void start_from_prior(const sprag::State& start, AdaptiveState& state);
+  void start_from_prior(const sprag::State& start, TrackingState& state);
   void set_prior(FilterBelief& belief) const;
   Heard& heard(std::int64_t event) const {
     return filter_->heard[static_cast<std::size_t>(event) % filter_->heard.size()];
   }
   std::int64_t first_size() const;
-  std::int64_t to_confirm(const AdaptiveState& state) const;
-  bool has_result(const AdaptiveState& state) const;
-  void take_result(AdaptiveState& state);
-  void hear(std::span<const ContactEvent> events, ContactSet chi, AdaptiveState& state);
-  void take(std::span<const ContactEvent> of_one_instant, AdaptiveState& state);
-  bool shows_filter(const AdaptiveState& state) const;
-  void lose(AdaptiveState& state) const;
-  static bool may_doubt(const AdaptiveState& state);
-  static void doubt(const Inconsistency& inconsistency, AdaptiveState& state);
-  bool take_missing(int contact, double t, AdaptiveState& state);
-  void fail(const Inconsistency& inconsistency, AdaptiveState& state);
-  double note_energy(AdaptiveState& state);
+  std::int64_t to_confirm(const TrackingState& state) const;
+  bool has_result(const TrackingState& state) const;
+  void take_result(TrackingState& state);
+  void hear(std::span<const ContactEvent> events, ContactSet chi, TrackingState& state);
+  void take(std::span<const ContactEvent> of_one_instant, TrackingState& state);
+  bool shows_filter(const TrackingState& state) const;
+  void lose(TrackingState& state) const;
+  static bool may_doubt(const TrackingState& state);
+  static void doubt(const Inconsistency& inconsistency, TrackingState& state);
+  bool take_missing(int contact, double t, TrackingState& state);
+  void fail(const Inconsistency& inconsistency, TrackingState& state);
+  double note_energy(TrackingState& state);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
   LastFlight last_flight(int contact, double t, const FilterBelief& before);
-  void begin_window(std::int64_t event, AdaptiveState& state) const;
-  void find_replica(const AdaptiveState& state, double t);
-  void watch(AdaptiveState& state);
-  void describe(const BeliefRef& before, const ContactEvent& event, const AdaptiveState& state,
+  void begin_window(std::int64_t event, TrackingState& state) const;
+  void find_replica(const TrackingState& state, double t);
+  void watch(TrackingState& state);
+  void describe(const BeliefRef& before, const ContactEvent& event, const TrackingState& state,
                 ImpactRecord& record);
-  void reset(AdaptiveState& state);
+  void follow_forces(const FilterBelief& before, double t);
+  void measure_release(const FilterBelief& before, const ContactEvent& event);
+  void reset(TrackingState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
-  bool set_belief(const FilterBelief& of, AdaptiveState& state) const;
-  bool add_belief(const FilterBelief& of, AdaptiveState& state) const;
-  static const FilterBelief& belief_at(double t, const AdaptiveState& state);
+  bool set_belief(const FilterBelief& of, TrackingState& state) const;
+  bool add_belief(const FilterBelief& of, TrackingState& state) const;
+  static const FilterBelief& belief_at(double t, const TrackingState& state);
 
-  AnyEstimator base_;
+  AnyReplica base_;
   EstimatorKind kind_;
   TrackThresholds thresholds_;
   bool identifies_ = false;
   std::unique_ptr<Filter> filter_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
+  std::vector<ImpactRecord> with_forces_;  // of the filter
+  std::unique_ptr<ImpactRecorder> forces_;  // null: no records, or uncertain parameters
   std::vector<FilterRun>* runs_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
 };
 
 /// Runs the identification that the state waits for, if any, into `result` and puts it. True if so.
 /// Allocates. Throws Interrupted (interrupt.h).
-bool identify_now(AdaptiveEstimator& estimator, const AdaptiveState& state,
+bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
                   AdaptationResult& result);
 
 }  // namespace sprag
