@@ -7,6 +7,7 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
+#include "sprag/estimation/uncertainty.h"
 #include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"

@@ -189,13 +189,13 @@ TEST_F(OutputsProgramTest, AreColumnsOfASmoothedPath) {
   EXPECT_TRUE(header.ends_with(",sigma_g1,smoothed,middle,sigma_middle,tip_speed,sigma_tip_speed"))
       << header;
   const auto smoothed = table("smoothed.csv");
-  std::vector<Smoother::Estimate> estimates;
+  std::vector<SmoothedEstimate> estimates;
   smooth(scene, test::events_of(scene, 15.0), 0.01, std::ssize(smoothed.at("k")) - 1,
-         [&](std::int64_t, const Smoother::Estimate& e, bool) { estimates.push_back(e); });
+         [&](std::int64_t, const SmoothedEstimate& e, bool) { estimates.push_back(e); });
   ASSERT_GT(estimates.size(), 1000U);
   double ticks = 0.0;
   for (std::size_t k = 0; k < estimates.size(); ++k) {
-    const Smoother::Estimate& of = estimates[k];
+    const SmoothedEstimate& of = estimates[k];
     EXPECT_EQ(smoothed.at("middle")[k], value(scene.model.outputs[0], of.q, of.u));
     EXPECT_EQ(smoothed.at("tip_speed")[k], value(scene.model.outputs[1], of.q, of.u));
     EXPECT_EQ(smoothed.at("sigma_middle")[k], of.sigma_outputs[0]);
