@@ -516,11 +516,12 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
 
 // Where the machine would be inside a support.
 void Identifier::put_inside(const Attempt& best, Identification& result) const {
-  double worst = -infinity;
+  double worst = -1.0;
   const std::vector<StretchPath> checks = check_paths(family_, best.solution, best.jitter);
   for (const StretchPath& check : checks) {
-    if (!(check.inside > worst)) continue;
-    worst = check.inside;
+    const double inside = check.hit_from_inside || check.inside > 0.0 ? check.inside : -1.0;
+    if (!(inside > worst)) continue;
+    worst = inside;
     result.inside_from = check.inside_from;
     result.inside_to = check.inside_to;
   }

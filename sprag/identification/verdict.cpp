@@ -133,7 +133,7 @@ std::string reason_of(const Identification& fit) {
              "bounces than the sensor resolves.";
     case FitProblem::lost_or_spurious_events:
       return "The machine would be inside a support between t = " +
-             short_number(fit.inside_from, 6) + " and " + short_number(fit.inside_to, 6) +
+             short_number(fit.inside_from, 9) + " and " + short_number(fit.inside_to, 9) +
              ". An event is lost there or another one is spurious, or the scene's contacts are "
              "wrong.";
     case FitProblem::bound_reached: {
