@@ -143,7 +143,14 @@ Stretches Identifier::stretches_of(double closest, bool through_contact,
   }
   record.exact = settings_.jitter == 0.0;
   record.close = std::max(closest * interval_, close_in_jitters * jitter.value_or(0.0));
-  return cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
+  Stretches stretches = cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
+  const std::vector<std::size_t>& guessed = settings_.guessed;
+  for (Stretch& stretch : stretches) {
+    for (Impact& impact : stretch.impacts) {
+      impact.timed = std::find(guessed.begin(), guessed.end(), impact.event) == guessed.end();
+    }
+  }
+  return stretches;
 }
 
 bool Identifier::comes_from_outside(const MachineFamily& family, const Likelihood& solution,

@@ -194,6 +194,7 @@ class ReportConsistencyTest : public test::ProgramTest {
   void check_written(const Ended& ended);
   void check_diagnose(const DrawnRecord& record);
   void check_explanation(const std::string& text);
+  void check_both(const json& identified);
 
   json report_;
 };
@@ -412,6 +413,21 @@ void ReportConsistencyTest::check_explanation(const std::string& text) {
   EXPECT_TRUE(has(row_of(text, name), std::string(" ") + value + " +- "));
 }
 
+// What diagnose says of the scene as it is, with a jitter that is given to both.
+void ReportConsistencyTest::check_both(const json& identified) {
+  const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
+  if (report_["fits"] == false && !repaired) return;
+  EXPECT_NE(identified["problem"], "wrong_model");
+  EXPECT_NE(identified["problem"], "no_convergence");
+  if (repaired) {
+    EXPECT_EQ(identified["missing"].size(), report_["missing"].size());
+    EXPECT_EQ(identified["spurious"].size(), report_["spurious"].size());
+  }
+  if (!identified.contains("simplest")) return;
+  ASSERT_FALSE(identified["simplest"].empty());
+  EXPECT_TRUE(identified["simplest"][0].empty());
+}
+
 TEST_F(ReportConsistencyTest, NoReportContradictsItself) {
   const unsigned seed = 49;
   std::cout << "seed " << seed << '\n';
@@ -419,7 +435,10 @@ TEST_F(ReportConsistencyTest, NoReportContradictsItself) {
   for (const DrawnRecord& record : drawn_records(draw)) {
     write(record, draw);
     check_identify(record);
+    const json identified = report_;
     check_diagnose(record);
+    SCOPED_TRACE(record.kind + "\n" + identified.dump() + '\n' + report_.dump());
+    if (record.given_jitter > 0.0) check_both(identified);
   }
 }
 
