@@ -35,10 +35,11 @@ std::string of_wrong_model(const Identification& fit) {
              "effect, or a parameter that is not sought is wrong.";
     default:
       return "The event times scatter by " + short_number(fit.scatter, 3) +
-             (fit.jitter_told
-                  ? " s, more than their jitter of " + short_number(fit.jitter, 3) + " s"
-                  : " s, which is no jitter") +
-             ". The model lacks an effect or a mode, or a parameter that is not sought is wrong.";
+             (fit.jitter_told ? " s, more than their jitter of " + short_number(fit.jitter, 3) +
+                                    " s. The jitter is specified too small, the model lacks an "
+                                    "effect or a mode, or"
+                              : " s, which is no jitter. The model lacks an effect or a mode, or") +
+             " a parameter that is not sought is wrong.";
   }
 }
 

@@ -245,6 +245,9 @@ void ReportConsistencyTest::check_verdict(const Ended& ended) {
   EXPECT_EQ(has(text, "\nparameter "), converged);
   EXPECT_EQ(has(text, "Start at t = "), accepted);
   EXPECT_EQ(report_["start"].is_null(), !accepted);
+  for (const char* number : {"scatter", "chi2", "predicted"}) {
+    EXPECT_EQ(report_[number].is_null(), !converged) << number;
+  }
   if (!converged) return;
   EXPECT_EQ(has(text, "s as specified."), report_["jitter_told"].get<bool>());
   EXPECT_EQ(has(text, "s as found."),
