@@ -93,6 +93,16 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
       explanations.simplest.push_back(std::move(explanation));
     }
   };
+  const auto& unknowns = all_fitted.unknowns;
+  const bool as_it_is = std::none_of(unknowns.begin(), unknowns.end(),
+                                     [](const FittedUnknown& fitted) { return fitted.determined; });
+  if (as_it_is && all_fitted.fits()) {
+    // A fit that determines nothing has the values of the scene.
+    Explanation explanation{.keys = {}, .fit = all_fitted};
+    explanation.fit.unknowns.clear();
+    explanations.simplest.push_back(std::move(explanation));
+    return explanations;
+  }
   judge({});
   if (explanations.simplest.empty()) {
     for (std::size_t j = 0; j < all.size(); ++j) judge({j});

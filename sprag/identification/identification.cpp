@@ -114,6 +114,7 @@ class Identifier {
   void put_inside(const Attempt& best, Identification& result) const;
   bool is_unpredictable(const Attempt& best, const Identification& result) const;
   bool is_structured(const Identification& result) const;
+  bool has_lost_its_scale(const Attempt& best) const;
   void conclude(Attempt& best, Identification& result);
   void put_verdict(const Attempt& best, Identification& result) const;
 
@@ -653,6 +654,28 @@ bool Identifier::is_structured(const Identification& result) const {
   return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
+// Whether the motion is so large that forces and clearances, which set its scale, do not matter.
+bool Identifier::has_lost_its_scale(const Attempt& best) const {
+  constexpr double far_larger = 1e8;
+  const Machine machine = family_.at(best.solution.values);
+  const Eigen::VectorXd inputs = family_.inputs(best.solution.values);
+  double set = 0.0;  // by the inputs, in gaps
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    set = std::max(set, machine.gap_response.col(g).cwiseAbs().maxCoeff() *
+                            inputs.segment(2 * g, 2).norm());
+  }
+  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[2 * machine.groups() + j];
+    set = std::max(set, (machine.W.transpose() * push).cwiseAbs().maxCoeff() * square(interval_));
+  }
+  set = std::max(set, inputs.tail(machine.W.cols()).cwiseAbs().maxCoeff());
+  double speed = 0.0;
+  for (const Eigen::VectorXd& gamma : best.solution.gamma) {
+    speed = std::max(speed, gamma.cwiseAbs().maxCoeff());
+  }
+  return set > 0.0 && speed * interval_ > far_larger * set;
+}
+
 void Identifier::put_verdict(const Attempt& best, Identification& result) const {
   const Determination& determination = determination_;
   constexpr double least_used = 0.9;      // of the events
@@ -697,6 +720,7 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
   if (best.solution.largest_start > largest_start) {
     return refuse(FitProblem::wrong_model, Misfit::start);
   }
+  if (has_lost_its_scale(best)) return refuse(FitProblem::degenerate_orbit);
   result.culprit =
       determination.at_end_of_range >= 0 ? determination.at_end_of_range : end_of_range();
   if (result.culprit >= 0) return refuse(FitProblem::bound_reached);
