@@ -656,13 +656,13 @@ bool Identifier::is_structured(const Identification& result) const {
 
 // Whether the motion is so large that forces and clearances, which set its scale, do not matter.
 bool Identifier::has_lost_its_scale(const Attempt& best) const {
-  constexpr double far_larger = 1e8;
+  constexpr double far_larger = 1e6;
   const Machine machine = family_.at(best.solution.values);
   const Eigen::VectorXd inputs = family_.inputs(best.solution.values);
   double set = 0.0;  // by the inputs, in gaps
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    set = std::max(set, machine.gap_response.col(g).cwiseAbs().maxCoeff() *
-                            inputs.segment(2 * g, 2).norm());
+    set = std::max(
+        set, machine.gap_response.col(g).cwiseAbs().maxCoeff() * inputs.segment(2 * g, 2).norm());
   }
   for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
     const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[2 * machine.groups() + j];

@@ -17,8 +17,8 @@ int distinct_closings(std::span<const ContactEvent> events, double nearest);
 bool is_periodic(std::span<const ContactEvent> events, double jitter);
 
 /// Whether many impacts of the scene's machine, single ones or the last of a chatter, follow others
-/// sooner than any recorded event does: the sensor merges such bounces. False where the scene has no
-/// possible start.
+/// sooner than any recorded event does: the sensor merges such bounces. False where the scene has
+/// no possible start.
 bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events);
 
 }  // namespace sprag

@@ -141,7 +141,8 @@ TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
 TEST(RecordChecks, MergedBouncesAreThoseOfTheSensor) {
   for (const char* name : {"paper_beam_chatter", "steel_ruler"}) {
     const Scene scene = shipped_scene(name);
-    const std::vector<ContactEvent> all = events_of(scene, name == std::string("steel_ruler") ? 10.0 : 120.0);
+    const std::vector<ContactEvent> all =
+        events_of(scene, name == std::string("steel_ruler") ? 10.0 : 120.0);
     EXPECT_FALSE(has_merged_bounces(scene, all)) << name;
     const double least = 0.01;
     std::vector<ContactEvent> merged;

@@ -65,8 +65,8 @@ std::string rattle_text(double k, double restitution, double clearance) {
   return "[system]\nM = [[0.2]]\nK = [[" + digits(k) +
          "]]\nC = [[0.3]]\n[excitation]\ninfluence = 1.0\namplitude = 0.5e-3\nfrequency = 160.0\n"
          "[impact]\nlaw = \"newton\"\nrestitution = " +
-         digits(restitution) + "\n[[contact]]\ndirection = [1.0]\nclearance = " +
-         digits(clearance) +
+         digits(restitution) +
+         "\n[[contact]]\ndirection = [1.0]\nclearance = " + digits(clearance) +
          "\nmount = \"frame\"\n[[contact]]\ndirection = [-1.0]\nclearance = 0.5e-3\n"
          "mount = \"frame\"\n[master]\n[replica]\n";
 }
@@ -100,28 +100,95 @@ std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
   add({"ball, jitter given too small", ball, ball, 8.0, 24, 2e-3, 1.0, 0, 0, both, 1e-4});
   add({"ball, slight mistake", ball, ball_text(drag, 1.0004 * e), 8.0, 24, 3e-4, 1.0, 0, 0, both,
        3e-4});
-  add({"ball without drag", ball_text(0.0, e), ball_text(0.1, 0.98 * e), 8.0, 16, 5e-4, 1.0, 0, 0,
-       {"--free", "impact.restitution,system.C", "--within", "system.C=4"}, 5e-4});
+  add({"ball without drag",
+       ball_text(0.0, e),
+       ball_text(0.1, 0.98 * e),
+       8.0,
+       16,
+       5e-4,
+       1.0,
+       0,
+       0,
+       {"--free", "impact.restitution,system.C", "--within", "system.C=4"},
+       5e-4});
   const double k = 0.2 * std::pow(2.0 * 3.14159 * draw.uniform(3.0, 8.0), 2);
   const double c = draw.uniform(0.3e-3, 0.5e-3), r = draw.uniform(0.5, 0.7);
   const std::string rattle = rattle_text(k, r, c);
-  add({"rattle, near, jitter", rattle, rattle_text(1.03 * k, 0.98 * r, 1.05 * c), 3.0, 90, 1e-5,
-       1.0, 0, 0, {}, 1e-5});
-  add({"rattle, fast clock", rattle, rattle, 3.0, 60, 0.0, 1.01, 0, 0,
+  add({"rattle, near, jitter",
+       rattle,
+       rattle_text(1.03 * k, 0.98 * r, 1.05 * c),
+       3.0,
+       90,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {},
+       1e-5});
+  add({"rattle, fast clock",
+       rattle,
+       rattle,
+       3.0,
+       60,
+       0.0,
+       1.01,
+       0,
+       0,
        {"--known", "excitation.frequency", "--within", "0.05"}});
-  add({"rattle, wrong restitution held", rattle, rattle_text(k, 1.05 * r, c), 3.0, 60, 1e-5, 1.0,
-       0, 0, {"--known", "impact.restitution", "--within", "0.05"}});
-  add({"rattle, accepted all the same", rattle, rattle_text(k, 1.05 * r, c), 3.0, 60, 1e-5, 1.0, 0,
-       0, {"--free", "system.K", "--within", "0.05", "--accept"}});
-  add({"rattle, beyond the range", rattle, rattle_text(1.2 * k, r, c), 3.0, 60, 1e-5, 1.0, 0, 0,
+  add({"rattle, wrong restitution held",
+       rattle,
+       rattle_text(k, 1.05 * r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {"--known", "impact.restitution", "--within", "0.05"}});
+  add({"rattle, accepted all the same",
+       rattle,
+       rattle_text(k, 1.05 * r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {"--free", "system.K", "--within", "0.05", "--accept"}});
+  add({"rattle, beyond the range",
+       rattle,
+       rattle_text(1.2 * k, r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
        {"--free", "system.K", "--within", "0.02"}});
   const double stiff = draw.uniform(350.0, 450.0);
   const std::string oscillator = oscillator_text(stiff, 0.7, 30.0);
-  add({"oscillator, near a periodic orbit", oscillator, oscillator, 12.0, 60, 1e-4, 1.0, 0, 0, {},
+  add({"oscillator, near a periodic orbit",
+       oscillator,
+       oscillator,
+       12.0,
+       60,
+       1e-4,
+       1.0,
+       0,
+       0,
+       {},
        1e-4});
   const double soft = draw.uniform(100.0, 300.0);
-  add({"no scale", text_without_scale(soft, 0.95), text_without_scale(1.02 * soft, 0.95), 20.0, 20,
-       1e-4, 1.0, 0, 0, {"--free", "system.K"}});
+  add({"no scale",
+       text_without_scale(soft, 0.95),
+       text_without_scale(1.02 * soft, 0.95),
+       20.0,
+       20,
+       1e-4,
+       1.0,
+       0,
+       0,
+       {"--free", "system.K"}});
   add({"too few", ball, ball, 8.0, 3, 0.0, 1.0, 0, 0, {}});
   return records;
 }
