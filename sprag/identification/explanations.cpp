@@ -34,6 +34,33 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
   return covariance.exists() && covariance.solve_L(off).squaredNorm() > far * square(jitter);
 }
 
+// The events as the fit used them. Lost ones have the times of the fit, which are guesses.
+std::vector<ContactEvent> repaired(std::span<const ContactEvent> events, const Identification& fit,
+                                   std::vector<std::size_t>& guessed) {
+  struct Used {
+    ContactEvent event;
+    bool is_guess = false;
+  };
+  std::vector<Used> used;
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const auto& spurious = fit.spurious;
+    if (std::find(spurious.begin(), spurious.end(), i) == spurious.end()) {
+      used.push_back({events[i]});
+    }
+  }
+  for (const MissingImpact& missing : fit.missing) {
+    used.push_back({{missing.t, missing.contact, ContactEventKind::pulse}, true});
+  }
+  std::stable_sort(used.begin(), used.end(),
+                   [](const Used& a, const Used& b) { return a.event.t < b.event.t; });
+  std::vector<ContactEvent> all;
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    if (used[i].is_guess) guessed.push_back(i);
+    all.push_back(used[i].event);
+  }
+  return all;
+}
+
 }  // namespace
 
 Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
@@ -43,6 +70,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   IdentificationSettings of = settings;
   of.jitter = jitter;
   of.mend = false;
+  const std::vector<ContactEvent> used = repaired(events, all_fitted, of.guessed);
   const std::vector<Unknown>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {
     if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;
@@ -53,7 +81,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
       explanation.keys.push_back(all[k].key);
     }
     try {
-      explanation.fit = identify(scene, events, of);
+      explanation.fit = identify(scene, used, of);
     } catch (const TooFewImpacts&) {
       return;
     }
@@ -61,11 +89,20 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
     const bool determined =
         std::all_of(unknowns.begin(), unknowns.end(),
                     [](const FittedUnknown& fitted) { return fitted.determined; });
-    if (explanation.fit.fits() && determined && explanation.fit.missing.empty() &&
-        explanation.fit.spurious.empty()) {
+    if (explanation.fit.fits() && determined) {
       explanations.simplest.push_back(std::move(explanation));
     }
   };
+  const auto& unknowns = all_fitted.unknowns;
+  const bool as_it_is = std::none_of(unknowns.begin(), unknowns.end(),
+                                     [](const FittedUnknown& fitted) { return fitted.determined; });
+  if (as_it_is && all_fitted.fits()) {
+    // A fit that determines nothing has the values of the scene.
+    Explanation explanation{.keys = {}, .fit = all_fitted};
+    explanation.fit.unknowns.clear();
+    explanations.simplest.push_back(std::move(explanation));
+    return explanations;
+  }
   judge({});
   if (explanations.simplest.empty()) {
     for (std::size_t j = 0; j < all.size(); ++j) judge({j});

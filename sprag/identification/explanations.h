@@ -20,9 +20,9 @@ struct Explanations {
   std::vector<Explanation> simplest;
 };
 
-/// Judges them by the jitter `jitter` [s]. `all` is the fit of all that may be wrong: a subset
-/// whose other parameters are far from their nominal values, by that fit's covariance, is not
-/// tried.
+/// Judges them by the jitter `jitter` [s]. `all` is the fit of all that may be wrong: its repairs
+/// of the events hold here too. A subset whose other parameters are far from their nominal values,
+/// by that fit's covariance, is not tried.
 Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
                      const IdentificationSettings& settings, double jitter,
                      const Identification& all);

@@ -217,7 +217,13 @@ std::vector<StretchPath> check_paths(const MachineFamily& family, const Likeliho
       }
       check.unknown = std::max(check.unknown, of_gaps / usual);
       const double of_gamma = unknown[i * (contacts + 1) + contacts];
-      if (!(gamma[i] < of_gamma)) check.hit_from_inside = true;
+      if (!(gamma[i] < of_gamma)) {
+        check.hit_from_inside = true;
+        if (!(check.inside > 0.0)) {
+          check.inside_from = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
+          check.inside_to = impact.t;
+        }
+      }
       flight.hit(impact.contact, impact.t, u, impact.staying);
     }
     checks.push_back(check);

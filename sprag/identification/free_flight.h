@@ -68,7 +68,7 @@ struct StretchPath {
   /// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].
   double inside = 0.0;
   double inside_from = 0.0, inside_to = 0.0;  ///< the impacts between which that is [s]
-  bool hit_from_inside = false;
+  bool hit_from_inside = false;  ///< an impact whose gap rises; at inside_to, if `inside` is 0
   /// What is unknown of gaps between impacts at most, five standard deviations of the start's, at
   /// the record's usual gap velocity [s].
   double unknown = 0.0;

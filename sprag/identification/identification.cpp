@@ -114,6 +114,7 @@ class Identifier {
   void put_inside(const Attempt& best, Identification& result) const;
   bool is_unpredictable(const Attempt& best, const Identification& result) const;
   bool is_structured(const Identification& result) const;
+  bool has_lost_its_scale(const Attempt& best) const;
   void conclude(Attempt& best, Identification& result);
   void put_verdict(const Attempt& best, Identification& result) const;
 
@@ -143,7 +144,14 @@ Stretches Identifier::stretches_of(double closest, bool through_contact,
   }
   record.exact = settings_.jitter == 0.0;
   record.close = std::max(closest * interval_, close_in_jitters * jitter.value_or(0.0));
-  return cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
+  Stretches stretches = cut(events_, record, 2 * static_cast<std::size_t>(family_.n()) + 2);
+  const std::vector<std::size_t>& guessed = settings_.guessed;
+  for (Stretch& stretch : stretches) {
+    for (Impact& impact : stretch.impacts) {
+      impact.timed = std::find(guessed.begin(), guessed.end(), impact.event) == guessed.end();
+    }
+  }
+  return stretches;
 }
 
 bool Identifier::comes_from_outside(const MachineFamily& family, const Likelihood& solution,
@@ -516,11 +524,12 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
 
 // Where the machine would be inside a support.
 void Identifier::put_inside(const Attempt& best, Identification& result) const {
-  double worst = -infinity;
+  double worst = -1.0;
   const std::vector<StretchPath> checks = check_paths(family_, best.solution, best.jitter);
   for (const StretchPath& check : checks) {
-    if (!(check.inside > worst)) continue;
-    worst = check.inside;
+    const double inside = check.hit_from_inside || check.inside > 0.0 ? check.inside : -1.0;
+    if (!(inside > worst)) continue;
+    worst = inside;
     result.inside_from = check.inside_from;
     result.inside_to = check.inside_to;
   }
@@ -645,6 +654,28 @@ bool Identifier::is_structured(const Identification& result) const {
   return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
+// Whether the motion is so large that forces and clearances, which set its scale, do not matter.
+bool Identifier::has_lost_its_scale(const Attempt& best) const {
+  constexpr double far_larger = 1e6;
+  const Machine machine = family_.at(best.solution.values);
+  const Eigen::VectorXd inputs = family_.inputs(best.solution.values);
+  double set = 0.0;  // by the inputs, in gaps
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    set = std::max(
+        set, machine.gap_response.col(g).cwiseAbs().maxCoeff() * inputs.segment(2 * g, 2).norm());
+  }
+  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[2 * machine.groups() + j];
+    set = std::max(set, (machine.W.transpose() * push).cwiseAbs().maxCoeff() * square(interval_));
+  }
+  set = std::max(set, inputs.tail(machine.W.cols()).cwiseAbs().maxCoeff());
+  double speed = 0.0;
+  for (const Eigen::VectorXd& gamma : best.solution.gamma) {
+    speed = std::max(speed, gamma.cwiseAbs().maxCoeff());
+  }
+  return set > 0.0 && speed * interval_ > far_larger * set;
+}
+
 void Identifier::put_verdict(const Attempt& best, Identification& result) const {
   const Determination& determination = determination_;
   constexpr double least_used = 0.9;      // of the events
@@ -689,6 +720,7 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
   if (best.solution.largest_start > largest_start) {
     return refuse(FitProblem::wrong_model, Misfit::start);
   }
+  if (has_lost_its_scale(best)) return refuse(FitProblem::degenerate_orbit);
   result.culprit =
       determination.at_end_of_range >= 0 ? determination.at_end_of_range : end_of_range();
   if (result.culprit >= 0) return refuse(FitProblem::bound_reached);

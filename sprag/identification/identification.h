@@ -33,14 +33,15 @@
 namespace sprag {
 
 struct IdentificationSettings {
-  std::vector<Unknown> unknowns;  ///< what is sought; may be empty
-  std::optional<double> jitter;   ///< sigma of event times, >= 0 [s]; none: it is estimated
-  double begins = 0.0;            ///< all events since then are known [s]
-  ContactSet closed = 0;          ///< there
-  std::vector<EventGap> gaps;     ///< where events may be missing, in order and apart
-  bool mend = true;               ///< look for events that are spurious or were lost
-  bool through_contact = true;    ///< follow the path where contacts stay closed as well
-  bool white = true;              ///< without a jitter, refuse a scatter that is not white
+  std::vector<Unknown> unknowns;     ///< what is sought; may be empty
+  std::optional<double> jitter;      ///< sigma of event times, >= 0 [s]; none: it is estimated
+  double begins = 0.0;               ///< all events since then are known [s]
+  ContactSet closed = 0;             ///< there
+  std::vector<EventGap> gaps;        ///< where events may be missing, in order and apart
+  bool mend = true;                  ///< look for events that are spurious or were lost
+  std::vector<std::size_t> guessed;  ///< numbers of events whose times are guesses
+  bool through_contact = true;       ///< follow the path where contacts stay closed as well
+  bool white = true;                 ///< without a jitter, refuse a scatter that is not white
   /// Refuse values outside of Unknown::within, although the search reaches farther.
   bool strictly_within = true;
 };

@@ -16,8 +16,9 @@ int distinct_closings(std::span<const ContactEvent> events, double nearest);
 /// known: such a record determines so many times and a period, and nothing else.
 bool is_periodic(std::span<const ContactEvent> events, double jitter);
 
-/// Whether the scene's machine has many single impacts that follow others sooner than any recorded
-/// event does: the sensor merges such bounces. False where the scene has no possible start.
+/// Whether many impacts of the scene's machine, single ones or the last of a chatter, follow others
+/// sooner than any recorded event does: the sensor merges such bounces. False where the scene has
+/// no possible start.
 bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events);
 
 }  // namespace sprag

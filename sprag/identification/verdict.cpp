@@ -35,10 +35,11 @@ std::string of_wrong_model(const Identification& fit) {
              "effect, or a parameter that is not sought is wrong.";
     default:
       return "The event times scatter by " + short_number(fit.scatter, 3) +
-             (fit.jitter_told
-                  ? " s, more than their jitter of " + short_number(fit.jitter, 3) + " s"
-                  : " s, which is no jitter") +
-             ". The model lacks an effect or a mode, or a parameter that is not sought is wrong.";
+             (fit.jitter_told ? " s, more than their jitter of " + short_number(fit.jitter, 3) +
+                                    " s. The jitter is specified too small, the model lacks an "
+                                    "effect or a mode, or"
+                              : " s, which is no jitter. The model lacks an effect or a mode, or") +
+             " a parameter that is not sought is wrong.";
   }
 }
 
@@ -133,7 +134,7 @@ std::string reason_of(const Identification& fit) {
              "bounces than the sensor resolves.";
     case FitProblem::lost_or_spurious_events:
       return "The machine would be inside a support between t = " +
-             short_number(fit.inside_from, 6) + " and " + short_number(fit.inside_to, 6) +
+             short_number(fit.inside_from, 9) + " and " + short_number(fit.inside_to, 9) +
              ". An event is lost there or another one is spurious, or the scene's contacts are "
              "wrong.";
     case FitProblem::bound_reached: {

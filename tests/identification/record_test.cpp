@@ -6,6 +6,7 @@
 #include <complex>
 
 #include "sprag/identification/linear_path.h"
+#include "sprag/identification/record_checks.h"
 #include "sprag/mechanics/instant.h"
 #include "tests/support/run.h"
 
@@ -134,6 +135,26 @@ TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
   EXPECT_EQ(closed(), bit(0));
   events.insert(events.begin() + 1, {1.4995, 1, Kind::pulse});
   EXPECT_EQ(closed(), 0U);
+}
+
+// A sensor that reports one event for all bounces of a chatter, and one that reports each.
+TEST(RecordChecks, MergedBouncesAreThoseOfTheSensor) {
+  for (const char* name : {"paper_beam_chatter", "steel_ruler"}) {
+    const Scene scene = shipped_scene(name);
+    const std::vector<ContactEvent> all =
+        events_of(scene, name == std::string("steel_ruler") ? 10.0 : 120.0);
+    EXPECT_FALSE(has_merged_bounces(scene, all)) << name;
+    const double least = 0.01;
+    std::vector<ContactEvent> merged;
+    double last = -least;
+    for (const ContactEvent& event : all) {
+      if (event.kind != ContactEventKind::opens && event.t - last > least) merged.push_back(event);
+      if (event.kind != ContactEventKind::opens) last = event.t;
+    }
+    ASSERT_LT(merged.size(), all.size() / 2) << name;
+    ASSERT_GT(merged.size(), 10U) << name;
+    EXPECT_TRUE(has_merged_bounces(scene, merged)) << name;
+  }
 }
 
 }  // namespace

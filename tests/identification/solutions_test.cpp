@@ -323,6 +323,19 @@ TEST(Solutions, ALockedOrbitDeterminesHardlyAnything) {
   }
 }
 
+// A motion that is large enough makes any periodic record; no force sets its scale.
+TEST(Solutions, AMotionWithoutAScaleIsNoFit) {
+  const Scene beam = shipped_scene("paper_beam");
+  std::vector<ContactEvent> events;
+  for (int k = 1; k < 80; ++k) events.push_back({0.3 * k, 0, ContactEventKind::pulse});
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(beam, identification_study::usual_keys(beam));
+  settings.jitter = 1e-6;
+  const Identification found = identify(beam, events, settings);
+  EXPECT_EQ(found.problem, FitProblem::degenerate_orbit) << name_of(found.problem);
+  for (const FittedUnknown& fitted : found.unknowns) EXPECT_FALSE(fitted.determined);
+}
+
 // Each bounce has a restitution of its own.
 TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
   double squares = 0.0;

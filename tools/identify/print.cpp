@@ -251,14 +251,16 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["used_share"] = fit.used_share();
   object["from"] = fit.from;
   object["to"] = fit.to;
-  object["jitter"] = fit.jitter;
+  // What did not converge has no numbers.
+  const auto found = [&](double value) { return fit.converged() ? Json(value) : Json(nullptr); };
+  object["jitter"] = found(fit.jitter);
   object["jitter_told"] = fit.jitter_told;
-  object["scatter"] = fit.scatter;
-  object["chi2"] = fit.chi2;
+  object["scatter"] = found(fit.scatter);
+  object["chi2"] = found(fit.chi2);
   object["freedom"] = fit.freedom;
   object["largest_chi2"] = fit.largest_chi2;
-  object["predicted"] = fit.predicted;
-  object["predicted_before"] = fit.predicted_before;
+  object["predicted"] = found(fit.predicted);
+  object["predicted_before"] = found(fit.predicted_before);
   const Departure& error = fit.departure;
   object["drift"] = nullptr;
   if (error.drift) {

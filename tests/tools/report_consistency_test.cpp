@@ -1,0 +1,516 @@
+// The reports of identify and diagnose on drawn records, each held against itself: headline, text,
+// table, JSON, exit code and the scene that is written must say the same.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+
+#include "sprag/files/events_file.h"
+#include "sprag/files/scene_file.h"
+#include "sprag/identification/unknowns.h"
+#include "tests/support/program_test.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using nlohmann::json;
+
+class DrawnValues {
+ public:
+  explicit DrawnValues(unsigned seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+  double normal() { return std::normal_distribution<double>()(engine_); }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+std::string digits(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.17g", value);
+  return buffer;
+}
+
+/// A record, the scene it is held against, and how.
+struct DrawnRecord {
+  std::string kind;
+  std::string machine, scene;  ///< texts
+  double duration = 0.0;
+  std::size_t most = 1000;  ///< events
+  double jitter = 0.0;      ///< of the times
+  double clock = 1.0;       ///< factor on the times
+  int lost = 0, spurious = 0;
+  test::Arguments of_identify;
+  double given_jitter = 0.0;  ///< to both programs; 0: none
+};
+
+std::string ball_text(double drag, double restitution, const std::string& more = "") {
+  return "[system]\nM = [[1.0]]\nC = [[" + digits(drag) +
+         "]]\nK = [[0.0]]\n[[force]]\ndirection = [1.0]\nconstant = -9.81\n[impact]\nlaw = "
+         "\"newton\"\nrestitution = " +
+         digits(restitution) + "\n[[contact]]\ndirection = [1.0]\n" + more +
+         "[master]\nq = [0.4]\n[replica]\n";
+}
+
+std::string rattle_text(double k, double restitution, double clearance) {
+  return "[system]\nM = [[0.2]]\nK = [[" + digits(k) +
+         "]]\nC = [[0.3]]\n[excitation]\ninfluence = 1.0\namplitude = 0.5e-3\nfrequency = 160.0\n"
+         "[impact]\nlaw = \"newton\"\nrestitution = " +
+         digits(restitution) +
+         "\n[[contact]]\ndirection = [1.0]\nclearance = " + digits(clearance) +
+         "\nmount = \"frame\"\n[[contact]]\ndirection = [-1.0]\nclearance = 0.5e-3\n"
+         "mount = \"frame\"\n[master]\n[replica]\n";
+}
+
+std::string oscillator_text(double k, double restitution, double frequency) {
+  return "[system]\nM = [[1.0]]\nK = [[" + digits(k) +
+         "]]\nC = [[0.6]]\n[[force]]\ndirection = [1.0]\namplitude = 20.0\nfrequency = " +
+         digits(frequency) + "\n[impact]\nrestitution = " + digits(restitution) +
+         "\n[[contact]]\ndirection = [1.0]\nclearance = 0.01\n[master]\n[replica]\n";
+}
+
+std::string text_without_scale(double k, double restitution) {
+  return "[system]\nM = [[1.0]]\nC = [[0.05]]\nK = [[" + digits(k) +
+         "]]\n[impact]\nrestitution = " + digits(restitution) +
+         "\n[[contact]]\ndirection = [1.0]\n[master]\nq = [0.2]\n[replica]\n";
+}
+
+std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
+  std::vector<DrawnRecord> records;
+  const auto add = [&](DrawnRecord record) { records.push_back(std::move(record)); };
+  const double e = draw.uniform(0.85, 0.95), drag = draw.uniform(0.08, 0.2);
+  const std::string ball = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
+  const test::Arguments both{"--free", "impact.restitution,system.C"};
+  add({"ball, right, exact", ball, ball, 8.0, 24, 0.0, 1.0, 0, 0, {}});
+  add({"ball, near, exact", ball, near, 8.0, 24, 0.0, 1.0, 0, 0, {}});
+  add({"ball, right, jitter", ball, ball, 8.0, 24, 3e-4, 1.0, 0, 0, {}, 3e-4});
+  add({"ball, near, jitter not given", ball, near, 8.0, 24, 3e-4, 1.0, 0, 0, both});
+  add({"ball, right, one lost", ball, ball, 8.0, 24, 1e-4, 1.0, 1, 0, {}, 1e-4});
+  add({"ball, near, one lost", ball, near, 8.0, 24, 1e-4, 1.0, 1, 0, both});
+  add({"ball, right, one spurious", ball, ball, 8.0, 24, 1e-4, 1.0, 0, 1, both, 1e-4});
+  add({"ball, jitter given too small", ball, ball, 8.0, 24, 2e-3, 1.0, 0, 0, both, 1e-4});
+  add({"ball, slight mistake", ball, ball_text(drag, 1.0004 * e), 8.0, 24, 3e-4, 1.0, 0, 0, both,
+       3e-4});
+  add({"ball without drag",
+       ball_text(0.0, e),
+       ball_text(0.1, 0.98 * e),
+       8.0,
+       16,
+       5e-4,
+       1.0,
+       0,
+       0,
+       {"--free", "impact.restitution,system.C", "--within", "system.C=4"},
+       5e-4});
+  const double k = 0.2 * std::pow(2.0 * 3.14159 * draw.uniform(3.0, 8.0), 2);
+  const double c = draw.uniform(0.3e-3, 0.5e-3), r = draw.uniform(0.5, 0.7);
+  const std::string rattle = rattle_text(k, r, c);
+  add({"rattle, near, jitter",
+       rattle,
+       rattle_text(1.03 * k, 0.98 * r, 1.05 * c),
+       3.0,
+       90,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {},
+       1e-5});
+  add({"rattle, fast clock",
+       rattle,
+       rattle,
+       3.0,
+       60,
+       0.0,
+       1.01,
+       0,
+       0,
+       {"--known", "excitation.frequency", "--within", "0.05"}});
+  add({"rattle, wrong restitution held",
+       rattle,
+       rattle_text(k, 1.05 * r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {"--known", "impact.restitution", "--within", "0.05"}});
+  add({"rattle, accepted all the same",
+       rattle,
+       rattle_text(k, 1.05 * r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {"--free", "system.K", "--within", "0.05", "--accept"}});
+  add({"rattle, beyond the range",
+       rattle,
+       rattle_text(1.2 * k, r, c),
+       3.0,
+       60,
+       1e-5,
+       1.0,
+       0,
+       0,
+       {"--free", "system.K", "--within", "0.02"}});
+  const double stiff = draw.uniform(350.0, 450.0);
+  const std::string oscillator = oscillator_text(stiff, 0.7, 30.0);
+  add({"oscillator, near a periodic orbit",
+       oscillator,
+       oscillator,
+       12.0,
+       60,
+       1e-4,
+       1.0,
+       0,
+       0,
+       {},
+       1e-4});
+  const double soft = draw.uniform(100.0, 300.0);
+  add({"no scale",
+       text_without_scale(soft, 0.95),
+       text_without_scale(1.02 * soft, 0.95),
+       20.0,
+       20,
+       1e-4,
+       1.0,
+       0,
+       0,
+       {"--free", "system.K"}});
+  add({"too few", ball, ball, 8.0, 3, 0.0, 1.0, 0, 0, {}});
+  return records;
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+bool has(const std::string& text, const std::string& what) {
+  return text.find(what) != std::string::npos;
+}
+
+int count_of(const std::string& text, const std::string& what) {
+  int count = 0;
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++count;
+  return count;
+}
+
+/// The row of this name in the table of parameters; empty: none.
+std::string row_of(const std::string& text, const std::string& name) {
+  const auto table = text.find("\nparameter ");
+  if (table == std::string::npos) return "";
+  for (const std::string& line : lines_of(text.substr(table))) {
+    if (line.starts_with(name + " ")) return line;
+  }
+  return "";
+}
+
+class ReportConsistencyTest : public test::ProgramTest {
+ protected:
+  void write(const DrawnRecord& record, DrawnValues& draw) {
+    test::write_text(path("scene.toml"), record.scene);
+    auto events = test::events_of(parse_scene(record.machine, "machine.toml"), record.duration);
+    if (events.size() > record.most) events.resize(record.most);
+    for (int i = 0; i < record.lost; ++i) events.erase(events.begin() + 7 + 5 * i);
+    double last = 0.0;
+    for (ContactEvent& event : events) {
+      event.t = last = std::max(last, record.clock * event.t + record.jitter * draw.normal());
+    }
+    for (int i = 0; i < record.spurious; ++i) {
+      const auto after = events.begin() + 9 + 4 * i;
+      const double t = after->t + 0.4 * ((after + 1)->t - after->t);
+      events.insert(after + 1, {t, after->contact, ContactEventKind::pulse});
+    }
+    EventsWriter writer(path("events.csv"));
+    for (const ContactEvent& event : events) writer.write(event);
+    ASSERT_TRUE(writer.close());
+  }
+
+  Ended reported(const char* program, const DrawnRecord& record, test::Arguments more) {
+    test::Arguments arguments{path("events.csv"), path("scene.toml"), "--report",
+                              path("report.json")};
+    if (record.given_jitter > 0.0) {
+      arguments.insert(arguments.end(), {"--jitter", digits(record.given_jitter)});
+    }
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    std::filesystem::remove(path("report.json"));
+    Ended ended = run(program, arguments);
+    report_ = json::parse(test::read_text(path("report.json")), nullptr, false);
+    return ended;
+  }
+
+  void check_identify(const DrawnRecord& record);
+  void check_verdict(const Ended& ended);
+  void check_parameters(const std::string& text);
+  void check_causes(const std::string& text);
+  void check_written(const Ended& ended);
+  void check_diagnose(const DrawnRecord& record);
+  void check_explanation(const std::string& text);
+  void check_both(const json& identified);
+
+  json report_;
+};
+
+void ReportConsistencyTest::check_identify(const DrawnRecord& record) {
+  test::Arguments more = record.of_identify;
+  more.insert(more.end(), {"--output", path("fitted.toml"), "--events", path("mended.csv")});
+  std::filesystem::remove(path("fitted.toml"));
+  const Ended ended = reported(IDENTIFY, record, more);
+  SCOPED_TRACE("identify, " + record.kind + ":\n" + ended.out + ended.err);
+  if (ended.code == 1) {
+    EXPECT_TRUE(ended.out.empty());
+    EXPECT_FALSE(ended.err.empty());
+    EXPECT_FALSE(std::filesystem::exists(path("fitted.toml")));
+    return;
+  }
+  std::cout << "identify, " << record.kind << ": " << std::string(report_["verdict"]) << '\n';
+  check_verdict(ended);
+  check_parameters(ended.out);
+  check_causes(ended.out);
+  check_written(ended);
+}
+
+// One verdict, which the exit code, the JSON and each sentence share.
+void ReportConsistencyTest::check_verdict(const Ended& ended) {
+  const bool fits = report_["fits"], accepted = report_["accepted"];
+  const std::string text = ended.out, headline = lines_of(text).at(0);
+  EXPECT_EQ(ended.code, accepted ? 0 : 3);
+  EXPECT_EQ(report_["exit"], ended.code);
+  EXPECT_TRUE(headline.ends_with(": " + std::string(report_["verdict"])));
+  EXPECT_EQ(has(headline, "the events fit"), fits);
+  EXPECT_EQ(has(headline, "no fit") || has(headline, "no unique fit"), !fits);
+  EXPECT_EQ(has(headline, "taken as an effective model"), accepted && !fits);
+  EXPECT_EQ(count_of(text, "the events fit"), fits ? 1 : 0);
+  EXPECT_EQ(report_["problem"] == "none", fits);
+  EXPECT_EQ(report_.contains("reason"), !fits);
+  if (!fits) {
+    EXPECT_EQ(lines_of(text).at(1), std::string(report_["reason"]));
+  }
+  EXPECT_FALSE(has(text, "nan"));
+  EXPECT_FALSE(has(text, "inf"));
+  if (fits) {
+    EXPECT_GE(report_["used_share"].get<double>(), 0.9);
+    EXPECT_FALSE(has(text, "wrong"));
+    EXPECT_FALSE(has(text, "does not predict"));
+  }
+  const bool converged = report_["problem"] != "no_convergence";
+  EXPECT_EQ(has(text, "\nparameter "), converged);
+  EXPECT_EQ(has(text, "Start at t = "), accepted);
+  EXPECT_EQ(report_["start"].is_null(), !accepted);
+  for (const char* number : {"scatter", "chi2", "predicted"}) {
+    EXPECT_EQ(report_[number].is_null(), !converged) << number;
+  }
+  if (!converged) return;
+  EXPECT_EQ(has(text, "s as specified."), report_["jitter_told"].get<bool>());
+  EXPECT_EQ(has(text, "s as found."),
+            !report_["jitter_told"].get<bool>() && !has(text, "exact times (scatter"));
+  if (report_["jitter_told"].get<bool>() && fits) {
+    EXPECT_LE(report_["chi2"].get<double>(), report_["largest_chi2"].get<double>());
+  }
+  EXPECT_EQ(count_of(text, "Missing: "), static_cast<int>(report_["missing"].size()));
+  EXPECT_EQ(count_of(text, "Spurious: "), static_cast<int>(report_["spurious"].size()));
+}
+
+// What is not determined has no number anywhere; what is determined has the same one everywhere.
+void ReportConsistencyTest::check_parameters(const std::string& text) {
+  int determined = 0;
+  for (const auto& of : report_["parameters"]) {
+    const std::string key = of["parameter"], row = row_of(text, key);
+    if (of["determined"] == true) {
+      ++determined;
+      EXPECT_FALSE(has(row, "not determined")) << row;
+      EXPECT_LE(of["low"].get<double>(), of["value"].get<double>());
+      EXPECT_LE(of["value"].get<double>(), of["high"].get<double>());
+      const bool at_bound = of["at_bound"];
+      EXPECT_EQ(has(row, "(95 %)"), at_bound) << row;
+      EXPECT_EQ(has(row, " +- "), !at_bound) << row;
+      EXPECT_EQ(of["sigma"].is_null(), at_bound);
+      continue;
+    }
+    EXPECT_TRUE(row.empty() || has(row, "not determined")) << row;
+    EXPECT_FALSE(has(row, "+-") || has(row, "%")) << row;
+    for (const char* number : {"value", "sigma", "low", "high"}) {
+      EXPECT_TRUE(of[number].is_null()) << key << ' ' << number;
+    }
+  }
+  if (report_["problem"] == "no_convergence") {
+    EXPECT_EQ(determined, 0);
+  }
+  if (report_["fits"] == false || report_["parameters"].empty()) return;
+  const std::string headline = lines_of(text).at(0);
+  const int others = static_cast<int>(report_["parameters"].size()) - determined;
+  const std::string found = std::to_string(determined) + " parameter";
+  EXPECT_EQ(has(headline, found + " as found") || has(headline, found + "s as found"),
+            determined > 0);
+  EXPECT_EQ(has(headline, "determine none of the parameters"), determined == 0);
+  EXPECT_EQ(has(headline, std::to_string(others) + " not determined"),
+            others > 0 && determined > 0);
+}
+
+// The causes are of a fit, and agree with its values.
+void ReportConsistencyTest::check_causes(const std::string& text) {
+  const bool none = has(text, "No single parameter and no pair");
+  const bool as_is = has(text, "The scene as it is explains");
+  const bool alone = has(text, " alone explain");
+  EXPECT_LE(none + as_is + alone, 1);
+  EXPECT_EQ(none || as_is || alone, report_.contains("simplest"));
+  if (report_["fits"] == false) {
+    EXPECT_FALSE(none || as_is || alone);
+  }
+  if (has(text, "the events fit the scene as it is")) {
+    EXPECT_FALSE(none || alone);
+  }
+  if (as_is) {
+    for (const auto& of : report_["parameters"]) {
+      if (of["sigma"].is_null()) continue;
+      const double off = std::abs(of["value"].get<double>() - of["nominal"].get<double>());
+      const double rounding = 1e-9 * std::abs(of["nominal"].get<double>()) + 1e-12;
+      EXPECT_LE(off, 6.0 * of["sigma"].get<double>() + rounding) << of.dump();
+    }
+  }
+  if (!alone) return;
+  for (const auto& cause : report_["simplest"].at(0)) {
+    EXPECT_EQ(cause["determined"], true);
+    EXPECT_TRUE(has(text, std::string(cause["parameter"]) + " "));
+  }
+}
+
+// The scene that is written has what was found, and nothing else.
+void ReportConsistencyTest::check_written(const Ended& ended) {
+  ASSERT_EQ(std::filesystem::exists(path("fitted.toml")), ended.code == 0);
+  if (ended.code != 0) return;
+  const Scene fitted = read_scene(path("fitted.toml"));
+  const Scene scene = read_scene(path("scene.toml"));
+  const auto& listed = fitted.parameters.keys;
+  for (const auto& of : report_["parameters"]) {
+    const std::string key = of["parameter"];
+    SCOPED_TRACE(key);
+    const bool determined = of["determined"];
+    const bool is_listed = std::find(listed.begin(), listed.end(), key) != listed.end();
+    EXPECT_EQ(is_listed, determined && of["sigma"].is_number());
+    const double nominal = of["nominal"], value = determined ? of["value"].get<double>() : nominal;
+    const double tolerance = determined ? 1e-9 * std::abs(value) + 1e-12 : 0.0;
+    if (key == "system.K") {
+      EXPECT_NEAR(fitted.model.K(0, 0), value * scene.model.K(0, 0),
+                  tolerance * scene.model.K(0, 0));
+    } else if (key == "system.C") {
+      EXPECT_NEAR(fitted.model.C(0, 0), value * scene.model.C(0, 0), tolerance);
+    } else if (unknown_of(scene, key).kind != Unknown::Kind::phase) {
+      EXPECT_NEAR(unknown_of(fitted, key).nominal, value, tolerance);
+    }
+  }
+  const std::string mended = test::read_text(path("mended.csv"));
+  EXPECT_EQ(count_of(mended, ",1,lost\n"), static_cast<int>(report_["missing"].size()));
+  EXPECT_EQ(count_of(mended, ",1,spurious\n"), static_cast<int>(report_["spurious"].size()));
+}
+
+void ReportConsistencyTest::check_diagnose(const DrawnRecord& record) {
+  const Ended ended = reported(DIAGNOSE, record, {});
+  SCOPED_TRACE("diagnose, " + record.kind + ":\n" + ended.out + ended.err);
+  if (ended.code == 1) {
+    EXPECT_TRUE(ended.out.empty());
+    EXPECT_FALSE(ended.err.empty());
+    return;
+  }
+  const std::string text = ended.out, headline = lines_of(text).at(0);
+  std::cout << "diagnose, " << record.kind << ": " << std::string(report_["verdict"]) << '\n';
+  const bool fits = report_["fits"];
+  const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
+  const bool explained = !report_["explanation"].is_null();
+  EXPECT_EQ(ended.code, fits ? 0 : 3);
+  EXPECT_EQ(report_["exit"], ended.code);
+  EXPECT_TRUE(headline.ends_with(": " + std::string(report_["verdict"])));
+  EXPECT_LE(fits + repaired + explained, 1);
+  EXPECT_EQ(headline.ends_with(": events fit the model"), fits);
+  EXPECT_EQ(has(headline, "otherwise the events fit the model"), repaired);
+  EXPECT_EQ(has(headline, "no single parameter explains"), !fits && !repaired && !explained);
+  EXPECT_EQ(has(text, "The model as it is predicts them"), fits);
+  EXPECT_FALSE(has(text, "nan"));
+  EXPECT_FALSE(has(text, "inf"));
+  EXPECT_EQ(count_of(text, "  lost: "), static_cast<int>(report_["missing"].size()));
+  EXPECT_EQ(count_of(text, "  spurious: "), static_cast<int>(report_["spurious"].size()));
+  EXPECT_EQ(count_of(text, " explains it as well"), static_cast<int>(report_["ties"].size()));
+  // A jitter that would explain the events is larger than the one they have.
+  if (has(headline, "event times with a jitter of")) {
+    EXPECT_GT(report_["scatter"].get<double>(), 1.01 * report_["jitter"].get<double>());
+  }
+  check_explanation(text);
+}
+
+// What is named was tried, and has the same number in the headline and in the table.
+void ReportConsistencyTest::check_explanation(const std::string& text) {
+  std::vector<std::string> determined;
+  for (const auto& of : report_["parameters"]) {
+    const std::string name = of["parameter"], row = row_of(text, name);
+    ASSERT_FALSE(row.empty()) << name;
+    EXPECT_EQ(has(row, "not determined"), of["told"] == false) << row;
+    EXPECT_EQ(of.contains("value"), of["told"] == true);
+    if (of["told"] == true) determined.push_back(name);
+  }
+  const auto was_tried = [&](const std::string& name) {
+    return std::find(determined.begin(), determined.end(), name) != determined.end();
+  };
+  for (const auto& tie : report_["ties"]) {
+    EXPECT_TRUE(was_tried(tie)) << tie;
+    EXPECT_NE(tie, report_["explanation"]);
+  }
+  if (report_["explanation"].is_null()) {
+    EXPECT_TRUE(report_["ties"].empty());
+    return;
+  }
+  const std::string name = report_["explanation"];
+  EXPECT_TRUE(was_tried(name));
+  const auto& best = report_["parameters"].at(0);
+  EXPECT_EQ(best["parameter"], name);
+  char value[32];
+  std::snprintf(value, sizeof value, "%.6g", best["value"].get<double>());
+  EXPECT_TRUE(has(lines_of(text).at(0), name + " " + value + " instead of "));
+  EXPECT_TRUE(has(row_of(text, name), std::string(" ") + value + " +- "));
+}
+
+// What diagnose says of the scene as it is, with a jitter that is given to both.
+void ReportConsistencyTest::check_both(const json& identified) {
+  const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
+  if (report_["fits"] == false && !repaired) return;
+  EXPECT_NE(identified["problem"], "wrong_model");
+  EXPECT_NE(identified["problem"], "no_convergence");
+  if (repaired) {
+    EXPECT_EQ(identified["missing"].size(), report_["missing"].size());
+    EXPECT_EQ(identified["spurious"].size(), report_["spurious"].size());
+  }
+  if (!identified.contains("simplest")) return;
+  ASSERT_FALSE(identified["simplest"].empty());
+  EXPECT_TRUE(identified["simplest"][0].empty());
+}
+
+TEST_F(ReportConsistencyTest, NoReportContradictsItself) {
+  const unsigned seed = 49;
+  std::cout << "seed " << seed << '\n';
+  DrawnValues draw(seed);
+  for (const DrawnRecord& record : drawn_records(draw)) {
+    write(record, draw);
+    check_identify(record);
+    const json identified = report_;
+    check_diagnose(record);
+    SCOPED_TRACE(record.kind + "\n" + identified.dump() + '\n' + report_.dump());
+    if (record.given_jitter > 0.0) check_both(identified);
+  }
+}
+
+}  // namespace
+}  // namespace sprag
