@@ -45,6 +45,7 @@ constexpr double near_gap = 8.0;  // deviations of a gap that may have closed un
 constexpr double least_probability = 1e-3;
 // Silence: deviations of the gap, and of the time of the report.
 constexpr double silent_gaps = 6.7, silent_reports = 9.0;
+constexpr double silent_rounding = 1e6;  // of variances
 // Of exact times: an innovation below this share of the gap's terms is rounding; the shift of an
 // impact that is rounded to a double; and what the master takes for a touch, with a margin.
 constexpr double insignificant = 1e-10;
@@ -339,6 +340,12 @@ double EventFilter::remainder(const Event& event) {
   return square(off) * (square(at_.of.acceleration) + next_.squaredNorm());
 }
 
+// Variance of the gap where a chatter is completed: its last bounces are not reported.
+double EventFilter::variance_of_unreported(const Event& event) {
+  if (!(flight().restitution(event.contact) > 0.0)) return 0.0;
+  return 0.25 * square(model_.chatter_time) * remainder(event);
+}
+
 // The gap velocity is zero where a chatter ends. It is not taken for more than it can say: where it
 // is known almost as well already it says nothing; nor where contacts may have wedged each other.
 void EventFilter::measure_rest(const Event& event, double gamma) {
@@ -485,7 +492,9 @@ bool EventFilter::take(const ContactEvent& event, FilterBelief& belief, const Fi
 }
 
 bool EventFilter::take(std::span<const ContactEvent> events, FilterBelief& belief) {
-  if (belief.sigma == 0.0 && events.size() > 1) return take_together(events, belief);
+  // Beside contacts that are held, exact times say which remain so.
+  const bool beside = (belief.held & ~bit(events.front().contact)) != 0;
+  if (belief.sigma == 0.0 && (events.size() > 1 || beside)) return take_together(events, belief);
   double largest = 0.0;
   for (const ContactEvent& event : events) {
     if (!take(event, belief)) return false;
@@ -522,13 +531,13 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   if (exact && contains(belief.touched, event.contact)) {
     event.extra = square(touch * belief.length);
   }
+  if (exact && event.kind == Kind::stays) {
+    at_.fly(event.t, belief.z, belief);
+    at_.look(event.contact, false, event.t);
+    event.extra += variance_of_unreported(event);
+  }
   const bool expected = about != nullptr && expect(event, *about, belief);
   if (!expected && !find(event, belief)) return false;
-  if (exact && event.kind == Kind::stays && flight().restitution(event.contact) > 0.0) {
-    // The remainder of a completed chatter may still lift the contact, by less than it falls in the
-    // time of it.
-    event.extra += 0.25 * square(model_.chatter_time) * remainder(event);
-  }
   int nodes = 1;
   if (!exact) {
     const double turns = flight().largest_frequency() * point_.spread;
@@ -602,7 +611,7 @@ bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBeli
     at_.fly(t, belief.z, belief);
     x_ = at_.x;
     belief.square = 0.0;
-    if (!measure_together(t, closing, belief)) return false;
+    if (!measure_together(t, closing, staying, belief)) return false;
     largest = std::max(largest, belief.square);
     kick_.setZero();
     flight().fly(x_, t, 0.0, 0);
@@ -632,14 +641,16 @@ bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBeli
 }
 
 // g_i = 0 of the contacts that close, at the flight's end; x_ is the mean.
-bool EventFilter::measure_together(double t, ContactSet closing, FilterBelief& belief) {
+bool EventFilter::measure_together(double t, ContactSet closing, ContactSet staying,
+                                   FilterBelief& belief) {
   const double before = model_.homogeneous ? energy(x_) : 0.0;
   for_each(closing, [&](int i) {
     flight().fly(x_, t, 0.0, 0);
     at_.look(i, false, t);
     belief.length = std::max(belief.length, at_.of.length);
     belief.speed = std::max(belief.speed, std::abs(at_.of.velocity));
-    const double noise = at_.noise + square(touch * belief.length);
+    double noise = at_.noise + square(touch * belief.length);
+    if (contains(staying, i)) noise += variance_of_unreported({i, Kind::stays, t, 0.0});
     const double variance = at_.phi.squaredNorm() + noise;
     const double floor = square(insignificant * belief.length);
     belief.square = std::max(belief.square, square(at_.of.g) / (variance + floor));
@@ -996,26 +1007,31 @@ EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterB
   return {at_.of.g, at_.of.velocity, at_.phi.norm()};
 }
 
+// A gap that has been negative for too long, or the contact force of a held contact.
 int EventFilter::overdue(double t, const FilterBelief& belief) {
   fly_mean(t, belief);
+  const auto beyond = [&](int contact, bool of_force) {
+    at_.look(contact, of_force, t);
+    const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
+    // The last bounces of a chatter are not reported one by one.
+    const double late = silent_reports * belief.sigma + (of_force ? 0.0 : model_.chatter_time);
+    return at_.of.velocity < 0.0 && at_.of.g < -silent_gaps * deviation + late * at_.of.velocity;
+  };
   bool known = false;
+  const auto know = [&] {
+    if (!known) mean(t, belief);
+    known = true;
+  };
   for (int i = 0; i < flight().contacts(); ++i) {
-    if (contains(belief.held, i)) continue;
+    const bool held = contains(belief.held, i);
+    // Several that are held may be so against their forces (master.h).
+    if (held && belief.held != bit(i)) continue;
     if (!known) {
-      const Flight::Gap gap = flight().gap(i);
-      if (!(gap.velocity < 0.0) || !(gap.g < silent_reports * belief.sigma * gap.velocity)) {
-        continue;
-      }
-      mean(t, belief);
-      known = true;
+      const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
+      if (!(of.velocity < 0.0) || !(of.g < silent_reports * belief.sigma * of.velocity)) continue;
     }
-    at_.look(i, false, t);
-    const double floor = 1e6 * at_.noise;
-    const double deviation = std::sqrt(at_.phi.squaredNorm() + floor);
-    if (at_.of.velocity < 0.0 &&
-        at_.of.g < -silent_gaps * deviation + silent_reports * belief.sigma * at_.of.velocity) {
-      return i;
-    }
+    know();
+    if (beyond(i, held)) return i;
   }
   return -1;
 }

@@ -130,7 +130,8 @@ class EventFilter {
   bool expect(const Event& event, const FilterBelief& about, const FilterBelief& belief);
   bool update(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about);
   bool take_together(std::span<const ContactEvent> events, FilterBelief& belief);
-  bool measure_together(double t, ContactSet closing, FilterBelief& belief);
+  bool measure_together(double t, ContactSet closing, ContactSet staying, FilterBelief& belief);
+  double variance_of_unreported(const Event& event);
   void note_touched(double t, int contact, FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
   void condition(const Event& event, const FilterBelief& belief, Node& node);

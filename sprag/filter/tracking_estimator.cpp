@@ -11,6 +11,7 @@
 #include "sprag/filter/family_flight.h"
 #include "sprag/filter/model_flight.h"
 #include "sprag/mechanics/linear_algebra.h"
+#include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "sprag/mechanics/wide_product.h"
 
@@ -586,7 +587,8 @@ void TrackingEstimator::watch(TrackingState& state) {
   const int contact = filter_->filter.overdue(t, *state.belief);
   if (contact < 0) return;
   const Inconsistency inconsistency{t, contact, Suspicion::missing_event, 0.0};
-  if (may_doubt(state) && take_missing(contact, t, state)) {
+  const bool held = contains(state.belief->held, contact);
+  if (!held && may_doubt(state) && take_missing(contact, t, state)) {
     doubt(inconsistency, state);
   } else {
     fail(inconsistency, state);
@@ -762,8 +764,11 @@ void TrackingEstimator::fill_deviations(const FilterBelief& of, Confidence& conf
   const Eigen::Index f = filter.flight->n();
   filter.filter.gap_deviations(of, filter.of_gaps);
   multiply(filter.flight->to_state(), filter.filter.deviations(), filter.of_state);
-  // Roundings of a run are not in the covariance.
-  const double length = measurement_rounding * of.length, speed = measurement_rounding * of.speed;
+  // Roundings of a run are not in the covariance; nor is a touch of one of several contacts, which
+  // the master moves to its support.
+  const double rounding =
+      filter.flight->contacts() > 1 ? std::max(touching, measurement_rounding) : measurement_rounding;
+  const double length = rounding * of.length, speed = rounding * of.speed;
   for (Eigen::Index i = 0; i < f; ++i) {
     confidence.sigma_q[i] = std::hypot(filter.of_state.row(i).norm(), length);
     confidence.sigma_u[i] = std::hypot(filter.of_state.row(f + i).norm(), speed);
@@ -774,8 +779,8 @@ void TrackingEstimator::fill_deviations(const FilterBelief& of, Confidence& conf
   for (Eigen::Index i = 0; i < filter.outputs.cols(); ++i) {
     const auto output = filter.outputs.col(i);
     filter.row.noalias() = output.transpose().lazyProduct(filter.of_state);
-    const double rounding = std::hypot(length * output.head(f).norm(), speed * output.tail(f).norm());
-    confidence.sigma_outputs[i] = std::hypot(filter.row.norm(), rounding);
+    confidence.sigma_outputs[i] =
+        std::hypot(filter.row.norm(), length * output.head(f).norm(), speed * output.tail(f).norm());
   }
 }
 

@@ -245,8 +245,9 @@ TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
   EXPECT_EQ(sigma_q[0], infinity);
 }
 
-// An event that cannot be, by what is believed, is the end of that belief, however sure it was.
-TEST(EventFilter, AnEventThatCannotBeEndsWhatIsKnown) {
+// An event that cannot be, by what is believed, is left out; a second one is the end of that belief,
+// however sure it was.
+TEST(EventFilter, EventsThatCannotBeEndWhatIsKnown) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.jitter = 1e-4;
   const double h = 1e-2;
@@ -269,12 +270,19 @@ TEST(EventFilter, AnEventThatCannotBeEndsWhatIsKnown) {
   ASSERT_EQ(run.state.inconsistencies, 0);
   // In the middle of a flight.
   for (int i = 0; i < 20; ++i) run.tick([](std::vector<ContactEvent>&) {});
-  run.tick([&](std::vector<ContactEvent>& events) {
-    events = {{tick_instant(run.state.tick, h).hi + 0.5 * h, 0, ContactEventKind::pulse}};
-  });
+  const auto spurious = [&] {
+    run.tick([&](std::vector<ContactEvent>& events) {
+      events = {{tick_instant(run.state.tick, h).hi + 0.5 * h, 0, ContactEventKind::pulse}};
+    });
+  };
+  spurious();
   EXPECT_EQ(run.state.inconsistencies, 1);
+  EXPECT_EQ(run.state.last.suspicion, Suspicion::spurious_event);
   EXPECT_GT(run.state.last.square, 1e4);
-  EXPECT_GT(sigma(), 0.3 * of_start);
+  EXPECT_LT(sigma(), 1e-2 * of_start);
+  spurious();
+  EXPECT_EQ(run.state.inconsistencies, 2);
+  EXPECT_TRUE(std::isinf(sigma()));
 }
 
 }  // namespace
