@@ -343,7 +343,8 @@ double EventFilter::remainder(const Event& event) {
 // Variance of the gap where a chatter is completed: its last bounces are not reported.
 double EventFilter::variance_of_unreported(const Event& event) {
   if (!(flight().restitution(event.contact) > 0.0)) return 0.0;
-  return 0.25 * square(model_.chatter_time) * remainder(event);
+  const double fallen = square(at_.of.velocity) + at_.psi.squaredNorm();
+  return 0.25 * square(model_.chatter_time) * (remainder(event) + fallen);
 }
 
 // The gap velocity is zero where a chatter ends. It is not taken for more than it can say: where it
@@ -526,8 +527,14 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
                           event.contact)) {
     return true;  // others hold its direction
   }
-  at_.spread(belief, event.t - belief.t);
   const bool exact = belief.sigma == 0.0;
+  if (exact && opens && (belief.held & ~bit(event.contact)) != 0) {
+    // Several may have been held against their forces (master.h).
+    belief.rebound[event.contact] = 0.0;
+    let_go(event.contact, belief);
+    return true;
+  }
+  at_.spread(belief, event.t - belief.t);
   if (exact && contains(belief.touched, event.contact)) {
     event.extra = square(touch * belief.length);
   }

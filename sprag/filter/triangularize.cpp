@@ -1,6 +1,11 @@
 #include "sprag/filter/triangularize.h"
 
 namespace sprag {
+namespace {
+
+constexpr double least_norm = 1e-140;  // its square is a number
+
+}  // namespace
 
 void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
                    Eigen::Index columns, Eigen::VectorXd& scratch) {
@@ -8,7 +13,10 @@ void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
     const Eigen::Index length = columns - i;
     auto row = A.row(first + i).segment(i, length);
     const double norm = row.norm();
-    if (!(norm > 0.0)) continue;
+    if (!(norm > least_norm)) {
+      row.setZero();
+      continue;
+    }
     auto v = scratch.head(length);
     v = row.transpose();
     const double head = v[0] > 0.0 ? -norm : norm;
