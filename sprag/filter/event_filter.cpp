@@ -188,8 +188,8 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     point_.spread = std::hypot(sigma - of_time * share, at_.phi.norm() * share);
     point_.square = square(factor) * (variance - noise);
     if (sigma == 0.0) {
-      const double floor = square(insignificant * std::max(belief.length, at_.of.length));
-      point_.square = square(factor) * square(variance) / (variance + (opens ? 0.0 : floor));
+      const double floor = square(insignificant * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
+      point_.square = square(factor) * square(variance) / (variance + floor);
     }
     point_.tau = sigma * xi_tau_;
     if (step > 0 && std::abs(move) <= settled * point_.spread + 2.0 * machine_epsilon * t) break;
@@ -634,8 +634,12 @@ bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBeli
     flight().fly(x_, t, 0.0, belief.held);
     belief.z.head(2 * n()) = flight().x();
     Eigen::Index columns = at_.A.cols();
-    at_.X.col(columns) = kick_;
-    at_.X.col(columns + 1).setZero();
+    at_.X.col(columns++) = kick_;
+    at_.X.col(columns).setZero();
+    for_each(closing, [&](int i) {
+      flight().along(i, kick_);
+      at_.X.col(columns) += (impulse_rounding * belief.speed) * kick_;
+    });
     ++columns;
     flight().carry(at_.X.leftCols(columns));
     all_.topLeftCorner(at_.size(), columns) = at_.X.leftCols(columns);

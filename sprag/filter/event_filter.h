@@ -27,6 +27,10 @@
 
 namespace sprag {
 
+/// Impulses of several contacts at once are decided, by the master too, up to this share of the
+/// largest gap velocity, and positions are known up to this share of the largest terms of a gap.
+inline constexpr double impulse_rounding = 1e-10, position_rounding = 1e-11;
+
 class EventFilter {
  public:
   /// \param flight  must outlive the filter
@@ -78,6 +82,8 @@ class EventFilter {
   const Eigen::VectorXd& publish_mean(double t, const FilterBelief& belief);
   /// The estimate at t as if no report were late, with its deviations.
   const Eigen::VectorXd& mean(double t, const FilterBelief& belief);
+  /// After publish() or mean(): x there, 2n entries.
+  const Eigen::VectorXd& estimate() const { return at_.x; }
   /// After publish() or mean(): 2n rows, columns of a square root of the covariance.
   const Eigen::MatrixXd& deviations() const { return at_.X; }
   /// Those of the parameters' coordinates, P rows, of the same columns.

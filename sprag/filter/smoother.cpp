@@ -210,7 +210,7 @@ std::vector<SmoothedStretch> smooth(
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);
       again.publish(t, belief, estimate.q, estimate.u);
-      again.fill_deviations(belief, confidence);
+      again.fill_deviations(t, belief, confidence);
       if (stretches.empty() || stretches.back().to < t - 1.5 * h || k == 0) {
         stretches.push_back({t, t, 0, chains[chain].misfit});
       }

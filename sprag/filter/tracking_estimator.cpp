@@ -11,7 +11,6 @@
 #include "sprag/filter/family_flight.h"
 #include "sprag/filter/model_flight.h"
 #include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
 #include "sprag/mechanics/wide_product.h"
 
@@ -732,7 +731,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (state.status == TrackStatus::confirmed) {
     const FilterBelief& belief = belief_at(t, state);
     filter_->filter.publish(t, belief);
-    fill_deviations(belief, confidence);
+    fill_deviations(t, belief, confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
@@ -759,16 +758,19 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   }
 }
 
-void TrackingEstimator::fill_deviations(const FilterBelief& of, Confidence& confidence) {
+void TrackingEstimator::fill_deviations(double t, const FilterBelief& of,
+                                        Confidence& confidence) {
   Filter& filter = *filter_;
   const Eigen::Index f = filter.flight->n();
   filter.filter.gap_deviations(of, filter.of_gaps);
   multiply(filter.flight->to_state(), filter.filter.deviations(), filter.of_state);
-  // Roundings of a run are not in the covariance; nor is a touch of one of several contacts, which
-  // the master moves to its support.
-  const double rounding =
-      filter.flight->contacts() > 1 ? std::max(touching, measurement_rounding) : measurement_rounding;
-  const double length = rounding * of.length, speed = rounding * of.speed;
+  // Roundings of a run are not in the covariance.
+  filter.flight->state(filter.filter.estimate(), t, filter.q, filter.u);
+  const bool several = filter.flight->contacts() > 1;
+  const double length = std::max(of.length, filter.q.cwiseAbs().maxCoeff()) *
+                        (several ? position_rounding : measurement_rounding);
+  const double speed = std::max(of.speed, filter.u.cwiseAbs().maxCoeff()) *
+                       (several ? impulse_rounding : measurement_rounding);
   for (Eigen::Index i = 0; i < f; ++i) {
     confidence.sigma_q[i] = std::hypot(filter.of_state.row(i).norm(), length);
     confidence.sigma_u[i] = std::hypot(filter.of_state.row(f + i).norm(), speed);

@@ -118,7 +118,7 @@ class TrackingEstimator {
   void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u);
   /// After publish(): all deviations.
-  void fill_deviations(const FilterBelief& of, Confidence& confidence);
+  void fill_deviations(double t, const FilterBelief& of, Confidence& confidence);
 
   /// Whether the next tick of this state waits for a result that has not been put.
   bool waits(const TrackingState& state) const;
