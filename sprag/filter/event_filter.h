@@ -29,7 +29,7 @@ namespace sprag {
 
 /// Impulses of several contacts at once are decided, by the master too, up to this share of the
 /// largest gap velocity, and positions are known up to this share of the largest terms of a gap.
-inline constexpr double impulse_rounding = 1e-10, position_rounding = 1e-11;
+inline constexpr double impulse_rounding = 1e-10, position_rounding = 2e-11;
 
 class EventFilter {
  public:

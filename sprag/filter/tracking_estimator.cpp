@@ -22,6 +22,9 @@ constexpr std::size_t pool_bytes = 64 << 20, most_kept = 4096, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;
 
+// Of a state after a run, relative to the largest.
+constexpr double run_rounding = 4.0 * measurement_rounding;
+
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
 constexpr double least_jitter = 1e-6;
@@ -489,10 +492,11 @@ TrackingEstimator::LastFlight TrackingEstimator::last_flight(int contact, double
   return last;
 }
 
-// One spurious event, or a missing one, is no reason to give up a confirmed track; the next event
-// must fit.
-bool TrackingEstimator::may_doubt(const TrackingState& state) {
-  return state.status == TrackStatus::confirmed && !state.doubts;
+// One spurious event, or a missing one, is no reason to give up a track that events have confirmed;
+// the next event must fit.
+bool TrackingEstimator::may_doubt(const TrackingState& state) const {
+  return state.status == TrackStatus::confirmed && !state.doubts &&
+         state.fitting >= to_confirm(state);
 }
 
 void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState& state) {
@@ -768,9 +772,9 @@ void TrackingEstimator::fill_deviations(double t, const FilterBelief& of,
   filter.flight->state(filter.filter.estimate(), t, filter.q, filter.u);
   const bool several = filter.flight->contacts() > 1;
   const double length = std::max(of.length, filter.q.cwiseAbs().maxCoeff()) *
-                        (several ? position_rounding : measurement_rounding);
+                        (several ? position_rounding : run_rounding);
   const double speed = std::max(of.speed, filter.u.cwiseAbs().maxCoeff()) *
-                       (several ? impulse_rounding : measurement_rounding);
+                       (several ? impulse_rounding : run_rounding);
   for (Eigen::Index i = 0; i < f; ++i) {
     confidence.sigma_q[i] = std::hypot(filter.of_state.row(i).norm(), length);
     confidence.sigma_u[i] = std::hypot(filter.of_state.row(f + i).norm(), speed);

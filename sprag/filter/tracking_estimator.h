@@ -200,7 +200,7 @@ class TrackingEstimator {
   void take(std::span<const ContactEvent> of_one_instant, TrackingState& state);
   bool shows_filter(const TrackingState& state) const;
   void lose(TrackingState& state) const;
-  static bool may_doubt(const TrackingState& state);
+  bool may_doubt(const TrackingState& state) const;
   static void doubt(const Inconsistency& inconsistency, TrackingState& state);
   bool take_missing(int contact, double t, TrackingState& state);
   void fail(const Inconsistency& inconsistency, TrackingState& state);
