@@ -63,7 +63,7 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
   for (Eigen::VectorXd* of : {&x_, &kick_, &earlier_}) of->setZero(2 * n());
-  for (Eigen::VectorXd* of : {&c_, &c_by_c_, &velocity_by_c_}) of->setZero(unknowns());
+  for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_}) of->setZero(unknowns());
   opened_ = no_belief();
   xi_.setZero(at_.A.cols());
   next_.setZero(at_.X.cols());
@@ -323,7 +323,8 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   node.z.head(2 * n()) = on.x();
   node.z.tail(unknowns()) = c_;
   if (unknowns() > 0) {
-    node.z.head(2 * n()).noalias() += on.by_unknowns().lazyProduct(c_ - theta);
+    from_point_ = c_ - theta;
+    node.z.head(2 * n()).noalias() += on.by_unknowns().lazyProduct(from_point_);
     moved.noalias() += on.by_unknowns().lazyProduct(node.columns.bottomRows(unknowns()));
   }
   if (steps_ == nullptr) return;

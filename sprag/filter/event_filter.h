@@ -156,7 +156,8 @@ class EventFilter {
 
   // Scratch.
   Point point_;
-  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_, c_by_c_, velocity_by_c_;
+  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_;
+  Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
   double xi_tau_ = 0.0;
   FilterBelief opened_;
   std::vector<Node> nodes_;

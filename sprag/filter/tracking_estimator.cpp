@@ -142,7 +142,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   start = product(flight->from_state(), start);
   inflated = start;
   of_start = flight->twice_energy(start);
-  next = filter.no_belief();
+  next = nothing = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   pool = std::make_unique<BeliefPool>(next,
                                       std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
@@ -152,6 +152,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   const Eigen::Index columns = filter.deviations().cols();
   of_gaps.setZero(flight->contacts(), columns);
   of_state.setZero(2 * f, columns);
+  of_x.setZero(2 * f, next.S.cols());
   row.setZero(columns);
 }
 
@@ -220,7 +221,7 @@ void TrackingEstimator::set_prior(FilterBelief& belief) const {
 
 void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
   Filter& filter = *filter_;
-  filter.next = filter.filter.no_belief();
+  filter.next = filter.nothing;
   filter.next.sigma = filter.sigma;
   set_prior(filter.next);
   filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
@@ -414,6 +415,12 @@ double TrackingEstimator::note_energy(TrackingState& state) {
   return energy;
 }
 
+// Twice the expected energy of a belief's error.
+double TrackingEstimator::energy_of_error(const FilterBelief& of) {
+  filter_->of_x = of.S.topRows(filter_->of_x.rows());  // in columns
+  return filter_->flight->twice_energy(filter_->of_x);
+}
+
 void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState& state) {
   Filter& filter = *filter_;
   FilterBelief& next = filter.next;
@@ -443,7 +450,7 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   if (!add_belief(next, state)) return lose(state);
   ++state.fitting;
   const double motion = note_energy(state);
-  const double of_error = filter.flight->twice_energy(next.S.topRows(2 * filter.flight->n()));
+  const double of_error = energy_of_error(next);
   if (of_error > thresholds_.energy_to_keep * std::max(filter.of_start, state.energy)) {
     return lose(state);
   }
@@ -647,8 +654,8 @@ void TrackingEstimator::take_result(TrackingState& state) {
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
   const double motion = note_energy(state);
-  if (!result_->accepted || !(filter_->flight->twice_energy(of.S.topRows(2 * filter_->flight->n())) <
-                              thresholds_.energy_to_confirm * motion)) {
+  if (!result_->accepted ||
+      !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
     state.size += state.size / 2;
     if (state.size > longest_window) {
       begin_window(state.events - 2 * first, state);

@@ -172,12 +172,13 @@ class TrackingEstimator {
     // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
     // identified, or there are none.
     Eigen::MatrixXd prior;
+    FilterBelief nothing;  // of the right size
     std::unique_ptr<BeliefPool> pool;
     std::vector<Heard> heard;  // ring, by number of event; where parameters are identified
     // Scratch.
     FilterBelief next;
     Eigen::VectorXd q, u, x;
-    Eigen::MatrixXd of_gaps, of_state;
+    Eigen::MatrixXd of_gaps, of_state, of_x;
     Eigen::RowVectorXd row;
   };
   struct LastFlight {
@@ -205,6 +206,7 @@ class TrackingEstimator {
   bool take_missing(int contact, double t, TrackingState& state);
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
+  double energy_of_error(const FilterBelief& of);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
   LastFlight last_flight(int contact, double t, const FilterBelief& before);
   void begin_window(std::int64_t event, TrackingState& state) const;
