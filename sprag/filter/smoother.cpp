@@ -193,6 +193,7 @@ std::vector<SmoothedStretch> smooth(
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
   TrackingEstimator again(scene, h, EstimatorKind::both);
+  TrackingState at_tick;  // of `again`, which must outlive it
   next = 0;
   Confidence confidence = again.no_confidence();
   SmoothedEstimate estimate;
@@ -201,12 +202,12 @@ std::vector<SmoothedStretch> smooth(
   std::size_t chain = 0;
   for (std::int64_t k = 0; k <= last; ++k) {
     check_interrupt();
-    advance(again, k, state);
+    advance(again, k, at_tick);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
     const bool smooth =
-        state.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
-    again.note(state, confidence);
+        at_tick.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
+    again.note(at_tick, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);
       again.publish(t, belief, estimate.q, estimate.u);
@@ -216,8 +217,8 @@ std::vector<SmoothedStretch> smooth(
       }
       stretches.back().to = t;
     } else {
-      again.output(state, estimate.q, estimate.u);
-      again.confidence(state, infinity, confidence);
+      again.output(at_tick, estimate.q, estimate.u);
+      again.confidence(at_tick, infinity, confidence);
     }
     estimate.sigma_q = confidence.sigma_q;
     estimate.sigma_u = confidence.sigma_u;
