@@ -281,10 +281,12 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
     }
     const BeliefRef before = state.belief;
     if (state.status != TrackStatus::lost) take(of_one, state);
-    if (records_ == nullptr || state.status != TrackStatus::confirmed) return;
+    if (records_ == nullptr) return;
     for (const ContactEvent& event : of_one) {
       const auto number = recorded_ + static_cast<std::size_t>(&event - events.data());
-      describe(before, event, state, (*records_)[number]);
+      ImpactRecord& record = (*records_)[number];
+      record.time.sigma = filter_->sigma;
+      if (state.status == TrackStatus::confirmed) describe(before, event, state, record);
     }
   });
   if (identifies() && state.events - state.window > most_events) {
@@ -334,11 +336,14 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
                                  const TrackingState& state, ImpactRecord& record) {
   if (!before) return;
   const FilterBelief& of = *state.belief;
+  const double occurred = of.occurred[event.contact];
+  // Nothing was estimated of an impact that is rejected, or whose direction others hold.
+  if (event.kind != ContactEventKind::opens && occurred == before->occurred[event.contact]) return;
   const ImpactEstimate& impact = of.impact;
   if (impact.time_sigma > 0.0) {
     record.time = {impact.time, impact.time_sigma};
   } else {
-    record.time = {of.occurred[event.contact], of.sigma};
+    record.time = {occurred, of.sigma};
   }
   record.before = {impact.before, impact.before_sigma};
   record.after = {impact.after, impact.after_sigma};
@@ -366,6 +371,8 @@ void TrackingEstimator::find_replica(const TrackingState& state, double t) {
 
 void TrackingEstimator::lose(TrackingState& state) const {
   if (forces_) forces_->start();
+  // A start inside a contact says as much of the scale as any other.
+  if (state.inside == 0) state.scale_is_known = false;
   state.status = TrackStatus::lost;
   state.doubts = false;
   state.fitting = 0;
@@ -455,11 +462,19 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
     return lose(state);
   }
   if (state.fitting >= 8 * state.trial) state.trial = thresholds_.trial;
-  if (filter.scale_is_open || state.fitting < to_confirm(state)) return;
+  if (scale_is_lost(state) || state.fitting < to_confirm(state)) return;
   if (of_error < thresholds_.energy_to_confirm * motion) {
     state.status = TrackStatus::confirmed;
     state.inflation = 1.0;
   }
+}
+
+// No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
+// start until it loses the track, and not at all where event times jitter.
+bool TrackingEstimator::scale_is_lost(const TrackingState& state) const {
+  if (filter_->scale_is_open) return true;
+  return kind_ == EstimatorKind::timing && filter_->filter.model().homogeneous &&
+         !state.scale_is_known;
 }
 
 std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
@@ -721,7 +736,7 @@ void TrackingEstimator::note(const TrackingState& state, Confidence& confidence)
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
   confidence.forgotten = state.forgotten;
-  confidence.scale_is_lost = filter_->scale_is_open;
+  confidence.scale_is_lost = scale_is_lost(state);
   confidence.parameters.accepted = state.accepted;
   confidence.parameters.identifications = state.identifications;
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;

@@ -57,6 +57,7 @@ struct TrackingState {
   std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
   bool doubts = false;           ///< the last event was spurious, or one was missing
+  bool scale_is_known = true;    ///< the track has not been lost since the start
   ContactSet inside = 0;         ///< closed since t = 0, where the machine may have started inside
   std::int64_t fitting = 0;      ///< events in a row that fitted, since the last start or reset
   std::int64_t trial = 0;        ///< events to fit before confirmation, beside 2f
@@ -188,6 +189,7 @@ class TrackingEstimator {
   };
 
   bool identifies() const { return identifies_; }
+  bool scale_is_lost(const TrackingState& state) const;
   void start_from_prior(const sprag::State& start, TrackingState& state);
   void set_prior(FilterBelief& belief) const;
   Heard& heard(std::int64_t event) const {
