@@ -35,17 +35,22 @@ Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) 
   return QR(both.transpose()).R().transpose();
 }
 
-// When the impact of a step was, by the belief before it.
+// When the impact of a step was, by the belief before it; where its gap hardly closes, by the step.
 void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
-  if (!(after.impact.time_sigma > 0.0)) return;
-  double t = after.impact.time;
+  ImpactEstimate& impact = after.impact;
+  if (!(impact.time_sigma > 0.0)) return;
+  double t = impact.time, sigma = infinity;
   for (int i = 0; i < 2; ++i) {
     const EventFilter::Crossing crossing = filter.crossing(contact, t, before);
     if (!(crossing.velocity < 0.0)) return;
     t -= crossing.gap / crossing.velocity;
-    after.impact.time_sigma = crossing.deviation / -crossing.velocity;
+    sigma = crossing.deviation / -crossing.velocity;
+    // All events tell no less than those so far.
+    const double off = std::abs(t - impact.time);
+    if (!(sigma <= impact.time_sigma && off < around_impact * impact.time_sigma)) return;
   }
-  after.impact.time = t;
+  impact.time = t;
+  impact.time_sigma = sigma;
 }
 
 // Forward through a run; `about` are smoothed beliefs from the pass before, or none.
