@@ -12,8 +12,9 @@
 namespace sprag {
 namespace {
 
-// A tick that precedes an impact by more deviations of its time is before it.
-constexpr double around_impact = 6.0;
+// A tick that precedes an impact by more deviations of its time is before it. Nearer ones have the
+// covariance of the state after it.
+constexpr double around_impact = 3.0;
 // Passes, until no estimate moves by more than this share of its deviation.
 constexpr int most_passes = 8;
 constexpr double settled_move = 0.05;
@@ -39,6 +40,8 @@ Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) 
 void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
   ImpactEstimate& impact = after.impact;
   if (!(impact.time_sigma > 0.0)) return;
+  // The path without it is that of the belief before.
+  impact.jump = after.z.head(2 * filter.n()) - filter.mean(after.t, before);
   double t = impact.time, sigma = infinity;
   for (int i = 0; i < 2; ++i) {
     const EventFilter::Crossing crossing = filter.crossing(contact, t, before);
