@@ -113,6 +113,23 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
   return largest;
 }
 
+// From when on each belief is meant: that of an impact somewhat before it, that of a contact that is
+// reported closed after a burst once it certainly is.
+void find_begins(Chain& chain) {
+  chain.begins.resize(chain.beliefs.size());
+  double least = infinity;
+  for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
+    const FilterBelief& belief = chain.beliefs[k];
+    const double sigma = belief.impact.time_sigma;
+    double begins = sigma > 0.0 ? belief.impact.time - around_impact * sigma : belief.t;
+    if (k > 0 && (chain.beliefs[k - 1].bursting & belief.held & ~belief.bursting) != 0) {
+      begins = belief.t + around_impact * belief.sigma;
+    }
+    least = std::min(least, begins);
+    chain.begins[k] = least;
+  }
+}
+
 // Forward and back, linearized about the path of the pass before, until it stays. A run whose
 // passes do not converge is not smoothed.
 Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
@@ -135,17 +152,9 @@ Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
   for (std::size_t k = 1; k < steps.size(); ++k) {
     set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }
+  find_begins(chain);
   // No report is late: all of them are here.
   for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
-  chain.begins.resize(chain.beliefs.size());
-  double least = infinity;
-  for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
-    const FilterBelief& belief = chain.beliefs[k];
-    least = std::min(least, belief.impact.time_sigma > 0.0
-                                ? belief.impact.time - around_impact * belief.impact.time_sigma
-                                : belief.t);
-    chain.begins[k] = least;
-  }
   return chain;
 }
 
