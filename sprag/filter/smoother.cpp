@@ -187,6 +187,7 @@ std::vector<SmoothedStretch> smooth(
   TrackingEstimator estimator(scene, h, EstimatorKind::both);
   std::vector<TrackingEstimator::FilterRun> runs;
   estimator.record_runs(&runs);
+  std::vector<bool> confirmed;  // of each run
   TrackingState state;
   std::size_t next = 0;
   const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
@@ -200,12 +201,16 @@ std::vector<SmoothedStretch> smooth(
   for (std::int64_t k = 0; k <= last; ++k) {
     check_interrupt();
     advance(estimator, k, state);
+    confirmed.resize(runs.size(), false);
+    if (state.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
   }
   // Back.
   std::vector<Chain> chains;
-  for (const TrackingEstimator::FilterRun& run : runs) {
+  for (std::size_t i = 0; i < runs.size(); ++i) {
     check_interrupt();
-    chains.push_back(smoothed(*estimator.filter(), run));
+    // Nothing is claimed by a run that few events fit.
+    runs[i].failed = runs[i].failed || !confirmed[i];
+    chains.push_back(smoothed(*estimator.filter(), runs[i]));
   }
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
