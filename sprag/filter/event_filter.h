@@ -143,7 +143,7 @@ class EventFilter {
   void condition(const Event& event, const FilterBelief& belief, Node& node);
   double remainder(const Event& event);
   void measure_rest(const Event& event, double gamma);
-  void weigh_flux(double sigma, double variance, double& gamma, Node& node);
+  void weigh_flux(double& gamma, Node& node);
   void collapse(double largest, int nodes, FilterBelief& belief);
   void describe(const Event& event, int nodes, FilterBelief& belief);
   void keep(Eigen::Index columns, FilterBelief& belief);
@@ -163,7 +163,8 @@ class EventFilter {
 
   // Scratch.
   Point point_;
-  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_, c_by_c_, velocity_by_c_;
+  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_;
+  Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
   double xi_tau_ = 0.0;
   FilterBelief opened_;
   std::vector<Node> nodes_;

@@ -37,6 +37,7 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
   energy_ = to_state_.topRows(f_).transpose() * model.K * to_state_.topRows(f_) +
             to_state_.bottomRows(f_).transpose() * model.M * to_state_.bottomRows(f_);
   for (OscillatorKernels* of : {&kernels_, &turn_}) of->resize(flow.size());
+  for (Eigen::MatrixXd* of : {&Q_, &U_, &Z_, &V_, &deflection_}) of->setZero(f_, 2 * f_);
   x_.setZero(2 * f_);
   by_c_.resize(2 * f_, 0);
   for (Eigen::VectorXd* of : {&u_before_, &difference_}) of->setZero(f_);
@@ -119,10 +120,15 @@ void ModelFlight::carry(const Flow& flow, const OscillatorKernels& kernels, Colu
     kernels.apply(first_, dx.topRows(f_), dx.bottomRows(f_));
     return;
   }
-  const Eigen::Index columns = dx.cols(), modes = flow.modes();
-  if (Q_.cols() < columns) {
-    for (Eigen::MatrixXd* of : {&Q_, &U_, &Z_, &V_, &deflection_}) of->resize(f_, columns);
+  // As many columns at once as there is room for.
+  for (Eigen::Index first = 0; first < dx.cols(); first += Q_.cols()) {
+    const Eigen::Index columns = std::min(dx.cols() - first, Q_.cols());
+    carry_held(flow, kernels, dx.middleCols(first, columns));
   }
+}
+
+void ModelFlight::carry_held(const Flow& flow, const OscillatorKernels& kernels, Columns dx) {
+  const Eigen::Index columns = dx.cols(), modes = flow.modes();
   auto Q = Q_.leftCols(columns), U = U_.leftCols(columns);
   auto Z = Z_.topLeftCorner(modes, columns), V = V_.topLeftCorner(modes, columns);
   free().state_differences(dx.topRows(f_), dx.bottomRows(f_), Q, U);

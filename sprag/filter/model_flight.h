@@ -60,6 +60,7 @@ class ModelFlight final : public Flight {
   void set_motion(const ConstVector& x, double t);
   void move(double tau, ContactSet held);
   void carry(const Flow& flow, const OscillatorKernels& kernels, Columns dx);
+  void carry_held(const Flow& flow, const OscillatorKernels& kernels, Columns dx);
   void find_rates(Vector of) const;
 
   std::shared_ptr<Flows> flows_;

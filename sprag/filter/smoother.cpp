@@ -12,8 +12,9 @@
 namespace sprag {
 namespace {
 
-// A tick that precedes an impact by more deviations of its time is before it.
-constexpr double around_impact = 6.0;
+// A tick that precedes an impact by more deviations of its time is before it. Nearer ones have the
+// covariance of the state after it.
+constexpr double around_impact = 3.0;
 // Passes, until no estimate moves by more than this share of its deviation.
 constexpr int most_passes = 8;
 constexpr double settled_move = 0.05;
@@ -35,17 +36,24 @@ Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) 
   return QR(both.transpose()).R().transpose();
 }
 
-// When the impact of a step was, by the belief before it.
+// When the impact of a step was, by the belief before it; where its gap hardly closes, by the step.
 void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
-  if (!(after.impact.time_sigma > 0.0)) return;
-  double t = after.impact.time;
+  ImpactEstimate& impact = after.impact;
+  if (!(impact.time_sigma > 0.0)) return;
+  // The path without it is that of the belief before.
+  impact.jump = after.z.head(2 * filter.n()) - filter.mean(after.t, before);
+  double t = impact.time, sigma = infinity;
   for (int i = 0; i < 2; ++i) {
     const EventFilter::Crossing crossing = filter.crossing(contact, t, before);
     if (!(crossing.velocity < 0.0)) return;
     t -= crossing.gap / crossing.velocity;
-    after.impact.time_sigma = crossing.deviation / -crossing.velocity;
+    sigma = crossing.deviation / -crossing.velocity;
+    // All events tell no less than those so far.
+    const double off = std::abs(t - impact.time);
+    if (!(sigma <= impact.time_sigma && off < around_impact * impact.time_sigma)) return;
   }
-  after.impact.time = t;
+  impact.time = t;
+  impact.time_sigma = sigma;
 }
 
 // Forward through a run; `about` are smoothed beliefs from the pass before, or none.
@@ -105,6 +113,23 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
   return largest;
 }
 
+// From when on each belief is meant: that of an impact somewhat before it, that of a contact that is
+// reported closed after a burst once it certainly is.
+void find_begins(Chain& chain) {
+  chain.begins.resize(chain.beliefs.size());
+  double least = infinity;
+  for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
+    const FilterBelief& belief = chain.beliefs[k];
+    const double sigma = belief.impact.time_sigma;
+    double begins = sigma > 0.0 ? belief.impact.time - around_impact * sigma : belief.t;
+    if (k > 0 && (chain.beliefs[k - 1].bursting & belief.held & ~belief.bursting) != 0) {
+      begins = belief.t + around_impact * belief.sigma;
+    }
+    least = std::min(least, begins);
+    chain.begins[k] = least;
+  }
+}
+
 // Forward and back, linearized about the path of the pass before, until it stays. A run whose
 // passes do not converge is not smoothed.
 Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
@@ -127,17 +152,9 @@ Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
   for (std::size_t k = 1; k < steps.size(); ++k) {
     set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }
+  find_begins(chain);
   // No report is late: all of them are here.
   for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
-  chain.begins.resize(chain.beliefs.size());
-  double least = infinity;
-  for (std::size_t k = chain.beliefs.size(); k-- > 0;) {
-    const FilterBelief& belief = chain.beliefs[k];
-    least = std::min(least, belief.impact.time_sigma > 0.0
-                                ? belief.impact.time - around_impact * belief.impact.time_sigma
-                                : belief.t);
-    chain.begins[k] = least;
-  }
   return chain;
 }
 
@@ -170,6 +187,7 @@ std::vector<SmoothedStretch> smooth(
   TrackingEstimator estimator(scene, h, EstimatorKind::both);
   std::vector<TrackingEstimator::FilterRun> runs;
   estimator.record_runs(&runs);
+  std::vector<bool> confirmed;  // of each run
   TrackingState state;
   std::size_t next = 0;
   const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
@@ -183,16 +201,21 @@ std::vector<SmoothedStretch> smooth(
   for (std::int64_t k = 0; k <= last; ++k) {
     check_interrupt();
     advance(estimator, k, state);
+    confirmed.resize(runs.size(), false);
+    if (state.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
   }
   // Back.
   std::vector<Chain> chains;
-  for (const TrackingEstimator::FilterRun& run : runs) {
+  for (std::size_t i = 0; i < runs.size(); ++i) {
     check_interrupt();
-    chains.push_back(smoothed(*estimator.filter(), run));
+    // Nothing is claimed by a run that few events fit.
+    runs[i].failed = runs[i].failed || !confirmed[i];
+    chains.push_back(smoothed(*estimator.filter(), runs[i]));
   }
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
   TrackingEstimator again(scene, h, EstimatorKind::both);
+  TrackingState at_tick;  // of `again`, which must outlive it
   next = 0;
   Confidence confidence = again.no_confidence();
   SmoothedEstimate estimate;
@@ -201,12 +224,12 @@ std::vector<SmoothedStretch> smooth(
   std::size_t chain = 0;
   for (std::int64_t k = 0; k <= last; ++k) {
     check_interrupt();
-    advance(again, k, state);
+    advance(again, k, at_tick);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
     const bool smooth =
-        state.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
-    again.note(state, confidence);
+        at_tick.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
+    again.note(at_tick, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);
       again.publish(t, belief, estimate.q, estimate.u);
@@ -216,8 +239,8 @@ std::vector<SmoothedStretch> smooth(
       }
       stretches.back().to = t;
     } else {
-      again.output(state, estimate.q, estimate.u);
-      again.confidence(state, infinity, confidence);
+      again.output(at_tick, estimate.q, estimate.u);
+      again.confidence(at_tick, infinity, confidence);
     }
     estimate.sigma_q = confidence.sigma_q;
     estimate.sigma_u = confidence.sigma_u;

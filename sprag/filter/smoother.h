@@ -38,8 +38,8 @@ struct SmoothedEstimate {
 struct SmoothedStretch {
   double from = 0.0, to = 0.0;  ///< [s]
   std::size_t events = 0;
-  /// Mean of the normalized innovations squared of its events: about 1 where model and jitter are
-  /// right.
+  /// Mean of the normalized innovations squared of its events: about 1 where model, jitter and
+  /// drift are right, less where the machine drifts less than the scene says.
   double misfit = 0.0;
 };
 

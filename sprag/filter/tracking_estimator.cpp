@@ -145,7 +145,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   start = product(flight->from_state(), start);
   inflated = start;
   of_start = flight->twice_energy(start);
-  next = filter.no_belief();
+  next = nothing = filter.no_belief();
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   pool = std::make_unique<BeliefPool>(next,
                                       std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
@@ -155,6 +155,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   const Eigen::Index columns = filter.deviations().cols();
   of_gaps.setZero(flight->contacts(), columns);
   of_state.setZero(2 * f, columns);
+  of_x.setZero(2 * f, next.S.cols());
   row.setZero(columns);
 }
 
@@ -223,7 +224,7 @@ void TrackingEstimator::set_prior(FilterBelief& belief) const {
 
 void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
   Filter& filter = *filter_;
-  filter.next = filter.filter.no_belief();
+  filter.next = filter.nothing;
   filter.next.sigma = filter.sigma;
   set_prior(filter.next);
   filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
@@ -283,10 +284,12 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, ContactSet ch
     }
     const BeliefRef before = state.belief;
     if (state.status != TrackStatus::lost) take(of_one, state);
-    if (records_ == nullptr || state.status != TrackStatus::confirmed) return;
+    if (records_ == nullptr) return;
     for (const ContactEvent& event : of_one) {
       const auto number = recorded_ + static_cast<std::size_t>(&event - events.data());
-      describe(before, event, state, (*records_)[number]);
+      ImpactRecord& record = (*records_)[number];
+      record.time.sigma = filter_->sigma;
+      if (state.status == TrackStatus::confirmed) describe(before, event, state, record);
     }
   });
   if (identifies() && state.events - state.window > most_events) {
@@ -336,11 +339,14 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
                                  const TrackingState& state, ImpactRecord& record) {
   if (!before) return;
   const FilterBelief& of = *state.belief;
+  const double occurred = of.occurred[event.contact];
+  // Nothing was estimated of an impact that is rejected, or whose direction others hold.
+  if (event.kind != ContactEventKind::opens && occurred == before->occurred[event.contact]) return;
   const ImpactEstimate& impact = of.impact;
   if (impact.time_sigma > 0.0) {
     record.time = {impact.time, impact.time_sigma};
   } else {
-    record.time = {of.occurred[event.contact], of.sigma};
+    record.time = {occurred, of.sigma};
   }
   record.before = {impact.before, impact.before_sigma};
   record.after = {impact.after, impact.after_sigma};
@@ -368,6 +374,8 @@ void TrackingEstimator::find_replica(const TrackingState& state, double t) {
 
 void TrackingEstimator::lose(TrackingState& state) const {
   if (forces_) forces_->start();
+  // A start inside a contact says as much of the scale as any other.
+  if (state.inside == 0) state.scale_is_known = false;
   state.status = TrackStatus::lost;
   state.doubts = false;
   state.fitting = 0;
@@ -417,6 +425,12 @@ double TrackingEstimator::note_energy(TrackingState& state) {
   return energy;
 }
 
+// Twice the expected energy of a belief's error.
+double TrackingEstimator::energy_of_error(const FilterBelief& of) {
+  filter_->of_x = of.S.topRows(filter_->of_x.rows());  // in columns
+  return filter_->flight->twice_energy(filter_->of_x);
+}
+
 void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState& state) {
   Filter& filter = *filter_;
   FilterBelief& next = filter.next;
@@ -446,16 +460,24 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   if (!add_belief(next, state)) return lose(state);
   ++state.fitting;
   const double motion = note_energy(state);
-  const double of_error = filter.flight->twice_energy(next.S.topRows(2 * filter.flight->n()));
+  const double of_error = energy_of_error(next);
   if (of_error > thresholds_.energy_to_keep * std::max(filter.of_start, state.energy)) {
     return lose(state);
   }
   if (state.fitting >= 8 * state.trial) state.trial = thresholds_.trial;
-  if (filter.scale_is_open || state.fitting < to_confirm(state)) return;
+  if (scale_is_lost(state) || state.fitting < to_confirm(state)) return;
   if (of_error < thresholds_.energy_to_confirm * motion) {
     state.status = TrackStatus::confirmed;
     state.inflation = 1.0;
   }
+}
+
+// No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
+// start until it loses the track, and not at all where event times jitter.
+bool TrackingEstimator::scale_is_lost(const TrackingState& state) const {
+  if (filter_->scale_is_open) return true;
+  return kind_ == EstimatorKind::timing && filter_->filter.model().homogeneous &&
+         !state.scale_is_known;
 }
 
 std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
@@ -652,8 +674,8 @@ void TrackingEstimator::take_result(TrackingState& state) {
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
   const double motion = note_energy(state);
-  if (!result_->accepted || !(filter_->flight->twice_energy(of.S.topRows(2 * filter_->flight->n())) <
-                              thresholds_.energy_to_confirm * motion)) {
+  if (!result_->accepted ||
+      !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
     state.size += state.size / 2;
     if (state.size > longest_window) {
       begin_window(state.events - 2 * first, state);
@@ -719,7 +741,7 @@ void TrackingEstimator::note(const TrackingState& state, Confidence& confidence)
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
   confidence.forgotten = state.forgotten;
-  confidence.scale_is_lost = filter_->scale_is_open;
+  confidence.scale_is_lost = scale_is_lost(state);
   confidence.parameters.accepted = state.accepted;
   confidence.parameters.identifications = state.identifications;
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;

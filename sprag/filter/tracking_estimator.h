@@ -57,6 +57,7 @@ struct TrackingState {
   std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
   bool doubts = false;           ///< the last event was spurious, or one was missing
+  bool scale_is_known = true;    ///< the track has not been lost since the start
   ContactSet inside = 0;         ///< closed since t = 0, where the machine may have started inside
   std::int64_t fitting = 0;      ///< events in a row that fitted, since the last start or reset
   std::int64_t trial = 0;        ///< events to fit before confirmation, beside 2f
@@ -172,12 +173,13 @@ class TrackingEstimator {
     // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
     // identified, or there are none.
     Eigen::MatrixXd prior;
+    FilterBelief nothing;  // of the right size
     std::unique_ptr<BeliefPool> pool;
     std::vector<Heard> heard;  // ring, by number of event; where parameters are identified
     // Scratch.
     FilterBelief next;
     Eigen::VectorXd q, u, x;
-    Eigen::MatrixXd of_gaps, of_state;
+    Eigen::MatrixXd of_gaps, of_state, of_x;
     Eigen::RowVectorXd row;
   };
   struct LastFlight {
@@ -187,6 +189,7 @@ class TrackingEstimator {
   };
 
   bool identifies() const { return identifies_; }
+  bool scale_is_lost(const TrackingState& state) const;
   void start_from_prior(const sprag::State& start, TrackingState& state);
   void set_prior(FilterBelief& belief) const;
   Heard& heard(std::int64_t event) const {
@@ -205,6 +208,7 @@ class TrackingEstimator {
   bool take_missing(int contact, double t, TrackingState& state);
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
+  double energy_of_error(const FilterBelief& of);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
   LastFlight last_flight(int contact, double t, const FilterBelief& before);
   void begin_window(std::int64_t event, TrackingState& state) const;
