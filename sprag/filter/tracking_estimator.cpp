@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "sprag/estimation/belief.h"
@@ -25,6 +26,9 @@ constexpr std::int64_t longest_window = 160;
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
 constexpr double least_jitter = 1e-6;
+// Looks for an overdue impact, in a period of the fastest mode.
+constexpr double looks_a_period = 16.0;
+
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
   for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
@@ -143,6 +147,10 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   inflated = start;
   of_start = flight->twice_energy(start);
   next = filter.no_belief();
+  const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
+  longest_look = period / looks_a_period;
+  first_look = std::max({scene.model.chatter_time, sigma,
+                         std::isfinite(period) ? longest_look / looks_a_period : 0.0});
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   pool = std::make_unique<BeliefPool>(next,
                                       std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
@@ -189,6 +197,7 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.closed = chi;
   state.begins = tick_instant(k, h()).hi;
   state.trial = thresholds_.trial;
+  state.last_heard = state.begins;
   if (!filter_) return;
   if (identifies()) {
     state.size = first_size();
@@ -236,12 +245,16 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
 
 void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
   if (identifies() && state.wanted && has_result(state)) take_result(state);
-  const ContactSet before = state.chi;
-  recorded_ = records_ != nullptr ? records_->size() : 0;
-  base_.tick(events, state.base);
+  if (!filter_) {
+    base_.tick(events, state.base);
+  } else {
+    recorded_ = records_ != nullptr ? records_->size() : 0;
+    base_.tick(events, state.base,
+               [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
   state.tick = state.base.tick;
   state.chi = state.base.chi;
-  if (filter_) hear(events, before, state);
+  if (filter_) end_tick(state);
 }
 
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
@@ -252,45 +265,57 @@ std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
 }
 
 void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingState& state) {
-  const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
+  if (filter_) {
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
   state.chi = state.base.chi;
-  if (filter_) hear(events, before, state);
+  if (filter_) end_tick(state);
 }
 
-// What has happened up to the present tick.
-void TrackingEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
-                             TrackingState& state) {
-  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    // A start may be a little later than the first event that it knows.
-    if (state.events == 0) state.begins = std::min(state.begins, of_one.front().t);
-    for (const ContactEvent& event : of_one) {
-      if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
-        state.inside |= bit(event.contact);
-        lose(state);
-      }
-      if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
-      if (identifies()) {
-        const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
-        heard(state.events) = {event, chi, before};
-      }
-      ++state.events;
-      chi = after(chi, event);
+// The events of one instant. The replica is behind them; state.chi is that before them.
+void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState& state) {
+  const double t = events.front().t;
+  watch(t, state);
+  // A start may be a little later than the first event that it knows.
+  if (state.events == 0) state.begins = std::min(state.begins, t);
+  for (const ContactEvent& event : events) {
+    if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
+      state.inside |= bit(event.contact);
+      lose(state);
     }
-    const BeliefRef before = state.belief;
-    if (state.status != TrackStatus::lost) take(of_one, state);
-    if (records_ == nullptr || state.status != TrackStatus::confirmed) return;
-    for (const ContactEvent& event : of_one) {
-      const auto number = recorded_ + static_cast<std::size_t>(&event - events.data());
-      describe(before, event, state, (*records_)[number]);
+    if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
+    if (identifies()) {
+      const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
+      heard(state.events) = {event, state.chi, before};
     }
-  });
+    ++state.events;
+    state.chi = after(state.chi, event);
+  }
+  const BeliefRef before = state.belief;
+  if (state.status != TrackStatus::lost) take(events, state);
+  if (records_ != nullptr) {
+    for (const ContactEvent& event : events) {
+      if (state.status == TrackStatus::confirmed) {
+        describe(before, event, state, (*records_)[recorded_]);
+      }
+      ++recorded_;
+    }
+  }
   if (identifies() && state.events - state.window > most_events) {
     begin_window(state.events - most_events, state);
   }
-  watch(state);
-  if (state.belief && state.status == TrackStatus::lost) reset(state);
+  if (base_.is_exact() && state.status == TrackStatus::lost) reset(t, events, state);
+  state.last_heard = t;
+  state.watched = 0.0;
+}
+
+void TrackingEstimator::end_tick(TrackingState& state) {
+  const double t = tick_instant(state.tick, h()).hi;
+  watch(t, state);
+  // Moreau's stepper is at ticks alone.
+  if (!base_.is_exact() && state.status == TrackStatus::lost) reset(t, {}, state);
   if (identifies() && !state.belief && state.events - state.window >= state.size) {
     state.wanted = true;
   }
@@ -571,37 +596,76 @@ void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) c
   state.closed = heard(event).chi_before;
 }
 
-// Whether an event that had to come has not been reported.
-void TrackingEstimator::watch(TrackingState& state) {
-  if (!state.belief || state.status == TrackStatus::lost) return;
-  const double t = tick_instant(state.tick, h()).hi;
-  if (!filter_->filter.can_reach(t, *state.belief)) return lose(state);
-  if (state.belief->bursting != 0) {
-    filter_->next = *state.belief;
-    filter_->filter.expire(t, filter_->next);
-    if (filter_->next.bursting != state.belief->bursting && !set_belief(filter_->next, state)) {
-      return lose(state);
+// Whether an event that had to come has not been reported by t. When that is found, and what
+// follows, depends on the events alone.
+void TrackingEstimator::watch(double t, TrackingState& state) {
+  Filter& filter = *filter_;
+  while (state.belief && state.status != TrackStatus::lost) {
+    const double end = EventFilter::end_of_burst(*state.belief);
+    const double until = std::min(t, end);
+    if (!filter.filter.can_reach(until, *state.belief)) return lose(state);
+    const double found = first_overdue(until, state);
+    if (found < infinity) {
+      const int contact = filter.filter.overdue(found, *state.belief);
+      const Inconsistency inconsistency{found, contact, Suspicion::missing_event, 0.0};
+      if (may_doubt(state) && take_missing(contact, found, state)) {
+        doubt(inconsistency, state);
+      } else {
+        fail(inconsistency, state);
+      }
+      state.last_heard = found;
+      state.watched = 0.0;
+      continue;
     }
-  }
-  const int contact = filter_->filter.overdue(t, *state.belief);
-  if (contact < 0) return;
-  const Inconsistency inconsistency{t, contact, Suspicion::missing_event, 0.0};
-  if (may_doubt(state) && take_missing(contact, t, state)) {
-    doubt(inconsistency, state);
-  } else {
-    fail(inconsistency, state);
+    if (!(end <= t)) return;
+    filter.next = *state.belief;
+    filter.filter.expire(end, filter.next);
+    if (!set_belief(filter.next, state)) return lose(state);
+    state.last_heard = end;
+    state.watched = 0.0;
   }
 }
 
-// The state of a lost track becomes the replica's.
-void TrackingEstimator::reset(TrackingState& state) {
+// When an impact is overdue first, +infinity: not by t. Looks at times that do not depend on t,
+// and at a finer grid up to t.
+double TrackingEstimator::first_overdue(double t, TrackingState& state) {
+  constexpr double growth = 0.25;
+  constexpr int parts = 64;
+  const FilterBelief& belief = *state.belief;
+  while (true) {
+    const double step = std::min(std::max(growth * state.watched, filter_->first_look),
+                                 filter_->longest_look);
+    const auto grid = [&](int i) {
+      return state.last_heard + (state.watched + step * (static_cast<double>(i) / parts));
+    };
+    int last = parts;
+    if (t < grid(parts)) {
+      last = static_cast<int>(parts * std::max(t - grid(0), 0.0) / step);
+      while (last > 0 && t < grid(last)) --last;
+    }
+    if (last > 0 && filter_->filter.overdue(grid(last), belief) >= 0) {
+      int early = 0;
+      while (last - early > 1) {
+        const int middle = (early + last) / 2;
+        (filter_->filter.overdue(grid(middle), belief) >= 0 ? last : early) = middle;
+      }
+      return grid(last);
+    }
+    if (last < parts) return infinity;
+    state.watched += step;
+  }
+}
+
+// The state of a lost track becomes the replica's, which is at t, behind these events.
+void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
+                              TrackingState& state) {
+  if (!state.belief) return;
   Filter& filter = *filter_;
   const bool exact_parameters = filter.flight->unknowns() == 0;
   if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
                        : state.chi != 0) {
     return;
   }
-  const double t = tick_instant(state.tick, h()).hi;
   find_replica(state, t);
   filter.next = *state.belief;
   // At most as uncertain as the replica's motion is large.
@@ -611,9 +675,12 @@ void TrackingEstimator::reset(TrackingState& state) {
   state.inflation = std::min(state.inflation, most);
   filter.inflated = state.inflation * filter.start;
   filter.filter.restart(t, filter.x, filter.inflated, state.chi, filter.next);
+  for (const ContactEvent& event : events) filter.next.reported[event.contact] = t;
   if (!set_belief(filter.next, state)) return;
   note_start(filter.next);
   state.status = TrackStatus::tentative;
+  state.last_heard = t;
+  state.watched = 0.0;
 }
 
 bool TrackingEstimator::waits(const TrackingState& state) const {
