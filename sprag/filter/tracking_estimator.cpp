@@ -307,8 +307,7 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState
     begin_window(state.events - most_events, state);
   }
   if (base_.is_exact() && state.status == TrackStatus::lost) reset(t, events, state);
-  state.last_heard = t;
-  state.watched = 0.0;
+  heard_at(t, state);
 }
 
 void TrackingEstimator::end_tick(TrackingState& state) {
@@ -526,16 +525,14 @@ void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState&
   state.last = inconsistency;
 }
 
-// Takes the impact that was not reported, where the gap fell through zero.
-bool TrackingEstimator::take_missing(int contact, double t, TrackingState& state) {
-  Filter& filter = *filter_;
-  const FilterBelief& present = *state.belief;
+// When the gap fell through zero before t, where it is negative; -infinity: before the belief.
+double TrackingEstimator::crossing_before(double t, int contact, const FilterBelief& belief) {
   const auto gap_at = [&](double when) {
-    filter.filter.fly_mean(when, present);
-    return filter.filter.gap(contact);
+    filter_->filter.fly_mean(when, belief);
+    return filter_->filter.gap(contact);
   };
   constexpr int looks = 64, halvings = 40;
-  const double step = (t - present.t) / looks;
+  const double step = (t - belief.t) / looks;
   double inside = t, outside = t;
   for (int i = 1; i < looks && outside == t; ++i) {
     if (gap_at(t - i * step) < 0.0) {
@@ -544,16 +541,26 @@ bool TrackingEstimator::take_missing(int contact, double t, TrackingState& state
       outside = t - i * step;
     }
   }
-  if (outside == t) return false;
+  if (outside == t) return -infinity;
   for (int i = 0; i < halvings; ++i) {
     const double middle = 0.5 * (outside + inside);
     (gap_at(middle) < 0.0 ? inside : outside) = middle;
   }
+  return inside;
+}
+
+// Takes the impact that was not reported, where the gap fell through zero.
+bool TrackingEstimator::take_missing(TrackingState& state) {
+  Filter& filter = *filter_;
+  const FilterBelief& present = *state.belief;
+  const int contact = state.overdue;
+  const double crossing = crossing_before(state.overdue_since, contact, present);
+  if (crossing == -infinity) return false;
   filter.next = present;
   // Its time is as uncertain as the flight makes it.
-  filter.next.sigma = t - present.t;
+  filter.next.sigma = state.overdue_since - present.t;
   filter.next.reported[contact] = -infinity;
-  const ContactEvent missing{inside, contact, ContactEventKind::pulse};
+  const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
   if (!filter.filter.take(missing, filter.next)) return false;
   note_event(missing, filter.next.sigma);
   filter.next.sigma = present.sigma;
@@ -604,26 +611,40 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
     const double end = EventFilter::end_of_burst(*state.belief);
     const double until = std::min(t, end);
     if (!filter.filter.can_reach(until, *state.belief)) return lose(state);
-    const double found = first_overdue(until, state);
-    if (found < infinity) {
-      const int contact = filter.filter.overdue(found, *state.belief);
-      const Inconsistency inconsistency{found, contact, Suspicion::missing_event, 0.0};
-      if (may_doubt(state) && take_missing(contact, found, state)) {
+    if (state.overdue < 0) {
+      const double found = first_overdue(until, state);
+      if (found < infinity) {
+        state.overdue = filter.filter.overdue(found, *state.belief);
+        state.overdue_since = state.missing_from = found;
+        const double crossing = crossing_before(found, state.overdue, *state.belief);
+        const double late = thresholds_.long_inside * (crossing - state.belief->t);
+        state.missing_from = std::max(found, crossing + late);
+      }
+    }
+    if (state.overdue >= 0 && state.missing_from <= until) {
+      const double from = state.missing_from;
+      const Inconsistency inconsistency{from, state.overdue, Suspicion::missing_event, 0.0};
+      if (may_doubt(state) && take_missing(state)) {
         doubt(inconsistency, state);
       } else {
         fail(inconsistency, state);
       }
-      state.last_heard = found;
-      state.watched = 0.0;
+      heard_at(from, state);
       continue;
     }
     if (!(end <= t)) return;
     filter.next = *state.belief;
     filter.filter.expire(end, filter.next);
     if (!set_belief(filter.next, state)) return lose(state);
-    state.last_heard = end;
-    state.watched = 0.0;
+    heard_at(end, state);
   }
+}
+
+// From then on watch() listens.
+void TrackingEstimator::heard_at(double t, TrackingState& state) const {
+  state.last_heard = t;
+  state.watched = 0.0;
+  state.overdue = -1;
 }
 
 // When an impact is overdue first, +infinity: not by t. Looks at times that do not depend on t,
@@ -679,8 +700,7 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   if (!set_belief(filter.next, state)) return;
   note_start(filter.next);
   state.status = TrackStatus::tentative;
-  state.last_heard = t;
-  state.watched = 0.0;
+  heard_at(t, state);
 }
 
 bool TrackingEstimator::waits(const TrackingState& state) const {
@@ -731,10 +751,14 @@ void TrackingEstimator::take_result(TrackingState& state) {
   state.fitting = to_confirm(state);
 }
 
+bool TrackingEstimator::claims(const TrackingState& state) {
+  return state.status == TrackStatus::confirmed && state.overdue < 0;
+}
+
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
-  return state.status == TrackStatus::confirmed ||
-         (kind_ == EstimatorKind::timing && state.status == TrackStatus::tentative);
+  return claims(state) ||
+         (kind_ == EstimatorKind::timing && state.status != TrackStatus::lost);
 }
 
 void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -794,7 +818,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (!filter_) return;
   if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
-  if (state.status == TrackStatus::confirmed) {
+  if (claims(state)) {
     const FilterBelief& belief = belief_at(t, state);
     filter_->filter.publish(t, belief);
     fill_deviations(belief, confidence);
@@ -879,7 +903,7 @@ Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& be
 Prediction TrackingEstimator::predict(const TrackingState& state, const Predictor& predictor,
                                       double ahead) {
   const double t = tick_instant(state.tick, h()).hi;
-  if (!filter_ || identifies() || state.status != TrackStatus::confirmed) return {t, t, {}};
+  if (!filter_ || identifies() || !claims(state)) return {t, t, {}};
   sprag::Belief from;
   const Eigen::MatrixXd S_c = belief(state, from);
   const FilterModel& model = filter_->filter.model();

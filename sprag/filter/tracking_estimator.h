@@ -8,7 +8,9 @@
 // its posterior.
 //
 // Supervision (track.h). While the track is confirmed the estimate is the filter's. The filter
-// rejects one spurious event and bridges one missing event of a confirmed track. Where another event
+// rejects one spurious event and bridges one missing event of a confirmed track. Nothing is claimed
+// while an impact is overdue; where it stays away for a share of the flight's duration that no model
+// is wrong by, it is missing. Where another event
 // does not fit, the track is lost: the estimate of `both` and `adaptive` is the replica's, and the
 // filter resets its state to the replica's at the next event, or at this one. `timing` shows the
 // filter from then on, with infinite deviations until it is confirmed. Parameters with a prior return to it after a
@@ -55,6 +57,8 @@ struct TrackingState {
   BeliefRef belief;  ///< none before the first result of an identification
   double last_heard = 0.0;  ///< the last event's report, or what took its place [s]
   double watched = 0.0;     ///< time since then in which no impact was overdue [s]
+  int overdue = -1;         ///< contact whose impact is; -1: none
+  double overdue_since = 0.0, missing_from = 0.0;  ///< of that impact [s]
   /// Those before its last events, the latest first: for ticks that precede several of them.
   std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
@@ -206,7 +210,10 @@ class TrackingEstimator {
   void lose(TrackingState& state) const;
   static bool may_doubt(const TrackingState& state);
   static void doubt(const Inconsistency& inconsistency, TrackingState& state);
-  bool take_missing(int contact, double t, TrackingState& state);
+  double crossing_before(double t, int contact, const FilterBelief& belief);
+  bool take_missing(TrackingState& state);
+  void heard_at(double t, TrackingState& state) const;
+  static bool claims(const TrackingState& state);
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
