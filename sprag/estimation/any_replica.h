@@ -29,6 +29,26 @@ class AnyReplica {
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state);
   void tick(std::span<const ContactEvent> events, State& state);
+  /// The same; `visit(of_one_instant)` is called behind the events of each instant. What output()
+  /// says then is of that instant with exact flow, of the tick with Moreau's stepper.
+  template <typename Visit>
+  void tick(std::span<const ContactEvent> events, State& state, Visit visit) {
+    auto* replica = std::get_if<Replica>(&replica_);
+    if (replica == nullptr || events.empty()) {
+      tick(events, state);
+      for_each_instant(events, visit);
+      return;
+    }
+    auto& of = std::get<ReplicaState>(state.of);
+    replica->open_tick(of);
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+      replica->take(of_one, of);
+      visit(of_one);
+    });
+    replica->close_tick(of);
+    state.tick = of.tick;
+    state.chi = of.chi;
+  }
   /// As Replica's; 0 with Moreau's stepper, which has no ticks of which nothing is new.
   std::int64_t coast(std::int64_t n, State& state);
   bool coasts() const { return is_exact(); }

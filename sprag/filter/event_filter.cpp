@@ -727,8 +727,16 @@ Eigen::Index EventFilter::take_columns() {
 
 void EventFilter::expire(double t, FilterBelief& belief) {
   for_each(belief.bursting, [&](int contact) {
-    if (t > belief.reported[contact] + close_reports * belief.sigma) let_go(contact, belief);
+    if (t >= belief.reported[contact] + close_reports * belief.sigma) let_go(contact, belief);
   });
+}
+
+double EventFilter::end_of_burst(const FilterBelief& belief) {
+  double end = infinity;
+  for_each(belief.bursting, [&](int contact) {
+    end = std::min(end, belief.reported[contact] + close_reports * belief.sigma);
+  });
+  return end;
 }
 
 bool EventFilter::can_separate(std::span<const ContactEvent> events, const FilterBelief& belief) {

@@ -65,6 +65,8 @@ class EventFilter {
 
   /// Ends the bursts after which no report has come for several sigma. Does not allocate.
   void expire(double t, FilterBelief& belief);
+  /// When the first of them ends, if no report comes; +infinity without a burst [s].
+  static double end_of_burst(const FilterBelief& belief);
 
   /// Whether a flight to t is affordable, and possible.
   bool can_reach(double t, const FilterBelief& belief) const {

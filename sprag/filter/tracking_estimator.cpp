@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "sprag/estimation/belief.h"
@@ -28,6 +29,9 @@ constexpr double run_rounding = 4.0 * measurement_rounding;
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
 constexpr double least_jitter = 1e-6;
+// Looks for an overdue impact, in a period of the fastest mode.
+constexpr double looks_a_period = 16.0;
+
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
   for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
@@ -146,6 +150,10 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   inflated = start;
   of_start = flight->twice_energy(start);
   next = nothing = filter.no_belief();
+  const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
+  longest_look = period / looks_a_period;
+  first_look = std::max({scene.model.chatter_time, sigma,
+                         std::isfinite(period) ? longest_look / looks_a_period : 0.0});
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   pool = std::make_unique<BeliefPool>(next,
                                       std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
@@ -193,6 +201,7 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.closed = chi;
   state.begins = tick_instant(k, h()).hi;
   state.trial = thresholds_.trial;
+  state.last_heard = state.begins;
   if (!filter_) return;
   if (identifies()) {
     state.size = first_size();
@@ -240,12 +249,16 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
 
 void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
   if (identifies() && state.wanted && has_result(state)) take_result(state);
-  const ContactSet before = state.chi;
-  recorded_ = records_ != nullptr ? records_->size() : 0;
-  base_.tick(events, state.base);
+  if (!filter_) {
+    base_.tick(events, state.base);
+  } else {
+    recorded_ = records_ != nullptr ? records_->size() : 0;
+    base_.tick(events, state.base,
+               [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
   state.tick = state.base.tick;
   state.chi = state.base.chi;
-  if (filter_) hear(events, before, state);
+  if (filter_) end_tick(state);
 }
 
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
@@ -256,47 +269,55 @@ std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
 }
 
 void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingState& state) {
-  const ContactSet before = state.chi;
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
+  if (filter_) {
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
   state.chi = state.base.chi;
-  if (filter_) hear(events, before, state);
+  if (filter_) end_tick(state);
 }
 
-// What has happened up to the present tick.
-void TrackingEstimator::hear(std::span<const ContactEvent> events, ContactSet chi,
-                             TrackingState& state) {
-  for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
-    // A start may be a little later than the first event that it knows.
-    if (state.events == 0) state.begins = std::min(state.begins, of_one.front().t);
-    for (const ContactEvent& event : of_one) {
-      if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
-        state.inside |= bit(event.contact);
-        lose(state);
-      }
-      if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
-      if (identifies()) {
-        const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
-        heard(state.events) = {event, chi, before};
-      }
-      ++state.events;
-      chi = after(chi, event);
+// The events of one instant. The replica is behind them; state.chi is that before them.
+void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState& state) {
+  const double t = events.front().t;
+  watch(t, state);
+  // A start may be a little later than the first event that it knows.
+  if (state.events == 0) state.begins = std::min(state.begins, t);
+  for (const ContactEvent& event : events) {
+    if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
+      state.inside |= bit(event.contact);
+      lose(state);
     }
-    const BeliefRef before = state.belief;
-    if (state.status != TrackStatus::lost) take(of_one, state);
-    if (records_ == nullptr) return;
-    for (const ContactEvent& event : of_one) {
-      const auto number = recorded_ + static_cast<std::size_t>(&event - events.data());
-      ImpactRecord& record = (*records_)[number];
+    if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
+    if (identifies()) {
+      const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
+      heard(state.events) = {event, state.chi, before};
+    }
+    ++state.events;
+    state.chi = after(state.chi, event);
+  }
+  const BeliefRef before = state.belief;
+  if (state.status != TrackStatus::lost) take(events, state);
+  if (records_ != nullptr) {
+    for (const ContactEvent& event : events) {
+      ImpactRecord& record = (*records_)[recorded_++];
       record.time.sigma = filter_->sigma;
       if (state.status == TrackStatus::confirmed) describe(before, event, state, record);
     }
-  });
+  }
   if (identifies() && state.events - state.window > most_events) {
     begin_window(state.events - most_events, state);
   }
-  watch(state);
-  if (state.belief && state.status == TrackStatus::lost) reset(state);
+  if (base_.is_exact() && state.status == TrackStatus::lost) reset(t, events, state);
+  heard_at(t, state);
+}
+
+void TrackingEstimator::end_tick(TrackingState& state) {
+  const double t = tick_instant(state.tick, h()).hi;
+  watch(t, state);
+  // Moreau's stepper is at ticks alone.
+  if (!base_.is_exact() && state.status == TrackStatus::lost) reset(t, {}, state);
   if (identifies() && !state.belief && state.events - state.window >= state.size) {
     state.wanted = true;
   }
@@ -527,16 +548,14 @@ void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState&
   state.last = inconsistency;
 }
 
-// Takes the impact that was not reported, where the gap fell through zero.
-bool TrackingEstimator::take_missing(int contact, double t, TrackingState& state) {
-  Filter& filter = *filter_;
-  const FilterBelief& present = *state.belief;
+// When the gap fell through zero before t, where it is negative; -infinity: before the belief.
+double TrackingEstimator::crossing_before(double t, int contact, const FilterBelief& belief) {
   const auto gap_at = [&](double when) {
-    filter.filter.fly_mean(when, present);
-    return filter.filter.gap(contact);
+    filter_->filter.fly_mean(when, belief);
+    return filter_->filter.gap(contact);
   };
   constexpr int looks = 64, halvings = 40;
-  const double step = (t - present.t) / looks;
+  const double step = (t - belief.t) / looks;
   double inside = t, outside = t;
   for (int i = 1; i < looks && outside == t; ++i) {
     if (gap_at(t - i * step) < 0.0) {
@@ -545,16 +564,26 @@ bool TrackingEstimator::take_missing(int contact, double t, TrackingState& state
       outside = t - i * step;
     }
   }
-  if (outside == t) return false;
+  if (outside == t) return -infinity;
   for (int i = 0; i < halvings; ++i) {
     const double middle = 0.5 * (outside + inside);
     (gap_at(middle) < 0.0 ? inside : outside) = middle;
   }
+  return inside;
+}
+
+// Takes the impact that was not reported, where the gap fell through zero.
+bool TrackingEstimator::take_missing(TrackingState& state) {
+  Filter& filter = *filter_;
+  const FilterBelief& present = *state.belief;
+  const int contact = state.overdue;
+  const double crossing = crossing_before(state.overdue_since, contact, present);
+  if (crossing == -infinity) return false;
   filter.next = present;
   // Its time is as uncertain as the flight makes it.
-  filter.next.sigma = t - present.t;
+  filter.next.sigma = state.overdue_since - present.t;
   filter.next.reported[contact] = -infinity;
-  const ContactEvent missing{inside, contact, ContactEventKind::pulse};
+  const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
   if (!filter.filter.take(missing, filter.next)) return false;
   note_event(missing, filter.next.sigma);
   filter.next.sigma = present.sigma;
@@ -597,38 +626,93 @@ void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) c
   state.closed = heard(event).chi_before;
 }
 
-// Whether an event that had to come has not been reported.
-void TrackingEstimator::watch(TrackingState& state) {
-  if (!state.belief || state.status == TrackStatus::lost) return;
-  const double t = tick_instant(state.tick, h()).hi;
-  if (!filter_->filter.can_reach(t, *state.belief)) return lose(state);
-  if (state.belief->bursting != 0) {
-    filter_->next = *state.belief;
-    filter_->filter.expire(t, filter_->next);
-    if (filter_->next.bursting != state.belief->bursting && !set_belief(filter_->next, state)) {
-      return lose(state);
+// Whether an event that had to come has not been reported by t. When that is found, and what
+// follows, depends on the events alone.
+void TrackingEstimator::watch(double t, TrackingState& state) {
+  Filter& filter = *filter_;
+  while (state.belief && state.status != TrackStatus::lost) {
+    const double end = EventFilter::end_of_burst(*state.belief);
+    const double until = std::min(t, end);
+    if (!filter.filter.can_reach(until, *state.belief)) return lose(state);
+    if (state.overdue < 0) {
+      const double found = first_overdue(until, state);
+      if (found < infinity) {
+        state.overdue = filter.filter.overdue(found, *state.belief);
+        state.overdue_since = state.missing_from = found;
+      }
+      if (found < infinity && !contains(state.belief->held, state.overdue)) {
+        const double crossing = crossing_before(found, state.overdue, *state.belief);
+        const double late = thresholds_.long_inside * (crossing - state.belief->t);
+        state.missing_from = std::max(found, crossing + late);
+      }
     }
-  }
-  const int contact = filter_->filter.overdue(t, *state.belief);
-  if (contact < 0) return;
-  const Inconsistency inconsistency{t, contact, Suspicion::missing_event, 0.0};
-  const bool held = contains(state.belief->held, contact);
-  if (!held && may_doubt(state) && take_missing(contact, t, state)) {
-    doubt(inconsistency, state);
-  } else {
-    fail(inconsistency, state);
+    if (state.overdue >= 0 && state.missing_from <= until) {
+      const double from = state.missing_from;
+      const Inconsistency inconsistency{from, state.overdue, Suspicion::missing_event, 0.0};
+      const bool held = contains(state.belief->held, state.overdue);
+      if (!held && may_doubt(state) && take_missing(state)) {
+        doubt(inconsistency, state);
+      } else {
+        fail(inconsistency, state);
+      }
+      heard_at(from, state);
+      continue;
+    }
+    if (!(end <= t)) return;
+    filter.next = *state.belief;
+    filter.filter.expire(end, filter.next);
+    if (!set_belief(filter.next, state)) return lose(state);
+    heard_at(end, state);
   }
 }
 
-// The state of a lost track becomes the replica's.
-void TrackingEstimator::reset(TrackingState& state) {
+// From then on watch() listens.
+void TrackingEstimator::heard_at(double t, TrackingState& state) const {
+  state.last_heard = t;
+  state.watched = 0.0;
+  state.overdue = -1;
+}
+
+// When an impact is overdue first, +infinity: not by t. Looks at times that do not depend on t,
+// and at a finer grid up to t.
+double TrackingEstimator::first_overdue(double t, TrackingState& state) {
+  constexpr double growth = 0.25;
+  constexpr int parts = 64;
+  const FilterBelief& belief = *state.belief;
+  while (true) {
+    const double step = std::min(std::max(growth * state.watched, filter_->first_look),
+                                 filter_->longest_look);
+    const auto grid = [&](int i) {
+      return state.last_heard + (state.watched + step * (static_cast<double>(i) / parts));
+    };
+    int last = parts;
+    if (t < grid(parts)) {
+      last = static_cast<int>(parts * std::max(t - grid(0), 0.0) / step);
+      while (last > 0 && t < grid(last)) --last;
+    }
+    if (last > 0 && filter_->filter.overdue(grid(last), belief) >= 0) {
+      int early = 0;
+      while (last - early > 1) {
+        const int middle = (early + last) / 2;
+        (filter_->filter.overdue(grid(middle), belief) >= 0 ? last : early) = middle;
+      }
+      return grid(last);
+    }
+    if (last < parts) return infinity;
+    state.watched += step;
+  }
+}
+
+// The state of a lost track becomes the replica's, which is at t, behind these events.
+void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
+                              TrackingState& state) {
+  if (!state.belief) return;
   Filter& filter = *filter_;
   const bool exact_parameters = filter.flight->unknowns() == 0;
   if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
                        : state.chi != 0) {
     return;
   }
-  const double t = tick_instant(state.tick, h()).hi;
   find_replica(state, t);
   filter.next = *state.belief;
   // At most as uncertain as the replica's motion is large.
@@ -638,9 +722,11 @@ void TrackingEstimator::reset(TrackingState& state) {
   state.inflation = std::min(state.inflation, most);
   filter.inflated = state.inflation * filter.start;
   filter.filter.restart(t, filter.x, filter.inflated, state.chi, filter.next);
+  for (const ContactEvent& event : events) filter.next.reported[event.contact] = t;
   if (!set_belief(filter.next, state)) return;
   note_start(filter.next);
   state.status = TrackStatus::tentative;
+  heard_at(t, state);
 }
 
 bool TrackingEstimator::waits(const TrackingState& state) const {
@@ -691,10 +777,14 @@ void TrackingEstimator::take_result(TrackingState& state) {
   state.fitting = to_confirm(state);
 }
 
+bool TrackingEstimator::claims(const TrackingState& state) {
+  return state.status == TrackStatus::confirmed && state.overdue < 0;
+}
+
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
-  return state.status == TrackStatus::confirmed ||
-         (kind_ == EstimatorKind::timing && state.status == TrackStatus::tentative);
+  return claims(state) ||
+         (kind_ == EstimatorKind::timing && state.status != TrackStatus::lost);
 }
 
 void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -754,7 +844,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (!filter_) return;
   if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
-  if (state.status == TrackStatus::confirmed) {
+  if (claims(state)) {
     const FilterBelief& belief = belief_at(t, state);
     filter_->filter.publish(t, belief);
     fill_deviations(t, belief, confidence);
@@ -845,7 +935,7 @@ Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& be
 Prediction TrackingEstimator::predict(const TrackingState& state, const Predictor& predictor,
                                       double ahead) {
   const double t = tick_instant(state.tick, h()).hi;
-  if (!filter_ || identifies() || state.status != TrackStatus::confirmed) return {t, t, {}};
+  if (!filter_ || identifies() || !claims(state)) return {t, t, {}};
   sprag::Belief from;
   const Eigen::MatrixXd S_c = belief(state, from);
   const FilterModel& model = filter_->filter.model();

@@ -8,10 +8,12 @@
 // its posterior.
 //
 // Supervision (track.h). While the track is confirmed the estimate is the filter's. The filter
-// rejects one spurious event and bridges one missing event of a confirmed track. Where another event
+// rejects one spurious event and bridges one missing event of a confirmed track. Nothing is claimed
+// while an impact is overdue; where it stays away for a share of the flight's duration that no model
+// is wrong by, it is missing. Where another event
 // does not fit, the track is lost: the estimate of `both` and `adaptive` is the replica's, and the
-// filter resets its state to the replica's at the next tick. `timing` shows the filter from then
-// on, with infinite deviations until it is confirmed. Parameters with a prior return to it after a
+// filter resets its state to the replica's at the next event, or at this one. `timing` shows the
+// filter from then on, with infinite deviations until it is confirmed. Parameters with a prior return to it after a
 // failure before confirmation; others are identified anew from the events since.
 //
 // An identification is wanted in the state of a tick, and of the events up to it; its result counts
@@ -53,6 +55,10 @@ struct TrackingState {
 
   // The filter.
   BeliefRef belief;  ///< none before the first result of an identification
+  double last_heard = 0.0;  ///< the last event's report, or what took its place [s]
+  double watched = 0.0;     ///< time since then in which no impact was overdue [s]
+  int overdue = -1;         ///< contact whose impact is; -1: none
+  double overdue_since = 0.0, missing_from = 0.0;  ///< of that impact [s]
   /// Those before its last events, the latest first: for ticks that precede several of them.
   std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
@@ -167,6 +173,7 @@ class TrackingEstimator {
     double of_start = 0.0;     // twice the expected energy of a start's error
     double largest_w = 1.0;    // largest entry of the contacts' directions
     Eigen::MatrixXd M, K;
+    double first_look = 0.0, longest_look = infinity;  // of watch() [s]
     bool scale_is_open = false, may_start_inside = false;
     Eigen::MatrixXd start;     // deviations of a start, 2f x 2f
     Eigen::MatrixXd inflated;  // of a reset
@@ -199,13 +206,17 @@ class TrackingEstimator {
   std::int64_t to_confirm(const TrackingState& state) const;
   bool has_result(const TrackingState& state) const;
   void take_result(TrackingState& state);
-  void hear(std::span<const ContactEvent> events, ContactSet chi, TrackingState& state);
+  void hear(std::span<const ContactEvent> of_one_instant, TrackingState& state);
+  void end_tick(TrackingState& state);
   void take(std::span<const ContactEvent> of_one_instant, TrackingState& state);
   bool shows_filter(const TrackingState& state) const;
   void lose(TrackingState& state) const;
   bool may_doubt(const TrackingState& state) const;
   static void doubt(const Inconsistency& inconsistency, TrackingState& state);
-  bool take_missing(int contact, double t, TrackingState& state);
+  double crossing_before(double t, int contact, const FilterBelief& belief);
+  bool take_missing(TrackingState& state);
+  void heard_at(double t, TrackingState& state) const;
+  static bool claims(const TrackingState& state);
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
   double energy_of_error(const FilterBelief& of);
@@ -213,12 +224,13 @@ class TrackingEstimator {
   LastFlight last_flight(int contact, double t, const FilterBelief& before);
   void begin_window(std::int64_t event, TrackingState& state) const;
   void find_replica(const TrackingState& state, double t);
-  void watch(TrackingState& state);
+  void watch(double t, TrackingState& state);
+  double first_overdue(double t, TrackingState& state);
   void describe(const BeliefRef& before, const ContactEvent& event, const TrackingState& state,
                 ImpactRecord& record);
   void follow_forces(const FilterBelief& before, double t);
   void measure_release(const FilterBelief& before, const ContactEvent& event);
-  void reset(TrackingState& state);
+  void reset(double t, std::span<const ContactEvent> events, TrackingState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
   bool set_belief(const FilterBelief& of, TrackingState& state) const;
