@@ -243,13 +243,14 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
 }
 
 // An impact is where the flux through the gap is: gamma < 0, weighted by -gamma.
-void EventFilter::weigh_flux(double& gamma, Node& node) {
+void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node& node) {
   const double deviation = at_.psi.norm();
   if (!(deviation > 1e-6 * std::abs(gamma))) {
     node.log_weight += std::log(std::max(-gamma, 1e-300));
     return;
   }
-  const FluxMoments moments = flux_moments(gamma, deviation, 0.0);
+  const double even = variance / (std::max(std::abs(gamma), 0.1 * deviation) * square(sigma));
+  const FluxMoments moments = flux_moments(gamma, deviation, even);
   const double along = (moments.mean - gamma) / deviation;
   const double rest = std::sqrt(std::max(moments.variance, 1e-6 * square(deviation)));
   const double cut = 1.0 - rest / deviation;
@@ -286,7 +287,9 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
     at_.psi.noalias() += at_.T.transpose().lazyProduct(at_.velocity_by_c);
     gamma = at_.of.velocity + at_.of_velocity.dot(x_) - at_.of_velocity.dot(at_.x) +
             at_.velocity_by_c.dot(c_ - theta);
-    if (!exact && !at_.considers() && event.extra == 0.0) weigh_flux(gamma, node);
+    if (!exact && !at_.considers() && event.extra == 0.0) {
+      weigh_flux(belief.sigma, variance, gamma, node);
+    }
     if (exact && event.kind == Kind::stays) measure_rest(event, gamma);
   }
   node.gamma = gamma;

@@ -145,7 +145,7 @@ class EventFilter {
   void condition(const Event& event, const FilterBelief& belief, Node& node);
   double remainder(const Event& event);
   void measure_rest(const Event& event, double gamma);
-  void weigh_flux(double& gamma, Node& node);
+  void weigh_flux(double sigma, double variance, double& gamma, Node& node);
   void collapse(double largest, int nodes, FilterBelief& belief);
   void describe(const Event& event, int nodes, FilterBelief& belief);
   void keep(Eigen::Index columns, FilterBelief& belief);
