@@ -629,7 +629,9 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
         state.overdue = filter.filter.overdue(found, *state.belief);
         state.overdue_since = state.missing_from = found;
         const double crossing = crossing_before(found, state.overdue, *state.belief);
-        const double late = thresholds_.long_inside * (crossing - state.belief->t);
+        // The impacts that complete a chatter are not reported.
+        const double late = thresholds_.long_inside * (crossing - state.belief->t) +
+                            filter.filter.model().chatter_time;
         state.missing_from = std::max(found, crossing + late);
       }
     }
