@@ -160,6 +160,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   q.setZero(f);
   u.setZero(f);
   x.setZero(2 * f);
+  off = x;
   const Eigen::Index columns = filter.deviations().cols();
   of_gaps.setZero(flight->contacts(), columns);
   of_state.setZero(2 * f, columns);
@@ -403,7 +404,17 @@ void TrackingEstimator::lose(TrackingState& state) const {
   state.mean_square = 1.0;
 }
 
+// Not so after events that no machine could have.
+bool TrackingEstimator::is_bounded(const FilterBelief& of) const {
+  const Flight& flight = *filter_->flight;
+  const Eigen::Index size = 2 * flight.n();
+  return of.z.allFinite() && of.S.allFinite() &&
+         std::isfinite(flight.twice_energy(of.z.head(size))) &&
+         std::isfinite(flight.twice_energy(of.S.topRows(size)));
+}
+
 bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state) const {
+  if (!is_bounded(of)) return false;
   state.earlier = {};
   state.belief = filter_->pool->put(of);
   if (!state.belief) ++state.forgotten;
@@ -412,6 +423,7 @@ bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state)
 
 // After an event.
 bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state) const {
+  if (!is_bounded(of)) return false;
   auto earlier = std::move(state.earlier);
   std::move_backward(earlier.begin(), earlier.end() - 1, earlier.end());
   earlier.front() = std::move(state.belief);
@@ -482,7 +494,7 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   ++state.fitting;
   const double motion = note_energy(state);
   const double of_error = energy_of_error(next);
-  if (of_error > thresholds_.energy_to_keep * std::max(filter.of_start, state.energy)) {
+  if (!(of_error <= thresholds_.energy_to_keep * std::max(filter.of_start, state.energy))) {
     return lose(state);
   }
   if (state.fitting >= 8 * state.trial) state.trial = thresholds_.trial;
@@ -642,7 +654,9 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
       }
       if (found < infinity && !contains(state.belief->held, state.overdue)) {
         const double crossing = crossing_before(found, state.overdue, *state.belief);
-        const double late = thresholds_.long_inside * (crossing - state.belief->t);
+        // The impacts that complete a chatter are not reported.
+        const double late = thresholds_.long_inside * (crossing - state.belief->t) +
+                            filter.filter.model().chatter_time;
         state.missing_from = std::max(found, crossing + late);
       }
     }
@@ -715,7 +729,14 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   }
   find_replica(state, t);
   filter.next = *state.belief;
-  // At most as uncertain as the replica's motion is large.
+  // Of a track that was lost without a failure: as uncertain as the replica is off what was
+  // believed. At most as its motion is large.
+  if (filter.of_start > 0.0 && state.inflation == 1.0) {
+    filter.filter.fly_mean(t, filter.next);
+    filter.off = filter.flight->x() - filter.x;
+    const double off = filter.flight->twice_energy(filter.off) / filter.of_start;
+    if (off > square(state.inflation)) state.inflation = std::sqrt(off);
+  }
   const double motion = std::max(note_energy(state), state.energy);
   const double most =
       filter.of_start > 0.0 ? std::sqrt(std::max(motion / filter.of_start, 1.0)) : 1.0;

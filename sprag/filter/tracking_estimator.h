@@ -185,7 +185,7 @@ class TrackingEstimator {
     std::vector<Heard> heard;  // ring, by number of event; where parameters are identified
     // Scratch.
     FilterBelief next;
-    Eigen::VectorXd q, u, x;
+    Eigen::VectorXd q, u, x, off;
     Eigen::MatrixXd of_gaps, of_state, of_x;
     Eigen::RowVectorXd row;
   };
@@ -233,6 +233,7 @@ class TrackingEstimator {
   void reset(double t, std::span<const ContactEvent> events, TrackingState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
+  bool is_bounded(const FilterBelief& of) const;
   bool set_belief(const FilterBelief& of, TrackingState& state) const;
   bool add_belief(const FilterBelief& of, TrackingState& state) const;
   static const FilterBelief& belief_at(double t, const TrackingState& state);
