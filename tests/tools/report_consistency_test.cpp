@@ -88,17 +88,17 @@ std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
   std::vector<DrawnRecord> records;
   const auto add = [&](DrawnRecord record) { records.push_back(std::move(record)); };
   const double e = draw.uniform(0.85, 0.95), drag = draw.uniform(0.08, 0.2);
-  const std::string ball = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
+  const std::string right = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
   const test::Arguments both{"--free", "impact.restitution,system.C"};
-  add({"ball, right, exact", ball, ball, 8.0, 24, 0.0, 1.0, 0, 0, {}});
-  add({"ball, near, exact", ball, near, 8.0, 24, 0.0, 1.0, 0, 0, {}});
-  add({"ball, right, jitter", ball, ball, 8.0, 24, 3e-4, 1.0, 0, 0, {}, 3e-4});
-  add({"ball, near, jitter not given", ball, near, 8.0, 24, 3e-4, 1.0, 0, 0, both});
-  add({"ball, right, one lost", ball, ball, 8.0, 24, 1e-4, 1.0, 1, 0, {}, 1e-4});
-  add({"ball, near, one lost", ball, near, 8.0, 24, 1e-4, 1.0, 1, 0, both});
-  add({"ball, right, one spurious", ball, ball, 8.0, 24, 1e-4, 1.0, 0, 1, both, 1e-4});
-  add({"ball, jitter given too small", ball, ball, 8.0, 24, 2e-3, 1.0, 0, 0, both, 1e-4});
-  add({"ball, slight mistake", ball, ball_text(drag, 1.0004 * e), 8.0, 24, 3e-4, 1.0, 0, 0, both,
+  add({"ball, right, exact", right, right, 8.0, 24, 0.0, 1.0, 0, 0, {}});
+  add({"ball, near, exact", right, near, 8.0, 24, 0.0, 1.0, 0, 0, {}});
+  add({"ball, right, jitter", right, right, 8.0, 24, 3e-4, 1.0, 0, 0, {}, 3e-4});
+  add({"ball, near, jitter not given", right, near, 8.0, 24, 3e-4, 1.0, 0, 0, both});
+  add({"ball, right, one lost", right, right, 8.0, 24, 1e-4, 1.0, 1, 0, {}, 1e-4});
+  add({"ball, near, one lost", right, near, 8.0, 24, 1e-4, 1.0, 1, 0, both});
+  add({"ball, right, one spurious", right, right, 8.0, 24, 1e-4, 1.0, 0, 1, both, 1e-4});
+  add({"ball, jitter given too small", right, right, 8.0, 24, 2e-3, 1.0, 0, 0, both, 1e-4});
+  add({"ball, slight mistake", right, ball_text(drag, 1.0004 * e), 8.0, 24, 3e-4, 1.0, 0, 0, both,
        3e-4});
   add({"ball without drag",
        ball_text(0.0, e),
@@ -189,7 +189,7 @@ std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
        0,
        0,
        {"--free", "system.K"}});
-  add({"too few", ball, ball, 8.0, 3, 0.0, 1.0, 0, 0, {}});
+  add({"too few", right, right, 8.0, 3, 0.0, 1.0, 0, 0, {}});
   return records;
 }
 
