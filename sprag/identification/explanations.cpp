@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "sprag/identification/repaired_events.h"
 #include "sprag/mechanics/linear_algebra.h"
 
 namespace sprag {
@@ -35,30 +36,16 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
 }
 
 // The events as the fit used them. Lost ones have the times of the fit, which are guesses.
-std::vector<ContactEvent> repaired(std::span<const ContactEvent> events, const Identification& fit,
-                                   std::vector<std::size_t>& guessed) {
-  struct Used {
-    ContactEvent event;
-    bool is_guess = false;
-  };
-  std::vector<Used> used;
-  for (std::size_t i = 0; i < events.size(); ++i) {
-    const auto& spurious = fit.spurious;
-    if (std::find(spurious.begin(), spurious.end(), i) == spurious.end()) {
-      used.push_back({events[i]});
-    }
+std::vector<ContactEvent> used_events(std::span<const ContactEvent> events,
+                                      const Identification& fit,
+                                      std::vector<std::size_t>& guessed) {
+  std::vector<ContactEvent> used;
+  for (const RepairedEvent& repaired : repaired_events(events, fit)) {
+    if (repaired.spurious) continue;
+    if (!repaired.number) guessed.push_back(used.size());
+    used.push_back(repaired.event);
   }
-  for (const MissingImpact& missing : fit.missing) {
-    used.push_back({{missing.t, missing.contact, ContactEventKind::pulse}, true});
-  }
-  std::stable_sort(used.begin(), used.end(),
-                   [](const Used& a, const Used& b) { return a.event.t < b.event.t; });
-  std::vector<ContactEvent> all;
-  for (std::size_t i = 0; i < used.size(); ++i) {
-    if (used[i].is_guess) guessed.push_back(i);
-    all.push_back(used[i].event);
-  }
-  return all;
+  return used;
 }
 
 }  // namespace
@@ -70,7 +57,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   IdentificationSettings of = settings;
   of.jitter = jitter;
   of.mend = false;
-  const std::vector<ContactEvent> used = repaired(events, all_fitted, of.guessed);
+  const std::vector<ContactEvent> used = used_events(events, all_fitted, of.guessed);
   const std::vector<Unknown>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {
     if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -14,7 +13,6 @@
 #include "sprag/files/scene_file.h"
 #include "sprag/identification/unknowns.h"
 #include "tests/support/program_test.h"
-#include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 
 namespace sprag {
@@ -49,7 +47,7 @@ struct DrawnRecord {
   double jitter = 0.0;      ///< of the times
   double clock = 1.0;       ///< factor on the times
   int lost = 0, spurious = 0;
-  test::Arguments of_identify;
+  test::Arguments of_identify = {};
   double given_jitter = 0.0;  ///< to both programs; 0: none
 };
 
@@ -88,108 +86,133 @@ std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
   std::vector<DrawnRecord> records;
   const auto add = [&](DrawnRecord record) { records.push_back(std::move(record)); };
   const double e = draw.uniform(0.85, 0.95), drag = draw.uniform(0.08, 0.2);
-  const std::string ball = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
+  const std::string right = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
   const test::Arguments both{"--free", "impact.restitution,system.C"};
-  add({"ball, right, exact", ball, ball, 8.0, 24, 0.0, 1.0, 0, 0, {}});
-  add({"ball, near, exact", ball, near, 8.0, 24, 0.0, 1.0, 0, 0, {}});
-  add({"ball, right, jitter", ball, ball, 8.0, 24, 3e-4, 1.0, 0, 0, {}, 3e-4});
-  add({"ball, near, jitter not given", ball, near, 8.0, 24, 3e-4, 1.0, 0, 0, both});
-  add({"ball, right, one lost", ball, ball, 8.0, 24, 1e-4, 1.0, 1, 0, {}, 1e-4});
-  add({"ball, near, one lost", ball, near, 8.0, 24, 1e-4, 1.0, 1, 0, both});
-  add({"ball, right, one spurious", ball, ball, 8.0, 24, 1e-4, 1.0, 0, 1, both, 1e-4});
-  add({"ball, jitter given too small", ball, ball, 8.0, 24, 2e-3, 1.0, 0, 0, both, 1e-4});
-  add({"ball, slight mistake", ball, ball_text(drag, 1.0004 * e), 8.0, 24, 3e-4, 1.0, 0, 0, both,
-       3e-4});
-  add({"ball without drag",
-       ball_text(0.0, e),
-       ball_text(0.1, 0.98 * e),
-       8.0,
-       16,
-       5e-4,
-       1.0,
-       0,
-       0,
-       {"--free", "impact.restitution,system.C", "--within", "system.C=4"},
-       5e-4});
+  add({.kind = "ball, right, exact",
+       .machine = right,
+       .scene = right,
+       .duration = 8.0,
+       .most = 24});
+  add({.kind = "ball, near, exact", .machine = right, .scene = near, .duration = 8.0, .most = 24});
+  add({.kind = "ball, right, jitter",
+       .machine = right,
+       .scene = right,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 3e-4,
+       .given_jitter = 3e-4});
+  add({.kind = "ball, near, jitter not given",
+       .machine = right,
+       .scene = near,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 3e-4,
+       .of_identify = both});
+  add({.kind = "ball, right, one lost",
+       .machine = right,
+       .scene = right,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 1e-4,
+       .lost = 1,
+       .given_jitter = 1e-4});
+  add({.kind = "ball, near, one lost",
+       .machine = right,
+       .scene = near,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 1e-4,
+       .lost = 1,
+       .of_identify = both});
+  add({.kind = "ball, right, one spurious",
+       .machine = right,
+       .scene = right,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 1e-4,
+       .spurious = 1,
+       .of_identify = both,
+       .given_jitter = 1e-4});
+  add({.kind = "ball, jitter given too small",
+       .machine = right,
+       .scene = right,
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 2e-3,
+       .of_identify = both,
+       .given_jitter = 1e-4});
+  add({.kind = "ball, slight mistake",
+       .machine = right,
+       .scene = ball_text(drag, 1.0004 * e),
+       .duration = 8.0,
+       .most = 24,
+       .jitter = 3e-4,
+       .of_identify = both,
+       .given_jitter = 3e-4});
+  add({.kind = "ball without drag",
+       .machine = ball_text(0.0, e),
+       .scene = ball_text(0.1, 0.98 * e),
+       .duration = 8.0,
+       .most = 16,
+       .jitter = 5e-4,
+       .of_identify = {"--free", "impact.restitution,system.C", "--within", "system.C=4"},
+       .given_jitter = 5e-4});
   const double k = 0.2 * std::pow(2.0 * 3.14159 * draw.uniform(3.0, 8.0), 2);
   const double c = draw.uniform(0.3e-3, 0.5e-3), r = draw.uniform(0.5, 0.7);
   const std::string rattle = rattle_text(k, r, c);
-  add({"rattle, near, jitter",
-       rattle,
-       rattle_text(1.03 * k, 0.98 * r, 1.05 * c),
-       3.0,
-       90,
-       1e-5,
-       1.0,
-       0,
-       0,
-       {},
-       1e-5});
-  add({"rattle, fast clock",
-       rattle,
-       rattle,
-       3.0,
-       60,
-       0.0,
-       1.01,
-       0,
-       0,
-       {"--known", "excitation.frequency", "--within", "0.05"}});
-  add({"rattle, wrong restitution held",
-       rattle,
-       rattle_text(k, 1.05 * r, c),
-       3.0,
-       60,
-       1e-5,
-       1.0,
-       0,
-       0,
-       {"--known", "impact.restitution", "--within", "0.05"}});
-  add({"rattle, accepted all the same",
-       rattle,
-       rattle_text(k, 1.05 * r, c),
-       3.0,
-       60,
-       1e-5,
-       1.0,
-       0,
-       0,
-       {"--free", "system.K", "--within", "0.05", "--accept"}});
-  add({"rattle, beyond the range",
-       rattle,
-       rattle_text(1.2 * k, r, c),
-       3.0,
-       60,
-       1e-5,
-       1.0,
-       0,
-       0,
-       {"--free", "system.K", "--within", "0.02"}});
+  add({.kind = "rattle, near, jitter",
+       .machine = rattle,
+       .scene = rattle_text(1.03 * k, 0.98 * r, 1.05 * c),
+       .duration = 3.0,
+       .most = 90,
+       .jitter = 1e-5,
+       .given_jitter = 1e-5});
+  add({.kind = "rattle, fast clock",
+       .machine = rattle,
+       .scene = rattle,
+       .duration = 3.0,
+       .most = 60,
+       .clock = 1.01,
+       .of_identify = {"--known", "excitation.frequency", "--within", "0.05"}});
+  add({.kind = "rattle, wrong restitution held",
+       .machine = rattle,
+       .scene = rattle_text(k, 1.05 * r, c),
+       .duration = 3.0,
+       .most = 60,
+       .jitter = 1e-5,
+       .of_identify = {"--known", "impact.restitution", "--within", "0.05"}});
+  add({.kind = "rattle, accepted all the same",
+       .machine = rattle,
+       .scene = rattle_text(k, 1.05 * r, c),
+       .duration = 3.0,
+       .most = 60,
+       .jitter = 1e-5,
+       .of_identify = {"--free", "system.K", "--within", "0.05", "--accept"}});
+  add({.kind = "rattle, beyond the range",
+       .machine = rattle,
+       .scene = rattle_text(1.2 * k, r, c),
+       .duration = 3.0,
+       .most = 60,
+       .jitter = 1e-5,
+       .of_identify = {"--free", "system.K", "--within", "0.02"}});
   const double stiff = draw.uniform(350.0, 450.0);
   const std::string oscillator = oscillator_text(stiff, 0.7, 30.0);
-  add({"oscillator, near a periodic orbit",
-       oscillator,
-       oscillator,
-       12.0,
-       60,
-       1e-4,
-       1.0,
-       0,
-       0,
-       {},
-       1e-4});
+  add({.kind = "oscillator, near a periodic orbit",
+       .machine = oscillator,
+       .scene = oscillator,
+       .duration = 12.0,
+       .most = 60,
+       .jitter = 1e-4,
+       .given_jitter = 1e-4});
   const double soft = draw.uniform(100.0, 300.0);
-  add({"no scale",
-       text_without_scale(soft, 0.95),
-       text_without_scale(1.02 * soft, 0.95),
-       20.0,
-       20,
-       1e-4,
-       1.0,
-       0,
-       0,
-       {"--free", "system.K"}});
-  add({"too few", ball, ball, 8.0, 3, 0.0, 1.0, 0, 0, {}});
+  add({.kind = "no scale",
+       .machine = text_without_scale(soft, 0.95),
+       .scene = text_without_scale(1.02 * soft, 0.95),
+       .duration = 20.0,
+       .most = 20,
+       .jitter = 1e-4,
+       .of_identify = {"--free", "system.K"}});
+  add({.kind = "too few", .machine = right, .scene = right, .duration = 8.0, .most = 3});
   return records;
 }
 

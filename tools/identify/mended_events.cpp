@@ -6,14 +6,10 @@
 #include <vector>
 
 #include "sprag/files/events_file.h"
+#include "sprag/identification/repaired_events.h"
 
 namespace sprag {
 namespace {
-
-struct Noted {
-  ContactEvent event;
-  EventNote note = EventNote::none;
-};
 
 // Of each event: whether its time is far from the fit's.
 std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
@@ -36,22 +32,14 @@ std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
 
 void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,
                   const Identification& fit) {
-  std::vector<Noted> all;
   const std::vector<bool> suspects = suspects_of(events.size(), fit);
-  for (std::size_t i = 0; i < events.size(); ++i) {
-    const bool spurious =
-        std::find(fit.spurious.begin(), fit.spurious.end(), i) != fit.spurious.end();
-    all.push_back({events[i], spurious      ? EventNote::spurious
-                              : suspects[i] ? EventNote::suspect
-                                            : EventNote::none});
-  }
-  for (const MissingImpact& impact : fit.missing) {
-    all.push_back({{impact.t, impact.contact, ContactEventKind::pulse}, EventNote::lost});
-  }
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Noted& a, const Noted& b) { return a.event.t < b.event.t; });
   NotedEventsWriter writer(file);
-  for (const Noted& noted : all) writer.write(noted.event, noted.note);
+  for (const RepairedEvent& repaired : repaired_events(events, fit)) {
+    writer.write(repaired.event, !repaired.number             ? EventNote::lost
+                                 : repaired.spurious          ? EventNote::spurious
+                                 : suspects[*repaired.number] ? EventNote::suspect
+                                                              : EventNote::none);
+  }
   if (!writer.close()) throw std::runtime_error(writer.error());
 }
 
