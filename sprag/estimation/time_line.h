@@ -40,8 +40,8 @@ class TimeLine {
         history_(history),
         events_(contacts, event_capacity) {
     saved_.resize(static_cast<std::size_t>(history) + 2);
-    for (EstimatorState& state : saved_) estimator.start(start, 0, 0, state);
     estimator.start(start, 0, 0, frontier_);
+    for (EstimatorState& state : saved_) state = frontier_;
   }
 
   /// Puts the start at tick k; every event before has been dealt with.

@@ -69,8 +69,12 @@ inline const FilterBelief& BeliefRef::operator*() const { return slot_->belief; 
 inline BeliefPool::BeliefPool(const FilterBelief& example, std::size_t capacity)
     : slots_(capacity) {
   free_.reserve(capacity);
+  // Covariances have room, but no page of it is touched before it is used.
+  FilterBelief small = example;
+  small.S.resize(0, 0);
   for (BeliefRef::Slot& slot : slots_) {
-    slot.belief = example;
+    slot.belief = small;
+    slot.belief.S.resize(example.S.rows(), example.S.cols());
     slot.pool = this;
     free_.push_back(&slot);
   }

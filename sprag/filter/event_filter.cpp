@@ -805,17 +805,19 @@ bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) 
   const double g0 = at_.of.g;
   double v = at_.of.velocity, ago = 0.0;
   if (g0 > near_gap * s || !(v < 0.0)) return false;
-  // When the mean was hit.
+  // When the mean was hit, since the last event.
+  const double longest = std::max(t - belief.t, 0.0);
   double g = g0;
   for (int i = 0; i < newton_steps && g0 < 0.0 && square(g) > at_.noise; ++i) {
     ago += g / v;
+    if (!(ago <= longest)) break;
     at_.fly(t - ago, belief.z, belief);
     at_.look(contact, false, t - ago);
     g = at_.of.g;
     v = at_.of.velocity;
     if (!(v < 0.0)) break;
   }
-  const bool possible = v < 0.0 && ago >= 0.0;
+  const bool possible = v < 0.0 && ago >= 0.0 && ago <= longest;
   if (!possible || ago == 0.0) {
     at_.fly(t, belief.z, belief);
     at_.look(contact, false, t);

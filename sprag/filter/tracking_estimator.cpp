@@ -1,5 +1,6 @@
 #include "sprag/filter/tracking_estimator.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -19,7 +20,7 @@ namespace sprag {
 namespace {
 
 // Beliefs in the pool: as many as fit into these bytes, within limits.
-constexpr std::size_t pool_bytes = 64 << 20, most_kept = 4096, fewest_kept = 64;
+constexpr std::size_t pool_bytes = 16 << 20, most_kept = 4096, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;
 
@@ -29,8 +30,8 @@ constexpr double run_rounding = 4.0 * measurement_rounding;
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
 constexpr double least_jitter = 1e-6;
-// Looks for an overdue impact, in a period of the fastest mode.
-constexpr double looks_a_period = 16.0;
+// Looks for an overdue impact, in a period of the fastest mode, and at most in one of the slowest.
+constexpr double looks_a_period = 16.0, most_looks = 256.0;
 
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
@@ -62,11 +63,12 @@ std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   return {std::shared_ptr<Flows>(), of_replica};
 }
 
-// Smallest of the modes' stiffnesses that is not 0, of rigid ones alone 1.
+// Smallest of the modes' stiffnesses omega^2 that is not 0, of rigid ones alone 1.
 double slowest(const Eigen::VectorXd& stiffness) {
+  const double zero = 1e-12 * stiffness.maxCoeff();
   double least = infinity;
   for (const double k : stiffness) {
-    if (k > 0.0) least = std::min(least, k);
+    if (k > zero) least = std::min(least, k);
   }
   return least < infinity ? least : 1.0;
 }
@@ -151,7 +153,11 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   of_start = flight->twice_energy(start);
   next = nothing = filter.no_belief();
   const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
-  longest_look = period / looks_a_period;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(K, M,
+                                                                        Eigen::EigenvaluesOnly);
+  longest_look = std::max(period / looks_a_period,
+                          2.0 * std::numbers::pi /
+                              (most_looks * std::sqrt(slowest(modes.eigenvalues()))));
   first_look = std::max({scene.model.chatter_time, sigma,
                          std::isfinite(period) ? longest_look / looks_a_period : 0.0});
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
@@ -193,10 +199,9 @@ std::int64_t TrackingEstimator::first_size() const {
 
 void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                               TrackingState& state) {
-  base_.start(start, k, chi, state.base);
-  AnyReplica::State base = std::move(state.base);
-  state = {};
-  state.base = std::move(base);
+  TrackingState fresh;
+  base_.start(start, k, chi, fresh.base);
+  state = std::move(fresh);
   state.tick = k;
   state.chi = chi;
   state.closed = chi;
@@ -405,12 +410,8 @@ void TrackingEstimator::lose(TrackingState& state) const {
 }
 
 // Not so after events that no machine could have.
-bool TrackingEstimator::is_bounded(const FilterBelief& of) const {
-  const Flight& flight = *filter_->flight;
-  const Eigen::Index size = 2 * flight.n();
-  return of.z.allFinite() && of.S.allFinite() &&
-         std::isfinite(flight.twice_energy(of.z.head(size))) &&
-         std::isfinite(flight.twice_energy(of.S.topRows(size)));
+bool TrackingEstimator::is_bounded(const FilterBelief& of) {
+  return std::isfinite(of.z.squaredNorm()) && std::isfinite(of.S.squaredNorm());
 }
 
 bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state) const {

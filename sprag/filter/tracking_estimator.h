@@ -233,7 +233,7 @@ class TrackingEstimator {
   void reset(double t, std::span<const ContactEvent> events, TrackingState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
-  bool is_bounded(const FilterBelief& of) const;
+  static bool is_bounded(const FilterBelief& of);
   bool set_belief(const FilterBelief& of, TrackingState& state) const;
   bool add_belief(const FilterBelief& of, TrackingState& state) const;
   static const FilterBelief& belief_at(double t, const TrackingState& state);
