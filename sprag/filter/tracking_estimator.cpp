@@ -200,6 +200,7 @@ std::int64_t TrackingEstimator::first_size() const {
 void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                               TrackingState& state) {
   TrackingState fresh;
+  std::swap(fresh.base, state.base);  // its room
   base_.start(start, k, chi, fresh.base);
   state = std::move(fresh);
   state.tick = k;
