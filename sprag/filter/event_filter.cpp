@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
 #include <utility>
 
 #include "sprag/estimation/belief.h"
@@ -37,12 +38,6 @@ constexpr int burst_nodes = 11;
 constexpr double negligible_coupling = 1e-9;
 // A contact leaves a burst with this share of its speed before, and the deviation of that.
 constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
-// The tick may precede the last impact by so many deviations of its time.
-constexpr double publish_reach = 6.0;
-constexpr double near_gap = 8.0;  // deviations of a gap that may have closed unreported
-// Least probability that a tick lies on the other side of an impact: no deviation of a predicted
-// time is known to be Gaussian further out.
-constexpr double least_probability = 1e-3;
 // Silence: deviations of the gap, and of the time of the report.
 constexpr double silent_gaps = 6.7, silent_reports = 9.0;
 constexpr double silent_rounding = 1e6;  // of variances
@@ -54,18 +49,15 @@ constexpr double touch = 2.0 * touching;
 // How much less must be known of a gap velocity than the end of a chatter says.
 constexpr double remainder_tells = 100.0;
 
-double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
-
 }  // namespace
 
 EventFilter::EventFilter(Flight& flight, FilterModel model)
-    : model_(std::move(model)), at_(flight, model_) {
+    : model_(std::move(model)), at_(flight, model_), published_(at_, no_belief()) {
   model_.considered.resize(static_cast<std::size_t>(unknowns()), false);
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
-  for (Eigen::VectorXd* of : {&x_, &kick_, &earlier_}) of->setZero(2 * n());
+  for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
   for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_}) of->setZero(unknowns());
-  opened_ = no_belief();
   xi_.setZero(at_.A.cols());
   next_.setZero(at_.X.cols());
   unit_.setZero(at_.X.cols());
@@ -798,145 +790,6 @@ void EventFilter::restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
   belief.z.head(2 * n()) = x;
 }
 
-// An impact of this contact may have happened and not been reported yet: both cases, weighed.
-bool EventFilter::mix_impact(int contact, double t, const FilterBelief& belief) {
-  at_.look(contact, false, t);
-  const double sigma = belief.sigma, s = std::sqrt(at_.phi.squaredNorm() + at_.noise);
-  const double g0 = at_.of.g;
-  double v = at_.of.velocity, ago = 0.0;
-  if (g0 > near_gap * s || !(v < 0.0)) return false;
-  // When the mean was hit, since the last event.
-  const double longest = std::max(t - belief.t, 0.0);
-  double g = g0;
-  for (int i = 0; i < newton_steps && g0 < 0.0 && square(g) > at_.noise; ++i) {
-    ago += g / v;
-    if (!(ago <= longest)) break;
-    at_.fly(t - ago, belief.z, belief);
-    at_.look(contact, false, t - ago);
-    g = at_.of.g;
-    v = at_.of.velocity;
-    if (!(v < 0.0)) break;
-  }
-  const bool possible = v < 0.0 && ago >= 0.0 && ago <= longest;
-  if (!possible || ago == 0.0) {
-    at_.fly(t, belief.z, belief);
-    at_.look(contact, false, t);
-    if (!possible) return false;
-    v = at_.of.velocity;
-  }
-  const double hit = normal_cdf(-g0 / s) * normal_cdf(-ago / sigma);
-  const double p = std::max(hit / (hit + normal_cdf(g0 / s) + 1e-300), least_probability);
-  // What the impact adds to the mean and, by saltation, to each column.
-  const Eigen::Index known = at_.event_columns();
-  auto added = nodes_.front().columns.topRows(2 * n());
-  added = at_.X.leftCols(known);
-  x_ = flight().x();
-  if (flight().strike(contact, false, belief.held) != belief.held) {
-    at_.fly(t, belief.z, belief);
-    return false;
-  }
-  flight().carry_through(added);
-  x_ = flight().x() - x_;
-  for (Eigen::Index j = 0; j < known; ++j) {
-    added.col(j) += (at_.phi[j] / -v) * flight().by_time();
-    added.col(j) -= at_.X.col(j);
-  }
-  at_.fly(t, belief.z, belief);
-  flight().turn(ago, belief.held, x_);
-  flight().turn(ago, belief.held, added);
-  const double stay = std::sqrt(1.0 - p), changed = std::sqrt(p);
-  at_.x += p * x_;
-  for (Eigen::Index j = 0; j < known; ++j) {
-    // Two branches of one column: without the impact and with it.
-    all_.col(j).head(2 * n()) = stay * at_.X.col(j);
-    all_.col(j).segment(2 * n(), unknowns()) = stay * at_.T.col(j);
-    all_.col(known + j).head(2 * n()) = changed * (at_.X.col(j) + added.col(j));
-    all_.col(known + j).segment(2 * n(), unknowns()) = changed * at_.T.col(j);
-  }
-  all_.col(2 * known).setZero();
-  all_.col(2 * known).head(2 * n()) = (changed * stay) * x_;
-  const Eigen::Index size = at_.size();
-  triangularize(all_, 0, size, 2 * known + 1, reflector_);
-  at_.X.setZero();
-  at_.T.setZero();
-  at_.X.leftCols(size) = all_.topLeftCorner(2 * n(), size);
-  at_.T.leftCols(size) = all_.block(2 * n(), 0, unknowns(), size);
-  return true;
-}
-
-// How long before t the force of a contact has fallen below zero, on the path of the mean.
-double EventFilter::since_opening(int contact, double t, const FilterBelief& belief) {
-  constexpr int looks = 16, halvings = 30;
-  const double step = std::max(t - belief.t, 0.0) / looks;
-  const auto force_at = [&](double ago) {
-    fly_mean(t - ago, belief);
-    return flight().force(contact).g;
-  };
-  double open = 0.0, held = 0.0;
-  while (force_at(held) < 0.0 && held < looks * step) {
-    open = held;
-    held = std::min(held + step, looks * step);
-  }
-  for (int i = 0; i < halvings && held > open; ++i) {
-    const double middle = 0.5 * (open + held);
-    (force_at(middle) < 0.0 ? open : held) = middle;
-  }
-  return open;
-}
-
-// A contact may have opened and not been reported yet: the more likely case, and how far the other
-// is from it. The contact force is zero at an opening, so that its time is of second order.
-// Returns whether it is the more likely one; `opened` is the belief from there on then.
-bool EventFilter::mix_opening(int contact, double t, const FilterBelief& belief,
-                              FilterBelief& opened) {
-  at_.look(contact, true, t);
-  const double s = std::sqrt(at_.phi.squaredNorm() + at_.noise), force = at_.of.g;
-  x_ = at_.x;
-  const double ago = force < 0.0 ? since_opening(contact, t, belief) : 0.0;
-  fly_mean(t - ago, belief);
-  const Flight::Gap there = flight().force(contact);
-  const double open = normal_cdf(-force / s) * normal_cdf(-ago / belief.sigma);
-  const double p = std::max(open / (open + normal_cdf(force / s) + 1e-300), least_probability);
-  const ContactSet others = belief.held & ~bit(contact);
-  // Opened earlier by the deviation of its time; or before another event that was reported first.
-  const double spread =
-      there.velocity < 0.0
-          ? std::min(std::hypot(s, std::min(there.g, 0.0)) / -there.velocity, belief.sigma)
-          : belief.sigma;
-  fly_mean(t - ago - spread, belief);
-  flight().fly_on(ago + spread, others);
-  earlier_ = flight().x();
-  fly_mean(t - ago, belief);
-  flight().fly_on(ago, others);
-  kick_ = flight().x() - x_;
-  earlier_ -= flight().x();
-  const Eigen::Index last = at_.X.cols() - 2;
-  const double apart = std::sqrt(p * (1.0 - p));
-  if (!(p > 0.5)) {
-    at_.x += p * kick_;
-    at_.X.col(last) += apart * kick_;
-    at_.X.col(last - 1) += earlier_;
-    return false;
-  }
-  // The belief where it opens.
-  at_.fly(t - ago, belief.z, belief);
-  opened.t = t - ago;
-  opened.held = others;
-  opened.z.head(2 * n()) = at_.x;
-  opened.z.tail(unknowns()) = belief.z.tail(unknowns());
-  const Eigen::Index columns = take_columns();
-  flight().turn(-ago, others, earlier_);
-  flight().turn(-ago, others, kick_);
-  all_.col(columns).setZero();
-  all_.col(columns).head(2 * n()) = earlier_;
-  all_.col(columns + 1).setZero();
-  all_.col(columns + 1).head(2 * n()) = apart * kick_;
-  triangularize(all_, 0, at_.size(), columns + 2, reflector_);
-  opened.S = all_.topLeftCorner(at_.size(), at_.size());
-  opened.z.head(2 * n()) -= (1.0 - p) * kick_;
-  return true;
-}
-
 const Eigen::VectorXd& EventFilter::mean(double t, const FilterBelief& belief) {
   at_.spread(belief, t - belief.t);
   at_.fly(t, belief.z, belief);
@@ -956,54 +809,8 @@ void EventFilter::fly_mean(double t, const FilterBelief& belief) {
 }
 
 const Eigen::VectorXd& EventFilter::publish(double t, const FilterBelief& belief) {
-  mean(t, belief);
-  const Eigen::Index last = at_.X.cols() - 1;
-  if (belief.bursting != 0) {
-    for_each(belief.bursting, [&](int i) {
-      flight().along(i, kick_);
-      at_.X.col(last) += belief.rebound[i] * kick_;
-    });
-    return at_.x;
-  }
-  const double s = belief.impact.time_sigma;
-  const bool is_recent = s > 0.0 && t < belief.impact.time + publish_reach * s;
-  if (belief.sigma > 0.0 && !(is_recent && t < belief.impact.time)) mix_unreported(t, belief);
-  if (!is_recent) return at_.x;
-  // Without the last event.
-  const double before = std::max(normal_cdf((belief.impact.time - t) / s), least_probability);
-  kick_ = belief.z.head(2 * n()) - belief.impact.jump;
-  flight().fly(kick_, belief.t, t - belief.t, belief.impact.held_before);
-  kick_ = flight().x() - at_.x;
-  at_.x += before * kick_;
-  at_.X.col(last) = std::sqrt(before * (1.0 - before)) * kick_;
+  published_.find(t, belief);
   return at_.x;
-}
-
-// The events that may have happened without being reported yet.
-void EventFilter::mix_unreported(double t, const FilterBelief& belief) {
-  const FilterBelief* present = &belief;
-  for (ContactSet held = belief.held; held != 0;) {
-    int opening = -1;
-    double least = near_gap;
-    for_each(held, [&](int i) {
-      at_.look(i, true, t);
-      const double force = at_.of.g / std::sqrt(at_.phi.squaredNorm() + at_.noise);
-      if (!(force < least) || (force > 0.0 && !(at_.of.velocity < 0.0))) return;
-      least = force;
-      opening = i;
-    });
-    if (opening < 0) break;
-    if (present == &belief) opened_ = belief;
-    if (!mix_opening(opening, t, *present, opened_)) return;
-    present = &opened_;
-    held = opened_.held;
-    mean(t, opened_);
-  }
-  if (present != &belief) return;
-  for (int i = 0; i < flight().contacts(); ++i) {
-    if (contains(belief.held, i) || !flight().can_strike(i, belief.held)) continue;
-    if (mix_impact(i, t, belief)) break;
-  }
 }
 
 void EventFilter::gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps) {

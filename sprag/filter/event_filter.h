@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "sprag/filter/linearized_flight.h"
+#include "sprag/filter/published_estimate.h"
 
 namespace sprag {
 
@@ -77,8 +78,8 @@ class EventFilter {
   /// a report of another one whose impulses change its gap velocity. Does not allocate.
   bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief);
 
-  /// The published estimate at t: mean x, 2n entries, which weighs whether the last reported impact,
-  /// or one that has not been reported yet, lies before t. Valid until the next call.
+  /// The published estimate at t (published_estimate.h): mean x, 2n entries. Valid until the next
+  /// call.
   const Eigen::VectorXd& publish(double t, const FilterBelief& belief);
   /// The same without deviations, where event times are exact.
   const Eigen::VectorXd& publish_mean(double t, const FilterBelief& belief);
@@ -154,21 +155,17 @@ class EventFilter {
   Eigen::Index take_columns();
   void let_go(int contact, FilterBelief& belief);
   ContactSet released(int contact, const FilterBelief& belief) const;
-  void mix_unreported(double t, const FilterBelief& belief);
-  bool mix_opening(int contact, double t, const FilterBelief& belief, FilterBelief& opened);
-  double since_opening(int contact, double t, const FilterBelief& belief);
-  bool mix_impact(int contact, double t, const FilterBelief& belief);
   double energy(const Eigen::VectorXd& x) const;
 
   FilterModel model_;
   LinearizedFlight at_;
+  PublishedEstimate published_;
 
   // Scratch.
   Point point_;
-  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, earlier_;
+  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_;
   Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
   double xi_tau_ = 0.0;
-  FilterBelief opened_;
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below
   std::vector<FilterStep>* steps_ = nullptr;
