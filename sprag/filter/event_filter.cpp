@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
 #include <utility>
 
 #include "sprag/estimation/belief.h"
@@ -57,7 +56,8 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
   for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
-  for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_}) of->setZero(unknowns());
+  for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_})
+    of->setZero(unknowns());
   xi_.setZero(at_.A.cols());
   next_.setZero(at_.X.cols());
   unit_.setZero(at_.X.cols());
@@ -150,8 +150,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     linearize();
     if (step == 0 && !opens) {
       const double v = at_.of.velocity;
-      const double variance =
-          at_.phi.squaredNorm() + square(v * sigma) + at_.noise + event.extra;
+      const double variance = at_.phi.squaredNorm() + square(v * sigma) + at_.noise + event.extra;
       belief.innovation = {t, event.contact, at_.of.g, std::sqrt(variance)};
       belief.length = std::max(belief.length, at_.of.length);
       belief.speed = std::max(belief.speed, std::abs(v));
@@ -180,7 +179,8 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     point_.spread = std::hypot(sigma - of_time * share, at_.phi.norm() * share);
     point_.square = square(factor) * (variance - noise);
     if (sigma == 0.0) {
-      const double floor = square(insignificant * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
+      const double floor =
+          square(insignificant * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
       point_.square = square(factor) * square(variance) / (variance + floor);
     }
     point_.tau = sigma * xi_tau_;
@@ -266,8 +266,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   x_ = at_.x + at_.dx;
   c_ = belief.z.tail(unknowns());
   const auto theta = point_.z.tail(unknowns());
-  const double residual =
-      at_.of.g + at_.of_g.dot(at_.dx) + at_.by_c.dot(offset_.tail(unknowns()));
+  const double residual = at_.of.g + at_.of_g.dot(at_.dx) + at_.by_c.dot(offset_.tail(unknowns()));
   const double noise = at_.noise + event.extra;
   const double variance = at_.phi.squaredNorm() + noise;
   node.log_weight = -0.5 * (square(residual) / variance + std::log(variance));
@@ -403,9 +402,9 @@ void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
                      all_.block(size, size, size, size)});
 }
 
-// Nodes about point_.tau within `reach`, moved and scaled until they cover the posterior of the time:
-// a node that has nearly all the weight would be certain of it, and one of weight at the end says
-// that there is more.
+// Nodes about point_.tau within `reach`, moved and scaled until they cover the posterior of the
+// time: a node that has nearly all the weight would be certain of it, and one of weight at the end
+// says that there is more.
 bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBelief& belief) {
   double center = point_.tau, largest = -infinity;
   for (int attempt = 0; attempt < most_placements; ++attempt) {
@@ -681,9 +680,8 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   at_.spread(belief, given.t - belief.t);
   at_.fly(given.t, belief.z, belief);
   at_.look(contact, false, given.t);
-  const double speed = belief.rebound[contact] > 0.0
-                           ? belief.rebound[contact]
-                           : std::hypot(at_.of.velocity, at_.psi.norm());
+  const double speed = belief.rebound[contact] > 0.0 ? belief.rebound[contact]
+                                                     : std::hypot(at_.of.velocity, at_.psi.norm());
   point_.z = belief.z;
   point_.tau = 0.0;
   const Event event{contact, Kind::stays, given.t,
@@ -844,7 +842,7 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
     const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
     // The last bounces of a chatter are not reported one by one.
     const double late = silent_reports * belief.sigma + (of_force ? 0.0 : model_.chatter_time);
-    return at_.of.velocity < 0.0 && at_.of.g < -silent_gaps * deviation + late * at_.of.velocity;
+    return at_.of.g < -silent_gaps * deviation - late * std::abs(at_.of.velocity);
   };
   bool known = false;
   const auto know = [&] {
@@ -857,7 +855,7 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
     if (held && belief.held != bit(i)) continue;
     if (!known) {
       const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
-      if (!(of.velocity < 0.0) || !(of.g < silent_reports * belief.sigma * of.velocity)) continue;
+      if (!(of.g < -silent_reports * belief.sigma * std::abs(of.velocity))) continue;
     }
     know();
     if (beyond(i, held)) return i;

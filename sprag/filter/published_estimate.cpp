@@ -52,6 +52,7 @@ void PublishedEstimate::fly(double t, const FilterBelief& belief) {
 void PublishedEstimate::find(double t, const FilterBelief& belief) {
   fly(t, belief);
   if (belief.bursting != 0) {
+    mix_unreported(t, belief);
     const Eigen::Index last = at_->X.cols() - 1;
     for_each(belief.bursting, [&](int i) {
       flight().along(i, x_);
@@ -68,8 +69,7 @@ void PublishedEstimate::find(double t, const FilterBelief& belief) {
 // The last event may lie behind t.
 void PublishedEstimate::mix_last(double t, const FilterBelief& belief) {
   const ImpactEstimate& last = belief.impact;
-  const double before =
-      std::max(normal_cdf((last.time - t) / last.time_sigma), least_probability);
+  const double before = std::max(normal_cdf((last.time - t) / last.time_sigma), least_probability);
   x_ = belief.z.head(2 * at_->n()) - last.jump;
   flight().fly(x_, belief.t, t - belief.t, last.held_before);
   x_ = flight().x() - at_->x;
@@ -109,7 +109,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   bool moved = false;
   for (int i = 0; i < flight().contacts(); ++i) {
     const bool opens = contains(belief.held, i);
-    if (!opens && !flight().can_strike(i, belief.held)) continue;
+    if (opens ? contains(belief.bursting, i) : !flight().can_strike(i, belief.held)) continue;
     if (moved) at_->fly(t, belief.z, belief);
     moved = false;
     if (!opens && !(flight().gap(i).velocity < 0.0)) continue;

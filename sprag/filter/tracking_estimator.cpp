@@ -9,9 +9,9 @@
 
 #include "sprag/estimation/belief.h"
 #include "sprag/estimation/uncertainty.h"
-#include "sprag/mechanics/instant.h"
 #include "sprag/filter/family_flight.h"
 #include "sprag/filter/model_flight.h"
+#include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
 #include "sprag/mechanics/wide_product.h"
@@ -155,14 +155,11 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(K, M,
                                                                         Eigen::EigenvaluesOnly);
-  longest_look = std::max(period / looks_a_period,
-                          2.0 * std::numbers::pi /
-                              (most_looks * std::sqrt(slowest(modes.eigenvalues()))));
-  first_look = std::max({scene.model.chatter_time, sigma,
-                         std::isfinite(period) ? longest_look / looks_a_period : 0.0});
+  first_flight = 2.0 * std::numbers::pi / std::sqrt(slowest(modes.eigenvalues()));
+  longest_look = std::max(period / looks_a_period, first_flight / most_looks);
+  least_look = std::max(scene.model.chatter_time, sigma);
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
-  pool = std::make_unique<BeliefPool>(next,
-                                      std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
+  pool = std::make_unique<BeliefPool>(next, std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
   q.setZero(f);
   u.setZero(f);
   x.setZero(2 * f);
@@ -210,6 +207,7 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.trial = thresholds_.trial;
   state.last_heard = state.begins;
   if (!filter_) return;
+  state.last_flight = filter_->first_flight;
   if (identifies()) {
     state.size = first_size();
   } else {
@@ -248,8 +246,8 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
   filter.filter.restart(state.begins, filter.x, filter.start, state.chi, filter.next);
   note_start(filter.next);
   state.accepted = state.begins;
-  const bool held = filter.flight->can_hold(state.chi, 0.0) &&
-                    (filter.prior.size() == 0 || state.chi == 0);
+  const bool held =
+      filter.flight->can_hold(state.chi, 0.0) && (filter.prior.size() == 0 || state.chi == 0);
   if (!set_belief(filter.next, state) || !held) return lose(state);
   state.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
@@ -335,8 +333,8 @@ bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
   if (!filter_) return true;
   records_ = &records;
   if (filter_->family) return true;
-  forces_ = std::make_unique<ImpactRecorder>(base_.flows()->dynamics(), with_forces_, filter_->sigma,
-                                             true);
+  forces_ = std::make_unique<ImpactRecorder>(base_.flows()->dynamics(), with_forces_,
+                                             filter_->sigma, true);
   return true;
 }
 
@@ -684,6 +682,7 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
 
 // From then on watch() listens.
 void TrackingEstimator::heard_at(double t, TrackingState& state) const {
+  if (t > state.last_heard) state.last_flight = t - state.last_heard;
   state.last_heard = t;
   state.watched = 0.0;
   state.overdue = -1;
@@ -692,12 +691,14 @@ void TrackingEstimator::heard_at(double t, TrackingState& state) const {
 // When an impact is overdue first, +infinity: not by t. Looks at times that do not depend on t,
 // and at a finer grid up to t.
 double TrackingEstimator::first_overdue(double t, TrackingState& state) {
-  constexpr double growth = 0.25;
+  constexpr double growth = 0.25, first_looks = 16.0;
   constexpr int parts = 64;
   const FilterBelief& belief = *state.belief;
+  // A flight is about as long as the one before it.
+  const double first = std::max(std::min(filter_->longest_look, state.last_flight) / first_looks,
+                                filter_->least_look);
   while (true) {
-    const double step = std::min(std::max(growth * state.watched, filter_->first_look),
-                                 filter_->longest_look);
+    const double step = std::min(std::max(growth * state.watched, first), filter_->longest_look);
     const auto grid = [&](int i) {
       return state.last_heard + (state.watched + step * (static_cast<double>(i) / parts));
     };
@@ -783,8 +784,7 @@ void TrackingEstimator::take_result(TrackingState& state) {
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
   const double motion = note_energy(state);
-  if (!result_->accepted ||
-      !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
+  if (!result_->accepted || !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
     state.size += state.size / 2;
     if (state.size > longest_window) {
       begin_window(state.events - 2 * first, state);
@@ -806,8 +806,7 @@ bool TrackingEstimator::claims(const TrackingState& state) {
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
-  return claims(state) ||
-         (kind_ == EstimatorKind::timing && state.status != TrackStatus::lost);
+  return claims(state) || (kind_ == EstimatorKind::timing && state.status != TrackStatus::lost);
 }
 
 void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -897,8 +896,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   }
 }
 
-void TrackingEstimator::fill_deviations(double t, const FilterBelief& of,
-                                        Confidence& confidence) {
+void TrackingEstimator::fill_deviations(double t, const FilterBelief& of, Confidence& confidence) {
   Filter& filter = *filter_;
   const Eigen::Index f = filter.flight->n();
   filter.filter.gap_deviations(of, filter.of_gaps);
@@ -920,8 +918,8 @@ void TrackingEstimator::fill_deviations(double t, const FilterBelief& of,
   for (Eigen::Index i = 0; i < filter.outputs.cols(); ++i) {
     const auto output = filter.outputs.col(i);
     filter.row.noalias() = output.transpose().lazyProduct(filter.of_state);
-    confidence.sigma_outputs[i] =
-        std::hypot(filter.row.norm(), length * output.head(f).norm(), speed * output.tail(f).norm());
+    confidence.sigma_outputs[i] = std::hypot(filter.row.norm(), length * output.head(f).norm(),
+                                             speed * output.tail(f).norm());
   }
 }
 

@@ -2,19 +2,19 @@
 // `adaptive` asks for it, the event filter (event_filter.h), which estimates the state, its
 // covariance and the uncertain parameters.
 //
-// `timing` and `both` start the filter at the first tick from the prior of the scene: uncertainty of
-// the start and [parameters]. `adaptive` shows the replica until enough events have come, then
+// `timing` and `both` start the filter at the first tick from the prior of the scene: uncertainty
+// of the start and [parameters]. `adaptive` shows the replica until enough events have come, then
 // wants an identification (wanted(), task.h); where its result is accepted, the filter starts from
 // its posterior.
 //
 // Supervision (track.h). While the track is confirmed the estimate is the filter's. The filter
 // rejects one spurious event and bridges one missing event of a confirmed track. Nothing is claimed
-// while an impact is overdue; where it stays away for a share of the flight's duration that no model
-// is wrong by, it is missing. Where another event
-// does not fit, the track is lost: the estimate of `both` and `adaptive` is the replica's, and the
-// filter resets its state to the replica's at the next event, or at this one. `timing` shows the
-// filter from then on, with infinite deviations until it is confirmed. Parameters with a prior return to it after a
-// failure before confirmation; others are identified anew from the events since.
+// while an impact is overdue; where it stays away for a share of the flight's duration that no
+// model is wrong by, it is missing. Where another event does not fit, the track is lost: the
+// estimate of `both` and `adaptive` is the replica's, and the filter resets its state to the
+// replica's at the next event, or at this one. `timing` shows the filter from then on, with
+// infinite deviations until it is confirmed. Parameters with a prior return to it after a failure
+// before confirmation; others are identified anew from the events since.
 //
 // An identification is wanted in the state of a tick, and of the events up to it; its result counts
 // from the next tick on. So settled ticks must not go on before put() was called; ticks for now do.
@@ -54,22 +54,23 @@ struct TrackingState {
   double accepted = -1.0;            ///< when the last result or prior was taken [s]
 
   // The filter.
-  BeliefRef belief;  ///< none before the first result of an identification
-  double last_heard = 0.0;  ///< the last event's report, or what took its place [s]
-  double watched = 0.0;     ///< time since then in which no impact was overdue [s]
-  int overdue = -1;         ///< contact whose impact is; -1: none
+  BeliefRef belief;          ///< none before the first result of an identification
+  double last_heard = 0.0;   ///< the last event's report, or what took its place [s]
+  double last_flight = 0.0;  ///< from the event before to it [s]
+  double watched = 0.0;      ///< time since then in which no impact was overdue [s]
+  int overdue = -1;          ///< contact whose impact is; -1: none
   double overdue_since = 0.0, missing_from = 0.0;  ///< of that impact [s]
   /// Those before its last events, the latest first: for ticks that precede several of them.
   std::array<BeliefRef, 3> earlier;
   TrackStatus status = TrackStatus::lost;
-  bool doubts = false;           ///< the last event was spurious, or one was missing
-  bool scale_is_known = true;    ///< the track has not been lost since the start
-  ContactSet inside = 0;         ///< closed since t = 0, where the machine may have started inside
-  std::int64_t fitting = 0;      ///< events in a row that fitted, since the last start or reset
-  std::int64_t trial = 0;        ///< events to fit before confirmation, beside 2f
-  double inflation = 1.0;        ///< of the prior standard deviations at the next reset, >= 1
-  double mean_square = 1.0;      ///< of the normalized innovations, over about the last 16
-  double energy = 0.0;           ///< twice that of the replica's motion, its largest at an event
+  bool doubts = false;         ///< the last event was spurious, or one was missing
+  bool scale_is_known = true;  ///< the track has not been lost since the start
+  ContactSet inside = 0;       ///< closed since t = 0, where the machine may have started inside
+  std::int64_t fitting = 0;    ///< events in a row that fitted, since the last start or reset
+  std::int64_t trial = 0;      ///< events to fit before confirmation, beside 2f
+  double inflation = 1.0;      ///< of the prior standard deviations at the next reset, >= 1
+  double mean_square = 1.0;    ///< of the normalized innovations, over about the last 16
+  double energy = 0.0;         ///< twice that of the replica's motion, its largest at an event
   std::int64_t inconsistencies = 0;
   Inconsistency last;
   std::int64_t forgotten = 0;  ///< how often there was no room for its belief
@@ -168,12 +169,13 @@ class TrackingEstimator {
     std::unique_ptr<Flight> flight;
     EventFilter filter;
     std::shared_ptr<const std::vector<std::string>> keys;
-    Eigen::MatrixXd outputs;   // rows by (q, u), 2f x the model's outputs
-    double sigma = 0.0;        // of event times, with the floor of uncertain parameters [s]
-    double of_start = 0.0;     // twice the expected energy of a start's error
-    double largest_w = 1.0;    // largest entry of the contacts' directions
+    Eigen::MatrixXd outputs;  // rows by (q, u), 2f x the model's outputs
+    double sigma = 0.0;       // of event times, with the floor of uncertain parameters [s]
+    double of_start = 0.0;    // twice the expected energy of a start's error
+    double largest_w = 1.0;   // largest entry of the contacts' directions
     Eigen::MatrixXd M, K;
-    double first_look = 0.0, longest_look = infinity;  // of watch() [s]
+    double least_look = 0.0, longest_look = infinity;  // of watch() [s]
+    double first_flight = 0.0;                         // taken to be so long [s]
     bool scale_is_open = false, may_start_inside = false;
     Eigen::MatrixXd start;     // deviations of a start, 2f x 2f
     Eigen::MatrixXd inflated;  // of a reset
@@ -190,9 +192,9 @@ class TrackingEstimator {
     Eigen::RowVectorXd row;
   };
   struct LastFlight {
-    double inside = 0.0;               // share of its time with a negative gap
+    double inside = 0.0;  // share of its time with a negative gap
     double lowest = 0.0, highest = 0.0;
-    bool ends_near = false;            // the gap was zero or negative shortly before or after it
+    bool ends_near = false;  // the gap was zero or negative shortly before or after it
   };
 
   bool identifies() const { return identifies_; }
@@ -245,7 +247,7 @@ class TrackingEstimator {
   std::unique_ptr<Filter> filter_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
-  std::vector<ImpactRecord> with_forces_;  // of the filter
+  std::vector<ImpactRecord> with_forces_;   // of the filter
   std::unique_ptr<ImpactRecorder> forces_;  // null: no records, or uncertain parameters
   std::vector<FilterRun>* runs_ = nullptr;
   std::size_t recorded_ = 0;  // of them, before the tick under way
