@@ -105,7 +105,7 @@ void FamilyFlight::set(const ConstVector& c, bool derivatives) {
 }
 
 void FamilyFlight::find_steps(const Variant& variant, double tau,
-                             std::vector<OscillatorStep>& steps) const {
+                              std::vector<OscillatorStep>& steps) const {
   for (Eigen::Index i = 0; i < n(); ++i) {
     steps[static_cast<std::size_t>(i)] =
         step_of(variant.machine.C(i, 0), variant.machine.K(i, 0), tau);

@@ -13,9 +13,10 @@ namespace {
 constexpr double far = 8.0;
 
 double normal_density(double x) { return std::exp(-0.5 * x * x - half_log_two_pi); }
-double normal_cdf(double x) { return 0.5 * std::erfc(-x * std::numbers::sqrt2 / 2.0); }
 
 }  // namespace
+
+double normal_cdf(double x) { return 0.5 * std::erfc(-x * std::numbers::sqrt2 / 2.0); }
 
 FluxMoments flux_moments(double mu, double d, double even) {
   const double a = -mu / d;

@@ -4,6 +4,9 @@
 
 namespace sprag {
 
+/// Probability that a standard normal variable is below x.
+double normal_cdf(double x);
+
 /// Of gamma ~ N(mu, d^2) where gamma < 0, weighted by -gamma + even: log of the total weight, mean
 /// and variance.
 struct FluxMoments {

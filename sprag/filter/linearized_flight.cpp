@@ -16,8 +16,8 @@ constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 
 LinearizedFlight::LinearizedFlight(Flight& flight, const FilterModel& model)
     : flight_(&flight), model_(&model) {
-  considers_ = std::find(model.considered.begin(), model.considered.end(), true) !=
-               model.considered.end();
+  considers_ =
+      std::find(model.considered.begin(), model.considered.end(), true) != model.considered.end();
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     if (flight.changes_flow(k)) flow_unknowns_.push_back(k);
   }

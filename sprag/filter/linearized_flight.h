@@ -47,20 +47,20 @@ class LinearizedFlight {
   void measure(double residual, double noise, Eigen::VectorXd& mean_x, Eigen::VectorXd& mean_c);
   /// Moves the mean by `shift` times the gain, the columns' product with `row`, and takes `share`
   /// of it off the columns along that.
-  void update_along(const Eigen::VectorXd& row, double shift, double share,
-                    Eigen::VectorXd& mean_x, Eigen::VectorXd& mean_c);
+  void update_along(const Eigen::VectorXd& row, double shift, double share, Eigen::VectorXd& mean_x,
+                    Eigen::VectorXd& mean_c);
 
-  Eigen::MatrixXd A;                      ///< columns of (x, c) before the flight
-  Eigen::VectorXd x;                      ///< the point after it
-  Eigen::MatrixXd X, T;                   ///< columns of x and of c
-  Eigen::MatrixXd past;                   ///< columns of xi, where it is kept
-  Eigen::VectorXd past_mean;              ///< and its mean
-  Flight::Gap of;                         ///< gap or force
-  Eigen::VectorXd phi, psi;               ///< its row, and that of its velocity, of each column
-  Eigen::VectorXd of_g, of_velocity;      ///< gradients by x
-  Eigen::VectorXd by_c, velocity_by_c;    ///< partial derivatives by c, P entries
-  double noise = 0.0;                     ///< variance of its rounding
-  Eigen::VectorXd dx;                     ///< of carry()
+  Eigen::MatrixXd A;                    ///< columns of (x, c) before the flight
+  Eigen::VectorXd x;                    ///< the point after it
+  Eigen::MatrixXd X, T;                 ///< columns of x and of c
+  Eigen::MatrixXd past;                 ///< columns of xi, where it is kept
+  Eigen::VectorXd past_mean;            ///< and its mean
+  Flight::Gap of;                       ///< gap or force
+  Eigen::VectorXd phi, psi;             ///< its row, and that of its velocity, of each column
+  Eigen::VectorXd of_g, of_velocity;    ///< gradients by x
+  Eigen::VectorXd by_c, velocity_by_c;  ///< partial derivatives by c, P entries
+  double noise = 0.0;                   ///< variance of its rounding
+  Eigen::VectorXd dx;                   ///< of carry()
 
  private:
   Flight* flight_;

@@ -11,9 +11,7 @@
 namespace sprag {
 
 ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
-    : flows_(std::move(flows)),
-      f_(flows_->dynamics().coordinates()),
-      impact_(flows_->dynamics()) {
+    : flows_(std::move(flows)), f_(flows_->dynamics().coordinates()), impact_(flows_->dynamics()) {
   build_foreseeable(*flows_);
   const Dynamics& dynamics = flows_->dynamics();
   const Flow& flow = free();
@@ -147,8 +145,8 @@ void ModelFlight::carry_held(const Flow& flow, const OscillatorKernels& kernels,
 Flight::Gap ModelFlight::gap(int contact) const {
   const Signal& g = free().gap(contact);
   const Signal& gamma = free().gap_velocity(contact);
-  Gap gap{value(g, motion_), value(gamma, motion_), rate(gamma, motion_),
-          largest_terms(g, motion_), 0.0};
+  Gap gap{value(g, motion_), value(gamma, motion_), rate(gamma, motion_), largest_terms(g, motion_),
+          0.0};
   gap.rounding = gap.length;
   return gap;
 }
@@ -266,8 +264,9 @@ void ModelFlight::carry_through(Columns dx) const {
 bool ModelFlight::strike_together(ContactSet closing, ContactSet staying, ContactSet kept,
                                   ContactSet leaving, Vector x, Columns dx, Vector unknown) {
   closings_.clear();
-  for_each(closing,
-           [&](int i) { closings_.push_back({i, contains(staying, i) ? 0.0 : restitution(i)}); });
+  for_each(closing, [&](int i) {
+    closings_.push_back({i, contains(staying, i) ? 0.0 : restitution(i)});
+  });
   impact_.set(closings_, kept, leaving);
   const auto gamma_of = [&](Eigen::Index k) -> const Signal& {
     return free().gap_velocity(closings_[static_cast<std::size_t>(k)].contact);

@@ -83,8 +83,8 @@ class ModelFlight final : public Flight {
   Eigen::VectorXd u_before_, difference_;
   Eigen::VectorXd no_gaps_;  // empty
   Eigen::VectorXd gaps_;
-  mutable Eigen::VectorXd q_, u_, rates_;  // scratch
-  Eigen::MatrixXd Q_, U_, Z_, V_, deflection_;          // scratch of carry()
+  mutable Eigen::VectorXd q_, u_, rates_;       // scratch
+  Eigen::MatrixXd Q_, U_, Z_, V_, deflection_;  // scratch of carry()
 };
 
 }  // namespace sprag

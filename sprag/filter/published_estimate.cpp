@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "sprag/filter/flux.h"
 #include "sprag/filter/triangularize.h"
 #include "sprag/mechanics/scalars.h"
 
@@ -21,8 +21,6 @@ constexpr double near_zero = 8.0;
 constexpr double least_probability = 1e-3;
 constexpr int newton_steps = 4;
 constexpr int looks = 16, halvings = 30;  // for the time of an opening
-
-double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
 // That an event has happened of which `beyond` says, in deviations, how far the mean is behind it,
 // and that its report is late by more than `ago`, in sigma.

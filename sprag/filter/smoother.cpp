@@ -113,8 +113,8 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
   return largest;
 }
 
-// From when on each belief is meant: that of an impact somewhat before it, that of a contact that is
-// reported closed after a burst once it certainly is.
+// From when on each belief is meant: that of an impact somewhat before it, that of a contact that
+// is reported closed after a burst once it certainly is.
 void find_begins(Chain& chain) {
   chain.begins.resize(chain.beliefs.size());
   double least = infinity;
@@ -227,8 +227,8 @@ std::vector<SmoothedStretch> smooth(
     advance(again, k, at_tick);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
-    const bool smooth =
-        at_tick.status != TrackStatus::lost && !chains.empty() && chains[chain].from <= t && chains[chain].fits;
+    const bool smooth = at_tick.status != TrackStatus::lost && !chains.empty() &&
+                        chains[chain].from <= t && chains[chain].fits;
     again.note(at_tick, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);

@@ -1,6 +1,6 @@
 // Fixed-interval smoothing: every event of a recording contributes to the whole path. The event
-// filter runs forward (event_filter.h), then every step of it is followed back. A step says what the
-// whitened state before it is, given that after it:
+// filter runs forward (event_filter.h), then every step of it is followed back. A step says what
+// the whitened state before it is, given that after it:
 //
 //   xi_k = mean_k + on_next_k xi_k+1 + rest_k zeta.
 //
@@ -47,8 +47,8 @@ struct SmoothedStretch {
 /// a stretch ends: later events say nothing of it. Where it does not fit, the estimate is that of
 /// EstimatorKind::both. Parameters of [parameters] are estimated, also those that are only
 /// considered elsewhere. take(k, estimate, smoothed) for ticks 0 to `last` in order. Throws
-/// ModelError; SmoothingError where the scene has neither jitter nor uncertain parameters, or events
-/// do not set the scale of the machine's motion; Interrupted.
+/// ModelError; SmoothingError where the scene has neither jitter nor uncertain parameters, or
+/// events do not set the scale of the machine's motion; Interrupted.
 std::vector<SmoothedStretch> smooth(
     const Scene& scene, std::span<const ContactEvent> events, double h, std::int64_t last,
     const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take);

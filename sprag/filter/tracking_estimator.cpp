@@ -29,7 +29,7 @@ constexpr double run_rounding = 4.0 * measurement_rounding;
 
 // Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
 // else forgives what is of third order in the parameters.
-constexpr double least_jitter = 1e-6;
+constexpr double least_sigma = 1e-6;
 // Looks for an overdue impact, in a period of the fastest mode, and at most in one of the slowest.
 constexpr double looks_a_period = 16.0, most_looks = 256.0;
 
@@ -117,7 +117,7 @@ TrackingEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unkno
       filter(*flight, model_of(scene, *flight, from_prior)),
       keys(keys_of(family->unknowns())) {
   const Eigen::VectorXd stiffness = family->at(family->nominal()).K;
-  sigma = std::max(scene.jitter, least_jitter / std::sqrt(slowest(stiffness)));
+  sigma = std::max(scene.jitter, least_sigma / std::sqrt(slowest(stiffness)));
   if (from_prior) {
     prior = scene.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
@@ -208,6 +208,7 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.last_heard = state.begins;
   if (!filter_) return;
   state.last_flight = filter_->first_flight;
+  heard_at(state.begins, state);
   if (identifies()) {
     state.size = first_size();
   } else {
@@ -267,7 +268,14 @@ void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState
 }
 
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
-  if (filter_) return 0;
+  if (identifies()) return 0;
+  if (state.belief && state.status != TrackStatus::lost) {
+    // Up to where watch() has something to do.
+    const double until = std::min(state.overdue < 0 ? state.next_look : state.missing_from,
+                                  EventFilter::end_of_burst(*state.belief));
+    const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
+    if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
+  }
   const std::int64_t taken = base_.coast(n, state.base);
   state.tick = state.base.tick;
   return taken;
@@ -645,21 +653,7 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
   while (state.belief && state.status != TrackStatus::lost) {
     const double end = EventFilter::end_of_burst(*state.belief);
     const double until = std::min(t, end);
-    if (!filter.filter.can_reach(until, *state.belief)) return lose(state);
-    if (state.overdue < 0) {
-      const double found = first_overdue(until, state);
-      if (found < infinity) {
-        state.overdue = filter.filter.overdue(found, *state.belief);
-        state.overdue_since = state.missing_from = found;
-      }
-      if (found < infinity && !contains(state.belief->held, state.overdue)) {
-        const double crossing = crossing_before(found, state.overdue, *state.belief);
-        // The impacts that complete a chatter are not reported.
-        const double late = thresholds_.long_inside * (crossing - state.belief->t) +
-                            filter.filter.model().chatter_time;
-        state.missing_from = std::max(found, crossing + late);
-      }
-    }
+    if (!look(until, state)) return lose(state);
     if (state.overdue >= 0 && state.missing_from <= until) {
       const double from = state.missing_from;
       const Inconsistency inconsistency{from, state.overdue, Suspicion::missing_event, 0.0};
@@ -680,44 +674,42 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
   }
 }
 
+// Looks for an overdue impact up to t, at times that do not depend on t. False where the flight
+// cannot be followed so far.
+bool TrackingEstimator::look(double t, TrackingState& state) {
+  EventFilter& filter = filter_->filter;
+  const FilterBelief& belief = *state.belief;
+  while (state.overdue < 0 && state.next_look <= t) {
+    const double now = state.next_look;
+    state.next_look = now + until_next_look(now, state);
+    if (!filter.can_reach(now, belief)) return false;
+    state.overdue = filter.overdue(now, belief);
+    if (state.overdue < 0) continue;
+    state.overdue_since = state.missing_from = now;
+    if (contains(belief.held, state.overdue)) continue;
+    const double crossing = crossing_before(now, state.overdue, belief);
+    // The impacts that complete a chatter are not reported.
+    const double late =
+        thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
+    state.missing_from = std::max(now, crossing + late);
+  }
+  return true;
+}
+
+// A flight is about as long as the one before it.
+double TrackingEstimator::until_next_look(double t, const TrackingState& state) const {
+  constexpr double growth = 0.125, looks_of_a_flight = 32.0;
+  const double first = std::max(
+      std::min(filter_->longest_look, state.last_flight) / looks_of_a_flight, filter_->least_look);
+  return std::min(std::max(growth * (t - state.last_heard), first), filter_->longest_look);
+}
+
 // From then on watch() listens.
 void TrackingEstimator::heard_at(double t, TrackingState& state) const {
   if (t > state.last_heard) state.last_flight = t - state.last_heard;
   state.last_heard = t;
-  state.watched = 0.0;
+  state.next_look = t + until_next_look(t, state);
   state.overdue = -1;
-}
-
-// When an impact is overdue first, +infinity: not by t. Looks at times that do not depend on t,
-// and at a finer grid up to t.
-double TrackingEstimator::first_overdue(double t, TrackingState& state) {
-  constexpr double growth = 0.25, first_looks = 16.0;
-  constexpr int parts = 64;
-  const FilterBelief& belief = *state.belief;
-  // A flight is about as long as the one before it.
-  const double first = std::max(std::min(filter_->longest_look, state.last_flight) / first_looks,
-                                filter_->least_look);
-  while (true) {
-    const double step = std::min(std::max(growth * state.watched, first), filter_->longest_look);
-    const auto grid = [&](int i) {
-      return state.last_heard + (state.watched + step * (static_cast<double>(i) / parts));
-    };
-    int last = parts;
-    if (t < grid(parts)) {
-      last = static_cast<int>(parts * std::max(t - grid(0), 0.0) / step);
-      while (last > 0 && t < grid(last)) --last;
-    }
-    if (last > 0 && filter_->filter.overdue(grid(last), belief) >= 0) {
-      int early = 0;
-      while (last - early > 1) {
-        const int middle = (early + last) / 2;
-        (filter_->filter.overdue(grid(middle), belief) >= 0 ? last : early) = middle;
-      }
-      return grid(last);
-    }
-    if (last < parts) return infinity;
-    state.watched += step;
-  }
 }
 
 // The state of a lost track becomes the replica's, which is at t, behind these events.
@@ -800,8 +792,11 @@ void TrackingEstimator::take_result(TrackingState& state) {
   state.fitting = to_confirm(state);
 }
 
-bool TrackingEstimator::claims(const TrackingState& state) {
-  return state.status == TrackStatus::confirmed && state.overdue < 0;
+// Looks are rare; what is told of a tick is not overdue at this tick either.
+bool TrackingEstimator::claims(const TrackingState& state) const {
+  if (state.status != TrackStatus::confirmed || state.overdue >= 0) return false;
+  const double t = tick_instant(state.tick, h()).hi;
+  return t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0;
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {

@@ -57,7 +57,7 @@ struct TrackingState {
   BeliefRef belief;          ///< none before the first result of an identification
   double last_heard = 0.0;   ///< the last event's report, or what took its place [s]
   double last_flight = 0.0;  ///< from the event before to it [s]
-  double watched = 0.0;      ///< time since then in which no impact was overdue [s]
+  double next_look = 0.0;    ///< for an overdue impact [s]
   int overdue = -1;          ///< contact whose impact is; -1: none
   double overdue_since = 0.0, missing_from = 0.0;  ///< of that impact [s]
   /// Those before its last events, the latest first: for ticks that precede several of them.
@@ -88,9 +88,9 @@ class TrackingEstimator {
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state);
   void tick(std::span<const ContactEvent> events, TrackingState& state);
-  /// As Replica's; 0 where a filter runs.
+  /// As Replica's; up to the next look for an overdue impact.
   std::int64_t coast(std::int64_t n, TrackingState& state);
-  bool coasts() const { return !filter_ && base_.coasts(); }
+  bool coasts() const { return !identifies() && base_.coasts(); }
   void apply(std::span<const ContactEvent> events, TrackingState& state);
   void output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);
@@ -218,7 +218,7 @@ class TrackingEstimator {
   double crossing_before(double t, int contact, const FilterBelief& belief);
   bool take_missing(TrackingState& state);
   void heard_at(double t, TrackingState& state) const;
-  static bool claims(const TrackingState& state);
+  bool claims(const TrackingState& state) const;
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
   double energy_of_error(const FilterBelief& of);
@@ -227,7 +227,8 @@ class TrackingEstimator {
   void begin_window(std::int64_t event, TrackingState& state) const;
   void find_replica(const TrackingState& state, double t);
   void watch(double t, TrackingState& state);
-  double first_overdue(double t, TrackingState& state);
+  bool look(double t, TrackingState& state);
+  double until_next_look(double t, const TrackingState& state) const;
   void describe(const BeliefRef& before, const ContactEvent& event, const TrackingState& state,
                 ImpactRecord& record);
   void follow_forces(const FilterBelief& before, double t);

@@ -7,9 +7,9 @@
 
 #include "command_line/in_parallel.h"
 #include "sprag/analysis/quantile.h"
+#include "sprag/estimation/parameters.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/filter/tracking_estimator.h"
-#include "sprag/estimation/parameters.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scalars.h"
@@ -48,12 +48,12 @@ bool in_second_half(Eigen::Index sample, const Truth& truth) {
 
 }  // namespace
 
-Trial follow(EstimatorKind kind, const Scene& told, const Scene& machine,
-             std::span<const ContactEvent> events, const Truth& truth,
+Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene& told,
+             const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica) {
   const Eigen::Index f = told.model.coordinates();
   const auto& contacts = told.model.contacts;
-  TrackingEstimator estimator(told, truth.tick, kind);
+  TrackingEstimator estimator(told, truth.tick, kind, StepperKind::exact, thresholds);
   const ErrorEnergy energy(machine.model);
   const double start =
       energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
@@ -260,7 +260,7 @@ void study(const Scene& scene, const std::vector<double>& jitters,
       const std::vector<double> V_replica = follow_replica(told, machine, events, path);
       for (std::size_t j = 0; j < estimators.size(); ++j) {
         trials[j][static_cast<std::size_t>(i)] =
-            follow(estimators[j], told, machine, events, path, V_replica);
+            follow(estimators[j], options.thresholds, told, machine, events, path, V_replica);
       }
     });
     for (std::size_t j = 0; j < estimators.size(); ++j) {

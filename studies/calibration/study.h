@@ -8,8 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimator.h"
 #include "sprag/estimation/any_replica.h"
+#include "sprag/estimation/estimator.h"
+#include "sprag/filter/track.h"
 #include "sprag/mechanics/scene.h"
 #include "studies/calibration/statistics.h"
 #include "studies/common/disturbance.h"
@@ -39,6 +40,7 @@ struct Options {
   int samples = 800;      ///< of the errors, in all of the duration
   Start start = Start::scene;
   Trouble trouble = Trouble::none;
+  TrackThresholds thresholds;
   int threads = 2;
 };
 
@@ -72,8 +74,8 @@ void run(E& estimator, typename E::State& state, std::span<const ContactEvent> e
 
 /// One run: `told` is the machine as the estimator knows it, with the jitter and the start that it
 /// is told; `events` as they arrive.
-Trial follow(EstimatorKind estimator, const Scene& told, const Scene& machine,
-             std::span<const ContactEvent> events, const Truth& truth,
+Trial follow(EstimatorKind estimator, const TrackThresholds& thresholds, const Scene& told,
+             const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica);
 
 /// V of the replica at the samples.
