@@ -202,7 +202,7 @@ std::vector<SmoothedStretch> smooth(
     check_interrupt();
     advance(estimator, k, state);
     confirmed.resize(runs.size(), false);
-    if (state.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
+    if (state.track.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
   }
   // Back.
   std::vector<Chain> chains;
@@ -227,7 +227,7 @@ std::vector<SmoothedStretch> smooth(
     advance(again, k, at_tick);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
-    const bool smooth = at_tick.status != TrackStatus::lost && !chains.empty() &&
+    const bool smooth = at_tick.track.status != TrackStatus::lost && !chains.empty() &&
                         chains[chain].from <= t && chains[chain].fits;
     again.note(at_tick, confidence);
     if (smooth) {

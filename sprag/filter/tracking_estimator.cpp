@@ -202,15 +202,15 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state = std::move(fresh);
   state.tick = k;
   state.chi = chi;
-  state.closed = chi;
-  state.begins = tick_instant(k, h()).hi;
-  state.trial = thresholds_.trial;
-  state.last_heard = state.begins;
+  state.window.closed = chi;
+  state.window.begins = tick_instant(k, h()).hi;
+  state.track.trial = thresholds_.trial;
+  state.silence.last_heard = state.window.begins;
   if (!filter_) return;
-  state.last_flight = filter_->first_flight;
-  heard_at(state.begins, state);
+  state.silence.last_flight = filter_->first_flight;
+  heard_at(state.window.begins, state);
   if (identifies()) {
-    state.size = first_size();
+    state.window.size = first_size();
   } else {
     start_from_prior(start, state);
   }
@@ -243,18 +243,18 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
   filter.next.sigma = filter.sigma;
   set_prior(filter.next);
   filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
-  filter.flight->enter(start.q, start.u, state.begins, filter.x);
-  filter.filter.restart(state.begins, filter.x, filter.start, state.chi, filter.next);
+  filter.flight->enter(start.q, start.u, state.window.begins, filter.x);
+  filter.filter.restart(state.window.begins, filter.x, filter.start, state.chi, filter.next);
   note_start(filter.next);
-  state.accepted = state.begins;
+  state.window.accepted = state.window.begins;
   const bool held =
       filter.flight->can_hold(state.chi, 0.0) && (filter.prior.size() == 0 || state.chi == 0);
   if (!set_belief(filter.next, state) || !held) return lose(state);
-  state.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
+  state.track.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
 
 void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
-  if (identifies() && state.wanted && has_result(state)) take_result(state);
+  if (identifies() && state.window.wanted && has_result(state)) take_result(state);
   if (!filter_) {
     base_.tick(events, state.base);
   } else {
@@ -269,10 +269,11 @@ void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState
 
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
   if (identifies()) return 0;
-  if (state.belief && state.status != TrackStatus::lost) {
+  if (state.belief && state.track.status != TrackStatus::lost) {
     // Up to where watch() has something to do.
-    const double until = std::min(state.overdue < 0 ? state.next_look : state.missing_from,
-                                  EventFilter::end_of_burst(*state.belief));
+    const double until =
+        std::min(state.silence.overdue < 0 ? state.silence.next_look : state.silence.missing_from,
+                 EventFilter::end_of_burst(*state.belief));
     const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
     if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
   }
@@ -296,7 +297,7 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState
   const double t = events.front().t;
   watch(t, state);
   // A start may be a little later than the first event that it knows.
-  if (state.events == 0) state.begins = std::min(state.begins, t);
+  if (state.window.events == 0) state.window.begins = std::min(state.window.begins, t);
   for (const ContactEvent& event : events) {
     if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
       state.inside |= bit(event.contact);
@@ -304,25 +305,26 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState
     }
     if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
     if (identifies()) {
-      const double before = state.events > 0 ? heard(state.events - 1).event.t : state.begins;
-      heard(state.events) = {event, state.chi, before};
+      const double before =
+          state.window.events > 0 ? heard(state.window.events - 1).event.t : state.window.begins;
+      heard(state.window.events) = {event, state.chi, before};
     }
-    ++state.events;
+    ++state.window.events;
     state.chi = after(state.chi, event);
   }
   const BeliefRef before = state.belief;
-  if (state.status != TrackStatus::lost) take(events, state);
+  if (state.track.status != TrackStatus::lost) take(events, state);
   if (records_ != nullptr) {
     for (const ContactEvent& event : events) {
       ImpactRecord& record = (*records_)[recorded_++];
       record.time.sigma = filter_->sigma;
-      if (state.status == TrackStatus::confirmed) describe(before, event, state, record);
+      if (state.track.status == TrackStatus::confirmed) describe(before, event, state, record);
     }
   }
-  if (identifies() && state.events - state.window > most_events) {
-    begin_window(state.events - most_events, state);
+  if (identifies() && state.window.events - state.window.first > most_events) {
+    begin_window(state.window.events - most_events, state);
   }
-  if (base_.is_exact() && state.status == TrackStatus::lost) reset(t, events, state);
+  if (base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, events, state);
   heard_at(t, state);
 }
 
@@ -330,9 +332,10 @@ void TrackingEstimator::end_tick(TrackingState& state) {
   const double t = tick_instant(state.tick, h()).hi;
   watch(t, state);
   // Moreau's stepper is at ticks alone.
-  if (!base_.is_exact() && state.status == TrackStatus::lost) reset(t, {}, state);
-  if (identifies() && !state.belief && state.events - state.window >= state.size) {
-    state.wanted = true;
+  if (!base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, {}, state);
+  if (identifies() && !state.belief &&
+      state.window.events - state.window.first >= state.window.size) {
+    state.window.wanted = true;
   }
 }
 
@@ -409,11 +412,11 @@ void TrackingEstimator::find_replica(const TrackingState& state, double t) {
 void TrackingEstimator::lose(TrackingState& state) const {
   if (forces_) forces_->start();
   // A start inside a contact says as much of the scale as any other.
-  if (state.inside == 0) state.scale_is_known = false;
-  state.status = TrackStatus::lost;
-  state.doubts = false;
-  state.fitting = 0;
-  state.mean_square = 1.0;
+  if (state.inside == 0) state.track.scale_is_known = false;
+  state.track.status = TrackStatus::lost;
+  state.track.doubts = false;
+  state.track.fitting = 0;
+  state.track.mean_square = 1.0;
 }
 
 // Not so after events that no machine could have.
@@ -462,7 +465,7 @@ double TrackingEstimator::note_energy(TrackingState& state) {
   for (Eigen::Index i = 0; i < q.size(); ++i) {
     energy += q[i] * filter_->K.col(i).dot(q) + u[i] * filter_->M.col(i).dot(u);
   }
-  state.energy = std::max(state.energy, energy);
+  state.track.energy = std::max(state.track.energy, energy);
   return energy;
 }
 
@@ -484,32 +487,32 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
       });
   const bool taken = reachable && filter.filter.take(events, next);
   if (!reachable || !filter.flight->can_hold(next.held, 0.0)) return lose(state);
-  state.mean_square += (next.square - state.mean_square) / thresholds_.window;
+  state.track.mean_square += (next.square - state.track.mean_square) / thresholds_.window;
   if (!taken || !(next.square < thresholds_.innovation) ||
-      !(state.mean_square < thresholds_.mean_innovation)) {
+      !(state.track.mean_square < thresholds_.mean_innovation)) {
     const Inconsistency inconsistency{event.t, next.innovation.contact,
                                       suspicion(*state.belief, next), next.square};
     const bool single = events.size() == 1 && event.kind == ContactEventKind::pulse;
     if (inconsistency.suspicion == Suspicion::spurious_event && single && may_doubt(state)) {
-      state.mean_square = std::min(state.mean_square, 1.0);
+      state.track.mean_square = std::min(state.track.mean_square, 1.0);
       return doubt(inconsistency, state);
     }
     return fail(inconsistency, state);
   }
   for (const ContactEvent& each : events) note_event(each, next.sigma);
-  state.doubts = false;
+  state.track.doubts = false;
   if (!add_belief(next, state)) return lose(state);
-  ++state.fitting;
+  ++state.track.fitting;
   const double motion = note_energy(state);
   const double of_error = energy_of_error(next);
-  if (!(of_error <= thresholds_.energy_to_keep * std::max(filter.of_start, state.energy))) {
+  if (!(of_error <= thresholds_.energy_to_keep * std::max(filter.of_start, state.track.energy))) {
     return lose(state);
   }
-  if (state.fitting >= 8 * state.trial) state.trial = thresholds_.trial;
-  if (scale_is_lost(state) || state.fitting < to_confirm(state)) return;
+  if (state.track.fitting >= 8 * state.track.trial) state.track.trial = thresholds_.trial;
+  if (scale_is_lost(state) || state.track.fitting < to_confirm(state)) return;
   if (of_error < thresholds_.energy_to_confirm * motion) {
-    state.status = TrackStatus::confirmed;
-    state.inflation = 1.0;
+    state.track.status = TrackStatus::confirmed;
+    state.track.inflation = 1.0;
   }
 }
 
@@ -518,11 +521,11 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
 bool TrackingEstimator::scale_is_lost(const TrackingState& state) const {
   if (filter_->scale_is_open) return true;
   return kind_ == EstimatorKind::timing && filter_->filter.model().homogeneous &&
-         !state.scale_is_known;
+         !state.track.scale_is_known;
 }
 
 std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
-  return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.trial;
+  return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.track.trial;
 }
 
 // Near in place or in time: a spurious event is neither.
@@ -558,12 +561,12 @@ TrackingEstimator::LastFlight TrackingEstimator::last_flight(int contact, double
 // One spurious event, or a missing one, is no reason to give up a track that events have confirmed;
 // the next event must fit.
 bool TrackingEstimator::may_doubt(const TrackingState& state) const {
-  return state.status == TrackStatus::confirmed && !state.doubts &&
-         state.fitting >= to_confirm(state);
+  return state.track.status == TrackStatus::confirmed && !state.track.doubts &&
+         state.track.fitting >= to_confirm(state);
 }
 
 void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState& state) {
-  state.doubts = true;
+  state.track.doubts = true;
   ++state.inconsistencies;
   state.last = inconsistency;
 }
@@ -596,12 +599,12 @@ double TrackingEstimator::crossing_before(double t, int contact, const FilterBel
 bool TrackingEstimator::take_missing(TrackingState& state) {
   Filter& filter = *filter_;
   const FilterBelief& present = *state.belief;
-  const int contact = state.overdue;
-  const double crossing = crossing_before(state.overdue_since, contact, present);
+  const int contact = state.silence.overdue;
+  const double crossing = crossing_before(state.silence.overdue_since, contact, present);
   if (crossing == -infinity) return false;
   filter.next = present;
   // Its time is as uncertain as the flight makes it.
-  filter.next.sigma = state.overdue_since - present.t;
+  filter.next.sigma = state.silence.overdue_since - present.t;
   filter.next.reported[contact] = -infinity;
   const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
   if (!filter.filter.take(missing, filter.next)) return false;
@@ -611,25 +614,26 @@ bool TrackingEstimator::take_missing(TrackingState& state) {
 }
 
 void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& state) {
-  const bool confirmed = state.fitting >= to_confirm(state);
-  const bool believed = state.status == TrackStatus::confirmed && (confirmed || !identifies());
+  const bool confirmed = state.track.fitting >= to_confirm(state);
+  const bool believed =
+      state.track.status == TrackStatus::confirmed && (confirmed || !identifies());
   ++state.inconsistencies;
   state.last = inconsistency;
-  if (state.status == TrackStatus::confirmed) {
-    state.trial = std::min(2 * state.trial, thresholds_.longest_trial);
+  if (state.track.status == TrackStatus::confirmed) {
+    state.track.trial = std::min(2 * state.track.trial, thresholds_.longest_trial);
   }
   if (!confirmed) {
-    state.inflation *= std::clamp(std::sqrt(inconsistency.square), thresholds_.least_inflation,
-                                  thresholds_.most_inflation);
+    state.track.inflation *= std::clamp(std::sqrt(inconsistency.square),
+                                        thresholds_.least_inflation, thresholds_.most_inflation);
     if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
   }
   lose(state);
   if (identifies() && believed) {
     // If the parameters are to blame, it is from here on.
-    begin_window(std::max<std::int64_t>(state.events - 1, 0), state);
+    begin_window(std::max<std::int64_t>(state.window.events - 1, 0), state);
   } else if (identifies()) {
     state.belief = {};
-    state.accepted = -1.0;
+    state.window.accepted = -1.0;
   } else if (!confirmed) {
     FilterBelief& next = filter_->next;
     next = *state.belief;
@@ -639,25 +643,25 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
 }
 
 void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) const {
-  state.window = event;
-  state.size = first_size();
-  if (event >= state.events) return;
-  state.begins = heard(event).before;
-  state.closed = heard(event).chi_before;
+  state.window.first = event;
+  state.window.size = first_size();
+  if (event >= state.window.events) return;
+  state.window.begins = heard(event).before;
+  state.window.closed = heard(event).chi_before;
 }
 
 // Whether an event that had to come has not been reported by t. When that is found, and what
 // follows, depends on the events alone.
 void TrackingEstimator::watch(double t, TrackingState& state) {
   Filter& filter = *filter_;
-  while (state.belief && state.status != TrackStatus::lost) {
+  while (state.belief && state.track.status != TrackStatus::lost) {
     const double end = EventFilter::end_of_burst(*state.belief);
     const double until = std::min(t, end);
     if (!look(until, state)) return lose(state);
-    if (state.overdue >= 0 && state.missing_from <= until) {
-      const double from = state.missing_from;
-      const Inconsistency inconsistency{from, state.overdue, Suspicion::missing_event, 0.0};
-      const bool held = contains(state.belief->held, state.overdue);
+    if (state.silence.overdue >= 0 && state.silence.missing_from <= until) {
+      const double from = state.silence.missing_from;
+      const Inconsistency inconsistency{from, state.silence.overdue, Suspicion::missing_event, 0.0};
+      const bool held = contains(state.belief->held, state.silence.overdue);
       if (!held && may_doubt(state) && take_missing(state)) {
         doubt(inconsistency, state);
       } else {
@@ -679,19 +683,19 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
 bool TrackingEstimator::look(double t, TrackingState& state) {
   EventFilter& filter = filter_->filter;
   const FilterBelief& belief = *state.belief;
-  while (state.overdue < 0 && state.next_look <= t) {
-    const double now = state.next_look;
-    state.next_look = now + until_next_look(now, state);
+  while (state.silence.overdue < 0 && state.silence.next_look <= t) {
+    const double now = state.silence.next_look;
+    state.silence.next_look = now + until_next_look(now, state);
     if (!filter.can_reach(now, belief)) return false;
-    state.overdue = filter.overdue(now, belief);
-    if (state.overdue < 0) continue;
-    state.overdue_since = state.missing_from = now;
-    if (contains(belief.held, state.overdue)) continue;
-    const double crossing = crossing_before(now, state.overdue, belief);
+    state.silence.overdue = filter.overdue(now, belief);
+    if (state.silence.overdue < 0) continue;
+    state.silence.overdue_since = state.silence.missing_from = now;
+    if (contains(belief.held, state.silence.overdue)) continue;
+    const double crossing = crossing_before(now, state.silence.overdue, belief);
     // The impacts that complete a chatter are not reported.
     const double late =
         thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
-    state.missing_from = std::max(now, crossing + late);
+    state.silence.missing_from = std::max(now, crossing + late);
   }
   return true;
 }
@@ -699,17 +703,18 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
 // A flight is about as long as the one before it.
 double TrackingEstimator::until_next_look(double t, const TrackingState& state) const {
   constexpr double growth = 0.125, looks_of_a_flight = 32.0;
-  const double first = std::max(
-      std::min(filter_->longest_look, state.last_flight) / looks_of_a_flight, filter_->least_look);
-  return std::min(std::max(growth * (t - state.last_heard), first), filter_->longest_look);
+  const double first =
+      std::max(std::min(filter_->longest_look, state.silence.last_flight) / looks_of_a_flight,
+               filter_->least_look);
+  return std::min(std::max(growth * (t - state.silence.last_heard), first), filter_->longest_look);
 }
 
 // From then on watch() listens.
 void TrackingEstimator::heard_at(double t, TrackingState& state) const {
-  if (t > state.last_heard) state.last_flight = t - state.last_heard;
-  state.last_heard = t;
-  state.next_look = t + until_next_look(t, state);
-  state.overdue = -1;
+  if (t > state.silence.last_heard) state.silence.last_flight = t - state.silence.last_heard;
+  state.silence.last_heard = t;
+  state.silence.next_look = t + until_next_look(t, state);
+  state.silence.overdue = -1;
 }
 
 // The state of a lost track becomes the replica's, which is at t, behind these events.
@@ -726,82 +731,86 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   filter.next = *state.belief;
   // Of a track that was lost without a failure: as uncertain as the replica is off what was
   // believed. At most as its motion is large.
-  if (filter.of_start > 0.0 && state.inflation == 1.0) {
+  if (filter.of_start > 0.0 && state.track.inflation == 1.0) {
     filter.filter.fly_mean(t, filter.next);
     filter.off = filter.flight->x() - filter.x;
     const double off = filter.flight->twice_energy(filter.off) / filter.of_start;
-    if (off > square(state.inflation)) state.inflation = std::sqrt(off);
+    if (off > square(state.track.inflation)) state.track.inflation = std::sqrt(off);
   }
-  const double motion = std::max(note_energy(state), state.energy);
+  const double motion = std::max(note_energy(state), state.track.energy);
   const double most =
       filter.of_start > 0.0 ? std::sqrt(std::max(motion / filter.of_start, 1.0)) : 1.0;
-  state.inflation = std::min(state.inflation, most);
-  filter.inflated = state.inflation * filter.start;
+  state.track.inflation = std::min(state.track.inflation, most);
+  filter.inflated = state.track.inflation * filter.start;
   filter.filter.restart(t, filter.x, filter.inflated, state.chi, filter.next);
   for (const ContactEvent& event : events) filter.next.reported[event.contact] = t;
   if (!set_belief(filter.next, state)) return;
   note_start(filter.next);
-  state.status = TrackStatus::tentative;
+  state.track.status = TrackStatus::tentative;
   heard_at(t, state);
 }
 
 bool TrackingEstimator::waits(const TrackingState& state) const {
-  return identifies() && state.wanted && !has_result(state);
+  return identifies() && state.window.wanted && !has_result(state);
 }
 
 bool TrackingEstimator::has_result(const TrackingState& state) const {
   if (result_ == nullptr) return false;
   const AdaptationTask& task = result_->task;
-  if (task.number != state.events || task.closed != state.closed || task.begins != state.begins ||
-      static_cast<std::int64_t>(task.events.size()) != state.events - state.window) {
+  if (task.number != state.window.events || task.closed != state.window.closed ||
+      task.begins != state.window.begins ||
+      static_cast<std::int64_t>(task.events.size()) != state.window.events - state.window.first) {
     return false;
   }
   for (std::size_t i = 0; i < task.events.size(); ++i) {
-    if (!(heard(state.window + static_cast<std::int64_t>(i)).event == task.events[i])) return false;
+    if (!(heard(state.window.first + static_cast<std::int64_t>(i)).event == task.events[i]))
+      return false;
   }
   return true;
 }
 
 void TrackingEstimator::wanted(const TrackingState& state, AdaptationTask& task) const {
-  task.number = state.events;
-  task.begins = state.begins;
-  task.closed = state.closed;
+  task.number = state.window.events;
+  task.begins = state.window.begins;
+  task.closed = state.window.closed;
   task.events.clear();
-  for (std::int64_t i = state.window; i < state.events; ++i) task.events.push_back(heard(i).event);
+  for (std::int64_t i = state.window.first; i < state.window.events; ++i)
+    task.events.push_back(heard(i).event);
 }
 
 void TrackingEstimator::take_result(TrackingState& state) {
-  state.wanted = false;
-  ++state.identifications;
+  state.window.wanted = false;
+  ++state.window.identifications;
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
   const double motion = note_energy(state);
   if (!result_->accepted || !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
-    state.size += state.size / 2;
-    if (state.size > longest_window) {
-      begin_window(state.events - 2 * first, state);
-      state.size = 3 * first;
+    state.window.size += state.window.size / 2;
+    if (state.window.size > longest_window) {
+      begin_window(state.window.events - 2 * first, state);
+      state.window.size = 3 * first;
     }
     return;
   }
   lose(state);
   if (!set_belief(of, state)) return;
-  state.accepted = tick_instant(state.tick, h()).hi;
+  state.window.accepted = tick_instant(state.tick, h()).hi;
   if (!result_->state_is_known || state.chi != 0) return;
-  state.status = TrackStatus::confirmed;
-  state.fitting = to_confirm(state);
+  state.track.status = TrackStatus::confirmed;
+  state.track.fitting = to_confirm(state);
 }
 
 // Looks are rare; what is told of a tick is not overdue at this tick either.
 bool TrackingEstimator::claims(const TrackingState& state) const {
-  if (state.status != TrackStatus::confirmed || state.overdue >= 0) return false;
+  if (state.track.status != TrackStatus::confirmed || state.silence.overdue >= 0) return false;
   const double t = tick_instant(state.tick, h()).hi;
   return t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0;
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
-  return claims(state) || (kind_ == EstimatorKind::timing && state.status != TrackStatus::lost);
+  return claims(state) ||
+         (kind_ == EstimatorKind::timing && state.track.status != TrackStatus::lost);
 }
 
 void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
@@ -842,15 +851,15 @@ void TrackingEstimator::note(const TrackingState& state, Confidence& confidence)
   if (!filter_) return;
   confidence.from_filter = shows_filter(state);
   confidence.filter = {};
-  if (state.belief && state.status != TrackStatus::lost) {
+  if (state.belief && state.track.status != TrackStatus::lost) {
     confidence.filter = state.belief->innovation;
   }
   confidence.inconsistencies = state.inconsistencies;
   confidence.last = state.last;
   confidence.forgotten = state.forgotten;
   confidence.scale_is_lost = scale_is_lost(state);
-  confidence.parameters.accepted = state.accepted;
-  confidence.parameters.identifications = state.identifications;
+  confidence.parameters.accepted = state.window.accepted;
+  confidence.parameters.identifications = state.window.identifications;
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;
 }
 

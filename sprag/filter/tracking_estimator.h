@@ -37,40 +37,52 @@
 
 namespace sprag {
 
-/// Everything that changes; copies do not allocate. Valid while its estimator lives.
-struct TrackingState {
-  std::int64_t tick = 0;
-  ContactSet chi = 0;
-  AnyReplica::State base;
-
-  // Identification.
-  std::int64_t events = 0;  ///< since the start
-  std::int64_t window = 0;  ///< the first of them that is not known to be of another machine
-  double begins = 0.0;      ///< when all events are known since: of that window [s]
-  ContactSet closed = 0;    ///< there
-  std::int64_t size = 0;    ///< of the window when the next identification is wanted
-  bool wanted = false;      ///< one is, of all events up to this tick
+/// Events since the last one that is known to be of another machine, for an identification.
+struct EventWindow {
+  std::int64_t events = 0;           ///< since the start
+  std::int64_t first = 0;            ///< of the window
+  double begins = 0.0;               ///< when all events are known since [s]
+  ContactSet closed = 0;             ///< there
+  std::int64_t size = 0;             ///< of the window when the next identification is wanted
+  bool wanted = false;               ///< one is, of all events up to this tick
   std::int64_t identifications = 0;  ///< whose results counted
   double accepted = -1.0;            ///< when the last result or prior was taken [s]
+};
 
-  // The filter.
-  BeliefRef belief;          ///< none before the first result of an identification
-  double last_heard = 0.0;   ///< the last event's report, or what took its place [s]
-  double last_flight = 0.0;  ///< from the event before to it [s]
-  double next_look = 0.0;    ///< for an overdue impact [s]
-  int overdue = -1;          ///< contact whose impact is; -1: none
-  double overdue_since = 0.0, missing_from = 0.0;  ///< of that impact [s]
-  /// Those before its last events, the latest first: for ticks that precede several of them.
-  std::array<BeliefRef, 3> earlier;
+/// Time since the last event, and what should have been reported in it.
+struct Silence {
+  double last_heard = 0.0;    ///< the last event's report, or what took its place [s]
+  double last_flight = 0.0;   ///< from the event before to it [s]
+  double next_look = 0.0;     ///< for an overdue impact [s]
+  int overdue = -1;           ///< contact whose impact is; -1: none
+  double overdue_since = 0.0;
+  double missing_from = 0.0;  ///< when it counts as missing [s]
+};
+
+/// How the filter's estimate is judged (track.h).
+struct Track {
   TrackStatus status = TrackStatus::lost;
   bool doubts = false;         ///< the last event was spurious, or one was missing
   bool scale_is_known = true;  ///< the track has not been lost since the start
-  ContactSet inside = 0;       ///< closed since t = 0, where the machine may have started inside
   std::int64_t fitting = 0;    ///< events in a row that fitted, since the last start or reset
   std::int64_t trial = 0;      ///< events to fit before confirmation, beside 2f
   double inflation = 1.0;      ///< of the prior standard deviations at the next reset, >= 1
   double mean_square = 1.0;    ///< of the normalized innovations, over about the last 16
   double energy = 0.0;         ///< twice that of the replica's motion, its largest at an event
+};
+
+/// Everything that changes; copies do not allocate. Valid while its estimator lives.
+struct TrackingState {
+  std::int64_t tick = 0;
+  ContactSet chi = 0;
+  AnyReplica::State base;
+  EventWindow window;
+  BeliefRef belief;  ///< none before the first result of an identification
+  /// Those before its last events, the latest first: for ticks that precede several of them.
+  std::array<BeliefRef, 3> earlier;
+  Silence silence;
+  Track track;
+  ContactSet inside = 0;  ///< closed since t = 0, where the machine may have started inside
   std::int64_t inconsistencies = 0;
   Inconsistency last;
   std::int64_t forgotten = 0;  ///< how often there was no room for its belief

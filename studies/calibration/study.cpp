@@ -65,9 +65,9 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
   std::vector<double> V;
   std::int64_t count = 0;
   const auto on_tick = [&](std::int64_t k) {
-    const std::int64_t fresh = state.events - count;
-    count = state.events;
-    if (fresh == 0 || state.status == TrackStatus::lost) return;
+    const std::int64_t fresh = state.window.events - count;
+    count = state.window.events;
+    if (fresh == 0 || state.track.status == TrackStatus::lost) return;
     if (2 * k <= truth.q.cols() * truth.stride) return;
     trial.innovations += state.belief->square;
     ++trial.innovation_count;

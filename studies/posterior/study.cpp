@@ -113,7 +113,7 @@ void follow(const Scene& told, const calibration::Truth& truth,
     x << truth.q.col(sample), truth.u.col(sample);
     filter.output(state, mean.head(f), mean.tail(f));
     if (2 * sample >= samples && sample % every == 0) compare_at(sample, t);
-    if (chi != 0 || state.status != TrackStatus::confirmed) return;
+    if (chi != 0 || state.track.status != TrackStatus::confirmed) return;
     filter.belief(state, belief);
     Eigen::MatrixXd S_transposed(belief.columns, 2 * f);
     S_transposed << belief.S_q.leftCols(belief.columns).transpose(),

@@ -1,5 +1,3 @@
-#include "sprag/filter/tracking_estimator.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 
 #include "sprag/estimation/observer.h"
 #include "sprag/estimation/time_line.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "studies/adaptation/trial.h"
@@ -267,7 +266,7 @@ TEST(TrackingEstimator, MayJoinLate) {
     }
     estimator.tick(of_tick, state);
   }
-  ASSERT_TRUE(state.status == TrackStatus::confirmed);
+  ASSERT_TRUE(state.track.status == TrackStatus::confirmed);
   Master master(machine.model, machine.master);
   std::vector<ContactEvent> passed;
   master.advance(at(60.0), passed);

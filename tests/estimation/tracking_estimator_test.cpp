@@ -70,7 +70,7 @@ Outcome outcome(const Scene& machine, const Scene& told, std::span<const Contact
       result.inconsistencies = state.inconsistencies;
       result.first.push_back(state.last);
     }
-    if (state.status == TrackStatus::confirmed) result.trusted += 1.0 / ticks;
+    if (state.track.status == TrackStatus::confirmed) result.trusted += 1.0 / ticks;
     if (k <= from) continue;
     master.advance(tick_instant(k, tick_of_both), ignored);
     master.state(tick_instant(k, tick_of_both), q_m, u_m);

@@ -53,7 +53,7 @@ void expect_not_taken_for_another(const std::string& name, bool told_of_start) {
             << " of " << V_i.sum() << ", " << state.inconsistencies << " inconsistencies\n";
   EXPECT_LT(worst, 7.0);
   EXPECT_EQ(state.inconsistencies, 0);
-  EXPECT_TRUE(state.status == TrackStatus::confirmed);
+  EXPECT_TRUE(state.track.status == TrackStatus::confirmed);
   EXPECT_LT(largest, 1e-3 * V_i.sum());
 }
 

@@ -9,7 +9,6 @@
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
-#include "tests/estimation/tracking_estimators.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random.h"
@@ -62,7 +61,7 @@ class LateResults<IdentifyingAdaptive> {
   explicit LateResults(IdentifyingAdaptive& estimator) { estimator.identifies = false; }
   void want(const TrackingState& state, IdentifyingAdaptive& estimator,
             TimeLine<IdentifyingAdaptive>& line) {
-    used_ = used_ || state.status == TrackStatus::confirmed;
+    used_ = used_ || state.track.status == TrackStatus::confirmed;
     if (!estimator.waits(state)) return;
     estimator.wanted(state, task_);
     line.hold(state.tick);

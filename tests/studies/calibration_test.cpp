@@ -480,7 +480,7 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
     filter.tick({first, next}, state);
     const bool near = (next != events.begin() && now.hi - (next - 1)->t < 10.0 * jitter) ||
                       (next != events.end() && next->t - now.hi < 10.0 * jitter);
-    if (now.hi < from || near || state.fitting == instants) continue;
+    if (now.hi < from || near || state.track.fitting == instants) continue;
     const Eigen::MatrixXd P = covariance(filter, state);
     if (t_then > 0.0) {
       const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(P_then);
@@ -508,7 +508,7 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
     P_then = P;
     closed = state.chi;
     t_then = now.hi;
-    instants = state.fitting;
+    instants = state.track.fitting;
   }
   EXPECT_GT(compared, 10);
 }
