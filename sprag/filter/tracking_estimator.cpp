@@ -800,16 +800,20 @@ void TrackingEstimator::take_result(TrackingState& state) {
   state.track.fitting = to_confirm(state);
 }
 
-// Looks are rare; what is told of a tick is not overdue at this tick either.
+bool TrackingEstimator::is_believed(const TrackingState& state) {
+  return state.track.status == TrackStatus::confirmed && state.silence.overdue < 0;
+}
+
+// Looks are rare; what is claimed of a tick is not overdue at this tick either.
 bool TrackingEstimator::claims(const TrackingState& state) const {
-  if (state.track.status != TrackStatus::confirmed || state.silence.overdue >= 0) return false;
   const double t = tick_instant(state.tick, h()).hi;
-  return t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0;
+  return is_believed(state) &&
+         (t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0);
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
   if (!filter_) return false;
-  return claims(state) ||
+  return is_believed(state) ||
          (kind_ == EstimatorKind::timing && state.track.status != TrackStatus::lost);
 }
 

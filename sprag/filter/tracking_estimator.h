@@ -230,6 +230,7 @@ class TrackingEstimator {
   double crossing_before(double t, int contact, const FilterBelief& belief);
   bool take_missing(TrackingState& state);
   void heard_at(double t, TrackingState& state) const;
+  static bool is_believed(const TrackingState& state);
   bool claims(const TrackingState& state) const;
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
