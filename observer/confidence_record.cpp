@@ -75,7 +75,8 @@ void ConfidenceRecord::take_penetration(double depth) {
 void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream& out) {
   t_ = t;
   ++ticks_;
-  if (confidence.from_filter) ++ticks_from_filter_;
+  from_filter_ = confidence.from_filter;
+  if (from_filter_) ++ticks_from_filter_;
   take_inconsistencies(confidence, out);
   take_contacts(confidence, out);
   take_forgotten(confidence, out);

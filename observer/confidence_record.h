@@ -18,10 +18,11 @@ class ConfidenceRecord {
   /// already, or that cannot be held together, and covariances that were gone.
   void note(double t, const Confidence& confidence, std::ostream& out);
 
-  /// So many more ticks, the last one at t, none of them from a filter, of which note() would tell
-  /// nothing.
+  /// So many more ticks, the last one at t, of which note() would tell nothing: their estimates are
+  /// of whom that of the last tick was.
   void pass(std::int64_t ticks, double t) {
     ticks_ += ticks;
+    if (from_filter_) ticks_from_filter_ += ticks;
     t_ = t;
   }
 
@@ -59,6 +60,7 @@ class ConfidenceRecord {
   double initial_ = 0.0;
   Confidence last_;
   std::int64_t ticks_ = 0;
+  bool from_filter_ = false;  // the last tick
   std::int64_t ticks_from_filter_ = 0;
   Told refutations_;
   std::vector<Inconsistency> first_;  // a bounded number of them

@@ -164,7 +164,8 @@ class Replay {
         events_->write(all[all.size() - left]);
       }
     }
-    if (settled_.writes_states() || !estimation_.estimator.coasts()) {
+    // A guarantee is followed from tick to tick.
+    if (settled_.writes_states() || estimation_.guarantee || !estimation_.estimator.coasts()) {
       run();
     } else {
       do {
