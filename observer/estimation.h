@@ -9,9 +9,9 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/bound/guarantee.h"
 #include "sprag/estimation/time_line.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {

@@ -14,10 +14,10 @@
 #include "observer/options.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/impact_record.h"
 #include "sprag/files/impacts_file.h"
 #include "sprag/files/predictions_file.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/scene.h"
 
 namespace sprag {

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "observer/recorded_events.h"
-#include "sprag/filter/smoother.h"
 #include "sprag/files/confidence_columns.h"
 #include "sprag/files/states_file.h"
+#include "sprag/filter/smoother.h"
 
 namespace sprag {
 namespace {

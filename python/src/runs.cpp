@@ -18,8 +18,8 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
-#include "sprag/estimation/observer.h"
 #include "sprag/analysis/assessment.h"
+#include "sprag/estimation/observer.h"
 #include "sprag/files/events_file.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/simulate.h"

@@ -61,9 +61,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.adaptation.walks()
                            ? resolved * found.interval
                            : std::max(found.jitter, resolved * found.interval);
-  result.belief =
-      path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
-                     found.likelihood, found.measured, sigma);
+  result.belief = path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
+                                 found.likelihood, found.measured, sigma);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
   const Impact& last = found.measured.back().impacts.back();
   result.state_is_known = last.timed && last.event + 1 == task.events.size() &&

@@ -72,7 +72,7 @@ void AnyReplica::apply(std::span<const ContactEvent> events, State& state) {
 }
 
 void AnyReplica::output(const State& state, Eigen::Ref<Eigen::VectorXd> q,
-                          Eigen::Ref<Eigen::VectorXd> u) {
+                        Eigen::Ref<Eigen::VectorXd> u) {
   read(replica_, state, [&](auto& replica, const auto& of) { replica.output(of, q, u); });
 }
 

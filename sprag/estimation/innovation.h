@@ -1,5 +1,5 @@
-// What an estimate predicted of the last closing that was reported: its own gap there, which is zero
-// where the estimate is right.
+// What an estimate predicted of the last closing that was reported: its own gap there, which is
+// zero where the estimate is right.
 #pragma once
 
 #include <cstdint>

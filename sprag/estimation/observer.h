@@ -53,9 +53,9 @@ struct Estimate {
 };
 
 struct ObserverSettings {
-  double tick = 0.01;                             ///< h > 0 [s]
+  double tick = 0.01;  ///< h > 0 [s]
   EstimatorKind estimator = EstimatorKind::both;
-  StepperKind stepper = StepperKind::exact;       ///< of EstimatorKind::replica
+  StepperKind stepper = StepperKind::exact;  ///< of EstimatorKind::replica
 };
 
 class Observer {

@@ -51,10 +51,10 @@ struct EventWindow {
 
 /// Time since the last event, and what should have been reported in it.
 struct Silence {
-  double last_heard = 0.0;    ///< the last event's report, or what took its place [s]
-  double last_flight = 0.0;   ///< from the event before to it [s]
-  double next_look = 0.0;     ///< for an overdue impact [s]
-  int overdue = -1;           ///< contact whose impact is; -1: none
+  double last_heard = 0.0;   ///< the last event's report, or what took its place [s]
+  double last_flight = 0.0;  ///< from the event before to it [s]
+  double next_look = 0.0;    ///< for an overdue impact [s]
+  int overdue = -1;          ///< contact whose impact is; -1: none
   double overdue_since = 0.0;
   double missing_from = 0.0;  ///< when it counts as missing [s]
 };

@@ -11,8 +11,8 @@
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/master.h"
 #include "studies/studies/study.h"
 

@@ -8,15 +8,15 @@
 #include <limits>
 
 #include "sprag/analysis/quantile.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/uncertainty.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/event_search.h"
 #include "sprag/mechanics/master.h"
-#include "studies/studies/belief_columns.h"
 #include "studies/common/disturbance.h"
 #include "studies/common/random.h"
+#include "studies/studies/belief_columns.h"
 #include "studies/studies/study.h"
 
 namespace sprag::studies {

@@ -1,10 +1,9 @@
-#include "sprag/estimation/observer.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <random>
 
+#include "sprag/estimation/observer.h"
 #include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
@@ -113,7 +112,8 @@ TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
 TEST(AdaptiveObserver, ObservesARecording) {
   const Scene scene = wrong_scene();
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), duration);
-  const Estimates all = observe(Observer(scene, {tick_length, EstimatorKind::adaptive}), events, duration);
+  const Estimates all =
+      observe(Observer(scene, {tick_length, EstimatorKind::adaptive}), events, duration);
   const std::vector<Row> expected = expected_rows(scene, events);
   ASSERT_EQ(all.t.size(), static_cast<Eigen::Index>(expected.size()));
   EXPECT_EQ(all.keys.size(), 2U);
@@ -128,8 +128,10 @@ TEST(AdaptiveObserver, ObservesARecording) {
 }
 
 TEST(AdaptiveObserver, RefusesWhatItCannotDo) {
-  EXPECT_THROW(Observer(shipped_scene("non_proportional"), {0.01, EstimatorKind::adaptive}), ModelError);
-  EXPECT_THROW(Observer(shipped_scene("paper_beam"), {0.0, EstimatorKind::adaptive}), std::invalid_argument);
+  EXPECT_THROW(Observer(shipped_scene("non_proportional"), {0.01, EstimatorKind::adaptive}),
+               ModelError);
+  EXPECT_THROW(Observer(shipped_scene("paper_beam"), {0.0, EstimatorKind::adaptive}),
+               std::invalid_argument);
 }
 
 }  // namespace

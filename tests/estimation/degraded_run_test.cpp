@@ -7,7 +7,6 @@
 #include "sprag/estimation/replica.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/mechanics/energy.h"
-#include "tests/estimation/tracking_estimators.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/tracking_estimators.h"
 #include "tests/support/repetitions.h"
@@ -68,8 +67,8 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
 
 template <typename E>
 class DegradedRunTest : public ::testing::Test {};
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth,
-                                    IdentifyingAdaptive>;
+using Estimators =
+    ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
 TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 
 template <Estimator E>

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/beam.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scene.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/random_model.h"
 
 namespace sprag {

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <vector>
 
-#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/instant.h"
 #include "sprag/mechanics/master.h"
 #include "sprag/mechanics/scene.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 

@@ -6,9 +6,9 @@
 #include <iostream>
 #include <random>
 
-#include "tests/estimation/tracking_estimators.h"
 #include "sprag/mechanics/simulate.h"
 #include "tests/estimation/recorded_run.h"
+#include "tests/estimation/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -56,12 +56,11 @@ TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
   for (unsigned seed = 1; seed <= seeds; ++seed) {
     const std::vector<ContactEvent> events = off(truth.events, of.sigma, seed);
     std::vector<SmoothedEstimate> estimates;
-    const auto stretches =
-        smooth(scene, events, h, truth.t.size() - 1,
-               [&](std::int64_t, const SmoothedEstimate& estimate, bool clear) {
-                 share += clear ? 1.0 : 0.0;
-                 estimates.push_back(estimate);
-               });
+    const auto stretches = smooth(scene, events, h, truth.t.size() - 1,
+                                  [&](std::int64_t, const SmoothedEstimate& estimate, bool clear) {
+                                    share += clear ? 1.0 : 0.0;
+                                    estimates.push_back(estimate);
+                                  });
     for (const SmoothedStretch& stretch : stretches) {
       if (stretch.events < 20) continue;
       misfit += stretch.misfit;

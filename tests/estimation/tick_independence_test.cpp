@@ -185,8 +185,8 @@ TEST_P(TickIndependence, OfBoth) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);
   scene.jitter = jitter;
-  expect_equal<BothEstimator>(scene, events_of(c, scene, jitter), c.end,
-                                 c.trouble != Trouble::none, c.share_after_restart);
+  expect_equal<BothEstimator>(scene, events_of(c, scene, jitter), c.end, c.trouble != Trouble::none,
+                              c.share_after_restart);
 }
 
 // Alone it says only that an event has not come.
@@ -196,7 +196,7 @@ TEST_P(TickIndependence, OfTheTimingFilter) {
   scene.jitter = jitter;
   if (c.trouble == Trouble::spurious || c.trouble == Trouble::spurious_before) return;
   expect_equal<TimingEstimator>(scene, events_of(c, scene, jitter), c.end,
-                             c.trouble == Trouble::missing);
+                                c.trouble == Trouble::missing);
 }
 
 }  // namespace

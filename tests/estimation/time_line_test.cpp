@@ -8,7 +8,6 @@
 
 #include "sprag/estimation/moreau.h"
 #include "sprag/estimation/replica.h"
-#include "tests/estimation/tracking_estimators.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/recorded_run.h"
 #include "tests/estimation/tracking_estimators.h"
@@ -89,8 +88,8 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth,
-                                    IdentifyingAdaptive>;
+using Estimators =
+    ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {

@@ -71,8 +71,8 @@ class IdentifyingAdaptive : public TrackingEstimator {
 };
 
 /// Standard deviations that are published of q, u and the gaps.
-inline void deviations(TrackingEstimator& estimator, const TrackingState& state,
-                       Eigen::VectorXd& q, Eigen::VectorXd& u, Eigen::VectorXd& gaps) {
+inline void deviations(TrackingEstimator& estimator, const TrackingState& state, Eigen::VectorXd& q,
+                       Eigen::VectorXd& u, Eigen::VectorXd& gaps) {
   Confidence confidence = estimator.no_confidence();
   estimator.confidence(state, infinity, confidence);
   q = confidence.sigma_q;

@@ -1,10 +1,11 @@
+#include "sprag/filter/family_flight.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "sprag/adaptation/task.h"
 #include "sprag/filter/event_filter.h"
-#include "sprag/filter/family_flight.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
@@ -59,7 +60,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
   // To an impact, and the same instant after it for all.
   const auto after = [&](FamilyFlight& of, const Eigen::VectorXd& from, const Eigen::VectorXd& with,
-                          double delay) {
+                         double delay) {
     of.set(with, true);
     of.fly(from, t, tau + delay, 0);
     of.strike(0, false, 0);

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/observer.h"
-#include "sprag/filter/smoother.h"
 #include "sprag/estimation/time_line.h"
 #include "sprag/files/scene_file.h"
+#include "sprag/filter/smoother.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "sprag/mechanics/master.h"
 #include "tests/support/random.h"
@@ -250,12 +250,12 @@ TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
     observe(scene, drawn, filtered);
     std::int64_t of_all = 0;
     smooth(scene, drawn.events, drawn.h, ticks,
-                      [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
-                        of_all += is_smoothed ? 1 : 0;
-                        if (k < first_tick) return;
-                        smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
-                        smoothed.add(estimate.u - drawn.u.col(k), estimate.sigma_u);
-                      });
+           [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
+             of_all += is_smoothed ? 1 : 0;
+             if (k < first_tick) return;
+             smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
+             smoothed.add(estimate.u - drawn.u.col(k), estimate.sigma_u);
+           });
     EXPECT_GT(of_all, ticks * 9 / 10);
   }
   std::cout << "smoothed: " << smoothed.mean() << ", beyond 5 " << smoothed.share_beyond()
@@ -280,12 +280,12 @@ TEST(UncertainParametersOf, SmoothedChatter) {
     const Drawn drawn = draw(scene, random, 40.0);
     std::int64_t of_all = 0;
     smooth(scene, drawn.events, drawn.h, ticks,
-                      [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
-                        of_all += is_smoothed ? 1 : 0;
-                        if (k < first_tick) return;
-                        smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
-                        smoothed.add(estimate.u - drawn.u.col(k), estimate.sigma_u);
-                      });
+           [&](std::int64_t k, const SmoothedEstimate& estimate, bool is_smoothed) {
+             of_all += is_smoothed ? 1 : 0;
+             if (k < first_tick) return;
+             smoothed.add(estimate.q - drawn.q.col(k), estimate.sigma_q);
+             smoothed.add(estimate.u - drawn.u.col(k), estimate.sigma_u);
+           });
     EXPECT_GT(of_all, ticks * 8 / 10) << i;
   }
   std::cout << "smoothed: " << smoothed.mean() << ", beyond 5 " << smoothed.share_beyond() << '\n';

@@ -1,9 +1,8 @@
 // An adaptive estimator's ticks: before a result, when it counts, with the joint filter, and
 // through contacts that stay closed.
-#include "sprag/filter/tracking_estimator.h"
-
 #include <gtest/gtest.h>
 
+#include "sprag/filter/tracking_estimator.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/run.h"
 

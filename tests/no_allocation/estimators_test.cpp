@@ -1,6 +1,4 @@
 // The steppers' ticks, through everything that occurs in them.
-#include "sprag/estimation/any_replica.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/replica_sweep.h"
 #include "tests/estimation/random_events.h"
 #include "tests/estimation/tracking_estimators.h"

@@ -6,12 +6,12 @@
 #include <sstream>
 
 #include "sprag/estimation/observer.h"
-#include "sprag/filter/smoother.h"
-#include "tests/estimation/tracking_estimators.h"
 #include "sprag/files/csv.h"
 #include "sprag/files/scene_file.h"
 #include "sprag/files/scene_writer.h"
+#include "sprag/filter/smoother.h"
 #include "sprag/mechanics/beam.h"
+#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 

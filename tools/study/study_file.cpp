@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "command_line/program.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/estimation/parameters.h"
 #include "sprag/files/input_file.h"
 #include "sprag/files/nearest_word.h"
@@ -17,6 +16,7 @@
 #include "sprag/files/scene_text.h"
 #include "sprag/files/shipped_scenes.h"
 #include "sprag/files/toml_reader.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "tools/study/design.h"
 
 namespace sprag::study {

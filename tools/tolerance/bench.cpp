@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "command_line/in_parallel.h"
-#include "sprag/filter/tracking_estimator.h"
 #include "sprag/analysis/trial.h"
+#include "sprag/filter/tracking_estimator.h"
 #include "sprag/mechanics/energy.h"
 #include "tools/study/design.h"
 
