@@ -298,6 +298,14 @@ double FamilyFlight::largest_frequency() const {
   return std::sqrt(std::max(centre().machine.K.maxCoeff(), 0.0));
 }
 
+double FamilyFlight::smallest_frequency() const {
+  double least = infinity;
+  for (const double k : centre().machine.K.reshaped()) {
+    if (k > 0.0) least = std::min(least, k);
+  }
+  return least < infinity ? std::sqrt(least) : 1.0;
+}
+
 void FamilyFlight::difference() {
   x_ = centre().x;
   for (Eigen::Index k = 0; derivatives_ && k < unknowns(); ++k) {

@@ -39,6 +39,7 @@ class FamilyFlight final : public Flight {
   }
   void turn(double tau, ContactSet held, Columns dx) override;
   double largest_frequency() const override;
+  double smallest_frequency() const override;
   Gap gap(int contact) const override { return gap(contact, centre()); }
   /// w^T w lambda, as g.
   Gap force(int contact) const override { return force(contact, centre()); }

@@ -54,6 +54,8 @@ class Flight {
   virtual void turn(double tau, ContactSet held, Columns dx) = 0;
   /// Largest natural frequency [rad per unit of time].
   virtual double largest_frequency() const = 0;
+  /// Smallest natural frequency that is not 0; 1 where the machine is rigid.
+  virtual double smallest_frequency() const = 0;
 
   /// After fly(): gap of a contact there, its velocity and acceleration.
   struct Gap {

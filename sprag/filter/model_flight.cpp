@@ -20,9 +20,13 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
   u_.setZero(f_);
   flow.enter(q_, u_, Instant{}, Eigen::VectorXd(0), motion_);
   closed_ = motion_;
+  double slowest = infinity;
   for (Eigen::Index i = 0; i < f_; ++i) {
-    fastest_ = std::max(fastest_, flow.oscillators().root_kappa()[first_ + i]);
+    const double frequency = flow.oscillators().root_kappa()[first_ + i];
+    fastest_ = std::max(fastest_, frequency);
+    if (frequency > 0.0) slowest = std::min(slowest, frequency);
   }
+  if (slowest < infinity) slowest_ = slowest;
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(2 * f_, 2 * f_);
   to_state_.setZero(2 * f_, 2 * f_);
   from_state_ = to_state_;

@@ -32,6 +32,7 @@ class ModelFlight final : public Flight {
   bool changes_flow(Eigen::Index k) const override;
   void turn(double tau, ContactSet held, Columns dx) override;
   double largest_frequency() const override { return fastest_; }
+  double smallest_frequency() const override { return slowest_; }
   Gap gap(int contact) const override;
   Gap force(int contact) const override;
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
@@ -65,7 +66,7 @@ class ModelFlight final : public Flight {
 
   std::shared_ptr<Flows> flows_;
   Eigen::Index f_, first_;  // coordinates; number of the first mode of a flow
-  double fastest_ = 0.0;
+  double fastest_ = 0.0, slowest_ = 1.0;
   Eigen::MatrixXd to_state_, from_state_;  // 2f x 2f
   Eigen::MatrixXd kicks_;                  // 2f x m: dx by M^-1 w_i
   Eigen::MatrixXd energy_;                 // to_state^T diag(K, M) to_state

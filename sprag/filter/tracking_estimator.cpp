@@ -1,6 +1,5 @@
 #include "sprag/filter/tracking_estimator.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -63,16 +62,6 @@ std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   return {std::shared_ptr<Flows>(), of_replica};
 }
 
-// Smallest of the modes' stiffnesses omega^2 that is not 0, of rigid ones alone 1.
-double slowest(const Eigen::VectorXd& stiffness) {
-  const double zero = 1e-12 * stiffness.maxCoeff();
-  double least = infinity;
-  for (const double k : stiffness) {
-    if (k > zero) least = std::min(least, k);
-  }
-  return least < infinity ? least : 1.0;
-}
-
 // `where`: the table or key of the scene that lists the unknowns.
 const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
   for (const Unknown& unknown : family.unknowns()) {
@@ -116,8 +105,7 @@ TrackingEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unkno
           require_modal(*family, from_prior ? "parameters" : "adapt.free"))),
       filter(*flight, model_of(scene, *flight, from_prior)),
       keys(keys_of(family->unknowns())) {
-  const Eigen::VectorXd stiffness = family->at(family->nominal()).K;
-  sigma = std::max(scene.jitter, least_sigma / std::sqrt(slowest(stiffness)));
+  sigma = std::max(scene.jitter, least_sigma / flight->smallest_frequency());
   if (from_prior) {
     prior = scene.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
@@ -153,9 +141,7 @@ void TrackingEstimator::Filter::set_up(const Scene& scene) {
   of_start = flight->twice_energy(start);
   next = nothing = filter.no_belief();
   const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(K, M,
-                                                                        Eigen::EigenvaluesOnly);
-  first_flight = 2.0 * std::numbers::pi / std::sqrt(slowest(modes.eigenvalues()));
+  first_flight = 2.0 * std::numbers::pi / flight->smallest_frequency();
   longest_look = std::max(period / looks_a_period, first_flight / most_looks);
   least_look = std::max(scene.model.chatter_time, sigma);
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
@@ -205,8 +191,8 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.window.closed = chi;
   state.window.begins = tick_instant(k, h()).hi;
   state.track.trial = thresholds_.trial;
-  state.silence.last_heard = state.window.begins;
   if (!filter_) return;
+  state.silence.last_heard = state.window.begins;
   state.silence.last_flight = filter_->first_flight;
   heard_at(state.window.begins, state);
   if (identifies()) {
