@@ -10,6 +10,7 @@
 #include "sprag/files/output_file.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/table.h"
+#include "studies/calibration/thresholds.h"
 
 namespace {
 
@@ -24,35 +25,6 @@ struct Arguments {
   bool json = false;
   std::filesystem::path csv;
 };
-
-// "NAME=VALUE" of sprag/filter/track.h. Throws CLI::ValidationError.
-void set_threshold(const std::string& given, sprag::TrackThresholds& of) {
-  const std::map<std::string, double*> names{{"innovation", &of.innovation},
-                                             {"mean_innovation", &of.mean_innovation},
-                                             {"window", &of.window},
-                                             {"energy_to_confirm", &of.energy_to_confirm},
-                                             {"energy_to_keep", &of.energy_to_keep},
-                                             {"least_inflation", &of.least_inflation},
-                                             {"most_inflation", &of.most_inflation},
-                                             {"far", &of.far},
-                                             {"long_inside", &of.long_inside}};
-  const std::map<std::string, std::int64_t*> counts{{"trial", &of.trial},
-                                                    {"longest_trial", &of.longest_trial}};
-  const std::size_t equals = given.find('=');
-  const std::string name = given.substr(0, equals);
-  const std::string value = equals == given.npos ? "" : given.substr(equals + 1);
-  double number = 0.0;
-  if (!CLI::detail::lexical_cast(value, number) || !(number > 0.0)) {
-    throw CLI::ValidationError("--threshold", given + " is not NAME=VALUE with a positive value");
-  }
-  if (const auto found = names.find(name); found != names.end()) {
-    *found->second = number;
-  } else if (const auto count = counts.find(name); count != counts.end()) {
-    *count->second = static_cast<std::int64_t>(number);
-  } else {
-    throw CLI::ValidationError("--threshold", name + " is none of sprag/filter/track.h");
-  }
-}
 
 void run(const Arguments& arguments) {
   sprag::OutputFile out = sprag::OutputFile::standard_output();
@@ -129,7 +101,10 @@ int main(int argc, char** argv) {
   app.add_option_function<std::vector<std::string>>(
       "--threshold",
       [&](const std::vector<std::string>& all) {
-        for (const std::string& each : all) set_threshold(each, options.thresholds);
+        for (const std::string& each : all) {
+          const std::string wrong = set_threshold(each, options.thresholds);
+          if (!wrong.empty()) throw CLI::ValidationError("--threshold", wrong);
+        }
       },
       "NAME=VALUE ...: other thresholds of the filter's track (sprag/filter/track.h)");
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
