@@ -22,8 +22,8 @@ constexpr double least_probability = 1e-3;
 constexpr int newton_steps = 4;
 constexpr int looks = 16, halvings = 30;  // for the time of an opening
 
-// That an event has happened of which `beyond` says, in deviations, how far the mean is behind it,
-// and that its report is late by more than `ago`, in sigma.
+// Probability of an event that has not been reported. `beyond`: by how many deviations of the gap
+// the mean has passed it; `ago`: since when, in deviations of a report.
 double probability(double beyond, double ago) {
   const double happened = normal_cdf(beyond) * normal_cdf(-ago);
   const double all = happened + normal_cdf(-beyond);
@@ -64,7 +64,7 @@ void PublishedEstimate::find(double t, const FilterBelief& belief) {
   if (is_recent) mix_last(t, belief);
 }
 
-// The last event may lie behind t.
+// The last event may have been after t.
 void PublishedEstimate::mix_last(double t, const FilterBelief& belief) {
   const ImpactEstimate& last = belief.impact;
   const double before = std::max(normal_cdf((last.time - t) / last.time_sigma), least_probability);
@@ -162,7 +162,7 @@ double PublishedEstimate::since_opening(int contact, double t, double longest,
 }
 
 // The estimate at t with the event, into x_ and X_.
-// Returns the contacts that are held behind it.
+// Returns the contacts that are held after it.
 ContactSet PublishedEstimate::happen(const Unreported& event, double t,
                                      const FilterBelief& belief) {
   const double then = t - event.ago;

@@ -1,4 +1,4 @@
-// The estimate that is published at a tick, from the belief behind the last reported event.
+// The estimate that is published at a tick, from the belief after the last reported event.
 //
 // Reports are late by up to a few sigma. What has happened at t without having been reported is not
 // in the belief, and a report may have come before its event. Both cases of such an event, with it
@@ -8,7 +8,7 @@
 //
 // d = x_with - x_without. p follows from the gap (or the contact force) of the mean, its deviation,
 // and how long ago the mean came to the event. The events that the mean comes to are taken in their
-// order; behind one that is more likely than not, the mixture goes on to the next.
+// order; after one that is more likely than not, the mixture goes on to the next.
 #pragma once
 
 #include <Eigen/Core>
