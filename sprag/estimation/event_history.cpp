@@ -66,7 +66,7 @@ void EventHistory::append(const ContactEvent& event) {
 
 // Settled ticks are handed out before a later message is heard, or after it: their bound must not
 // depend on which, so that an interval never begins before the horizon.
-void EventHistory::degrade(double from, double to) {
+void EventHistory::degrade(double from, double to, bool one_pulse) {
   from = std::isnan(from) ? horizon_ : from;
   from = std::max({from, horizon_, 0.0});
   to = to > from ? to : from;
@@ -76,8 +76,9 @@ void EventHistory::degrade(double from, double to) {
       (full || from <= degraded_.back().to)) {
     degraded_.back().from = std::min(degraded_.back().from, from);
     degraded_.back().to = std::max(degraded_.back().to, to);
+    degraded_.back().one_pulse = false;
   } else if (!full) {
-    degraded_.push_back({from, to, start_});
+    degraded_.push_back({from, to, start_, one_pulse});
   }
 }
 
@@ -111,11 +112,13 @@ std::size_t EventHistory::add(const ContactMessage& message) {
   const std::int64_t first = message.records_total - message.records;
   const bool gap = first > next_record_;
   if (gap) {
-    counts_.lost_records += first - next_record_;
+    const std::int64_t lost = first - next_record_;
+    counts_.lost_records += lost;
     const double to = message.records > 0 ? message.record[0].t : message.horizon;
-    degrade(last_t_, to);
+    const ContactSet closed = closed_before_records(message);
+    degrade(last_t_, to, lost == 1 && closed == chi_);
     next_record_ = first;
-    make_up(closed_before_records(message), to);
+    make_up(closed, to);
   }
   for (std::int64_t number = next_record_; number < message.records_total; ++number) {
     const ContactEvent& event = message.record[static_cast<std::size_t>(number - first)];

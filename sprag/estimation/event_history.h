@@ -20,6 +20,8 @@ struct DegradedInterval {
   double from = 0.0;
   double to = 0.0;
   std::int64_t start = 0;  ///< which start of the time line it belongs to, from 1
+  /// One record is missing, and it was a pulse: the numbers of the records and `closed` say so.
+  bool one_pulse = false;
 };
 
 /// Why an event was skipped.
@@ -70,7 +72,7 @@ class EventHistory {
   void lose(const ContactMessage& message);
 
   /// Events may be missing from `from` on, or from the horizon if that is later, up to `to`.
-  void degrade(double from, double to);
+  void degrade(double from, double to, bool one_pulse = false);
   /// No event since the last restart() is missing up to here, as far as is known; +infinity: none
   /// at all.
   double complete_to() const { return complete_to_; }
