@@ -19,14 +19,15 @@ bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
   return std::abs(G(a, b)) <= 1e-12 * std::sqrt(G(a, a) * G(b, b));
 }
 
-// Joint impacts gain no energy for any restitutions within the tolerance: |E Lambda_C| <=
-// |Lambda_C|.
+// Joint impacts gain no energy for any restitutions within the tolerance: they expand nothing, or
+// |E Lambda_C| <= |Lambda_C|.
 bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
-  if (dynamics.contacts() == 1) return true;
-  if (!monotone) return false;
-  if (off == 0.0) return true;
+  if (dynamics.contacts() == 1 || (monotone && off == 0.0)) return true;
   const ContactSet all = bit(dynamics.contacts()) - 1;
-  return largest_restitution(dynamics.model()) + off * restitution_spread(dynamics.G(), all) <= 1.0;
+  const double epsilon = largest_restitution(dynamics.model()) + off;
+  if (joint_expansion(dynamics.G(), all, epsilon) <= 1.0) return true;
+  return monotone &&
+         largest_restitution(dynamics.model()) + off * restitution_spread(dynamics.G(), all) <= 1.0;
 }
 
 }  // namespace
@@ -40,13 +41,16 @@ struct BoundTracker::Impact {
   double epsilon = 0.0;  // largest of the contacts that take part
 };
 
-BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h, const BoundFactors& factors)
+BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
+                           const BoundSettings& settings)
     : tolerance_(scene.tolerance),
-      factors_(factors),
+      factors_(settings.factors),
       metric_(flows.dynamics()),
       contraction_(flows, scene.tolerance),
       defect_(metric_, scene.tolerance),
       cap_(metric_, scene.tolerance),
+      first_order_(metric_, defect_, flows[0], scene.tolerance),
+      use_first_order_(settings.first_order && first_order_.exists()),
       replica_(std::shared_ptr<Flows>(std::shared_ptr<void>(), &flows), h),
       start_(scene.replica),
       initial_(scene.uncertainty.size() > 0 ? scene.uncertainty.sum() : infinity),
@@ -74,12 +78,16 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
   W_ = cap_holds_ ? cap_.from_distance(start_b, modal_, 0.0) : infinity;
   // Since it was within the uncertainty, W has been below the larger of its value then and its end.
   if (k != 0 && cap_holds_) W_ = std::max(W_, cap_.ultimate());
+  // Without an uncertainty it moves as its forces sustain it.
+  if (initial_ == infinity && cap_holds_) W_ = cap_.ultimate();
   W_t_ = since_ = integrated_to_ = followed_ = t;
   integral_ = 0.0;
   b_ = k == 0 ? in_ * start_b : infinity;
+  // An event before a later start may be reported after it.
   lost_until_ = k == 0 ? t : t + tolerance_.time;
   cluster_.begin(b_, t);
   node_is_known_ = false;
+  first_order_.stop();
 }
 
 double BoundTracker::known_up_to(const EventHistory& events) const {
@@ -97,28 +105,11 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   std::size_t end = first;
   while (end < all.size() && all[end].t <= last) ++end;
   for_each_instant(all.subspan(first, end - first), [&](std::span<const ContactEvent> of_one) {
-    pass_gaps(events, of_one.front().t - tolerance_.time);
+    pass_gaps(events, of_one.front().t - tolerance_.time, of_one.front().t);
     event(of_one);
   });
   consumed_ = static_cast<std::int64_t>(end) + events.dropped();
-  pass_gaps(events, reach);
-}
-
-// Between the first and the last time of a gap, both widened by the tolerance, b is not known.
-void BoundTracker::pass_gaps(const EventHistory& events, double t) {
-  const std::vector<DegradedInterval>& gaps = events.degraded();
-  while (gap_ < gaps.size()) {
-    const DegradedInterval& gap = gaps[gap_];
-    if (gap.start == events.start()) {
-      const double from = gap.from - tolerance_.time;
-      if (from > t) return;
-      if (b_ < infinity && from >= since_) advance(from);
-      b_ = infinity;
-      lost_until_ = std::max(lost_until_, gap.to + tolerance_.time);
-      if (gap.to + tolerance_.time >= t) return;
-    }
-    ++gap_;
-  }
+  pass_gaps(events, reach, infinity);
 }
 
 // z, v and acceleration of the replica at t, which is not before its last event. With closed
@@ -137,13 +128,15 @@ void BoundTracker::take_state(double t) {
   metric_.accelerate(*motion, modal_);
 }
 
-// The integral of the defect from integrated_to_ to t, no event between them.
+// The integrals of the defect from integrated_to_ to t, no event between them.
 void BoundTracker::integrate(double t) {
-  if (!defect_.any() || t <= integrated_to_) return;
+  if (state_.chi == 0) start_first_order(t);
+  if (!defect_.any() || t < integrated_to_) return;
   const bool free = state_.chi == 0;
   if (!node_is_known_) {
     take_state(integrated_to_);
     node_ = defect_.node(modal_, integrated_to_, free);
+    if (first_order_.active()) first_order_.look(modal_, node_, integrated_to_);
     node_is_known_ = true;
   }
   while (integrated_to_ < t) {
@@ -154,6 +147,7 @@ void BoundTracker::integrate(double t) {
     const DefectNode node = defect_.node(modal_, next, free);
     integral_ +=
         free ? defect_.free_step(node_, node, duration) : defect_.closed_step(node_, duration);
+    if (first_order_.active()) first_order_.step(modal_, node, next);
     node_ = node;
     integrated_to_ = next;
   }
@@ -165,6 +159,10 @@ void BoundTracker::advance(double t) {
     integrate(t);
     const double sigma = state_.chi == 0 ? contraction_(t - since_) : 1.0;
     b_ = sigma * b_ + integral_;
+    if (first_order_.active()) {
+      b_ = std::min(b_, first_order_.distance(sigma, t));
+      first_order_.settle(sigma, t);
+    }
   }
   integral_ = 0.0;
   since_ = t;
@@ -181,6 +179,15 @@ void BoundTracker::limit_by_cap(double t) {
   take_state(t);
   if (b_ < infinity) W_ = std::min(W_, cap_.from_distance(b_ * out_, modal_, t));
   b_ = std::min(b_, in_ * cap_.distance(W_, modal_, t));
+}
+
+// The set begins at the end of the last window, in free flight, or again where b alone is less.
+void BoundTracker::start_first_order(double t) {
+  if (!use_first_order_ || b_ == infinity || integrated_to_ != since_ || t < since_) return;
+  if (first_order_.active() && first_order_.rest(1.0, since_) < b_) return;
+  take_state(since_);
+  first_order_.start(b_, q_, u_, since_);
+  node_is_known_ = false;
 }
 
 BoundTracker::Impact BoundTracker::impact_of(std::span<const ContactEvent> of_one_instant) const {
@@ -222,6 +229,8 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   if (opens >= since_ && opens >= lost_until_ && !failed_) {
     advance(opens);
     cluster_.begin(b_, impact.t);
+  } else {
+    first_order_.stop();
   }
   if (failed_ || b_ == infinity) {
     take_unbounded(of_one_instant);
@@ -233,29 +242,54 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
     state_.motion.flow->propagate(state_.motion, at(impact.t), state_.motion);
   }
   take_state(impact.t);
+  if (first_order_.active()) first_order_.arrive(modal_, impact.t);
   const double speed_before = speed(metric_, modal_);
   const double density = defect_.any() ? defect_.node(modal_, impact.t, false).density : 0.0;
-  const double rho = std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();
+  const double rho = cluster_.growth * std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();
   const bool alone = is_alone(impact);
   before_ = state_.motion;
   if (alone) take_free_branch(impact);
   replica_.take(of_one_instant, state_);
   take_state(impact.t);
   const double fastest = std::max(speed_before, speed(metric_, modal_));
-  if (!alone) {
-    joint(impact, rho, speed_before, speed(metric_, modal_));
-  } else if (impact.kind == ContactEventKind::opens) {
-    opening(impact, rho, fastest);
-  } else {
-    single(impact, rho);
-  }
+  double defect = 0.0;
   if (defect_.any()) {
     const double after = defect_.node(modal_, impact.t, false).density;
-    cluster_.R += 2.0 * delta *
-                  (std::max(density, after) + defect_.lipschitz() * (2.0 * delta * fastest + rho));
+    defect = std::max(density, after) + defect_.lipschitz() * 2.0 * delta * fastest;
+    cluster_.R += 2.0 * delta * (defect + defect_.lipschitz() * rho);
   }
   cluster_.rounding += state_.error_bound.remainder;
-  conclude(impact);
+  if (!alone) {
+    first_order_.stop();
+    joint(impact, rho, speed_before, speed(metric_, modal_));
+  } else if (impact.kind == ContactEventKind::opens) {
+    first_order_.stop();
+    opening(impact, rho, fastest);
+  } else {
+    const Approach near = approach(free_, impact.contact, delta);
+    const EventCost cost = single(impact, near, rho);
+    pass_first_order(impact, near, cost, defect);
+  }
+  conclude(impact.t);
+}
+
+// The set passes an impact whose window no other meets; should a later one meet it, it stops then.
+void BoundTracker::pass_first_order(const Impact& impact, const Approach& near,
+                                    const EventCost& cost, double defect) {
+  if (!first_order_.active()) return;
+  const bool holds =
+      impact.kind == ContactEventKind::pulse && impact.before == 0 && cluster_.events == 1 &&
+      first_order_.impact({.contact = impact.contact,
+                           .epsilon = impact.epsilon,
+                           .t = impact.t,
+                           .near = near,
+                           .gamma = value(free_.flow->gap_velocity(impact.contact), free_),
+                           .gamma_rate = rate(free_.flow->gap_velocity(impact.contact), free_),
+                           .defect = defect,
+                           .shift = cost.D + cost.E,
+                           .rounding = cluster_.rounding},
+                          factors_.D, factors_.E);
+  if (!holds) first_order_.stop();
 }
 
 // b is not known: the replica goes through the event, and b starts again when its window is over.
@@ -278,9 +312,9 @@ void BoundTracker::take_free_branch(const Impact& impact) {
   replica_.flows()[0].enter(q_, u_, at(impact.t), no_gaps_, free_);
 }
 
-// Of all events of the cluster up to this one.
-void BoundTracker::conclude(const Impact& impact) {
-  const double end = impact.t + tolerance_.time;
+// Of all events of the cluster up to one at t.
+void BoundTracker::conclude(double t) {
+  const double end = t + tolerance_.time;
   double D = cluster_.D;
   if (metric_.dynamics().contacts() == 1) {
     D = cluster_.shift(metric_.dynamics().G()(0, 0), metric_.omega_gamma(0), end, tolerance_.time);
@@ -310,11 +344,10 @@ void BoundTracker::add(const Impact& impact, const EventCost& cost) {
   }
 }
 
-void BoundTracker::single(const Impact& impact, double rho) {
+EventCost BoundTracker::single(const Impact& impact, const Approach& near, double rho) {
   const Eigen::MatrixXd& G = metric_.dynamics().G();
   const int i = impact.contact;
   const double G_i = G(i, i);
-  const Approach near = approach(free_, i, tolerance_.time);
   const bool stays = impact.kind == ContactEventKind::closes;
   const double epsilon = stays ? 0.0 : impact.epsilon;
   const EventCost cost =
@@ -326,6 +359,7 @@ void BoundTracker::single(const Impact& impact, double rho) {
                                    near.rate + metric_.omega_D(i) * (1.0 + epsilon) * near.fastest);
   if (cluster_.events == 1) cluster_.first_speed = std::max(near.fastest, near.highest);
   add(impact, cost);
+  return cost;
 }
 
 void BoundTracker::opening(const Impact& impact, double rho, double fastest) {
@@ -348,11 +382,6 @@ void BoundTracker::opening(const Impact& impact, double rho, double fastest) {
 // the speed of the path bounds what a shift in time does, projections bound the impacts.
 void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
                          double speed_after) {
-  if (!monotone_) {
-    failed_ = true;
-    b_ = W_ = infinity;
-    return;
-  }
   const double delta = tolerance_.time;
   const double widest = std::exp(2.0 * delta * metric_.damping());
   const double drift = 2.0 * delta * metric_.jerk() + metric_.support_step();
@@ -376,18 +405,24 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
   });
   const Eigen::MatrixXd& G = metric_.dynamics().G();
   const double reach = distance_to_rest(G, taking_part, gamma) + delta * before + rho;
-  const double off = tolerance_.restitution > 0.0 && impact.closing != 0
-                         ? tolerance_.restitution * restitution_spread(G, taking_part)
-                         : 0.0;
-  const double kept = 1.0 + largest_restitution(metric_.dynamics().model());
+  const double epsilon = largest_restitution(metric_.dynamics().model());
+  double off = 0.0;
+  if (tolerance_.restitution > 0.0 && impact.closing != 0) {
+    off = tolerance_.restitution * restitution_spread(G, taking_part);
+    if (!monotone_) off = std::max(off, tolerance_.restitution * contact_coupling(G, taking_part));
+  }
+  const double expansion =
+      monotone_ ? 1.0 : joint_expansion(G, taking_part, epsilon + tolerance_.restitution);
+  // |Z y - y| is at most this times the distance of y to a state that the impact leaves alone.
+  const double kept = monotone_ ? 1.0 + epsilon : 1.0 + expansion;
   EventCost cost;
-  cost.D = delta * (before + after + 2.0 * metric_.rate() * rho);
+  cost.D = delta * (expansion * (before + metric_.rate() * rho) + after + metric_.rate() * rho);
   cost.approach = reach;
   if (impact.closing != 0) {
     cost.J = (kept + off) * reach;
-    cost.E = off * reach;
+    cost.E = monotone_ ? off * reach : off * kept * reach;
   }
-  cluster_.growth *= 1.0 + off;
+  cluster_.growth *= monotone_ ? 1.0 + off : expansion;
   // One after the other, in either order, or at once: |E_b E_a y - y| + |Z_ab y - y| is at most
   // (3 + kept) kept times the distance of y, before both, to the nearest state that parts.
   const double either = (3.0 + kept) * kept;
@@ -406,6 +441,7 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
     integrate(t);
     const double sigma = state_.chi == 0 ? contraction_.at_node(t - since_) : 1.0;
     b = sigma * b_ + integral_;
+    if (first_order_.active()) b = std::min(b, first_order_.distance(sigma, t));
   }
   if (cap_holds_) {
     const double W = cap_.advance(W_, t - W_t_);
@@ -421,7 +457,15 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
 
 std::string why_no_bound(const Scene& scene) {
   if (!law_is_masters(scene.model)) return "the replica has a restitution of its own";
-  if (scene.uncertainty.size() == 0) return "replica.uncertainty is not given";
+  if (scene.uncertainty.size() > 0) return {};
+  const Dynamics dynamics(scene.model);
+  const EnergyMetric metric(dynamics);
+  if (!DissipationCap(metric, scene.tolerance).exists()) {
+    return "replica.uncertainty is not given, and C or K is singular";
+  }
+  if (!gains_nothing(dynamics, law_is_monotone(scene.model), scene.tolerance.restitution)) {
+    return "replica.uncertainty is not given, and joint impacts may gain energy";
+  }
   return {};
 }
 

@@ -14,6 +14,10 @@
 // path, so that all defects are evaluated on the replica's own path, which is known; none is
 // multiplied by b.
 //
+// For machines of few coordinates a second distance has its terms of first order in a set that
+// turns and shrinks with the motion (first_order_bound.h), which is several times less. Where a
+// window opens b becomes the smaller of both.
+//
 // B(t) needs every event up to t + delta: one that happened before t may be reported as late as
 // that. The tracker runs a replica of its own from event to event, in order, and never goes back.
 #pragma once
@@ -27,6 +31,7 @@
 #include "sprag/bound/energy_metric.h"
 #include "sprag/bound/event_cluster.h"
 #include "sprag/bound/event_cost.h"
+#include "sprag/bound/first_order_bound.h"
 #include "sprag/bound/flight_contraction.h"
 #include "sprag/bound/model_defect.h"
 #include "sprag/estimation/event_history.h"
@@ -40,11 +45,17 @@ struct BoundFactors {
   double D = 1.0, J = 1.0, E = 1.0;
 };
 
+struct BoundSettings {
+  BoundFactors factors;
+  bool first_order = true;  ///< false: b alone, as of machines of many coordinates
+};
+
 class BoundTracker {
  public:
   /// For a scene with tolerances; `flows` are the machine's and must outlive this. The
-  /// `uncertainty` of the scene is B(0); without one nothing is known. Throws ModelError.
-  BoundTracker(const Scene& scene, Flows& flows, double h, const BoundFactors& factors = {});
+  /// `uncertainty` of the scene is B(0). Without one the machine is taken to move, at the start, no
+  /// more than its forces sustain (DissipationCap::ultimate()). Throws ModelError.
+  BoundTracker(const Scene& scene, Flows& flows, double h, const BoundSettings& settings = {});
   BoundTracker(const BoundTracker&) = delete;
   BoundTracker& operator=(const BoundTracker&) = delete;
 
@@ -86,19 +97,24 @@ class BoundTracker {
   struct Impact;  // what an event is
 
   double known_up_to(const EventHistory& events) const;
-  void pass_gaps(const EventHistory& events, double t);
+  void pass_gaps(const EventHistory& events, double t, double next_event);
+  bool can_miss_one(const DegradedInterval& gap) const;
+  void miss_one(const DegradedInterval& gap);
   void take_state(double t);
   void integrate(double t);
   void advance(double t);
   void limit_by_cap(double t);
+  void start_first_order(double t);
+  void pass_first_order(const Impact& impact, const Approach& near, const EventCost& cost,
+                        double defect);
   Impact impact_of(std::span<const ContactEvent> of_one_instant) const;
   bool is_alone(const Impact& impact) const;
   void event(std::span<const ContactEvent> of_one_instant);
   void take_unbounded(std::span<const ContactEvent> of_one_instant);
   void take_free_branch(const Impact& impact);
-  void conclude(const Impact& impact);
+  void conclude(double t);
   void add(const Impact& impact, const EventCost& cost);
-  void single(const Impact& impact, double rho);
+  EventCost single(const Impact& impact, const Approach& near, double rho);
   void opening(const Impact& impact, double rho, double fastest);
   void joint(const Impact& impact, double rho, double speed_before, double speed_after);
 
@@ -108,6 +124,8 @@ class BoundTracker {
   ToleratedContraction contraction_;
   ModelDefect defect_;
   DissipationCap cap_;
+  FirstOrderBound first_order_;
+  bool use_first_order_ = false;
   Replica replica_;
   const State start_;
   double initial_;         // B(0); infinity: nothing is known

@@ -78,7 +78,7 @@ void EnergyMetric::enter(const Eigen::VectorXd& q, const Eigen::VectorXd& u,
   displacements(u, state.v);
 }
 
-void EnergyMetric::damp(const Eigen::VectorXd& v, Eigen::VectorXd& Dv) const {
+void EnergyMetric::damp(const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::VectorXd& Dv) const {
   if (decoupled_) {
     Dv = D_.diagonal().cwiseProduct(v);
   } else {

@@ -60,7 +60,7 @@ class EnergyMetric {
   void accelerate(double t, ModalState& state) const;
   void accelerate(const Motion& motion, ModalState& state) const;
   /// D v, f entries.
-  void damp(const Eigen::VectorXd& v, Eigen::VectorXd& Dv) const;
+  void damp(const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::VectorXd& Dv) const;
 
   const Dynamics& dynamics() const { return *dynamics_; }
   /// Rows of z = to_modes() q; back, q = from_modes() z.

@@ -1,6 +1,7 @@
 #include "sprag/bound/event_cost.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -8,6 +9,12 @@
 #include "sprag/mechanics/scalars.h"
 
 namespace sprag {
+namespace {
+
+// Eigenvalues of scaled matrices of contacts below this share of the largest are rounding.
+constexpr double dependent = 1e-10;
+
+}  // namespace
 
 Approach approach(const Motion& free, int contact, double delta) {
   const SignalRange gamma = range(free.flow->gap_velocity(contact), free, delta);
@@ -15,7 +22,8 @@ Approach approach(const Motion& free, int contact, double delta) {
           .slowest = gamma.low,
           .highest = gamma.high,
           .rate = std::max(std::abs(gamma.rate_low), std::abs(gamma.rate_high)),
-          .rate_up = std::max(0.0, gamma.rate_high)};
+          .rate_up = std::max(0.0, gamma.rate_high),
+          .second = gamma.second};
 }
 
 EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, SingleEvent kind,
@@ -57,6 +65,23 @@ double largest_restitution(const Model& model) {
   double largest = 0.0;
   for (const Contact& contact : model.contacts) largest = std::max(largest, contact.restitution);
   return largest;
+}
+
+double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts) {
+  ContactMatrix of = of_contacts(G, contacts);
+  if (of.rows() == 1) return 1.0;
+  const ContactVector root = of.diagonal().cwiseSqrt();
+  of.array().colwise() /= root.array();
+  of.array().rowwise() /= root.transpose().array();
+  const Eigen::SelfAdjointEigenSolver<ContactMatrix> solver(of, Eigen::EigenvaluesOnly);
+  const double least = solver.eigenvalues()[0];
+  const double most = solver.eigenvalues()[of.rows() - 1];
+  return least > dependent * most ? std::sqrt(most / least) * (1.0 + dependent) : infinity;
+}
+
+double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double epsilon) {
+  if (epsilon == 0.0) return 1.0;
+  return std::max(1.0, epsilon * contact_coupling(G, contacts));
 }
 
 double restitution_spread(const Eigen::MatrixXd& G, ContactSet contacts) {

@@ -41,6 +41,7 @@ struct Approach {
   double highest = 0.0;  ///< sup gamma
   double rate = 0.0;     ///< sup |gamma'|
   double rate_up = 0.0;  ///< sup of gamma' > 0
+  double second = 0.0;   ///< sup |gamma''|
 };
 
 /// \param free motion of free flight at the event; \param delta half the window [s].
@@ -64,6 +65,19 @@ double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const Con
 
 /// The largest epsilon of the contacts, 0 without any.
 double largest_restitution(const Model& model);
+
+/// \brief How many times an impact of these contacts can expand the distance of two states, at
+/// most, under Newton's or Poisson's law with any restitutions up to `epsilon`; >= 1.
+///
+/// On each of its linear pieces, with the contacts A active, the impact is the identity on the
+/// states that leave gamma_A alone and similar to L^-1 E L on the others, G_A = L L^T and E the
+/// restitutions. E commutes with the scaling of G to a unit diagonal, so that this is at most
+/// epsilon times the root of the scaled matrix's condition number. Infinite where directions depend
+/// on each other.
+double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double epsilon);
+
+/// The root of that condition number.
+double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts);
 
 /// How many times an impulse's own length the tolerated restitutions can be off, per unit of
 /// restitution, where several contacts take part: sup of sum Lambda_i sqrt(G_ii) / |Lambda|_G.

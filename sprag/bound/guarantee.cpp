@@ -17,13 +17,16 @@ bool contradicts(const Eigen::VectorXd& difference, const Eigen::VectorXd& sigma
 }
 
 Guarantee::Guarantee(const Scene& scene, Flows& flows, double h)
-    : tracker_(scene, flows, h), widths_(tracker_.metric()) {
+    : tracker_(scene, flows, h),
+      widths_(tracker_.metric()),
+      can_be_finite_(why_no_bound(scene).empty()) {
   dq_.setZero(dynamics().coordinates());
   du_ = q_replica_ = u_replica_ = dq_;
   dg_.setZero(dynamics().contacts());
 }
 
 void Guarantee::prepare(Confidence& confidence) const {
+  if (!can_be_finite_) return;
   confidence.bound_q.setConstant(widths_.q().size(), infinity);
   confidence.bound_g.setConstant(widths_.gaps().size(), infinity);
   confidence.bound_outputs.setConstant(widths_.outputs().size(), infinity);

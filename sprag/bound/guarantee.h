@@ -41,7 +41,7 @@ class Guarantee {
     tracker_.set_end(t);
   }
 
-  /// Makes room for half-widths.
+  /// Makes room for half-widths, where the bound can be finite.
   void prepare(Confidence& confidence) const;
 
   /// Takes what happened up to a settled tick at t; each in order.
@@ -84,6 +84,7 @@ class Guarantee {
 
   BoundTracker tracker_;
   HalfWidths widths_;
+  bool can_be_finite_;
   bool refuted_ = false;          // the filter's estimate was false when last looked at
   std::int64_t refutations_ = 0;  // how often it became so
   std::int64_t starts_ = 0;

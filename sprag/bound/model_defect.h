@@ -38,6 +38,8 @@ class ModelDefect {
 
   /// Largest growth of the density along a path of unit speed [1/s].
   double lipschitz() const { return lipschitz_; }
+  /// |f''| of the nominal force, at most, norm of M^-1.
+  double force_second() const { return force_second_; }
 
  private:
   const EnergyMetric* metric_;

@@ -20,7 +20,7 @@ double off_by(Random& random, double tolerance, bool corner) {
   return corner ? times_sign(random, tolerance) : random.uniform(-tolerance, tolerance);
 }
 
-Model random_known_machine(Random& random, int contacts) {
+Model random_known_machine(Random& random, int contacts, bool unlike) {
   const int f = random.integer(contacts, 6);
   constexpr std::array kinds{Structure::diagonal, Structure::rayleigh, Structure::simultaneous,
                              Structure::coupled,  Structure::repeated, Structure::strongly_damped};
@@ -34,6 +34,9 @@ Model random_known_machine(Random& random, int contacts) {
     contact.restitution = restitution;
     model.forces.push_back({-contact.w, random.uniform(0.5, 5.0), {}});
   }
+  if (!unlike) return model;
+  if (random.chance(0.5)) model.law = ImpactLaw::newton;
+  for (Contact& contact : model.contacts) contact.restitution = random.uniform(0.1, 0.9);
   return model;
 }
 
@@ -94,6 +97,35 @@ std::vector<double> sample_times(const BoundCase& machine,
   return times;
 }
 
+// What arrives of the reports, and the gap.
+struct Received {
+  std::vector<ContactEvent> reports;
+  std::size_t before_gap = 0;
+  DegradedInterval gap;
+  bool has_gap = false;
+};
+
+Received received(const BoundCase& machine, const std::vector<ContactEvent>& reports) {
+  Received all{reports, reports.size(), {}, false};
+  const auto first =
+      static_cast<std::size_t>(machine.lost_after * static_cast<double>(reports.size()));
+  const std::size_t last = first + machine.lost;
+  if (machine.lost == 0 || first == 0 || last >= reports.size()) return all;
+  ContactSet chi = 0;
+  for (std::size_t k = 0; k < first; ++k) chi = after(chi, reports[k]);
+  ContactSet then = chi;
+  for (std::size_t k = first; k < last; ++k) then = after(then, reports[k]);
+  if (then != chi) return all;
+  all.reports.erase(all.reports.begin() + static_cast<std::ptrdiff_t>(first),
+                    all.reports.begin() + static_cast<std::ptrdiff_t>(last));
+  all.before_gap = first;
+  all.gap = {.from = reports[first - 1].t,
+             .to = reports[last].t,
+             .one_pulse = machine.number_is_known && machine.lost == 1};
+  all.has_gap = true;
+  return all;
+}
+
 // The replica on its own, moved from time to time.
 class FollowedReplica {
  public:
@@ -126,7 +158,9 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
   for (;;) {
     BoundCase machine;
     Scene& scene = machine.scene;
-    scene.model = random_known_machine(random, settings.contacts);
+    scene.model = random_known_machine(random, settings.contacts, settings.unlike);
+    machine.lost = settings.lost;
+    machine.lost_after = random.uniform(0.2, 0.7);
     const Eigen::Index f = scene.model.coordinates();
     machine.start = random_state(random, scene.model);
     const double fastest = std::sqrt(eigenpairs(scene.model.K, scene.model.M).values.maxCoeff());
@@ -145,8 +179,11 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
     }
     const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u, scene.replica.q,
                                                scene.replica.u)[0];
-    scene.uncertainty =
-        Eigen::VectorXd::Constant(f, std::max(V0 * (1.0 + 1e-12), 1e-28) / static_cast<double>(f));
+    // What rounding makes of machine and replica is no more than this.
+    const double rounding = 1e-26 * (1.0 + machine.start.u.dot(scene.model.M * machine.start.u) +
+                                     machine.start.q.dot(scene.model.K * machine.start.q));
+    scene.uncertainty = Eigen::VectorXd::Constant(
+        f, std::max(V0 * (1.0 + 1e-12), rounding) / static_cast<double>(f));
     try {
       Master master(machine.truth, machine.start);
       const double longest = 40.0 / std::max(fastest, 1e-3) * 6.0;
@@ -190,14 +227,20 @@ std::vector<ContactEvent> shifted(const BoundCase& machine, const std::vector<do
 }
 
 BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shifts,
-                        const BoundFactors& factors) {
-  const std::vector<ContactEvent> reports = shifted(machine, shifts);
+                        const BoundSettings& settings) {
+  const Received all = received(machine, shifted(machine, shifts));
+  const std::vector<ContactEvent>& reports = all.reports;
   const double delta = machine.scene.tolerance.time;
   FollowedReplica replica(machine, reports);
-  BoundTracker tracker(machine.scene, replica.flows(), 1.0, factors);
+  BoundTracker tracker(machine.scene, replica.flows(), 1.0, settings);
   EventHistory history(static_cast<int>(machine.scene.model.contacts.size()), reports.size() + 1);
   history.restart(0, 0, no_horizon);
-  for (const ContactEvent& report : reports) history.add(report);
+  for (std::size_t k = 0; k < reports.size(); ++k) {
+    if (all.has_gap && k == all.before_gap) {
+      history.degrade(all.gap.from, all.gap.to, all.gap.one_pulse);
+    }
+    history.add(reports[k]);
+  }
   history.set_horizon(machine.end + 2.0 * delta);
   Master master(machine.truth, machine.start);
   const ErrorEnergy energy(machine.scene.model);
@@ -205,6 +248,8 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
   Eigen::VectorXd q_m(f), u_m(f), q_s(f), u_s(f);
   std::vector<ContactEvent> ignored;
   BoundRun run;
+  run.lost = all.has_gap;
+  std::vector<double> late;
   for (const double t : sample_times(machine, reports)) {
     master.advance(at(t), ignored);
     master.state(at(t), q_m, u_m);
@@ -214,17 +259,26 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
     const double V = energy(q_m, u_m, q_s, u_s)[0];
     ++run.samples;
     if (!std::isfinite(B)) ++run.infinite;
+    const bool in_window = std::any_of(reports.begin(), reports.end(), [&](const auto& report) {
+      return std::abs(report.t - t) <= 1.01 * delta;
+    });
+    if (t > 0.5 * machine.end && !in_window) late.push_back(B);
     run.final_B = B;
     run.final_V = V;
     if (V <= run.worst * B) continue;
     run.worst = B > 0.0 ? V / B : infinity;
     run.worst_t = t;
   }
+  if (!late.empty()) {
+    const auto middle = late.begin() + std::ssize(late) / 2;
+    std::nth_element(late.begin(), middle, late.end());
+    run.median_B = *middle;
+  }
   return run;
 }
 
 std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, Random& random,
-                                const BoundFactors& factors) {
+                                const BoundSettings& settings) {
   const double delta = machine.scene.tolerance.time * (1.0 - 1e-9);
   std::vector<double> shifts(machine.events.size(), 0.0);
   for (std::size_t k = 0; k < shifts.size(); ++k) {
@@ -249,7 +303,7 @@ std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, 
   if (delta == 0.0) return shifts;
   // Each in turn takes what makes the run worse: once, or until nothing changes.
   const int sweeps = pattern == ShiftPattern::greedy ? 1 : 3;
-  double worst = run_bound_case(machine, shifts, factors).worst;
+  double worst = run_bound_case(machine, shifts, settings).worst;
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     bool better = false;
     for (double& shift : shifts) {
@@ -257,7 +311,7 @@ std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, 
       for (const double other : {-delta, 0.0, delta}) {
         if (other == kept) continue;
         shift = other;
-        const double now = run_bound_case(machine, shifts, factors).worst;
+        const double now = run_bound_case(machine, shifts, settings).worst;
         if (now > worst) {
           worst = now;
           better = true;
@@ -274,11 +328,14 @@ std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, 
 std::string describe(const BoundCase& machine) {
   const Tolerance& t = machine.scene.tolerance;
   std::ostringstream text;
-  text << "f " << machine.scene.model.coordinates() << ", m " << machine.scene.model.contacts.size()
-       << ", events " << machine.events.size() << " to " << machine.end << ", tolerance time "
-       << t.time << " restitution " << t.restitution << " stiffness " << t.stiffness << " damping "
-       << t.damping << " force " << t.force << " clearance " << t.clearance << ", epsilon "
-       << machine.scene.model.contacts.front().restitution << ", B(0) "
+  text << (machine.scene.model.law == ImpactLaw::newton ? "Newton, " : "") << "lost "
+       << machine.lost << ", f " << machine.scene.model.coordinates() << ", m "
+       << machine.scene.model.contacts.size() << ", events " << machine.events.size() << " to "
+       << machine.end << ", tolerance time " << t.time << " restitution " << t.restitution
+       << " stiffness " << t.stiffness << " damping " << t.damping << " force " << t.force
+       << " clearance " << t.clearance << ", epsilon "
+       << machine.scene.model.contacts.front().restitution << ' '
+       << machine.scene.model.contacts.back().restitution << ", B(0) "
        << machine.scene.uncertainty.sum();
   return text.str();
 }

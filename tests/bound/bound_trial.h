@@ -19,12 +19,19 @@ struct BoundCase {
   State start;  ///< of the true machine
   double end = 0.0;
   std::vector<ContactEvent> events;  ///< true ones up to `end`
+  /// Reports that are lost: so many in a row, after this share of all; none where they would leave
+  /// other contacts closed than before.
+  std::size_t lost = 0;
+  double lost_after = 0.5;
+  bool number_is_known = true;  ///< how many they are
 };
 
 struct BoundCaseSettings {
   int contacts = 1;
   bool exact_start = false;  ///< V(0) = 0
   bool corners = false;      ///< parameters at the ends of their ranges
+  bool unlike = false;       ///< Newton's law or restitutions that differ
+  std::size_t lost = 0;      ///< reports
 };
 
 /// A case with at least four events, at most `most_events`; what is off is drawn too.
@@ -38,19 +45,21 @@ struct BoundRun {
   double worst = 0.0;  ///< V / B
   double worst_t = 0.0;
   double final_B = 0.0, final_V = 0.0;
+  double median_B = 0.0;  ///< in the second half, outside windows of events
+  bool lost = false;      ///< some reports were
   int samples = 0;
   int infinite = 0;
 };
 
 /// Runs tracker, replica and machine with shifts s_k of the events, |s_k| <= tolerance.time.
 BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shifts,
-                        const BoundFactors& factors = {});
+                        const BoundSettings& settings = {});
 
 /// Shifts of a pattern; greedy and optimized ones run the case to find them.
 std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, Random& random,
-                                const BoundFactors& factors = {});
+                                const BoundSettings& settings = {});
 
-/// The events at their reported times, in order; those of one contact keep theirs.
+/// The events at their reported times, in order; those of one contact keep theirs. None is lost.
 std::vector<ContactEvent> shifted(const BoundCase& machine, const std::vector<double>& shifts);
 
 std::string describe(const BoundCase& machine);

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdlib>
 #include <iostream>
 
@@ -34,9 +35,14 @@ TEST(BoundTrial, HoldsForEveryShiftAndCorner) {
   const int all = trials();
   for (int number = 0; number < all; ++number) {
     Random random(seed * 1000003 + static_cast<std::uint64_t>(number));
-    const BoundCaseSettings settings{.contacts = number % 3 == 2 ? 2 : 1,
-                                     .exact_start = random.chance(0.6),
-                                     .corners = random.chance(0.6)};
+    constexpr std::array contacts{1, 1, 2, 1, 4, 2};
+    constexpr std::array<std::size_t, 5> lost{0, 0, 1, 0, 4};
+    BoundCaseSettings settings{
+        .contacts = contacts.at(static_cast<std::size_t>(number) % contacts.size()),
+        .exact_start = random.chance(0.6),
+        .corners = random.chance(0.6)};
+    settings.unlike = settings.contacts > 1 && random.chance(0.3);
+    settings.lost = lost.at(static_cast<std::size_t>(random.integer(0, int{lost.size()} - 1)));
     const auto pattern = static_cast<ShiftPattern>(number % shift_patterns);
     const bool searches = pattern == ShiftPattern::greedy || pattern == ShiftPattern::optimized;
     const BoundCase machine = random_bound_case(random, settings, searches ? 12 : 40);
@@ -57,7 +63,7 @@ TEST(BoundTrial, HoldsForEveryShiftAndCorner) {
 
 struct Weakened {
   const char* name;
-  BoundFactors factors;
+  BoundSettings settings;
 };
 
 // The proof that these trials can fail.
@@ -65,14 +71,15 @@ TEST(BoundTrial, BreaksWeakenedTerms) {
   constexpr std::uint64_t seed = 5202;
   std::cout << "seed " << seed << '\n';
   for (const Weakened& weakened :
-       {Weakened{"D", {.D = 0.9}}, Weakened{"J", {.J = 0.9}}, Weakened{"E", {.E = 0.9}}}) {
+       {Weakened{"D", {.factors = {.D = 0.9}}}, Weakened{"J", {.factors = {.J = 0.9}}},
+        Weakened{"E", {.factors = {.E = 0.9}}}}) {
     int broken = 0;
     constexpr int machines = 10;
     for (int number = 0; number < machines; ++number) {
       Random random(seed + static_cast<std::uint64_t>(number));
       BoundCase machine =
           random_bound_case(random, {.contacts = 1, .exact_start = true, .corners = true}, 8);
-      const bool of_restitution = weakened.factors.E < 1.0;
+      const bool of_restitution = weakened.settings.factors.E < 1.0;
       // One thing is off, so that nothing else covers what is missing.
       Tolerance& tolerance = machine.scene.tolerance;
       tolerance = {};
@@ -92,8 +99,8 @@ TEST(BoundTrial, BreaksWeakenedTerms) {
       double worst = 0.0;
       for (int pattern = 0; pattern < shift_patterns; ++pattern) {
         const auto shifts =
-            make_shifts(machine, static_cast<ShiftPattern>(pattern), random, weakened.factors);
-        worst = std::max(worst, run_bound_case(machine, shifts, weakened.factors).worst);
+            make_shifts(machine, static_cast<ShiftPattern>(pattern), random, weakened.settings);
+        worst = std::max(worst, run_bound_case(machine, shifts, weakened.settings).worst);
         EXPECT_LE(run_bound_case(machine, shifts).worst, bound_rounding) << describe(machine);
       }
       if (worst > bound_rounding) ++broken;
