@@ -61,7 +61,8 @@ nlohmann::ordered_json parameters_to_json(const ParameterEstimates& parameters) 
 }  // namespace
 
 void ConfidenceRecord::conclude(const Confidence& confidence, double initial) {
-  any_ = confidence.has_filter || (confidence.has_replica && std::isfinite(initial));
+  any_ = confidence.has_filter ||
+         (confidence.has_replica && (std::isfinite(initial) || confidence.bound_q.size() > 0));
   initial_ = initial;
   last_ = confidence;
 }

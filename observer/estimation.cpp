@@ -18,6 +18,7 @@ Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::
       initial_bound(options.estimator == EstimatorKind::adaptive
                         ? std::numeric_limits<double>::infinity()
                         : sprag::initial_bound(scene)),
+      adaptive(options.estimator == EstimatorKind::adaptive),
       estimator(scene, options.tick, options.estimator, options.stepper),
       time_line(estimator, contacts, scene.replica, history),
       guarantee(guarantee_of(scene, estimator)) {
@@ -33,7 +34,7 @@ EstimateSample Estimation::empty_sample() const {
   sample.q.setZero(coordinates);
   sample.u.setZero(coordinates);
   sample.confidence = estimator.no_confidence();
-  if (guarantee && std::isfinite(initial_bound)) guarantee->prepare(sample.confidence);
+  if (guarantee && !adaptive) guarantee->prepare(sample.confidence);
   return sample;
 }
 

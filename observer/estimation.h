@@ -48,6 +48,7 @@ struct Estimation {
   int contacts;
   Eigen::Index coordinates;
   double initial_bound;  ///< B(0)
+  bool adaptive;         ///< the model is identified while it runs, so that no bound is its own
   TrackingEstimator estimator;
   TimeLine<TrackingEstimator> time_line;
   std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica

@@ -66,7 +66,7 @@ class Observer::Core {
         u_(scene.model.coordinates()) {
     guarantee_ = guarantee_of(scene, estimator_);
     if (guarantee_) {
-      if (std::isfinite(initial_bound_)) guarantee_->prepare(confidence_);
+      if (settings.estimator != EstimatorKind::adaptive) guarantee_->prepare(confidence_);
       time_line_.set_lag(guarantee_->lag());
     }
     time_line_.restart(0, 0, 0, no_horizon);

@@ -12,7 +12,8 @@ namespace {
 template <typename Column, typename Columns>
 void visit_columns(const Confidence& confidence, double initial, const Column& column,
                    const Columns& columns) {
-  const bool bounded = confidence.has_replica && std::isfinite(initial);
+  const bool bounded =
+      confidence.has_replica && (std::isfinite(initial) || confidence.bound_q.size() > 0);
   if (!confidence.has_filter && !bounded) return;
   const Innovation& closing = confidence.has_replica ? confidence.replica : confidence.filter;
   if (confidence.has_replica) column("B", confidence.bound);
