@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "sprag/bound/bound_tracker.h"
 #include "sprag/bound/dissipation_cap.h"
 #include "sprag/estimation/observer.h"
 #include "sprag/mechanics/scalars.h"
@@ -30,11 +31,13 @@ CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent>
     floor.median = late[late.size() / 2];
     floor.largest = late.back();
   }
+  Scene unknown_start = scene;
+  unknown_start.uncertainty.resize(0);
+  if (!why_no_bound(unknown_start).empty()) return floor;
   // With the replica anywhere on its path.
   const Dynamics dynamics(scene.model);
   const EnergyMetric metric(dynamics);
   const DissipationCap cap(metric, scene.tolerance);
-  if (!cap.exists()) return floor;
   floor.without_events = 0.0;
   ModalState state;
   for (Eigen::Index k = 0; k < all.t.size(); ++k) {
