@@ -131,10 +131,10 @@ void SceneFilter::set_up(const Scene& scene) {
   u.setZero(f);
   x.setZero(2 * f);
   off = x;
+  of_state.setZero(2 * f, next.S.cols());
   const Eigen::Index columns = filter.deviations().cols();
   of_gaps_.setZero(flight->contacts(), columns);
-  of_state_.setZero(2 * f, columns);
-  of_x_.setZero(2 * f, next.S.cols());
+  columns_.setZero(2 * f, columns);
   row_.setZero(columns);
 }
 
@@ -155,12 +155,6 @@ double SceneFilter::motion_energy() const {
     energy += q[i] * K.col(i).dot(q) + u[i] * M.col(i).dot(u);
   }
   return energy;
-}
-
-// Twice the expected energy of a belief's error.
-double SceneFilter::energy_of_error(const FilterBelief& of) {
-  of_x_ = of.S.topRows(of_x_.rows());  // in columns
-  return flight->twice_energy(of_x_);
 }
 
 SceneFilter::LastFlight SceneFilter::last_flight(int contact, double t,
@@ -213,7 +207,7 @@ void SceneFilter::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::Ve
 void SceneFilter::fill_deviations(double t, const FilterBelief& of, Confidence& confidence) {
   const Eigen::Index f = flight->n();
   filter.gap_deviations(of, of_gaps_);
-  multiply(flight->to_state(), filter.deviations(), of_state_);
+  multiply(flight->to_state(), filter.deviations(), columns_);
   // Roundings of a run are not in the covariance.
   flight->state(filter.estimate(), t, q, u);
   const bool several = flight->contacts() > 1;
@@ -222,15 +216,15 @@ void SceneFilter::fill_deviations(double t, const FilterBelief& of, Confidence& 
   const double speed =
       std::max(of.speed, u.cwiseAbs().maxCoeff()) * (several ? impulse_rounding : run_rounding);
   for (Eigen::Index i = 0; i < f; ++i) {
-    confidence.sigma_q[i] = std::hypot(of_state_.row(i).norm(), length);
-    confidence.sigma_u[i] = std::hypot(of_state_.row(f + i).norm(), speed);
+    confidence.sigma_q[i] = std::hypot(columns_.row(i).norm(), length);
+    confidence.sigma_u[i] = std::hypot(columns_.row(f + i).norm(), speed);
   }
   for (Eigen::Index i = 0; i < of_gaps_.rows(); ++i) {
     confidence.sigma_g[i] = std::hypot(of_gaps_.row(i).norm(), length * largest_w);
   }
   for (Eigen::Index i = 0; i < outputs.cols(); ++i) {
     const auto output = outputs.col(i);
-    row_.noalias() = output.transpose().lazyProduct(of_state_);
+    row_.noalias() = output.transpose().lazyProduct(columns_);
     confidence.sigma_outputs[i] =
         std::hypot(row_.norm(), length * output.head(f).norm(), speed * output.tail(f).norm());
   }

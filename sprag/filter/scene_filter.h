@@ -29,8 +29,6 @@ struct SceneFilter {
   void set_prior(FilterBelief& belief) const;
   /// Twice the energy of the motion in q and u below.
   double motion_energy() const;
-  /// Twice the expected energy of a belief's error.
-  double energy_of_error(const FilterBelief& of);
 
   /// The flight from a belief to t, as one contact sees it.
   struct LastFlight {
@@ -77,11 +75,12 @@ struct SceneFilter {
   // Scratch.
   FilterBelief next;
   Eigen::VectorXd q, u, x, off;
+  Eigen::MatrixXd of_state;  // 2f x (2f + P)
 
  private:
   void set_up(const Scene& scene);
 
-  Eigen::MatrixXd of_gaps_, of_state_, of_x_;  // scratch
+  Eigen::MatrixXd of_gaps_, columns_;  // scratch
   Eigen::RowVectorXd row_;
 };
 

@@ -341,17 +341,11 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   state.track.doubts = false;
   if (!add_belief(next, state)) return lose(state);
   ++state.track.fitting;
-  const double motion = note_energy(state);
-  const double of_error = filter_->energy_of_error(next);
-  if (!(of_error <= thresholds_.energy_to_keep * std::max(filter.of_start, state.track.energy))) {
-    return lose(state);
-  }
+  note_energy(state);
   if (state.track.fitting >= 8 * state.track.trial) state.track.trial = thresholds_.trial;
   if (scale_is_lost(state) || state.track.fitting < to_confirm(state)) return;
-  if (of_error < thresholds_.energy_to_confirm * motion) {
-    state.track.status = TrackStatus::confirmed;
-    state.track.inflation = 1.0;
-  }
+  state.track.status = TrackStatus::confirmed;
+  state.track.inflation = 1.0;
 }
 
 // No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
@@ -420,8 +414,7 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
     state.track.trial = std::min(2 * state.track.trial, thresholds_.longest_trial);
   }
   if (!confirmed) {
-    state.track.inflation *= std::clamp(std::sqrt(inconsistency.square),
-                                        thresholds_.least_inflation, thresholds_.most_inflation);
+    state.track.inflation *= std::max(std::sqrt(inconsistency.square), thresholds_.least_inflation);
     if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
   }
   lose(state);
@@ -580,9 +573,9 @@ void TrackingEstimator::take_result(TrackingState& state) {
   ++state.window.identifications;
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
-  const double motion = note_energy(state);
-  if (!result_->accepted ||
-      !(filter_->energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
+  filter_->of_state = of.S.topRows(2 * filter_->flight->n());
+  const double of_error = filter_->flight->twice_energy(filter_->of_state);
+  if (!result_->accepted || !(of_error < thresholds_.energy_to_accept * note_energy(state))) {
     state.window.size += state.window.size / 2;
     if (state.window.size > longest_window) {
       begin_window(state.window.events - 2 * first, state);
