@@ -55,7 +55,7 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
   model_.considered.resize(static_cast<std::size_t>(unknowns()), false);
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
-  for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
+  for (Eigen::VectorXd* of : {&x_, &kick_, &state_}) of->setZero(2 * n());
   for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_})
     of->setZero(unknowns());
   xi_.setZero(at_.A.cols());
@@ -278,7 +278,9 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
     at_.psi.noalias() += at_.T.transpose().lazyProduct(at_.velocity_by_c);
     gamma = at_.of.velocity + at_.of_velocity.dot(x_) - at_.of_velocity.dot(at_.x) +
             at_.velocity_by_c.dot(c_ - theta);
-    if (!exact && !at_.considers() && event.extra == 0.0) {
+    if (event.kind == Kind::settles) {
+      settle(event.contact);
+    } else if (!exact && !at_.considers()) {
       weigh_flux(belief.sigma, variance, gamma, node);
     }
     if (exact && event.kind == Kind::stays) measure_rest(event, gamma);
@@ -294,7 +296,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   node.columns.bottomRows(unknowns()) = at_.T.leftCols(columns);
   auto moved = node.columns.topRows(2 * n());
   if (closes) {
-    node.held = on.strike(event.contact, event.kind == Kind::stays, belief.held);
+    node.held = on.strike(event.contact, event.kind != Kind::impact, belief.held);
     node.jump = on.x() - x_;
     on.carry_through(moved);
     // The gap velocity after the impact, at the instant of it.
@@ -322,6 +324,22 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   if (steps_ == nullptr) return;
   node.past_mean = at_.past_mean;
   node.past = at_.past.leftCols(columns);
+}
+
+// The impacts of a burst move the position along M^-1 w onto the support: q <- q - M^-1 w g / G.
+// They say nothing of its other directions.
+void EventFilter::settle(int contact) {
+  flight().along(contact, kick_);
+  state_.noalias() = flight().to_state().lazyProduct(kick_);
+  state_.head(n()).swap(state_.tail(n()));
+  kick_.noalias() = flight().from_state().lazyProduct(state_);
+  const double g = at_.of.g + at_.of_g.dot(x_) - at_.of_g.dot(at_.x) + at_.by_c.dot(c_) -
+                   at_.by_c.dot(point_.z.tail(unknowns()));
+  x_ -= g * kick_;
+  for (Eigen::Index j = 0; j < at_.X.cols(); ++j) {
+    const double moved = at_.of_g.dot(at_.X.col(j)) + at_.by_c.dot(at_.T.col(j));
+    at_.X.col(j) -= moved * kick_;
+  }
 }
 
 // Variance of the gap velocity where a chatter is completed.
@@ -671,7 +689,7 @@ bool EventFilter::measure_together(double t, ContactSet closing, ContactSet stay
 bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   const int contact = given.contact;
   if (contains(belief.held, contact)) {
-    if (given.kind == Kind::stays && contains(belief.bursting, contact)) close(given, belief);
+    if (given.kind == Kind::stays) belief.bursting &= ~bit(contact);
     return true;
   }
   if (!contains(flight().independent(belief.held, belief.held | bit(contact)), contact)) {
@@ -684,7 +702,7 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
                                                      : std::hypot(at_.of.velocity, at_.psi.norm());
   point_.z = belief.z;
   point_.tau = 0.0;
-  const Event event{contact, Kind::stays, given.t,
+  const Event event{contact, Kind::settles, given.t,
                     square(speed * belief.sigma) + std::numeric_limits<double>::min()};
   if (!condense(event, burst_reach * belief.sigma, burst_nodes, belief)) return false;
   belief.rebound[contact] = speed;
@@ -693,20 +711,6 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
 }
 
 // The burst of a contact ends with its gap at zero.
-void EventFilter::close(const Event& given, FilterBelief& belief) {
-  belief.bursting &= ~bit(given.contact);
-  at_.spread(belief, given.t - belief.t);
-  at_.fly(given.t, belief.z, belief);
-  at_.look(given.contact, false, given.t);
-  x_ = at_.x;
-  c_ = belief.z.tail(unknowns());
-  at_.measure(at_.of.g, at_.noise + std::numeric_limits<double>::min(), x_, c_);
-  belief.z << x_, c_;
-  belief.t = given.t;
-  past_mean_ = at_.past_mean;
-  keep(take_columns(), belief);
-}
-
 // The columns of a flight become those of the belief.
 Eigen::Index EventFilter::take_columns() {
   const Eigen::Index columns = at_.event_columns();
