@@ -111,8 +111,7 @@ class EventFilter {
   int overdue(double t, const FilterBelief& belief);
 
  private:
-  // settles: closes to stay after the impacts of a burst.
-  enum class Kind { impact, stays, opens, settles };
+  enum class Kind { impact, stays, opens };
   // Where the event was: point of linearization before it, its time t - tau.
   struct Point {
     Eigen::VectorXd z;
@@ -145,7 +144,7 @@ class EventFilter {
   void note_touched(double t, int contact, FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
   void condition(const Event& event, const FilterBelief& belief, Node& node);
-  void settle(int contact);
+  void settle(int contact, double speed, const FilterBelief& belief);
   double remainder(const Event& event);
   void measure_rest(const Event& event, double gamma);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node);
@@ -166,6 +165,7 @@ class EventFilter {
   Point point_;
   Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, state_;
   Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
+  Eigen::MatrixXd bounce_;  // 2n x 1
   double xi_tau_ = 0.0;
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below

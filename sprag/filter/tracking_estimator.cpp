@@ -394,8 +394,8 @@ bool TrackingEstimator::take_missing(TrackingState& state) {
   const double crossing = filter_->crossing_before(state.silence.overdue_since, contact, present);
   if (crossing == -infinity) return false;
   filter.next = present;
-  // Its time is as uncertain as the flight makes it.
-  filter.next.sigma = state.silence.overdue_since - present.t;
+  // The gap was certainly negative when the impact was overdue.
+  filter.next.sigma = state.silence.overdue_since - crossing;
   filter.next.reported[contact] = -infinity;
   const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
   if (!filter.filter.take(missing, filter.next)) return false;
