@@ -19,7 +19,7 @@ enum class TrackStatus : std::int8_t {
 /// 10^11 events.
 inline constexpr double largest_innovation = 45.0;
 
-/// docs/robustness.md has a table of what each of them buys.
+/// docs/measurements/robustness.md has a table of what each of them buys.
 struct TrackThresholds {
   double innovation = largest_innovation;
   /// Gate of their mean over about `window` events, exceeded once in 10^7.
