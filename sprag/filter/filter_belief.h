@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <vector>
 
 #include "sprag/estimation/innovation.h"
@@ -46,6 +47,11 @@ struct FilterBelief {
   Eigen::VectorXd occurred;  ///< per contact: estimated time of its last event [s]
   Eigen::VectorXd rebound;   ///< per contact: speed after its last impact; 0: none [m/s]
   ImpactEstimate impact;
+
+  /// Not so after events that no machine could have.
+  bool is_finite() const {
+    return std::isfinite(z.squaredNorm()) && std::isfinite(S.squaredNorm());
+  }
 };
 
 /// One step of the filter for a smoother. With z + S xi before it and z' + S' eta after it, given

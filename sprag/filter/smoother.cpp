@@ -210,7 +210,7 @@ std::vector<SmoothedStretch> smooth(
     check_interrupt();
     // Nothing is claimed by a run that few events fit.
     runs[i].failed = runs[i].failed || !confirmed[i];
-    chains.push_back(smoothed(*estimator.filter(), runs[i]));
+    chains.push_back(smoothed(estimator.filter()->filter, runs[i]));
   }
   std::vector<SmoothedStretch> stretches;
   // The filter's own estimate between chains.
@@ -232,8 +232,8 @@ std::vector<SmoothedStretch> smooth(
     again.note(at_tick, confidence);
     if (smooth) {
       const FilterBelief& belief = at(chains[chain], t);
-      again.publish(t, belief, estimate.q, estimate.u);
-      again.fill_deviations(t, belief, confidence);
+      again.filter()->publish(t, belief, estimate.q, estimate.u);
+      again.filter()->fill_deviations(t, belief, confidence);
       if (stretches.empty() || stretches.back().to < t - 1.5 * h || k == 0) {
         stretches.push_back({t, t, 0, chains[chain].misfit});
       }

@@ -19,7 +19,7 @@ enum class TrackStatus : std::int8_t {
 /// 10^11 events.
 inline constexpr double largest_innovation = 45.0;
 
-/// docs/robustness.md has a table of what each of them buys.
+/// docs/measurements/robustness.md has a table of what each of them buys.
 struct TrackThresholds {
   double innovation = largest_innovation;
   /// Gate of their mean over about `window` events, exceeded once in 10^7.
@@ -28,13 +28,12 @@ struct TrackThresholds {
   /// Events that must fit before confirmation, beside the 2f that determine the state. Doubled, up
   /// to `longest_trial`, by each failure of a confirmed track; reset after 8 times as many events.
   std::int64_t trial = 8, longest_trial = 1024;
-  /// Largest expected energy of the error, in that of the replica's motion, for confirmation.
-  double energy_to_confirm = 0.25;
-  /// Largest expected energy of the error, in that of the largest motion so far, of any estimate.
-  double energy_to_keep = 1.2;
+  /// Largest expected energy of the error, in that of the replica's motion, for an identification
+  /// that `adaptive` accepts.
+  double energy_to_accept = 0.25;
   /// Inflation of the prior standard deviations after a failure before confirmation: the root of
-  /// the innovation's square, within these limits.
-  double least_inflation = 4.0, most_inflation = 1e4;
+  /// the innovation's square, at least this.
+  double least_inflation = 4.0;
   /// Share of the machine's displacements beyond which an innovation cannot be one of timing, and
   /// share of a flight beyond which a penetration cannot.
   double far = 0.05, long_inside = 0.05;

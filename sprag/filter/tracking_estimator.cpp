@@ -18,41 +18,8 @@
 namespace sprag {
 namespace {
 
-// Beliefs in the pool: as many as fit into these bytes, within limits.
-constexpr std::size_t pool_bytes = 16 << 20, most_kept = 4096, fewest_kept = 64;
 // A window that does not fit grows up to here, then it moves on.
 constexpr std::int64_t longest_window = 160;
-
-// Of a state after a run, relative to the largest.
-constexpr double run_rounding = 4.0 * measurement_rounding;
-
-// Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
-// else forgives what is of third order in the parameters.
-constexpr double least_sigma = 1e-6;
-// Looks for an overdue impact, in a period of the fastest mode, and at most in one of the slowest.
-constexpr double looks_a_period = 16.0, most_looks = 256.0;
-
-std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
-  auto keys = std::make_shared<std::vector<std::string>>();
-  for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
-  return keys;
-}
-
-FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) {
-  FilterModel model;
-  const Eigen::Index f = flight.n(), P = flight.unknowns();
-  const Uncertainty uncertainty = uncertainty_of(scene);
-  const Eigen::Index of_q = uncertainty.drift_q.cols(), of_u = uncertainty.drift_u.cols();
-  model.drift.setZero(2 * f, of_q + of_u);
-  if (of_q > 0) model.drift.topLeftCorner(f, of_q) = uncertainty.drift_q;
-  if (of_u > 0) model.drift.bottomRightCorner(f, of_u) = uncertainty.drift_u;
-  model.drift = product(flight.from_state(), model.drift);
-  model.chatter_time = scene.model.chatter_time;
-  model.homogeneous = is_homogeneous(scene.model);
-  if (P > 0 && from_prior) model.considered = scene.parameters.consider;
-  if (P > 0 && !from_prior) model.walk = walk_of(scene, P);
-  return model;
-}
 
 bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
@@ -62,100 +29,9 @@ std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   return {std::shared_ptr<Flows>(), of_replica};
 }
 
-// `where`: the table or key of the scene that lists the unknowns.
-const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
-  for (const Unknown& unknown : family.unknowns()) {
-    if (is_common(unknown)) {
-      throw ModelError(
-          where + ": " + unknown.key +
-          " stands for several numbers that differ; an adaptive estimator seeks them one by "
-          "one");
-    }
-    if (can_be_filtered(unknown)) continue;
-    throw ModelError(
-        where + ": " + unknown.key +
-        " is a single entry; an adaptive estimator seeks system.C and system.K as factors "
-        "alone");
-  }
-  if (!family.modal()) {
-    throw ModelError("system.C couples the modes of M and K; " +
-                     std::string(where == "parameters" ? "[parameters]" : "an adaptive estimator") +
-                     " needs damping that does not, as C = a M + b K");
-  }
-  if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
-  return family;
-}
-
 }  // namespace
 
 static_assert(Estimator<TrackingEstimator>);
-
-TrackingEstimator::Filter::Filter(const Scene& scene, std::shared_ptr<Flows> flows)
-    : flight(std::make_unique<ModelFlight>(std::move(flows))),
-      filter(*flight, model_of(scene, *flight, true)),
-      sigma(scene.jitter) {
-  scale_is_open = is_homogeneous(scene.model) && sigma > 0.0;
-  set_up(scene);
-}
-
-TrackingEstimator::Filter::Filter(const Scene& scene, std::vector<Unknown> unknowns,
-                                  bool from_prior)
-    : family(std::make_unique<MachineFamily>(scene, std::move(unknowns))),
-      flight(std::make_unique<FamilyFlight>(
-          require_modal(*family, from_prior ? "parameters" : "adapt.free"))),
-      filter(*flight, model_of(scene, *flight, from_prior)),
-      keys(keys_of(family->unknowns())) {
-  sigma = std::max(scene.jitter, least_sigma / flight->smallest_frequency());
-  if (from_prior) {
-    prior = scene.parameters.root_of_covariance();
-    for (Eigen::Index k = 0; k < prior.rows(); ++k) {
-      const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
-      prior.row(k) /= unknown.slope(unknown.nominal);
-    }
-  } else {
-    // Those of a task, and as many again of states that run ahead.
-    heard.resize(2 * static_cast<std::size_t>(most_events));
-  }
-  set_up(scene);
-}
-
-void TrackingEstimator::Filter::set_up(const Scene& scene) {
-  const Eigen::Index f = flight->n();
-  const Uncertainty uncertainty = uncertainty_of(scene);
-  may_start_inside = uncertainty.may_start_inside;
-  M = scene.model.M;
-  K = scene.model.K;
-  outputs.setZero(2 * f, std::ssize(scene.model.outputs));
-  for (Eigen::Index k = 0; k < outputs.cols(); ++k) {
-    const Output& output = scene.model.outputs[static_cast<std::size_t>(k)];
-    outputs.col(k).segment(output.velocity ? f : 0, f) = output.direction;
-  }
-  for (const Contact& contact : scene.model.contacts) {
-    largest_w = std::max(largest_w, contact.w.cwiseAbs().maxCoeff());
-  }
-  start.setZero(2 * f, 2 * f);
-  start.topLeftCorner(f, f) = uncertainty.q;
-  start.bottomRightCorner(f, f) = uncertainty.u;
-  start = product(flight->from_state(), start);
-  inflated = start;
-  of_start = flight->twice_energy(start);
-  next = nothing = filter.no_belief();
-  const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
-  first_flight = 2.0 * std::numbers::pi / flight->smallest_frequency();
-  longest_look = std::max(period / looks_a_period, first_flight / most_looks);
-  least_look = std::max(scene.model.chatter_time, sigma);
-  const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
-  pool = std::make_unique<BeliefPool>(next, std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
-  q.setZero(f);
-  u.setZero(f);
-  x.setZero(2 * f);
-  off = x;
-  const Eigen::Index columns = filter.deviations().cols();
-  of_gaps.setZero(flight->contacts(), columns);
-  of_state.setZero(2 * f, columns);
-  of_x.setZero(2 * f, next.S.cols());
-  row.setZero(columns);
-}
 
 TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind,
                                      StepperKind stepper, TrackThresholds thresholds)
@@ -165,11 +41,13 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
       identifies_(kind == EstimatorKind::adaptive) {
   if (!has_filter(kind)) return;
   if (identifies_) {
-    filter_ = std::make_unique<Filter>(scene, unknowns_to_adapt(scene), false);
+    filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
+    heard_.resize(2 * static_cast<std::size_t>(most_events));
   } else if (!scene.parameters.empty()) {
-    filter_ = std::make_unique<Filter>(scene, unknowns_named(scene, scene.parameters.keys), true);
+    filter_ =
+        std::make_unique<SceneFilter>(scene, unknowns_named(scene, scene.parameters.keys), true);
   } else {
-    filter_ = std::make_unique<Filter>(scene, shared_flows(base_.flows(), scene));
+    filter_ = std::make_unique<SceneFilter>(scene, shared_flows(base_.flows(), scene));
   }
 }
 
@@ -212,22 +90,11 @@ void TrackingEstimator::note_event(const ContactEvent& event, double sigma) {
   runs_->back().sigmas.push_back(sigma);
 }
 
-void TrackingEstimator::set_prior(FilterBelief& belief) const {
-  const Eigen::Index P = filter_->prior.rows(), n2 = 2 * filter_->flight->n();
-  for (Eigen::Index k = 0; k < P; ++k) {
-    const Unknown& unknown = filter_->family->unknowns()[static_cast<std::size_t>(k)];
-    belief.z[n2 + k] = unknown.coordinate(unknown.nominal);
-  }
-  belief.S.bottomRows(P).setZero();
-  belief.S.rightCols(P).setZero();
-  belief.S.bottomRightCorner(P, P) = filter_->prior;
-}
-
 void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   filter.next = filter.nothing;
   filter.next.sigma = filter.sigma;
-  set_prior(filter.next);
+  filter_->set_prior(filter.next);
   filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
   filter.flight->enter(start.q, start.u, state.window.begins, filter.x);
   filter.filter.restart(state.window.begins, filter.x, filter.start, state.chi, filter.next);
@@ -339,7 +206,7 @@ bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
 void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
   const Flow* flow = before.held != 0 ? base_.flows()->find(before.held) : nullptr;
   if (flow == nullptr) return;
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   const Eigen::Index f = filter.flight->n(), size = 2 * f;
   filter.flight->state(before.z.head(size), before.t, filter.q, filter.u);
   Motion motion;
@@ -389,7 +256,7 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
 
 // x of the replica at the present tick, with the machine that the filter believes.
 void TrackingEstimator::find_replica(const TrackingState& state, double t) {
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   base_.output(state.base, filter.q, filter.u);
   if (state.belief) filter.flight->set(state.belief->z.tail(filter.flight->unknowns()), false);
   filter.flight->enter(filter.q, filter.u, t, filter.x);
@@ -405,13 +272,8 @@ void TrackingEstimator::lose(TrackingState& state) const {
   state.track.mean_square = 1.0;
 }
 
-// Not so after events that no machine could have.
-bool TrackingEstimator::is_bounded(const FilterBelief& of) {
-  return std::isfinite(of.z.squaredNorm()) && std::isfinite(of.S.squaredNorm());
-}
-
 bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state) const {
-  if (!is_bounded(of)) return false;
+  if (!of.is_finite()) return false;
   state.earlier = {};
   state.belief = filter_->pool->put(of);
   if (!state.belief) ++state.forgotten;
@@ -420,7 +282,7 @@ bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state)
 
 // After an event.
 bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state) const {
-  if (!is_bounded(of)) return false;
+  if (!of.is_finite()) return false;
   auto earlier = std::move(state.earlier);
   std::move_backward(earlier.begin(), earlier.end() - 1, earlier.end());
   earlier.front() = std::move(state.belief);
@@ -445,24 +307,14 @@ const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& 
 
 // Twice the energy of the replica's motion at the present tick, its largest so far.
 double TrackingEstimator::note_energy(TrackingState& state) {
-  const Eigen::VectorXd &q = filter_->q, &u = filter_->u;
   base_.output(state.base, filter_->q, filter_->u);
-  double energy = 0.0;
-  for (Eigen::Index i = 0; i < q.size(); ++i) {
-    energy += q[i] * filter_->K.col(i).dot(q) + u[i] * filter_->M.col(i).dot(u);
-  }
+  const double energy = filter_->motion_energy();
   state.track.energy = std::max(state.track.energy, energy);
   return energy;
 }
 
-// Twice the expected energy of a belief's error.
-double TrackingEstimator::energy_of_error(const FilterBelief& of) {
-  filter_->of_x = of.S.topRows(filter_->of_x.rows());  // in columns
-  return filter_->flight->twice_energy(filter_->of_x);
-}
-
 void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState& state) {
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   FilterBelief& next = filter.next;
   next = *state.belief;
   const ContactEvent& event = events.back();
@@ -489,17 +341,11 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   state.track.doubts = false;
   if (!add_belief(next, state)) return lose(state);
   ++state.track.fitting;
-  const double motion = note_energy(state);
-  const double of_error = energy_of_error(next);
-  if (!(of_error <= thresholds_.energy_to_keep * std::max(filter.of_start, state.track.energy))) {
-    return lose(state);
-  }
+  note_energy(state);
   if (state.track.fitting >= 8 * state.track.trial) state.track.trial = thresholds_.trial;
   if (scale_is_lost(state) || state.track.fitting < to_confirm(state)) return;
-  if (of_error < thresholds_.energy_to_confirm * motion) {
-    state.track.status = TrackStatus::confirmed;
-    state.track.inflation = 1.0;
-  }
+  state.track.status = TrackStatus::confirmed;
+  state.track.inflation = 1.0;
 }
 
 // No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
@@ -517,31 +363,14 @@ std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
 // Near in place or in time: a spurious event is neither.
 Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
   const Innovation& innovation = after.innovation;
-  const LastFlight flight = last_flight(innovation.contact, innovation.t, before);
+  const SceneFilter::LastFlight flight =
+      filter_->last_flight(innovation.contact, innovation.t, before);
   const double far = thresholds_.far * std::max(after.length, flight.highest);
   if (flight.inside > thresholds_.long_inside && flight.lowest < -far) {
     return Suspicion::missing_event;
   }
   const bool is_near = flight.ends_near || innovation.gap <= far;
   return is_near ? Suspicion::model : Suspicion::spurious_event;
-}
-
-TrackingEstimator::LastFlight TrackingEstimator::last_flight(int contact, double t,
-                                                             const FilterBelief& before) {
-  constexpr int samples = 64, near = 3;
-  LastFlight last;
-  if (contains(before.held, contact)) return last;
-  const double tau = t - before.t;
-  for (int i = 1; i <= samples + near; ++i) {
-    filter_->filter.fly_mean(before.t + tau * i / samples, before);
-    const double gap = filter_->filter.gap(contact);
-    if (i >= samples - near && gap <= 0.0) last.ends_near = true;
-    if (i >= samples) continue;
-    if (gap < 0.0) last.inside += 1.0 / samples;
-    last.lowest = std::min(last.lowest, gap);
-    last.highest = std::max(last.highest, gap);
-  }
-  return last;
 }
 
 // One spurious event, or a missing one, is no reason to give up a track that events have confirmed;
@@ -557,40 +386,16 @@ void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState&
   state.last = inconsistency;
 }
 
-// When the gap fell through zero before t, where it is negative; -infinity: before the belief.
-double TrackingEstimator::crossing_before(double t, int contact, const FilterBelief& belief) {
-  const auto gap_at = [&](double when) {
-    filter_->filter.fly_mean(when, belief);
-    return filter_->filter.gap(contact);
-  };
-  constexpr int looks = 64, halvings = 40;
-  const double step = (t - belief.t) / looks;
-  double inside = t, outside = t;
-  for (int i = 1; i < looks && outside == t; ++i) {
-    if (gap_at(t - i * step) < 0.0) {
-      inside = t - i * step;
-    } else {
-      outside = t - i * step;
-    }
-  }
-  if (outside == t) return -infinity;
-  for (int i = 0; i < halvings; ++i) {
-    const double middle = 0.5 * (outside + inside);
-    (gap_at(middle) < 0.0 ? inside : outside) = middle;
-  }
-  return inside;
-}
-
 // Takes the impact that was not reported, where the gap fell through zero.
 bool TrackingEstimator::take_missing(TrackingState& state) {
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   const FilterBelief& present = *state.belief;
   const int contact = state.silence.overdue;
-  const double crossing = crossing_before(state.silence.overdue_since, contact, present);
+  const double crossing = filter_->crossing_before(state.silence.overdue_since, contact, present);
   if (crossing == -infinity) return false;
   filter.next = present;
-  // Its time is as uncertain as the flight makes it.
-  filter.next.sigma = state.silence.overdue_since - present.t;
+  // The gap was certainly negative when the impact was overdue.
+  filter.next.sigma = state.silence.overdue_since - crossing;
   filter.next.reported[contact] = -infinity;
   const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
   if (!filter.filter.take(missing, filter.next)) return false;
@@ -609,8 +414,7 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
     state.track.trial = std::min(2 * state.track.trial, thresholds_.longest_trial);
   }
   if (!confirmed) {
-    state.track.inflation *= std::clamp(std::sqrt(inconsistency.square),
-                                        thresholds_.least_inflation, thresholds_.most_inflation);
+    state.track.inflation *= std::max(std::sqrt(inconsistency.square), thresholds_.least_inflation);
     if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
   }
   lose(state);
@@ -623,7 +427,7 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
   } else if (!confirmed) {
     FilterBelief& next = filter_->next;
     next = *state.belief;
-    set_prior(next);
+    filter_->set_prior(next);
     set_belief(next, state);
   }
 }
@@ -639,7 +443,7 @@ void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) c
 // Whether an event that had to come has not been reported by t. When that is found, and what
 // follows, depends on the events alone.
 void TrackingEstimator::watch(double t, TrackingState& state) {
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   while (state.belief && state.track.status != TrackStatus::lost) {
     const double end = EventFilter::end_of_burst(*state.belief);
     const double until = std::min(t, end);
@@ -677,7 +481,7 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
     if (state.silence.overdue < 0) continue;
     state.silence.overdue_since = state.silence.missing_from = now;
     if (contains(belief.held, state.silence.overdue)) continue;
-    const double crossing = crossing_before(now, state.silence.overdue, belief);
+    const double crossing = filter_->crossing_before(now, state.silence.overdue, belief);
     // The impacts that complete a chatter are not reported.
     const double late =
         thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
@@ -707,7 +511,7 @@ void TrackingEstimator::heard_at(double t, TrackingState& state) const {
 void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
                               TrackingState& state) {
   if (!state.belief) return;
-  Filter& filter = *filter_;
+  SceneFilter& filter = *filter_;
   const bool exact_parameters = filter.flight->unknowns() == 0;
   if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
                        : state.chi != 0) {
@@ -769,8 +573,9 @@ void TrackingEstimator::take_result(TrackingState& state) {
   ++state.window.identifications;
   const std::int64_t first = first_size();
   const FilterBelief& of = result_->belief;
-  const double motion = note_energy(state);
-  if (!result_->accepted || !(energy_of_error(of) < thresholds_.energy_to_confirm * motion)) {
+  filter_->of_state = of.S.topRows(2 * filter_->flight->n());
+  const double of_error = filter_->flight->twice_energy(filter_->of_state);
+  if (!result_->accepted || !(of_error < thresholds_.energy_to_accept * note_energy(state))) {
     state.window.size += state.window.size / 2;
     if (state.window.size > longest_window) {
       begin_window(state.window.events - 2 * first, state);
@@ -812,11 +617,6 @@ void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::Vec
   const double t = tick_instant(state.tick, h()).hi;
   const Eigen::VectorXd& x = filter_->filter.publish_mean(t, belief_at(t, state));
   filter_->flight->state(x, t, q, u);
-}
-
-void TrackingEstimator::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
-                                Eigen::Ref<Eigen::VectorXd> u) {
-  filter_->flight->state(filter_->filter.publish(t, of), t, q, u);
 }
 
 Confidence TrackingEstimator::no_confidence() const {
@@ -863,7 +663,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (claims(state)) {
     const FilterBelief& belief = belief_at(t, state);
     filter_->filter.publish(t, belief);
-    fill_deviations(t, belief, confidence);
+    filter_->fill_deviations(t, belief, confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
@@ -871,50 +671,7 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
     confidence.sigma_outputs.setConstant(infinity);
   }
   if (!filter_->family) return;
-  ParameterEstimates& parameters = confidence.parameters;
-  const std::vector<Unknown>& unknowns = filter_->family->unknowns();
-  for (Eigen::Index k = 0; k < parameters.values.size(); ++k) {
-    const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
-    if (!state.belief) {
-      parameters.values[k] = unknown.nominal;
-      parameters.sigmas[k] = infinity;
-      continue;
-    }
-    const FilterBelief& of = *state.belief;
-    const Eigen::Index row = 2 * filter_->flight->n() + k;
-    parameters.values[k] = unknown.value(of.z[row]);
-    const Eigen::VectorXd& walk = filter_->filter.model().walk;
-    const double walked = walk.size() > 0 ? square(walk[k]) * std::max(t - of.t, 0.0) : 0.0;
-    const double variance = of.S.row(row).squaredNorm() + walked;
-    parameters.sigmas[k] = std::sqrt(variance) * std::abs(unknown.slope(parameters.values[k]));
-  }
-}
-
-void TrackingEstimator::fill_deviations(double t, const FilterBelief& of, Confidence& confidence) {
-  Filter& filter = *filter_;
-  const Eigen::Index f = filter.flight->n();
-  filter.filter.gap_deviations(of, filter.of_gaps);
-  multiply(filter.flight->to_state(), filter.filter.deviations(), filter.of_state);
-  // Roundings of a run are not in the covariance.
-  filter.flight->state(filter.filter.estimate(), t, filter.q, filter.u);
-  const bool several = filter.flight->contacts() > 1;
-  const double length = std::max(of.length, filter.q.cwiseAbs().maxCoeff()) *
-                        (several ? position_rounding : run_rounding);
-  const double speed = std::max(of.speed, filter.u.cwiseAbs().maxCoeff()) *
-                       (several ? impulse_rounding : run_rounding);
-  for (Eigen::Index i = 0; i < f; ++i) {
-    confidence.sigma_q[i] = std::hypot(filter.of_state.row(i).norm(), length);
-    confidence.sigma_u[i] = std::hypot(filter.of_state.row(f + i).norm(), speed);
-  }
-  for (Eigen::Index i = 0; i < filter.of_gaps.rows(); ++i) {
-    confidence.sigma_g[i] = std::hypot(filter.of_gaps.row(i).norm(), length * filter.largest_w);
-  }
-  for (Eigen::Index i = 0; i < filter.outputs.cols(); ++i) {
-    const auto output = filter.outputs.col(i);
-    filter.row.noalias() = output.transpose().lazyProduct(filter.of_state);
-    confidence.sigma_outputs[i] = std::hypot(filter.row.norm(), length * output.head(f).norm(),
-                                             speed * output.tail(f).norm());
-  }
+  filter_->fill_parameters(t, state.belief ? &*state.belief : nullptr, confidence.parameters);
 }
 
 bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
@@ -927,24 +684,8 @@ bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
   return true;
 }
 
-// As many columns as state and parameters have entries.
 Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& belief) {
-  Filter& filter = *filter_;
-  const Eigen::Index f = filter.flight->n(), P = filter.flight->unknowns();
-  const double t = tick_instant(state.tick, h()).hi;
-  const FilterBelief& of = *state.belief;
-  const Eigen::VectorXd x = filter.filter.mean(t, of);
-  Eigen::MatrixXd columns(2 * f + P, filter.filter.deviations().cols());
-  columns << filter.flight->to_state() * filter.filter.deviations(),
-      filter.filter.parameter_deviations();
-  const Eigen::MatrixXd S = QR(columns.transpose()).R().transpose();
-  belief.q.resize(f);
-  belief.u.resize(f);
-  filter.flight->state(x, t, belief.q, belief.u);
-  belief.columns = S.cols();
-  belief.S_q = S.topRows(f);
-  belief.S_u = S.middleRows(f, f);
-  return S.bottomRows(P);
+  return filter_->belief(tick_instant(state.tick, h()).hi, *state.belief, belief);
 }
 
 Prediction TrackingEstimator::predict(const TrackingState& state, const Predictor& predictor,
@@ -952,7 +693,7 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
   const double t = tick_instant(state.tick, h()).hi;
   if (!filter_ || identifies() || !claims(state)) return {t, t, {}};
   sprag::Belief from;
-  const Eigen::MatrixXd S_c = belief(state, from);
+  const Eigen::MatrixXd S_c = filter_->belief(t, *state.belief, from);
   const FilterModel& model = filter_->filter.model();
   if (model.drift.cols() > 0) {
     const Eigen::Index f = from.q.size(), known = from.columns;

@@ -32,7 +32,7 @@
 #include "sprag/estimation/any_replica.h"
 #include "sprag/estimation/prediction.h"
 #include "sprag/filter/belief_pool.h"
-#include "sprag/filter/event_filter.h"
+#include "sprag/filter/scene_filter.h"
 #include "sprag/filter/track.h"
 
 namespace sprag {
@@ -111,8 +111,7 @@ class TrackingEstimator {
   void confidence(const TrackingState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
-  /// Mean and square root of the covariance of (q, u) at the present tick, of a track that is not
-  /// lost; the rows of the parameters' coordinates are returned, P x columns. Allocates.
+  /// SceneFilter::belief() at the present tick, of a track that is not lost. Allocates.
   Eigen::MatrixXd belief(const TrackingState& state, Belief& belief);
   /// As Predictor::predict() from this state; nothing is predicted where the track is not
   /// confirmed, and by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
@@ -133,13 +132,7 @@ class TrackingEstimator {
   /// is moved, and never back. Allocates then.
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
   /// Null for a plain replica.
-  EventFilter* filter() { return filter_ ? &filter_->filter : nullptr; }
-  /// The estimate of a belief at t, q and u of f entries each.
-  void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
-               Eigen::Ref<Eigen::VectorXd> u);
-  /// After publish(): all deviations.
-  void fill_deviations(double t, const FilterBelief& of, Confidence& confidence);
-
+  SceneFilter* filter() { return filter_.get(); }
   /// Whether the next tick of this state waits for a result that has not been put.
   bool waits(const TrackingState& state) const;
   /// What it waits for. `task` keeps its room, so that no call allocates that has some of
@@ -171,50 +164,14 @@ class TrackingEstimator {
     ContactSet chi_before = 0;
     double before = 0.0;  // when the event before it was
   };
-  struct Filter {
-    Filter(const Scene& scene, std::shared_ptr<Flows> flows);
-    Filter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
-
-    void set_up(const Scene& scene);
-
-    std::unique_ptr<MachineFamily> family;  // null: no parameter is uncertain
-    std::unique_ptr<Flight> flight;
-    EventFilter filter;
-    std::shared_ptr<const std::vector<std::string>> keys;
-    Eigen::MatrixXd outputs;  // rows by (q, u), 2f x the model's outputs
-    double sigma = 0.0;       // of event times, with the floor of uncertain parameters [s]
-    double of_start = 0.0;    // twice the expected energy of a start's error
-    double largest_w = 1.0;   // largest entry of the contacts' directions
-    Eigen::MatrixXd M, K;
-    double least_look = 0.0, longest_look = infinity;  // of watch() [s]
-    double first_flight = 0.0;                         // taken to be so long [s]
-    bool scale_is_open = false, may_start_inside = false;
-    Eigen::MatrixXd start;     // deviations of a start, 2f x 2f
-    Eigen::MatrixXd inflated;  // of a reset
-    // Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
-    // identified, or there are none.
-    Eigen::MatrixXd prior;
-    FilterBelief nothing;  // of the right size
-    std::unique_ptr<BeliefPool> pool;
-    std::vector<Heard> heard;  // ring, by number of event; where parameters are identified
-    // Scratch.
-    FilterBelief next;
-    Eigen::VectorXd q, u, x, off;
-    Eigen::MatrixXd of_gaps, of_state, of_x;
-    Eigen::RowVectorXd row;
-  };
-  struct LastFlight {
-    double inside = 0.0;  // share of its time with a negative gap
-    double lowest = 0.0, highest = 0.0;
-    bool ends_near = false;  // the gap was zero or negative shortly before or after it
-  };
-
   bool identifies() const { return identifies_; }
   bool scale_is_lost(const TrackingState& state) const;
   void start_from_prior(const sprag::State& start, TrackingState& state);
-  void set_prior(FilterBelief& belief) const;
-  Heard& heard(std::int64_t event) const {
-    return filter_->heard[static_cast<std::size_t>(event) % filter_->heard.size()];
+  Heard& heard(std::int64_t event) {
+    return heard_[static_cast<std::size_t>(event) % heard_.size()];
+  }
+  const Heard& heard(std::int64_t event) const {
+    return heard_[static_cast<std::size_t>(event) % heard_.size()];
   }
   std::int64_t first_size() const;
   std::int64_t to_confirm(const TrackingState& state) const;
@@ -227,16 +184,13 @@ class TrackingEstimator {
   void lose(TrackingState& state) const;
   bool may_doubt(const TrackingState& state) const;
   static void doubt(const Inconsistency& inconsistency, TrackingState& state);
-  double crossing_before(double t, int contact, const FilterBelief& belief);
   bool take_missing(TrackingState& state);
   void heard_at(double t, TrackingState& state) const;
   static bool is_believed(const TrackingState& state);
   bool claims(const TrackingState& state) const;
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
-  double energy_of_error(const FilterBelief& of);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
-  LastFlight last_flight(int contact, double t, const FilterBelief& before);
   void begin_window(std::int64_t event, TrackingState& state) const;
   void find_replica(const TrackingState& state, double t);
   void watch(double t, TrackingState& state);
@@ -249,7 +203,6 @@ class TrackingEstimator {
   void reset(double t, std::span<const ContactEvent> events, TrackingState& state);
   void note_start(const FilterBelief& of);
   void note_event(const ContactEvent& event, double sigma);
-  static bool is_bounded(const FilterBelief& of);
   bool set_belief(const FilterBelief& of, TrackingState& state) const;
   bool add_belief(const FilterBelief& of, TrackingState& state) const;
   static const FilterBelief& belief_at(double t, const TrackingState& state);
@@ -258,7 +211,10 @@ class TrackingEstimator {
   EstimatorKind kind_;
   TrackThresholds thresholds_;
   bool identifies_ = false;
-  std::unique_ptr<Filter> filter_;
+  std::unique_ptr<SceneFilter> filter_;
+  // Ring, by number of event, where parameters are identified: those of a task, and as many again
+  // of states that run ahead.
+  std::vector<Heard> heard_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
   std::vector<ImpactRecord> with_forces_;   // of the filter

@@ -320,101 +320,115 @@ Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::s
   return rate;
 }
 
-Scene MachineFamily::with(const Eigen::VectorXd& values) const {
-  Scene scene = scene_;
-  // change(harmonic, group) of one group's harmonics, or of all; of the frame's motion as well.
-  const auto change_harmonics = [&](int index, const auto& change) {
-    for (std::size_t g = 0; g < groups_.size(); ++g) {
-      if (index >= 0 && index != static_cast<int>(g)) continue;
-      const HarmonicGroup& of = groups_[g];
-      for (const int j : of.forces) {
-        change(scene.model.forces[static_cast<std::size_t>(j)].harmonic, of, of.of_frame);
-      }
-      for (const int i : of.contacts) {
-        change(scene.model.contacts[static_cast<std::size_t>(i)].motion, of, false);
-      }
-      if (of.of_frame && scene.frame) change(scene.frame->motion, of, false);
+template <class Change>
+void MachineFamily::change_harmonics(Scene& scene, int index, const Change& change) const {
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    if (index >= 0 && index != static_cast<int>(g)) continue;
+    const HarmonicGroup& of = groups_[g];
+    for (const int j : of.forces) {
+      change(scene.model.forces[static_cast<std::size_t>(j)].harmonic, of, of.of_frame);
+    }
+    for (const int i : of.contacts) {
+      change(scene.model.contacts[static_cast<std::size_t>(i)].motion, of, false);
+    }
+    if (of.of_frame && scene.frame) change(scene.frame->motion, of, false);
+  }
+}
+
+// The frequency, phase or amplitude of one group of harmonics, or of all.
+void MachineFamily::set_harmonics(const Unknown& unknown, double value, Scene& scene) const {
+  const bool all = unknown.index < 0;
+  const auto set = [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {
+    if (unknown.kind == Kind::phase) {
+      harmonic.phase += all ? value : value - group.phase;
+    } else if (unknown.kind == Kind::amplitude) {
+      harmonic.amplitude *= all ? value : value / group.amplitude;
+    } else {
+      const double ratio = all ? value : value / group.frequency;
+      harmonic.frequency = ratio * group.frequency;
+      if (accelerates) harmonic.amplitude *= ratio * ratio;
     }
   };
-  Model& model = scene.model;
-  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-    const Unknown& unknown = unknowns_[k];
-    const double value = values[static_cast<Eigen::Index>(k)];
-    const auto i = static_cast<std::size_t>(std::max(unknown.index, 0));
-    switch (unknown.kind) {
-      case Kind::restitution:
-        for (std::size_t j = 0; j < model.contacts.size(); ++j) {
-          double& restitution = model.contacts[j].restitution;
-          const bool is_factor = unknown.index < 0 && restitutions_differ_;
-          if (unknown.index < 0 || j == i) restitution = is_factor ? value * restitution : value;
-        }
-        break;
-      case Kind::damping:
-        if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-          scene.beam->damping = value;
-        } else if (scene.beam) {
-          scene.beam->damping_ratio *= value;
-        } else {
-          model.C *= value;
-        }
-        break;
-      case Kind::stiffness:
-        if (scene.beam) {
-          scene.beam->bending_stiffness = value;
-        } else {
-          model.K *= value;
-        }
-        break;
-      case Kind::damping_entry:
-        model.C(unknown.row, unknown.column) = model.C(unknown.column, unknown.row) = value;
-        break;
-      case Kind::stiffness_entry:
-        model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
-        break;
-      case Kind::position: {
-        Eigen::VectorXd& w = model.contacts[i].w;
-        w = moved_direction(*scene_.beam, w, scene_.positions[i], value);
-        scene.positions[i] = value;
-        break;
-      }
-      case Kind::frequency:
-        change_harmonics(unknown.index,
-                         [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {
-                           const double ratio = unknown.index < 0 ? value : value / group.frequency;
-                           harmonic.frequency = ratio * group.frequency;
-                           if (accelerates) harmonic.amplitude *= ratio * ratio;
-                         });
-        break;
-      case Kind::phase:
-        change_harmonics(unknown.index, [&](Harmonic& harmonic, const HarmonicGroup& group, bool) {
-          harmonic.phase += unknown.index < 0 ? value : value - group.phase;
-        });
-        break;
-      case Kind::amplitude:
-        change_harmonics(unknown.index, [&](Harmonic& harmonic, const HarmonicGroup& group, bool) {
-          harmonic.amplitude *= unknown.index < 0 ? value : value / group.amplitude;
-        });
-        break;
-      case Kind::clock_offset:
-        break;  // below, where frequencies are known
-      case Kind::constant:
-        model.forces[i].constant = value;
-        break;
-      case Kind::clearance:
-        model.contacts[i].clearance = value;
-        break;
+  change_harmonics(scene, unknown.index, set);
+}
+
+void MachineFamily::set_restitution(int index, double value, Model& model) const {
+  for (std::size_t j = 0; j < model.contacts.size(); ++j) {
+    double& restitution = model.contacts[j].restitution;
+    if (index < 0) {
+      restitution = restitutions_differ_ ? value * restitution : value;
+    } else if (static_cast<int>(j) == index) {
+      restitution = value;
     }
+  }
+}
+
+void MachineFamily::set(const Unknown& unknown, double value, Scene& scene) const {
+  Model& model = scene.model;
+  const auto i = static_cast<std::size_t>(std::max(unknown.index, 0));
+  switch (unknown.kind) {
+    case Kind::restitution:
+      set_restitution(unknown.index, value, model);
+      break;
+    case Kind::damping:
+      if (scene.beam && scene.beam->damping_ratio.size() == 0) {
+        scene.beam->damping = value;
+      } else if (scene.beam) {
+        scene.beam->damping_ratio *= value;
+      } else {
+        model.C *= value;
+      }
+      break;
+    case Kind::stiffness:
+      if (scene.beam) {
+        scene.beam->bending_stiffness = value;
+      } else {
+        model.K *= value;
+      }
+      break;
+    case Kind::damping_entry:
+      model.C(unknown.row, unknown.column) = model.C(unknown.column, unknown.row) = value;
+      break;
+    case Kind::stiffness_entry:
+      model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
+      break;
+    case Kind::position: {
+      Eigen::VectorXd& w = model.contacts[i].w;
+      w = moved_direction(*scene_.beam, w, scene_.positions[i], value);
+      scene.positions[i] = value;
+      break;
+    }
+    case Kind::frequency:
+    case Kind::phase:
+    case Kind::amplitude:
+      set_harmonics(unknown, value, scene);
+      break;
+    case Kind::clock_offset:
+      break;  // with() shifts the phases once all frequencies are set
+    case Kind::constant:
+      model.forces[i].constant = value;
+      break;
+    case Kind::clearance:
+      model.contacts[i].clearance = value;
+      break;
+  }
+}
+
+Scene MachineFamily::with(const Eigen::VectorXd& values) const {
+  Scene scene = scene_;
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    set(unknowns_[k], values[static_cast<Eigen::Index>(k)], scene);
   }
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     if (unknowns_[k].kind != Kind::clock_offset) continue;
     const double offset = values[static_cast<Eigen::Index>(k)];
-    change_harmonics(-1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
+    change_harmonics(scene, -1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
       harmonic.phase -= harmonic.frequency * offset;
     });
   }
   if (scene.beam) {
-    model.K = stiffness(*scene.beam).asDiagonal();
-    model.C = damping(*scene.beam).asDiagonal();
+    scene.model.K = stiffness(*scene.beam).asDiagonal();
+    scene.model.C = damping(*scene.beam).asDiagonal();
   }
   return scene;
 }

@@ -83,6 +83,13 @@ class MachineFamily {
  private:
   void set_flow(const Eigen::VectorXd& values, Machine& machine) const;
   void set_position(int contact, double position, Machine& machine) const;
+  void set(const Unknown& unknown, double value, Scene& scene) const;
+  void set_restitution(int index, double value, Model& model) const;
+  void set_harmonics(const Unknown& unknown, double value, Scene& scene) const;
+  // change(harmonic, group, whether it is an acceleration) for the harmonics of the group with this
+  // index, -1: of all groups.
+  template <class Change>
+  void change_harmonics(Scene& scene, int index, const Change& change) const;
 
   Scene scene_;
   std::vector<Unknown> unknowns_;

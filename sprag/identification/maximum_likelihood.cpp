@@ -23,9 +23,16 @@ constexpr double prior_ranges = 3.0, prior_motions = 30.0;
 constexpr double resolution = 1e-11;
 constexpr double largest_radius = 1.0;  // of the unknowns' coordinates in one step
 
-// The constraints of one stretch, solved for its own variables x0 and tau. A contact that was
-// closed at its start adds two constraints to those of the N impacts; a stretch whose scale is free
-// adds one. R of them in all.
+// The weighted constraints of one stretch, linearized: A (x0, tau) + J p + violation = 0. A contact
+// that was closed at its start adds two constraints to those of the N impacts; a stretch whose
+// scale is free adds one. R of them in all.
+struct Constraints {
+  Eigen::MatrixXd A;          // (N + R) x (2n + N)
+  Eigen::MatrixXd J;          // (N + R) x P
+  Eigen::VectorXd violation;  // N + R
+};
+
+// The constraints of one stretch, solved for its own variables x0 and tau.
 struct Block {
   Eigen::VectorXd scale;      // of x0's columns
   Eigen::MatrixXd Q2;         // null space, (2n + N) x (2n - R)
@@ -61,6 +68,11 @@ class Maximization {
 
  private:
   void linearize();
+  void follow_paths();
+  void difference_nonlinear(Eigen::Index k);
+  Constraints constraints_of(std::size_t s);
+  void eliminate(const Constraints& of, Block& block) const;
+  void set_residuals(std::size_t s, Block& block) const;
   void jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd& J) const;
   Eigen::VectorXd gaps(const Machine& machine, const Eigen::VectorXd& inputs, std::size_t s,
                        const Path& path) const;
@@ -199,137 +211,162 @@ Eigen::VectorXd Maximization::gaps(const Machine& machine, const Eigen::VectorXd
 }
 
 void Maximization::linearize() {
-  constexpr double difference = 4e-6;
-  const Eigen::Index n2 = 2 * family_.n();
-  const std::size_t S = measured_.size();
   machine_ = family_.at(at_.values);
-  const Eigen::VectorXd inputs = family_.inputs(at_.values);
   flights_.set(machine_, at_.path);
   harmonics_.set(machine_.frequencies, at_.path);
-  paths_.resize(S);
-  blocks_.resize(S);
-  at_.gamma.resize(S);
   nonlinear_columns_.assign(static_cast<std::size_t>(unknowns()), {});
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    if (!unknown(k).linear()) difference_nonlinear(k);
+  }
+  follow_paths();
+  set_noise();
+  if (expected_squares_) adapt_radius();
+  blocks_.resize(measured_.size());
+  for (std::size_t s = 0; s < measured_.size(); ++s) {
+    check_interrupt();
+    eliminate(constraints_of(s), blocks_[s]);
+    set_residuals(s, blocks_[s]);
+  }
+  stack();
+}
+
+// The column of an unknown that the path depends on nonlinearly, by central differences.
+void Maximization::difference_nonlinear(Eigen::Index k) {
+  constexpr double difference = 4e-6;
+  std::vector<Eigen::VectorXd>& columns = nonlinear_columns_[static_cast<std::size_t>(k)];
+  columns.resize(measured_.size());
+  const auto [low, high] = unknown(k).neighbours(unknown(k).coordinate(at_.values[k]), difference);
   Flights flights;
   Harmonics harmonics;
   Path path;
-  for (Eigen::Index k = 0; k < unknowns(); ++k) {
-    const Unknown& unknown = family_.unknowns()[static_cast<std::size_t>(k)];
-    if (unknown.linear()) continue;
-    std::vector<Eigen::VectorXd>& columns = nonlinear_columns_[static_cast<std::size_t>(k)];
-    columns.resize(S);
-    const auto [low, high] = unknown.neighbours(unknown.coordinate(at_.values[k]), difference);
-    for (const double side : {1.0, -1.0}) {
-      Eigen::VectorXd values = at_.values;
-      values[k] = unknown.value(side > 0.0 ? high : low);
-      const Machine machine = family_.at(values);
-      const Eigen::VectorXd of_values = family_.inputs(values);
-      flights.set(machine, at_.path);
-      harmonics.set(machine.frequencies, at_.path);
-      for (std::size_t s = 0; s < S; ++s) {
-        follow(machine, flights, harmonics, at_.path[s], s, at_.x0[s], of_values, path);
-        const Eigen::VectorXd of_side = gaps(machine, of_values, s, path) / (2.0 * difference);
-        if (side > 0.0) {
-          columns[s] = of_side;
-        } else {
-          columns[s] -= of_side;
-        }
+  for (const double side : {1.0, -1.0}) {
+    Eigen::VectorXd values = at_.values;
+    values[k] = unknown(k).value(side > 0.0 ? high : low);
+    const Machine machine = family_.at(values);
+    const Eigen::VectorXd inputs = family_.inputs(values);
+    flights.set(machine, at_.path);
+    harmonics.set(machine.frequencies, at_.path);
+    for (std::size_t s = 0; s < measured_.size(); ++s) {
+      follow(machine, flights, harmonics, at_.path[s], s, at_.x0[s], inputs, path);
+      const Eigen::VectorXd of_side = gaps(machine, inputs, s, path) / (2.0 * difference);
+      if (side > 0.0) {
+        columns[s] = of_side;
+      } else {
+        columns[s] -= of_side;
       }
     }
   }
-  PathRows rows, start;
-  RowMatrix G;
+}
+
+// The paths of all stretches from x0, and by how much time they violate the constraints.
+void Maximization::follow_paths() {
+  const Eigen::VectorXd inputs = family_.inputs(at_.values);
+  paths_.resize(measured_.size());
+  at_.gamma.resize(measured_.size());
   most_speed_ = 0.0;
   constraint_.clear();
-  for (std::size_t s = 0; s < S; ++s) {
+  for (std::size_t s = 0; s < measured_.size(); ++s) {
     follow(machine_, flights_, harmonics_, at_.path[s], s, at_.x0[s], inputs, paths_[s]);
+    at_.gamma[s] = paths_[s].gamma;
     const Eigen::VectorXd speeds = paths_[s].gamma.cwiseAbs();
     most_speed_ = std::max(most_speed_, speeds.maxCoeff());
     for (Eigen::Index k = 0; k < speeds.size(); ++k) {
       constraint_.push_back(paths_[s].g[k] / std::max(speeds[k], 0.1 * speeds.mean() + 1e-300));
     }
   }
-  set_noise();
-  if (expected_squares_) adapt_radius();
+}
+
+Constraints Maximization::constraints_of(std::size_t s) {
+  const Eigen::Index n2 = 2 * family_.n();
+  const Eigen::VectorXd inputs = family_.inputs(at_.values);
   const bool scale_is_free = inputs.isZero(0.0);
-  for (std::size_t s = 0; s < S; ++s) {
-    Block& block = blocks_[s];
-    Path& of = paths_[s];
-    const auto N = static_cast<Eigen::Index>(at_.path[s].size());
-    const auto closed = static_cast<Eigen::Index>(at_.path[s].of_start());
-    const Eigen::Index R = closed + (scale_is_free ? 1 : 0);
-    check_interrupt();
-    at_.gamma[s] = of.gamma;
-    path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
-    time_derivatives(machine_, flights_, at_.path[s], s, of, G);
-    const double speed = of.gamma.cwiseAbs().mean();
-    Eigen::VectorXd weight(N + R);
-    weight.head(N) = of.gamma.cwiseAbs()
-                         .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
-                         .cwiseInverse();
-    const double interval =
-        (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
-    if (closed > 0) {
-      start_rows(machine_, at_.path[s], start);
-      rows.A.conservativeResize(N + closed, Eigen::NoChange);
-      rows.A.bottomRows(closed) << start.A, start.Gamma;
-      weight.segment(N, closed / 2).setConstant(1.0 / speed);
-      weight.segment(N + closed / 2, closed / 2).setConstant(interval / speed);
-    }
-    Eigen::MatrixXd J;
-    jacobian(s, rows, J);
-    Eigen::VectorXd violation = gaps(machine_, inputs, s, of);
-    Eigen::MatrixXd constraints = Eigen::MatrixXd::Zero(N + R, n2 + N);
-    constraints.topLeftCorner(N + closed, n2) =
-        weight.head(N + closed).asDiagonal() * rows.A.leftCols(n2);
-    if (scale_is_free) {
-      // The motion keeps its size, which nothing else determines.
-      constraints.bottomLeftCorner(1, n2) =
-          (interval / speed) * rows.Gamma.leftCols(n2).colwise().mean();
-      weight[N + R - 1] = 0.0;
-      violation.conservativeResize(N + R);
-      violation[N + R - 1] = 0.0;
-      J.conservativeResize(N + R, Eigen::NoChange);
-      J.bottomRows(1).setZero();
-    }
-    constraints.topRightCorner(N, N) = weight.head(N).asDiagonal() * G;
-    block.scale = constraints.leftCols(n2).colwise().norm().transpose().cwiseMax(
-        std::numeric_limits<double>::min());
-    constraints.leftCols(n2) =
-        (constraints.leftCols(n2) * block.scale.cwiseInverse().asDiagonal()).eval();
-    const QR qr(constraints.transpose());
-    Eigen::MatrixXd right(n2 + N, 1 + unknowns());
-    right.setZero();
-    right.col(0).head(N + R) = -weight.cwiseProduct(violation);
-    right.block(0, 1, N + R, unknowns()) = -(weight.asDiagonal() * J);
-    right.topRows(N + R) = qr.solve_R_transposed(right.topRows(N + R));
-    right = qr.Q_times(right);
-    block.step = right.col(0);
-    block.step_rate = right.rightCols(unknowns());
-    block.Q2 = Eigen::MatrixXd::Zero(n2 + N, n2 - R);
-    block.Q2.bottomRows(n2 - R).setIdentity();
-    block.Q2 = qr.Q_times(block.Q2);
-    Eigen::VectorXd time_weight(N), d(N);
-    for (Eigen::Index k = 0; k < N; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      const Impact& impact = measured_[s].impacts[i];
-      time_weight[k] = impact.timed ? 1.0 : untimed_weight;
-      d[k] = at_.path[s].impacts[i].t - impact.t;
-    }
-    const Eigen::VectorXd prior = noise_ * prior_of_x0(s).cwiseInverse();
-    const Eigen::VectorXd of_step = prior.cwiseQuotient(block.scale);
-    block.B2.resize(N + n2, n2 - R);
-    block.B2 << time_weight.asDiagonal() * block.Q2.bottomRows(N),
-        of_step.asDiagonal() * block.Q2.topRows(n2);
-    block.e0.resize(N + n2);
-    block.e0 << time_weight.cwiseProduct(d + block.step.tail(N)),
-        prior.cwiseProduct(at_.x0[s]) + of_step.cwiseProduct(block.step.head(n2));
-    block.eJ.resize(N + n2, unknowns());
-    block.eJ << time_weight.asDiagonal() * block.step_rate.bottomRows(N),
-        of_step.asDiagonal() * block.step_rate.topRows(n2);
-    block.qr = PivotedQR(block.B2, 1e-12);
+  Path& path = paths_[s];
+  const auto N = static_cast<Eigen::Index>(at_.path[s].size());
+  const auto closed = static_cast<Eigen::Index>(at_.path[s].of_start());
+  const Eigen::Index R = closed + (scale_is_free ? 1 : 0);
+  PathRows rows, start;
+  RowMatrix G;
+  path_rows(machine_, flights_, harmonics_, at_.path[s], s, rows);
+  time_derivatives(machine_, flights_, at_.path[s], s, path, G);
+  const double speed = path.gamma.cwiseAbs().mean();
+  const double interval =
+      (at_.path[s].impacts.back().t - at_.path[s].start) / static_cast<double>(N);
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(N + R);
+  weight.head(N) = path.gamma.cwiseAbs()
+                       .cwiseMax(1e-6 * speed + std::numeric_limits<double>::min())
+                       .cwiseInverse();
+  if (closed > 0) {
+    start_rows(machine_, at_.path[s], start);
+    rows.A.conservativeResize(N + closed, Eigen::NoChange);
+    rows.A.bottomRows(closed) << start.A, start.Gamma;
+    weight.segment(N, closed / 2).setConstant(1.0 / speed);
+    weight.segment(N + closed / 2, closed / 2).setConstant(interval / speed);
   }
-  stack();
+  Constraints of;
+  jacobian(s, rows, of.J);
+  of.violation = gaps(machine_, inputs, s, path);
+  of.A = Eigen::MatrixXd::Zero(N + R, n2 + N);
+  of.A.topLeftCorner(N + closed, n2) = weight.head(N + closed).asDiagonal() * rows.A.leftCols(n2);
+  of.A.topRightCorner(N, N) = weight.head(N).asDiagonal() * G;
+  if (scale_is_free) {
+    // The motion keeps its size, which nothing else determines.
+    of.A.bottomLeftCorner(1, n2) = (interval / speed) * rows.Gamma.leftCols(n2).colwise().mean();
+    of.violation.conservativeResize(N + R);
+    of.violation[N + R - 1] = 0.0;
+    of.J.conservativeResize(N + R, Eigen::NoChange);
+    of.J.bottomRows(1).setZero();
+  }
+  of.violation = weight.cwiseProduct(of.violation).eval();
+  of.J = (weight.asDiagonal() * of.J).eval();
+  return of;
+}
+
+// The least (x0, tau) that satisfies the constraints, its change with the unknowns, and the null
+// space, by an orthogonal factorization of A^T.
+void Maximization::eliminate(const Constraints& of, Block& block) const {
+  const Eigen::Index n2 = 2 * family_.n();
+  const Eigen::Index rows = of.A.rows(), columns = of.A.cols();
+  Eigen::MatrixXd A = of.A;
+  block.scale =
+      A.leftCols(n2).colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+  A.leftCols(n2) = (A.leftCols(n2) * block.scale.cwiseInverse().asDiagonal()).eval();
+  const QR qr(A.transpose());
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(columns, 1 + unknowns());
+  right.col(0).head(rows) = -of.violation;
+  right.block(0, 1, rows, unknowns()) = -of.J;
+  right.topRows(rows) = qr.solve_R_transposed(right.topRows(rows));
+  right = qr.Q_times(right);
+  block.step = right.col(0);
+  block.step_rate = right.rightCols(unknowns());
+  block.Q2 = Eigen::MatrixXd::Zero(columns, columns - rows);
+  block.Q2.bottomRows(columns - rows).setIdentity();
+  block.Q2 = qr.Q_times(block.Q2);
+}
+
+// What is left for the null space and the unknowns to minimize: distances from the measured times,
+// and the prior of x0.
+void Maximization::set_residuals(std::size_t s, Block& block) const {
+  const Eigen::Index n2 = 2 * family_.n();
+  const auto N = static_cast<Eigen::Index>(at_.path[s].size());
+  Eigen::VectorXd time_weight(N), d(N);
+  for (Eigen::Index k = 0; k < N; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const Impact& impact = measured_[s].impacts[i];
+    time_weight[k] = impact.timed ? 1.0 : untimed_weight;
+    d[k] = at_.path[s].impacts[i].t - impact.t;
+  }
+  const Eigen::VectorXd prior = noise_ * prior_of_x0(s).cwiseInverse();
+  const Eigen::VectorXd of_step = prior.cwiseQuotient(block.scale);
+  block.B2.resize(N + n2, block.Q2.cols());
+  block.B2 << time_weight.asDiagonal() * block.Q2.bottomRows(N),
+      of_step.asDiagonal() * block.Q2.topRows(n2);
+  block.e0.resize(N + n2);
+  block.e0 << time_weight.cwiseProduct(d + block.step.tail(N)),
+      prior.cwiseProduct(at_.x0[s]) + of_step.cwiseProduct(block.step.head(n2));
+  block.eJ.resize(N + n2, unknowns());
+  block.eJ << time_weight.asDiagonal() * block.step_rate.bottomRows(N),
+      of_step.asDiagonal() * block.step_rate.topRows(n2);
+  block.qr = PivotedQR(block.B2, 1e-12);
 }
 
 void Maximization::stack() {

@@ -46,6 +46,12 @@ class Projection::Core {
   };
 
   void solve(const Eigen::VectorXd& values, PathFit& fit);
+  Eigen::MatrixXd eliminate_start(std::size_t s, const Eigen::MatrixXd& E_now,
+                                  const Eigen::VectorXd& known_now,
+                                  Eigen::RowVectorXd& input_squares);
+  Eigen::VectorXd solve_inputs(const Eigen::MatrixXd& stacked,
+                               const Eigen::RowVectorXd& input_squares);
+  void set_path(const Eigen::VectorXd& zeta, PathFit& fit);
   Eigen::MatrixXd jacobian(const PathFit& at);
   Eigen::Index rows_of(std::size_t s) const;
   Eigen::MatrixXd turned(Eigen::MatrixXd inputs, const Eigen::VectorXd& from,
@@ -65,6 +71,7 @@ class Projection::Core {
   Machine machine_;
   Flights flights_, other_flights_;
   Harmonics harmonics_, other_harmonics_;
+  std::vector<PathRows> all_rows_;  // of each stretch, at the values of solve()
   PathRows rows_;
   Path path_;
   std::vector<Eigen::VectorXd> gamma_;
@@ -188,97 +195,113 @@ RowMatrix Projection::Core::weighted_start(const Machine& machine, std::size_t s
 }
 
 void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
-  const Eigen::Index n2 = 2 * family.n();
   machine_ = family.at(values);
   flights_.set(machine_, stretches_);
   harmonics_.set(machine_.frequencies, stretches_);
   fit.values = values;
   fit.x0.resize(stretches_.size());
-  const Eigen::Index zetas = E.cols();
   const Eigen::MatrixXd E_now = turned(E, family.nominal(), values);
   const Eigen::VectorXd known_now = turned(known, family.nominal(), values);
+  all_rows_.resize(stretches_.size());
   std::vector<Eigen::MatrixXd> lower(stretches_.size());
-  std::vector<PathRows> all_rows(stretches_.size());
   Eigen::Index rows = 0;
-  Eigen::RowVectorXd input_squares = Eigen::RowVectorXd::Zero(zetas);
+  Eigen::RowVectorXd input_squares = Eigen::RowVectorXd::Zero(E.cols());
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
-    path_rows(machine_, flights_, harmonics_, stretches_[s], s, all_rows[s]);
-    const PathRows& of = all_rows[s];
-    const Eigen::Index N = of.A.rows();
-    const bool normalized = homogeneous && s == 0;
-    Eigen::MatrixXd X(rows_of(s), n2);
-    Eigen::MatrixXd I(X.rows(), zetas + 1);
-    X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
-    I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * product(of.A.rightCols(E.rows()), E_now);
-    I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known_now);
-    if (normalized) {
-      const Eigen::RowVectorXd mean = normalization_ * of.Gamma.colwise().mean();
-      X.row(N) = mean.head(n2);
-      I.row(N).head(zetas) = mean.tail(E.rows()) * E_now;
-      I(N, zetas) = normalization_;
-    }
-    if (stretches_[s].closed != 0) {
-      const RowMatrix start = weighted_start(machine_, s);
-      const Eigen::Index R = start.rows();
-      X.bottomRows(R) = start.leftCols(n2);
-      I.bottomLeftCorner(R, zetas) = product(start.rightCols(E.rows()), E_now);
-      I.col(zetas).tail(R) = start.rightCols(E.rows()) * known_now;
-    }
-    input_squares += I.leftCols(zetas).colwise().squaredNorm();
-    Factors& factors = factors_[s];
-    factors.scale = X.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
-    X = (X * factors.scale.cwiseInverse().asDiagonal()).eval();
-    factors.qr = PivotedQR(X, rank_threshold);
-    I = factors.qr.Q_transposed_times(I);
-    const Eigen::Index rank = factors.qr.rank();
-    factors.top = I.topRows(rank);
-    lower[s] = I.bottomRows(I.rows() - rank);
-    factors.first = rows;
-    factors.rows = lower[s].rows();
-    rows += factors.rows;
+    lower[s] = eliminate_start(s, E_now, known_now, input_squares);
+    factors_[s].first = rows;
+    factors_[s].rows = lower[s].rows();
+    rows += lower[s].rows();
   }
-  Eigen::MatrixXd stacked(rows, zetas + 1);
+  Eigen::MatrixXd stacked(rows, E.cols() + 1);
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
     stacked.middleRows(factors_[s].first, factors_[s].rows) = lower[s];
   }
-  Eigen::VectorXd zeta(zetas);
-  Eigen::VectorXd right = stacked.col(zetas);
-  Eigen::Index rank = 0;
-  if (zetas > 0) {
-    const Eigen::VectorXd scale = stacked.leftCols(zetas)
-                                      .colwise()
-                                      .norm()
-                                      .cwiseMax(least_input_share * input_squares.cwiseSqrt())
-                                      .transpose()
-                                      .cwiseMax(std::numeric_limits<double>::min());
-    Eigen::MatrixXd scaled = stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal();
-    for (Eigen::Index j = 0; j < zetas; ++j) {
-      if (scaled.col(j).norm() < least_of_inputs) scaled.col(j).setZero();
-    }
-    inputs_qr_ = PivotedQR(scaled, least_of_inputs);
-    rank = inputs_qr_.rank();
-    // What is not told stays as it was.
-    if (!homogeneous) right += stacked.leftCols(zetas) * nominal_zeta;
-    right = inputs_qr_.Q_transposed_times(right);
-    zeta = -inputs_qr_.solve_rotated(right).col(0).cwiseQuotient(scale);
-    if (!homogeneous) zeta += nominal_zeta;
-  }
-  residual_ = right.tail(rows - rank);
+  const Eigen::VectorXd zeta = solve_inputs(stacked, input_squares);
   fit.inputs = known_now + E_now * zeta;
-  Eigen::VectorXd with_known(zetas + 1);
+  set_path(zeta, fit);
+}
+
+// The rows of one stretch by x0 and by (zeta, known inputs), x0 eliminated by its factorization.
+// Returns the rows that x0 does not reach; adds the squares of the columns of zeta.
+Eigen::MatrixXd Projection::Core::eliminate_start(std::size_t s, const Eigen::MatrixXd& E_now,
+                                                  const Eigen::VectorXd& known_now,
+                                                  Eigen::RowVectorXd& input_squares) {
+  const Eigen::Index n2 = 2 * family.n(), zetas = E.cols();
+  PathRows& of = all_rows_[s];
+  path_rows(machine_, flights_, harmonics_, stretches_[s], s, of);
+  const Eigen::Index N = of.A.rows();
+  Eigen::MatrixXd X(rows_of(s), n2);
+  Eigen::MatrixXd I(X.rows(), zetas + 1);
+  X.topRows(N) = weights_[s].asDiagonal() * of.A.leftCols(n2);
+  I.topLeftCorner(N, zetas) = weights_[s].asDiagonal() * product(of.A.rightCols(E.rows()), E_now);
+  I.col(zetas).head(N) = weights_[s].cwiseProduct(of.A.rightCols(E.rows()) * known_now);
+  if (homogeneous && s == 0) {
+    const Eigen::RowVectorXd mean = normalization_ * of.Gamma.colwise().mean();
+    X.row(N) = mean.head(n2);
+    I.row(N).head(zetas) = mean.tail(E.rows()) * E_now;
+    I(N, zetas) = normalization_;
+  }
+  if (stretches_[s].closed != 0) {
+    const RowMatrix start = weighted_start(machine_, s);
+    const Eigen::Index R = start.rows();
+    X.bottomRows(R) = start.leftCols(n2);
+    I.bottomLeftCorner(R, zetas) = product(start.rightCols(E.rows()), E_now);
+    I.col(zetas).tail(R) = start.rightCols(E.rows()) * known_now;
+  }
+  input_squares += I.leftCols(zetas).colwise().squaredNorm();
+  Factors& factors = factors_[s];
+  factors.scale = X.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+  X = (X * factors.scale.cwiseInverse().asDiagonal()).eval();
+  factors.qr = PivotedQR(X, rank_threshold);
+  I = factors.qr.Q_transposed_times(I);
+  const Eigen::Index rank = factors.qr.rank();
+  factors.top = I.topRows(rank);
+  return I.bottomRows(I.rows() - rank);
+}
+
+// The coordinates zeta of the free inputs that minimize the rows that no start reaches. Sets
+// residual_.
+Eigen::VectorXd Projection::Core::solve_inputs(const Eigen::MatrixXd& stacked,
+                                               const Eigen::RowVectorXd& input_squares) {
+  const Eigen::Index zetas = E.cols();
+  residual_ = stacked.col(zetas);
+  if (zetas == 0) return {};
+  const Eigen::VectorXd scale = stacked.leftCols(zetas)
+                                    .colwise()
+                                    .norm()
+                                    .cwiseMax(least_input_share * input_squares.cwiseSqrt())
+                                    .transpose()
+                                    .cwiseMax(std::numeric_limits<double>::min());
+  Eigen::MatrixXd scaled = stacked.leftCols(zetas) * scale.cwiseInverse().asDiagonal();
+  for (Eigen::Index j = 0; j < zetas; ++j) {
+    if (scaled.col(j).norm() < least_of_inputs) scaled.col(j).setZero();
+  }
+  inputs_qr_ = PivotedQR(scaled, least_of_inputs);
+  // An input that the events do not determine keeps its nominal value.
+  Eigen::VectorXd right = residual_;
+  if (!homogeneous) right += stacked.leftCols(zetas) * nominal_zeta;
+  right = inputs_qr_.Q_transposed_times(right);
+  residual_ = right.tail(stacked.rows() - inputs_qr_.rank());
+  Eigen::VectorXd zeta = -inputs_qr_.solve_rotated(right).col(0).cwiseQuotient(scale);
+  if (!homogeneous) zeta += nominal_zeta;
+  return zeta;
+}
+
+// The starts and the quality of a path with these inputs.
+void Projection::Core::set_path(const Eigen::VectorXd& zeta, PathFit& fit) {
+  Eigen::VectorXd with_known(zeta.size() + 1);
   with_known << zeta, 1.0;
-  double squares = 0.0;
-  int inside = 0;
-  double speed = 0.0;
+  double squares = 0.0, speed = 0.0;
+  Eigen::Index inside = 0;
   for (std::size_t s = 0; s < stretches_.size(); ++s) {
     const Factors& factors = factors_[s];
     fit.x0[s] = factors.qr.solve_rotated(-factors.top * with_known).cwiseQuotient(factors.scale);
-    Eigen::VectorXd z(n2 + E.rows());
+    Eigen::VectorXd z(fit.x0[s].size() + E.rows());
     z << fit.x0[s], fit.inputs;
-    gamma_[s] = all_rows[s].Gamma * z;
-    inside += static_cast<int>((gamma_[s].array() > 0.0).count());
+    gamma_[s] = all_rows_[s].Gamma * z;
+    inside += (gamma_[s].array() > 0.0).count();
     speed += gamma_[s].cwiseAbs().sum();
-    squares += (weights_[s].cwiseProduct(all_rows[s].A * z)).squaredNorm();
+    squares += (weights_[s].cwiseProduct(all_rows_[s].A * z)).squaredNorm();
   }
   // Impacts that are weighted alike are not yet times.
   const bool equal = weights_[0].size() > 0 && weights_[0][0] == 1.0;

@@ -1,4 +1,4 @@
-// adaptation: repeats the trials of adaptive observers in docs/identification.md.
+// adaptation: repeats the trials of adaptive observers in docs/measurements/identification.md.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

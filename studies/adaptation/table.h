@@ -1,4 +1,4 @@
-// The trials of docs/identification.md of adaptive observers: a row each.
+// The trials of docs/measurements/identification.md of adaptive observers: a row each.
 #pragma once
 
 #include <cstdint>

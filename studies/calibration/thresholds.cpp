@@ -11,10 +11,8 @@ std::string set_threshold(std::string_view given, TrackThresholds& of) {
   const std::map<std::string_view, double*> values{{"innovation", &of.innovation},
                                                    {"mean_innovation", &of.mean_innovation},
                                                    {"window", &of.window},
-                                                   {"energy_to_confirm", &of.energy_to_confirm},
-                                                   {"energy_to_keep", &of.energy_to_keep},
+                                                   {"energy_to_accept", &of.energy_to_accept},
                                                    {"least_inflation", &of.least_inflation},
-                                                   {"most_inflation", &of.most_inflation},
                                                    {"far", &of.far},
                                                    {"long_inside", &of.long_inside}};
   const std::map<std::string_view, std::int64_t*> counts{{"trial", &of.trial},

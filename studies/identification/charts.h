@@ -1,5 +1,5 @@
-// What the charts of docs/identification.md show, as CSV files: how far off a scene may be for its
-// parameters to be found, and how near to the least possible errors they come.
+// What the charts of docs/measurements/identification.md show, as CSV files: how far off a scene
+// may be for its parameters to be found, and how near to the least possible errors they come.
 #pragma once
 
 #include <cstdint>

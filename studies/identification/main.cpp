@@ -1,4 +1,5 @@
-// identification: repeats the trials of docs/identification.md, or makes what its charts show.
+// identification: repeats the trials of docs/measurements/identification.md, or makes what its
+// charts show.
 #include <cstdio>
 #include <cstdlib>
 #include <exception>

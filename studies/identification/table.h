@@ -1,4 +1,5 @@
-// The trials of docs/identification.md, as a table: what was wanted of each and what was got.
+// The trials of docs/measurements/identification.md, as a table: what was wanted of each and what
+// was got.
 #pragma once
 
 #include <cstdint>

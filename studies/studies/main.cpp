@@ -28,8 +28,10 @@ constexpr Study all[] = {{"observer", observer_columns, observer},
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Writes the figures behind the charts of docs/speed_accuracy.md, one CSV a study.",
-               "studies");
+  CLI::App app(
+      "Writes the figures behind the charts of docs/measurements/speed_accuracy.md, one CSV a "
+      "study.",
+      "studies");
   sprag::CommonOptions common;
   std::string out = "out/speed_accuracy";
   std::vector<std::string> names;

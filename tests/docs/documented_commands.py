@@ -230,7 +230,7 @@ def run_page(source: Path, page: str, build: Path) -> None:
 
 
 def pages_of(source: Path) -> list[str]:
-    found = [path for pattern in ("*.md", "docs/*.md", "python/*.md") for path in sorted(source.glob(pattern))]
+    found = [path for pattern in ("*.md", "docs/**/*.md", "python/*.md") for path in sorted(source.glob(pattern))]
     return [str(path.relative_to(source)) for path in found if path.name != "CHANGELOG.md"]
 
 

@@ -62,7 +62,7 @@ std::string hexadecimal(std::span<const std::uint8_t> bytes) {
 
 // What a program of somebody else's is written by.
 TEST(KeyTest, TheTestVectorOfTheDocumentationIsRight) {
-  const std::string page = test::read_text(SPRAG_SOURCE_DIR "/docs/real_time.md");
+  const std::string page = test::read_text(SPRAG_SOURCE_DIR "/docs/reference/messages.md");
   std::array<std::uint8_t, Key::size> bytes{};
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i);
   const Bytes message{1, 2, 3, 4};

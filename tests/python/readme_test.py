@@ -1,4 +1,4 @@
-"""The examples of the README run as they stand."""
+"""The examples of the package's README run as they stand."""
 
 import re
 import subprocess
@@ -38,8 +38,8 @@ class ReadmeTest(unittest.TestCase):
         text = (SOURCE / "python" / "README.md").read_text()
         cls.printed = re.search(r"^It prints\n\n```\n(.*?)^```", text, flags=re.M | re.S)[1]
 
-    def test_the_readme_of_the_whole_has_the_first_example(self):
-        text = (SOURCE / "README.md").read_text(encoding="utf-8")
+    def test_the_tutorial_has_the_first_example(self):
+        text = (SOURCE / "docs/tutorials/python.md").read_text(encoding="utf-8")
         behind = text.split("```python\n")[1].split("```")
         self.assertEqual(behind[0].strip(), self.blocks[0].strip())
         self.assertEqual(behind[2].lstrip("\n"), self.printed)

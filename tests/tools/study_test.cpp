@@ -429,8 +429,8 @@ TEST(StudyFigures, CountWhatIsFarAboveTheReplica) {
   EXPECT_TRUE(std::isnan(alone[0].worse)) << "there is no replica";
 }
 
-// What docs/robustness.md says of the paper's beam: where the filter alone runs away both is not
-// much worse than the replica.
+// What docs/measurements/robustness.md says of the paper's beam: where the filter alone runs away
+// both is not much worse than the replica.
 TEST_F(StudyTest, BothIsNeverMuchWorseThanTheReplica) {
   const std::string common = R"(
 duration = 120.0

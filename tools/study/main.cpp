@@ -1,4 +1,5 @@
-// study: many runs of a scene, by threads, shards or MPI ranks. What is recorded: docs/studies.md.
+// study: many runs of a scene, by threads, shards or MPI ranks. What is recorded:
+// docs/reference/study_files.md.
 #include "command_line/program.h"
 #include "tools/study/run.h"
 

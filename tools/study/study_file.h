@@ -1,5 +1,5 @@
 // A study file (TOML): a scene, what of it varies, what befalls its events, and what is recorded of
-// each run. docs/studies.md has the format.
+// each run. docs/reference/study_files.md has the format.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// What is shown, as the JSON objects that the page reads. docs/view.md has the members.
+// What is shown, as the JSON objects that the page reads. docs/reference/messages.md has the
+// members.
 #pragma once
 
 #include <optional>
