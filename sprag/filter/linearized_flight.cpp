@@ -45,7 +45,8 @@ void LinearizedFlight::spread(const FilterBelief& belief, double duration) {
   for (Eigen::Index k = 0; k < model_->walk.size(); ++k) {
     A(2 * n() + k, size() + k) = model_->walk[k] * root;
   }
-  A.topRightCorner(2 * n(), model_->drift.cols()) = root * model_->drift;
+  const Eigen::Index drifts = model_->drift.cols();
+  if (drifts > 0) A.topRightCorner(2 * n(), drifts) = root * model_->drift;
 }
 
 void LinearizedFlight::fly(double t, const Eigen::VectorXd& z, const FilterBelief& belief,
