@@ -100,6 +100,11 @@ double EventFilter::energy(const Eigen::VectorXd& x) const {
   return flight().twice_energy(x) + flight().twice_energy(at_.X);
 }
 
+// The gap was zero at the contact's last event as well: an impact before it is none.
+bool EventFilter::precedes_last(const Event& event, double tau, const FilterBelief& belief) {
+  return event.t - tau < belief.occurred[event.contact];
+}
+
 // A start for the steps: the best of several times, each with one Newton step.
 void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   const double sigma = belief.sigma;
@@ -115,7 +120,7 @@ void EventFilter::scan(const Event& event, const FilterBelief& belief) {
         (g * v / s2 - tau / square(sigma)) / (1.0 / square(sigma) + square(v) / s2), -half, half);
     g -= v * move;
     tau += move;
-    if (event.t - tau < belief.occurred[event.contact]) continue;
+    if (precedes_last(event, tau, belief)) continue;
     const double both = at_.phi.dot(at_.psi);
     const double mean = v - both / s2 * g;
     const double deviation =
@@ -415,9 +420,9 @@ bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBe
       node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
       condition(event, belief, node);
       if (!(node.log_weight < infinity)) return false;
-      // Before its last event the gap was zero as well.
-      const bool before_last = event.t - node.tau < belief.occurred[event.contact];
-      if (nodes > 1 && event.kind != Kind::opens && before_last) node.log_weight = -infinity;
+      if (nodes > 1 && event.kind != Kind::opens && precedes_last(event, node.tau, belief)) {
+        node.log_weight = -infinity;
+      }
       if (node.log_weight > largest) heaviest = i;
       largest = std::max(largest, node.log_weight);
     }

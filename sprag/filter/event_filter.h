@@ -135,6 +135,7 @@ class EventFilter {
   };
 
   bool find(const Event& event, FilterBelief& belief);
+  static bool precedes_last(const Event& event, double tau, const FilterBelief& belief);
   void scan(const Event& event, const FilterBelief& belief);
   bool expect(const Event& event, const FilterBelief& about, const FilterBelief& belief);
   bool update(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about);
