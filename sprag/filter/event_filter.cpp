@@ -31,8 +31,8 @@ constexpr double closer = 0.25;
 constexpr int most_placements = 12;
 // Reports of a contact that are closer, in sigma, are a burst.
 constexpr double close_reports = 3.0;
-// Height of their flights, in speed times duration.
-constexpr double mean_height = 0.25;
+constexpr double burst_reach = 2.5;
+constexpr int burst_nodes = 11;
 // Change of one gap velocity by an impact of another contact, over that of its own, that is none.
 constexpr double negligible_coupling = 1e-9;
 // A contact leaves a burst with this share of its speed before, and the deviation of that.
@@ -55,7 +55,7 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
   model_.considered.resize(static_cast<std::size_t>(unknowns()), false);
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
-  for (Eigen::VectorXd* of : {&x_, &kick_, &state_}) of->setZero(2 * n());
+  for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
   for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_})
     of->setZero(unknowns());
   xi_.setZero(at_.A.cols());
@@ -67,7 +67,6 @@ EventFilter::EventFilter(Flight& flight, FilterModel model)
     node.jump.setZero(2 * n());
     node.columns.setZero(at_.size(), columns);
   }
-  bounce_.setZero(2 * n(), 1);
   all_.setZero(at_.size(), most_nodes * (columns + 1));
   reflector_.setZero(all_.cols());
 }
@@ -101,6 +100,11 @@ double EventFilter::energy(const Eigen::VectorXd& x) const {
   return flight().twice_energy(x) + flight().twice_energy(at_.X);
 }
 
+// The gap was zero at the contact's last event as well: an impact before it is none.
+bool EventFilter::precedes_last(const Event& event, double tau, const FilterBelief& belief) {
+  return event.t - tau < belief.occurred[event.contact];
+}
+
 // A start for the steps: the best of several times, each with one Newton step.
 void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   const double sigma = belief.sigma;
@@ -116,7 +120,7 @@ void EventFilter::scan(const Event& event, const FilterBelief& belief) {
         (g * v / s2 - tau / square(sigma)) / (1.0 / square(sigma) + square(v) / s2), -half, half);
     g -= v * move;
     tau += move;
-    if (event.t - tau < belief.occurred[event.contact]) continue;
+    if (precedes_last(event, tau, belief)) continue;
     const double both = at_.phi.dot(at_.psi);
     const double mean = v - both / s2 * g;
     const double deviation =
@@ -279,7 +283,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
     at_.psi.noalias() += at_.T.transpose().lazyProduct(at_.velocity_by_c);
     gamma = at_.of.velocity + at_.of_velocity.dot(x_) - at_.of_velocity.dot(at_.x) +
             at_.velocity_by_c.dot(c_ - theta);
-    if (!exact && !at_.considers()) {
+    if (!exact && !at_.considers() && event.extra == 0.0) {
       weigh_flux(belief.sigma, variance, gamma, node);
     }
     if (exact && event.kind == Kind::stays) measure_rest(event, gamma);
@@ -323,32 +327,6 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   if (steps_ == nullptr) return;
   node.past_mean = at_.past_mean;
   node.past = at_.past.leftCols(columns);
-}
-
-// The impacts of a burst, taken as one without restitution at the first of them. Its flights are
-// short: they begin and end with a gap of zero, and move all else by the area under them, of which
-// a column of deviations is returned in bounce_.
-void EventFilter::settle(int contact, double speed, const FilterBelief& belief) {
-  flight().along(contact, kick_);
-  x_ -= at_.of.velocity * kick_;
-  for (Eigen::Index j = 0; j < at_.X.cols(); ++j) {
-    const double moved = at_.of_velocity.dot(at_.X.col(j)) + at_.velocity_by_c.dot(at_.T.col(j));
-    at_.X.col(j) -= moved * kick_;
-  }
-  bounce_.col(0) = speed * kick_;
-  const double most = flight().twice_energy(bounce_);
-  // A displacement of the gap by 1.
-  state_.noalias() = flight().to_state().lazyProduct(kick_);
-  state_.head(n()).swap(state_.tail(n()));
-  kick_.noalias() = flight().from_state().lazyProduct(state_);
-  const double duration =
-      std::min(2.0 * speed / std::max(-at_.of.acceleration, 1e-300), close_reports * belief.sigma);
-  bounce_.col(0) = kick_;
-  flight().turn(duration, belief.held | bit(contact), bounce_);
-  bounce_.col(0) -= kick_;
-  bounce_ *= mean_height * speed * duration;
-  const double energy = flight().twice_energy(bounce_);
-  if (energy > most) bounce_ *= std::sqrt(most / energy);
 }
 
 // Variance of the gap velocity where a chatter is completed.
@@ -442,9 +420,9 @@ bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBe
       node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
       condition(event, belief, node);
       if (!(node.log_weight < infinity)) return false;
-      // Before its last event the gap was zero as well.
-      const bool before_last = event.t - node.tau < belief.occurred[event.contact];
-      if (nodes > 1 && event.kind != Kind::opens && before_last) node.log_weight = -infinity;
+      if (nodes > 1 && event.kind != Kind::opens && precedes_last(event, node.tau, belief)) {
+        node.log_weight = -infinity;
+      }
       if (node.log_weight > largest) heaviest = i;
       largest = std::max(largest, node.log_weight);
     }
@@ -542,10 +520,8 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   belief.reported[event.contact] = event.t;
   if (since < close_reports * belief.sigma) {
     if (!opens) return burst(event, belief);
-    if (contains(belief.bursting, event.contact)) {
-      let_go(event.contact, belief);
-      return true;
-    }
+    let_go(event.contact, belief);
+    return true;
   }
   if (!opens && !contains(flight().independent(belief.held, belief.held | bit(event.contact)),
                           event.contact)) {
@@ -704,43 +680,42 @@ bool EventFilter::measure_together(double t, ContactSet closing, ContactSet stay
 bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   const int contact = given.contact;
   if (contains(belief.held, contact)) {
-    if (given.kind == Kind::stays && contains(belief.bursting, contact)) {
-      // Its force is counted from here on.
-      belief.bursting &= ~bit(contact);
-      at_.spread(belief, given.t - belief.t);
-      at_.fly(given.t, belief.z, belief);
-      belief.z.head(2 * n()) = at_.x;
-      belief.t = given.t;
-      past_mean_ = at_.past_mean;
-      keep(take_columns(), belief);
-    }
+    if (given.kind == Kind::stays && contains(belief.bursting, contact)) close(given, belief);
     return true;
   }
   if (!contains(flight().independent(belief.held, belief.held | bit(contact)), contact)) {
     return true;
   }
-  at_.spread(belief, 0.0);
-  at_.fly(belief.t, belief.z, belief);
-  at_.look(contact, false, belief.t);
+  at_.spread(belief, given.t - belief.t);
+  at_.fly(given.t, belief.z, belief);
+  at_.look(contact, false, given.t);
   const double speed = belief.rebound[contact] > 0.0 ? belief.rebound[contact]
                                                      : std::hypot(at_.of.velocity, at_.psi.norm());
-  x_ = at_.x;
-  c_ = belief.z.tail(unknowns());
-  settle(contact, speed, belief);
-  belief.z << x_, c_;
-  belief.held |= bit(contact);
-  past_mean_ = at_.past_mean;
-  Eigen::Index columns = take_columns();
-  all_.col(columns).setZero();
-  all_.col(columns++).head(2 * n()) = bounce_.col(0);
-  keep(columns, belief);
-  belief.occurred[contact] = belief.t;
+  point_.z = belief.z;
+  point_.tau = 0.0;
+  const Event event{contact, Kind::stays, given.t,
+                    square(speed * belief.sigma) + std::numeric_limits<double>::min()};
+  if (!condense(event, burst_reach * belief.sigma, burst_nodes, belief)) return false;
   belief.rebound[contact] = speed;
   if (given.kind != Kind::stays) belief.bursting |= bit(contact);
   return true;
 }
 
 // The burst of a contact ends with its gap at zero.
+void EventFilter::close(const Event& given, FilterBelief& belief) {
+  belief.bursting &= ~bit(given.contact);
+  at_.spread(belief, given.t - belief.t);
+  at_.fly(given.t, belief.z, belief);
+  at_.look(given.contact, false, given.t);
+  x_ = at_.x;
+  c_ = belief.z.tail(unknowns());
+  at_.measure(at_.of.g, at_.noise + std::numeric_limits<double>::min(), x_, c_);
+  belief.z << x_, c_;
+  belief.t = given.t;
+  past_mean_ = at_.past_mean;
+  keep(take_columns(), belief);
+}
+
 // The columns of a flight become those of the belief.
 Eigen::Index EventFilter::take_columns() {
   const Eigen::Index columns = at_.event_columns();

@@ -135,6 +135,7 @@ class EventFilter {
   };
 
   bool find(const Event& event, FilterBelief& belief);
+  static bool precedes_last(const Event& event, double tau, const FilterBelief& belief);
   void scan(const Event& event, const FilterBelief& belief);
   bool expect(const Event& event, const FilterBelief& about, const FilterBelief& belief);
   bool update(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about);
@@ -144,7 +145,6 @@ class EventFilter {
   void note_touched(double t, int contact, FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
   void condition(const Event& event, const FilterBelief& belief, Node& node);
-  void settle(int contact, double speed, const FilterBelief& belief);
   double remainder(const Event& event);
   void measure_rest(const Event& event, double gamma);
   void weigh_flux(double sigma, double variance, double& gamma, Node& node);
@@ -152,6 +152,7 @@ class EventFilter {
   void describe(const Event& event, int nodes, FilterBelief& belief);
   void keep(Eigen::Index columns, FilterBelief& belief);
   bool burst(const Event& event, FilterBelief& belief);
+  void close(const Event& event, FilterBelief& belief);
   Eigen::Index take_columns();
   void let_go(int contact, FilterBelief& belief);
   ContactSet released(int contact, const FilterBelief& belief) const;
@@ -163,9 +164,8 @@ class EventFilter {
 
   // Scratch.
   Point point_;
-  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_, state_;
+  Eigen::VectorXd xi_, next_, offset_, x_, c_, unit_, kick_;
   Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
-  Eigen::MatrixXd bounce_;  // 2n x 1
   double xi_tau_ = 0.0;
   std::vector<Node> nodes_;
   FilterBelief::Rows all_;  // of the belief, and of xi below

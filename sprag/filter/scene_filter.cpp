@@ -175,7 +175,6 @@ SceneFilter::LastFlight SceneFilter::last_flight(int contact, double t,
   return last;
 }
 
-// When the gap fell through zero before t, where it is negative; -infinity: before the belief.
 double SceneFilter::crossing_before(double t, int contact, const FilterBelief& belief) {
   const auto gap_at = [&](double when) {
     filter.fly_mean(when, belief);
@@ -248,7 +247,6 @@ void SceneFilter::fill_parameters(double t, const FilterBelief* of,
   }
 }
 
-// As many columns as state and parameters have entries.
 Eigen::MatrixXd SceneFilter::belief(double t, const FilterBelief& of, Belief& belief) {
   const Eigen::Index f = flight->n(), P = flight->unknowns();
   const Eigen::VectorXd mean = filter.mean(t, of);

@@ -20,9 +20,9 @@ namespace sprag {
 struct SceneFilter {
   /// Of a scene whose parameters are exact.
   SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows);
-  /// \param from_prior  the parameters have the prior of [parameters]; otherwise they are
-  /// identified \throws ModelError  where the scene's damping couples the modes, or an unknown is
-  /// not supported
+  /// \param from_prior  the parameters have the prior of [parameters]; false: they are identified
+  ///
+  /// \throws ModelError  where the scene's damping couples the modes, or an unknown is unsupported
   SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
 
   /// Sets mean and covariance of the parameters to their prior.

@@ -3,17 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
-#include "sprag/estimation/belief.h"
-#include "sprag/estimation/uncertainty.h"
-#include "sprag/filter/family_flight.h"
-#include "sprag/filter/model_flight.h"
 #include "sprag/mechanics/instant.h"
-#include "sprag/mechanics/linear_algebra.h"
 #include "sprag/mechanics/scalars.h"
-#include "sprag/mechanics/wide_product.h"
 
 namespace sprag {
 namespace {

@@ -76,7 +76,7 @@ const Row rows[] = {
     {"20 %, exact times", "paper_beam.toml", {.off = 0.2}, 50, 49},
     {"10 %, jitter 1e-4", "paper_beam.toml", {.off = 0.1, .jitter = 1e-4}, 50, 49},
     {"20 %, jitter 1e-4", "paper_beam.toml", {.off = 0.2, .jitter = 1e-4}, 50, 49},
-    {"20 %, jitter 1e-4, not told",
+    {"20 %, jitter 1e-4, not given",
      "paper_beam.toml",
      {.off = 0.2, .jitter = 1e-4, .jitter_told = false},
      50,
@@ -146,7 +146,7 @@ const Row rows[] = {
      10,
      8},
 };
-// A drift that is simulated, and what is made of it: the jitter is not told.
+// A drift that is simulated, and what is made of it: the jitter is not given.
 void print_drifts(const std::filesystem::path& scenes, std::uint64_t first_seed) {
   constexpr int runs = 20;
   constexpr double jitter = 1e-4, end = 60.0, push = 0.05;

@@ -29,7 +29,7 @@ constexpr Study all[] = {{"observer", observer_columns, observer},
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Writes the figures behind the charts of docs/measurements/speed_accuracy.md, one CSV a "
+      "Writes the figures of the charts in docs/measurements/speed_accuracy.md, one CSV a "
       "study.",
       "studies");
   sprag::CommonOptions common;

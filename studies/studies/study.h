@@ -1,4 +1,4 @@
-// Studies behind the charts of docs/measurements/speed_accuracy.md, one CSV each.
+// Studies for the charts of docs/measurements/speed_accuracy.md, one CSV each.
 #pragma once
 
 #include <algorithm>
