@@ -12,11 +12,12 @@
 #include "command_line/printable.h"
 #include "command_line/signals.h"
 #include "command_line/standard_files.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/output_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/shipped_scenes.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/output_file.h"
+#include "sprag/detail/files/shipped_scenes.h"
+#include "sprag/model.h"
+#include "sprag/scene_file.h"
+#include "sprag/version.h"
 
 namespace sprag {
 

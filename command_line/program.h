@@ -18,7 +18,7 @@
 #include "command_line/named_files.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace CLI {
 class App;
@@ -80,7 +80,7 @@ CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::p
 /// Adds the argument STUDY: a file, or a name in studies_folder().
 CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
-/// read_scene() of sprag/files/scene_file.h; its remarks go to stderr. To be called before any
+/// read_scene() of sprag/scene_file.h; its remarks go to stderr. To be called before any
 /// output is opened: throws OverwriteError where one would be written over a file that the scene
 /// names.
 Scene load_scene(const std::filesystem::path& file, const CommonOptions& options);

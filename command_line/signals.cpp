@@ -7,7 +7,7 @@
 #include <csignal>
 #include <ctime>
 
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SPRAG_SANITIZED 1

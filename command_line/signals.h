@@ -1,5 +1,5 @@
 // Signals that end a program: SIGINT, SIGTERM and SIGHUP become a request to stop
-// (mechanics/interrupt.h).
+// (detail/mechanics/interrupt.h).
 #pragma once
 
 #include <string>

@@ -20,7 +20,7 @@
 #include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
 #include "lcmtypes/packet.h"
-#include "sprag/mechanics/error.h"
+#include "sprag/error.h"
 
 namespace sprag {
 

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/files/input_file.h"
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/output_file.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "lcmtypes/refusal.h"
-#include "sprag/estimation/contact_message.h"
+#include "sprag/detail/events/contact_message.h"
 
 namespace sprag {
 

@@ -12,7 +12,7 @@ EstimateListener::EstimateListener(EstimateChannel channel, const std::string& u
   bus_.subscribe(name, [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
     EstimateSample sample;
     if (decode(data, sample) == Refusal::none) {
-      heard_.push_back(std::move(sample));
+      received_.push_back(std::move(sample));
     } else {
       ++refused_;
     }
@@ -22,15 +22,15 @@ EstimateListener::EstimateListener(EstimateChannel channel, const std::string& u
 std::optional<EstimateSample> EstimateListener::next(std::chrono::milliseconds timeout) {
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + timeout;
-  while (heard_.empty()) {
+  while (received_.empty()) {
     // Rounded up, so that less than a millisecond is not waited for in a hurry.
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
     if (bus_.handle(std::max(left, std::chrono::milliseconds(0))) == 0 && Clock::now() >= end) {
       return std::nullopt;
     }
   }
-  std::optional<EstimateSample> sample(std::move(heard_.front()));
-  heard_.pop_front();
+  std::optional<EstimateSample> sample(std::move(received_.front()));
+  received_.pop_front();
   return sample;
 }
 

@@ -31,7 +31,7 @@ class EstimateListener {
 
  private:
   Bus bus_;
-  std::deque<EstimateSample> heard_;
+  std::deque<EstimateSample> received_;
   std::int64_t refused_ = 0;
 };
 

@@ -16,7 +16,7 @@
 
 #include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 
 namespace sprag {
 

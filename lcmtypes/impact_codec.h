@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "sprag/estimation/impact_record.h"
+#include "sprag/detail/estimates/impact_record.h"
 
 namespace sprag {
 

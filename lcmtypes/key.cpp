@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/input_file.h"
 
 namespace sprag {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "sprag/mechanics/error.h"
+#include "sprag/error.h"
 
 namespace sprag {
 

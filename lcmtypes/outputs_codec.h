@@ -8,7 +8,7 @@
 #include "lcmtypes/named_values.h"
 #include "lcmtypes/refusal.h"
 #include "lcmtypes/state_codec.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag {
 

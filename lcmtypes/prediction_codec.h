@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "sprag/estimation/prediction.h"
+#include "sprag/prediction.h"
 
 namespace sprag {
 

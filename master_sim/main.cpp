@@ -2,7 +2,7 @@
 // main loop is MasterProcess::run() in master_process.cpp.
 #include "command_line/program.h"
 #include "master_sim/master_process.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(

@@ -14,10 +14,10 @@
 #include "lcmtypes/contact_sender.h"
 #include "lcmtypes/state_codec.h"
 #include "lcmtypes/wall_clock.h"
-#include "sprag/files/confidence_columns.h"
-#include "sprag/files/events_file.h"
-#include "sprag/files/states_file.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/files/confidence_columns.h"
+#include "sprag/events_file.h"
+#include "sprag/master.h"
+#include "sprag/states_file.h"
 
 namespace sprag {
 namespace {
@@ -197,8 +197,8 @@ class MasterProcess {
   }
 
   void progress(double t) {
-    if (events_file_ && !events_file_->flush()) tell_failure(*events_file_, told_events_);
-    if (states_file_ && !states_file_->flush()) tell_failure(*states_file_, told_states_);
+    if (events_file_ && !events_file_->flush()) tell_failure(*events_file_, reported_events_);
+    if (states_file_ && !states_file_->flush()) tell_failure(*states_file_, reported_states_);
     std::cerr << "t " << t << "  events " << events_ << '\n';
   }
 
@@ -217,7 +217,7 @@ class MasterProcess {
   std::optional<ContactSender> sender_;  // on the bus
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
-  bool told_events_ = false, told_states_ = false;
+  bool reported_events_ = false, reported_states_ = false;
   std::vector<Output> outputs_;
   std::vector<double> output_values_;
 

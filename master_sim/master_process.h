@@ -7,7 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "command_line/program.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

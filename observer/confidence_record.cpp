@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-constexpr std::int64_t most_told = 20;
+constexpr std::int64_t most_reported = 20;
 constexpr std::size_t most_kept = 1000;
 
 // JSON has no infinity.
@@ -133,8 +133,8 @@ bool ConfidenceRecord::Told::more(std::int64_t now, std::ostream& out) {
   if (now == seen) return false;
   total += now - seen;
   seen = now;
-  if (++lines == most_told + 1) out << "more of these are only counted\n";
-  return lines <= most_told;
+  if (++lines == most_reported + 1) out << "more of these are only counted\n";
+  return lines <= most_reported;
 }
 
 void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::ostream& out) {

@@ -7,7 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "sprag/estimation/confidence.h"
+#include "sprag/detail/estimates/confidence.h"
 
 namespace sprag {
 

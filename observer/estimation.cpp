@@ -4,8 +4,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "sprag/estimation/penetration.h"
-#include "sprag/mechanics/scale.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/replica/penetration.h"
 
 namespace sprag {
 

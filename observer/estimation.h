@@ -9,10 +9,10 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/options.h"
-#include "sprag/bound/guarantee.h"
-#include "sprag/estimation/time_line.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/bound/guarantee.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -8,10 +8,10 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
-#include "observer/session_tracker.h"
-#include "sprag/estimation/event_history.h"
-#include "sprag/estimation/histogram.h"
-#include "sprag/estimation/time_line.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/events/event_history.h"
+#include "sprag/detail/live/histogram.h"
+#include "sprag/detail/live/time_line.h"
 
 namespace sprag {
 

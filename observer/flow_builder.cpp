@@ -1,6 +1,6 @@
 #include "observer/flow_builder.h"
 
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {

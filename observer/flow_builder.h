@@ -9,7 +9,7 @@
 #include <cstdint>
 
 #include "observer/wake.h"
-#include "sprag/mechanics/flows.h"
+#include "sprag/detail/mechanics/flows.h"
 
 namespace sprag {
 

@@ -7,8 +7,8 @@
 #include "lcmtypes/health_codec.h"
 #include "lcmtypes/state_codec.h"
 #include "observer/figures.h"
-#include "sprag/estimation/event_history.h"
-#include "sprag/estimation/histogram.h"
+#include "sprag/detail/events/event_history.h"
+#include "sprag/detail/live/histogram.h"
 
 namespace sprag {
 

@@ -1,6 +1,6 @@
 #include "observer/identification_thread.h"
 
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
 

@@ -1,5 +1,6 @@
-// Identifies in a thread of its own what an adaptive estimator wants (adaptation/task.h), so that
-// the real-time loop never does: it hands over a task and looks now and then for the result.
+// Identifies in a thread of its own what an adaptive estimator wants
+// (detail/identification/task.h), so that the real-time loop never does: it hands over a task and
+// looks now and then for the result.
 #pragma once
 
 #include <array>
@@ -7,7 +8,7 @@
 #include <cstddef>
 
 #include "observer/wake.h"
-#include "sprag/adaptation/task.h"
+#include "sprag/detail/identification/task.h"
 
 namespace sprag {
 

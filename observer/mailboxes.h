@@ -7,15 +7,15 @@
 #include <cstdint>
 
 #include "lcmtypes/state_codec.h"
-#include "observer/arrival.h"
 #include "observer/health.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
-#include "sprag/estimation/contact_message.h"
+#include "recording/arrival.h"
+#include "sprag/detail/events/contact_message.h"
 
 namespace sprag {
 
-struct Heard {
+struct ReceivedMessage {
   ContactMessage message;
   Arrival arrival;
 };
@@ -25,8 +25,8 @@ struct Heard {
 struct Inbox {
   static constexpr std::size_t slots = 1024;
 
-  SpscQueue<Heard> followed{slots, Heard{}};
-  SpscQueue<Heard> strangers{slots, Heard{}};
+  SpscQueue<ReceivedMessage> followed{slots, ReceivedMessage{}};
+  SpscQueue<ReceivedMessage> strangers{slots, ReceivedMessage{}};
   Wake arrived;
   std::atomic<bool> follows{false};  ///< by the integrating thread, with the session
   std::atomic<std::int64_t> session{0};

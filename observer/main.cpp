@@ -6,7 +6,7 @@
 #include "observer/live.h"
 #include "observer/replay.h"
 #include "observer/smoothing.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace {
 

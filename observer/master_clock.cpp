@@ -19,16 +19,16 @@ std::int64_t sent(const ContactMessage& message, const Arrival& arrival) {
 
 void MasterClock::observe(const ContactMessage& message, const Arrival& arrival) {
   const std::int64_t at = sent(message, arrival);
-  const bool is_next = !heard_ || message.sequence > last_number_;
-  const bool set_back = heard_ && is_next && message.horizon < last_horizon_;
+  const bool is_next = !received_ || message.sequence > last_number_;
+  const bool set_back = received_ && is_next && message.horizon < last_horizon_;
   if (set_back) first_number_ = message.sequence;
-  if (heard_ && message.sequence < first_number_) return;
+  if (received_ && message.sequence < first_number_) return;
   if (is_next) {
     last_number_ = message.sequence;
     last_horizon_ = message.horizon;
   }
-  if (!heard_ || set_back || message.speed != speed_) {
-    heard_ = true;
+  if (!received_ || set_back || message.speed != speed_) {
+    received_ = true;
     speed_ = message.speed;
     horizon_ = message.horizon;
     epoch_ = window_start_ = at;

@@ -12,8 +12,8 @@
 
 #include <cstdint>
 
-#include "observer/arrival.h"
-#include "sprag/estimation/contact_message.h"
+#include "recording/arrival.h"
+#include "sprag/detail/events/contact_message.h"
 
 namespace sprag {
 
@@ -23,7 +23,7 @@ class MasterClock {
 
   void observe(const ContactMessage& message, const Arrival& arrival);
 
-  bool running() const { return heard_; }
+  bool running() const { return received_; }
   /// Simulated s per local s; infinite for an unpaced master.
   double speed() const { return speed_; }
 
@@ -36,7 +36,7 @@ class MasterClock {
  private:
   double origin() const;
 
-  bool heard_ = false;
+  bool received_ = false;
   double speed_ = 1.0;
   double horizon_ = 0.0;
   // Of the message with the largest number: number and horizon.

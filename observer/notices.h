@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <iosfwd>
 
-#include "observer/continuity.h"
-#include "sprag/estimation/contact_message.h"
-#include "sprag/estimation/event_history.h"
+#include "recording/continuity.h"
+#include "sprag/detail/events/contact_message.h"
+#include "sprag/detail/events/event_history.h"
 
 namespace sprag {
 

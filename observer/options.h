@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "sprag/estimation/any_replica.h"
-#include "sprag/mechanics/instant.h"
+#include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/replica/any_replica.h"
 
 namespace sprag {
 

@@ -128,12 +128,12 @@ void Publication::tell(const Announcement& announcement) {
   const auto digits = std::cerr.precision(12);
   switch (announcement.kind) {
     case Announcement::Kind::session:
-      if (observing_ && announcement.session != told_session_) {
+      if (observing_ && announcement.session != reported_session_) {
         std::cerr << "new session: the master was restarted; ";
       }
       std::cerr << "observing from t = " << announcement.t << '\n';
       observing_ = true;
-      told_session_ = announcement.session;
+      reported_session_ = announcement.session;
       if (announcement.t > duration_) {
         std::cerr << "that is behind --duration: nothing will settle\n";
       }

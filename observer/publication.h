@@ -63,7 +63,7 @@ class Publication {
   std::vector<std::uint8_t> health_;
   std::int64_t unsent_ = 0;
   bool observing_ = false;
-  std::int64_t told_session_ = 0;
+  std::int64_t reported_session_ = 0;
 };
 
 }  // namespace sprag

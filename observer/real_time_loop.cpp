@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "observer/wake.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {
@@ -41,7 +41,7 @@ void RealTimeLoop::identify_in(IdentificationThread& thread) {
 
 void RealTimeLoop::run(const std::atomic<bool>& stop) {
   bool in_time = true;
-  status_told_ = monotonic_now();
+  status_reported_ = monotonic_now();
   try {
     while (!stop && !done_) turn(in_time);
   } catch (const Interrupted&) {  // a signal; nothing of the tick under way is handed out
@@ -55,7 +55,7 @@ void RealTimeLoop::run(const std::atomic<bool>& stop) {
 void RealTimeLoop::turn(bool& in_time) {
   if (in_time) wait();
   const std::int64_t begin = monotonic_now();
-  if (begin - status_told_ >= health_period) tell_status(begin);
+  if (begin - status_reported_ >= health_period) tell_status(begin);
   take_messages();
   if (!time_line_.started()) return;
   watch(begin);
@@ -66,7 +66,7 @@ void RealTimeLoop::turn(bool& in_time) {
   outbox_.ready.signal();
 }
 
-// Until the next tick is due, or something is heard.
+// Until the next tick is due, or something is received.
 void RealTimeLoop::wait() {
   const std::int64_t latest = monotonic_now() + longest_wait;
   if (!time_line_.started() || !paced()) {
@@ -83,7 +83,7 @@ void RealTimeLoop::wait() {
 void RealTimeLoop::take_messages() {
   take_followed();
   for (std::size_t n = 0; n < strangers_per_turn; ++n) {
-    const Heard* stranger = inbox_.strangers.front();
+    const ReceivedMessage* stranger = inbox_.strangers.front();
     if (stranger == nullptr) break;
     // What the master sent before this one is here by now: only then does its silence count.
     take_followed();
@@ -94,24 +94,24 @@ void RealTimeLoop::take_messages() {
 }
 
 void RealTimeLoop::take_followed() {
-  while (const Heard* heard = inbox_.followed.front()) {
-    take(*heard);
+  while (const ReceivedMessage* received = inbox_.followed.front()) {
+    take(*received);
     inbox_.followed.pop();
   }
 }
 
-void RealTimeLoop::take(const Heard& heard) {
-  const ContactMessage& message = heard.message;
+void RealTimeLoop::take(const ReceivedMessage& received) {
+  const ContactMessage& message = received.message;
   const MessageCounts before = sessions_.counts();
-  switch (sessions_.hear(message, heard.arrival)) {
+  switch (sessions_.hear(message, received.arrival)) {
     case SessionTracker::Verdict::ignored:
-      tell_ignored(heard, before);
+      tell_ignored(received, before);
       return;
     case SessionTracker::Verdict::starts:
-      start(heard);
+      start(received);
       return;
     case SessionTracker::Verdict::resumes:
-      resume(heard);
+      resume(received);
       return;
     case SessionTracker::Verdict::continues:
       stands_still_ = message.horizon == last_horizon_ ? stands_still_ + 1 : 0;
@@ -119,54 +119,54 @@ void RealTimeLoop::take(const Heard& heard) {
       if (stands_still_ == messages_at_the_end && paced()) {
         announce(Announcement::Kind::end_of_run);
       }
-      clock_.observe(message, heard.arrival);
-      last_heard_ = heard.arrival.monotonic;
+      clock_.observe(message, received.arrival);
+      last_received_ = received.arrival.monotonic;
       receive_events(message, sessions_.counts().lost > before.lost, false);
       return;
   }
 }
 
 // A session begins.
-void RealTimeLoop::start(const Heard& heard) {
+void RealTimeLoop::start(const ReceivedMessage& received) {
   const EventCounts events = time_line_.events().counts();
-  time_line_.restart(heard.message);
+  time_line_.restart(received.message);
   raise_skipped(time_line_.events(), events, notices_);
-  inbox_.session.store(heard.message.session, std::memory_order_relaxed);
+  inbox_.session.store(received.message.session, std::memory_order_relaxed);
   inbox_.follows.store(true, std::memory_order_release);
-  start_again(heard);
+  start_again(received);
   announce(Announcement::Kind::session);
 }
 
 // The time line has started at this message.
-void RealTimeLoop::start_again(const Heard& heard) {
+void RealTimeLoop::start_again(const ReceivedMessage& received) {
   clock_.restart();
-  clock_.observe(heard.message, heard.arrival);
-  first_heard_ = last_heard_ = heard.arrival.monotonic;
-  end_loss(first_heard_);
+  clock_.observe(received.message, received.arrival);
+  first_received_ = last_received_ = received.arrival.monotonic;
+  end_loss(first_received_);
   pace_ = Pace::catching_up;
   stands_still_ = 0;
-  last_horizon_ = heard.message.horizon;
+  last_horizon_ = received.message.horizon;
   reached_ = time_line_.now() - 1;
   corrected_ = false;
 }
 
 // The session goes on where its clock or its counts have jumped to.
-void RealTimeLoop::resume(const Heard& heard) {
-  notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), heard.message.horizon);
+void RealTimeLoop::resume(const ReceivedMessage& received) {
+  notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), received.message.horizon);
   clock_.restart();
-  clock_.observe(heard.message, heard.arrival);
-  last_heard_ = heard.arrival.monotonic;
-  end_loss(last_heard_);
+  clock_.observe(received.message, received.arrival);
+  last_received_ = received.arrival.monotonic;
+  end_loss(last_received_);
   pace_ = Pace::catching_up;
-  receive_events(heard.message, true, true);
+  receive_events(received.message, true, true);
 }
 
-void RealTimeLoop::tell_ignored(const Heard& heard, const MessageCounts& before) {
-  const ContactMessage& message = heard.message;
+void RealTimeLoop::tell_ignored(const ReceivedMessage& received, const MessageCounts& before) {
+  const ContactMessage& message = received.message;
   const MessageCounts& now = sessions_.counts();
   if (now.stale > before.stale) {
     notices_.raise(Notice::stale, 1,
-                   1e-6 * static_cast<double>(delay(message.utime, heard.arrival)));
+                   1e-6 * static_cast<double>(delay(message.utime, received.arrival)));
   }
   if (before.of_other_masters == 0 && now.of_other_masters > 0) {
     announce(Announcement::Kind::other_master);
@@ -174,7 +174,7 @@ void RealTimeLoop::tell_ignored(const Heard& heard, const MessageCounts& before)
   raise_odd(sessions_.oddity(), message, time_line_.events().horizon(), notices_);
 }
 
-void RealTimeLoop::receive_events(const ContactMessage& message, bool behind_a_loss, bool resumed) {
+void RealTimeLoop::receive_events(const ContactMessage& message, bool after_a_loss, bool resumed) {
   std::size_t known = time_line_.events().events().size();
   const std::int64_t present = time_line_.now();
   const EventCounts before = time_line_.events().counts();
@@ -184,13 +184,13 @@ void RealTimeLoop::receive_events(const ContactMessage& message, bool behind_a_l
   if (again) {
     known = events.size();
     reached_ = time_line_.now() - 1;
-    first_heard_ = last_heard_;
+    first_received_ = last_received_;
     announce(Announcement::Kind::session);
   }
   for (std::size_t i = known; i < events.size(); ++i) {
     if (first_tick_after(events[i].t, h_) <= present) ++figures_.late_events;
   }
-  if (behind_a_loss) {
+  if (after_a_loss) {
     figures_.repaired_events += static_cast<std::int64_t>(events.size() - known);
   }
   if (!paced()) return;
@@ -235,7 +235,7 @@ void RealTimeLoop::on_tick(const State& state) {
   corrected_ = false;
   if (paced() && !at_end()) {
     const std::int64_t due = clock_.local(tick_instant(state.tick, h_).hi);
-    if (due > first_heard_) {
+    if (due > first_received_) {
       const std::int64_t late = monotonic_now() - due;
       figures_.lateness.add(late);
       status_.lateness.add(late);
@@ -265,7 +265,7 @@ bool RealTimeLoop::tell_settled(std::int64_t tick) {
   const EventHistory& history = time_line_.events();
   const auto& all = history.events();
   const auto taken = history.counts().events;
-  if (told_start_ != time_line_.starts()) {
+  if (reported_start_ != time_line_.starts()) {
     if (!follower_->put({Settled::Kind::start,
                          time_line_.first_tick(),
                          sessions_.session(),
@@ -273,11 +273,12 @@ bool RealTimeLoop::tell_settled(std::int64_t tick) {
                          {}})) {
       return false;
     }
-    told_start_ = time_line_.starts();
-    told_events_ = taken - static_cast<std::int64_t>(all.size());
+    reported_start_ = time_line_.starts();
+    reported_events_ = taken - static_cast<std::int64_t>(all.size());
   }
-  for (; told_events_ < taken; ++told_events_) {
-    const ContactEvent& event = all[all.size() - static_cast<std::size_t>(taken - told_events_)];
+  for (; reported_events_ < taken; ++reported_events_) {
+    const ContactEvent& event =
+        all[all.size() - static_cast<std::size_t>(taken - reported_events_)];
     if (first_tick_after(event.t, h_) > tick) break;
     if (!follower_->put({Settled::Kind::event, tick, sessions_.session(), 0, event})) return false;
   }
@@ -332,9 +333,9 @@ void RealTimeLoop::watch(std::int64_t now) {
     pace_ = Pace::kept;
   }
   if (pace_ != Pace::kept) return;
-  const std::int64_t heard =
-      std::max(last_heard_, inbox_.last_arrival.load(std::memory_order_relaxed));
-  const bool silent = now - heard > silent_after;
+  const std::int64_t received =
+      std::max(last_received_, inbox_.last_arrival.load(std::memory_order_relaxed));
+  const bool silent = now - received > silent_after;
   if (silent && !silent_) announce(Announcement::Kind::silence);
   silent_ = silent;
 }
@@ -363,7 +364,7 @@ void RealTimeLoop::tell_status(std::int64_t now) {
   if (slot == nullptr) return;
   const bool started = time_line_.started();
   // What others send does not count here.
-  const bool silent = now - last_heard_ > silent_after;
+  const bool silent = now - last_received_ > silent_after;
   status_.master = !started   ? Health::Master::awaited
                    : at_end() ? Health::Master::ended
                    : silent   ? Health::Master::silent
@@ -372,7 +373,7 @@ void RealTimeLoop::tell_status(std::int64_t now) {
   status_.tick = reached_;
   status_.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;
   status_.speed = started ? clock_.speed() : 0.0;
-  status_.period = now - status_told_;
+  status_.period = now - status_reported_;
   status_.deadlines = figures_.lateness.count();
   status_.missed = figures_.missed;
   status_.real_time_losses = figures_.real_time_losses;
@@ -384,7 +385,7 @@ void RealTimeLoop::tell_status(std::int64_t now) {
   *slot = status_;
   outbox_.statuses.push();
   outbox_.ready.signal();
-  status_told_ = now;
+  status_reported_ = now;
   status_.begin_period();
 }
 

@@ -12,8 +12,8 @@
 #include "observer/mailboxes.h"
 #include "observer/master_clock.h"
 #include "observer/notices.h"
-#include "observer/session_tracker.h"
 #include "observer/settled_follower.h"
+#include "recording/session_tracker.h"
 
 namespace sprag {
 
@@ -51,12 +51,12 @@ class RealTimeLoop {
   // Reports.
   void take_messages();
   void take_followed();
-  void take(const Heard& heard);
-  void start(const Heard& heard);
-  void start_again(const Heard& heard);
-  void resume(const Heard& heard);
-  void tell_ignored(const Heard& heard, const MessageCounts& before);
-  void receive_events(const ContactMessage& message, bool behind_a_loss, bool resumed);
+  void take(const ReceivedMessage& received);
+  void start(const ReceivedMessage& received);
+  void start_again(const ReceivedMessage& received);
+  void resume(const ReceivedMessage& received);
+  void tell_ignored(const ReceivedMessage& received, const MessageCounts& before);
+  void receive_events(const ContactMessage& message, bool after_a_loss, bool resumed);
 
   // Ticks.
   bool advance(std::int64_t now);
@@ -86,7 +86,7 @@ class RealTimeLoop {
   Notices& notices_;
   MasterClock clock_;
   SessionTracker sessions_;
-  std::int64_t first_heard_ = 0, last_heard_ = 0;
+  std::int64_t first_received_ = 0, last_received_ = 0;
   int stands_still_ = 0;  // messages in a row with the same horizon
   double last_horizon_ = 0.0;
   bool corrected_ = false;  // the last tick reached, since it was sent
@@ -98,15 +98,15 @@ class RealTimeLoop {
   std::int64_t lost_since_ = 0;
   bool silent_ = false;
   SettledFollower* follower_ = nullptr;
-  std::int64_t told_start_ = 0;   // of the time line
-  std::int64_t told_events_ = 0;  // so many of all that were taken
+  std::int64_t reported_start_ = 0;   // of the time line
+  std::int64_t reported_events_ = 0;  // so many of all that were taken
   IdentificationThread* identification_ = nullptr;
   AdaptationTask wanted_;
   bool asked_ = true;  // the thread has been told of it
   std::atomic<bool> done_{false};
   IntegrationFigures figures_;
-  IntegrationStatus status_;      // with what has been since the last one was told
-  std::int64_t status_told_ = 0;  // local time
+  IntegrationStatus status_;          // with what has been since the last one was told
+  std::int64_t status_reported_ = 0;  // local time
 };
 
 }  // namespace sprag

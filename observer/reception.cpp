@@ -98,8 +98,8 @@ void Reception::hear(std::span<const std::uint8_t> data, std::int64_t utime) {
   }
   const bool followed = inbox_.follows.load(std::memory_order_acquire) &&
                         session_of(data) == inbox_.session.load(std::memory_order_relaxed);
-  SpscQueue<Heard>& queue = followed ? inbox_.followed : inbox_.strangers;
-  Heard* slot = queue.free_slot();
+  SpscQueue<ReceivedMessage>& queue = followed ? inbox_.followed : inbox_.strangers;
+  ReceivedMessage* slot = queue.free_slot();
   if (slot == nullptr) {
     ++figures_.overflowed;
     if (followed) {

@@ -13,15 +13,15 @@
 #include "lcmtypes/bus.h"
 #include "observer/estimation.h"
 #include "observer/notices.h"
-#include "observer/recorded_events.h"
-#include "observer/recording.h"
-#include "observer/session_tracker.h"
 #include "observer/settled_output.h"
 #include "observer/wake.h"
-#include "sprag/files/events_file.h"
-#include "sprag/files/impacts_file.h"
-#include "sprag/files/predictions_file.h"
-#include "sprag/mechanics/instant.h"
+#include "recording/recorded_events.h"
+#include "recording/recording.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/files/impacts_file.h"
+#include "sprag/detail/files/predictions_file.h"
+#include "sprag/detail/mechanics/instant.h"
+#include "sprag/events_file.h"
 
 namespace sprag {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "command_line/program.h"
 #include "observer/options.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

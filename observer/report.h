@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sprag/estimation/time_line.h"
+#include "sprag/detail/live/time_line.h"
 
 namespace sprag {
 

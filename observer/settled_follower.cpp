@@ -5,7 +5,7 @@
 #include "lcmtypes/impact_codec.h"
 #include "lcmtypes/prediction_codec.h"
 #include "lcmtypes/wall_clock.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {

@@ -14,11 +14,11 @@
 #include "observer/options.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"
-#include "sprag/estimation/impact_record.h"
-#include "sprag/files/impacts_file.h"
-#include "sprag/files/predictions_file.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/estimates/impact_record.h"
+#include "sprag/detail/files/impacts_file.h"
+#include "sprag/detail/files/predictions_file.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

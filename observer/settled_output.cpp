@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "observer/report.h"
-#include "sprag/files/confidence_columns.h"
+#include "sprag/detail/files/confidence_columns.h"
 
 namespace sprag {
 

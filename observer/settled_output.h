@@ -10,9 +10,9 @@
 
 #include "lcmtypes/state_codec.h"
 #include "observer/confidence_record.h"
-#include "sprag/estimation/event_history.h"
-#include "sprag/files/states_file.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/detail/events/event_history.h"
+#include "sprag/model.h"
+#include "sprag/states_file.h"
 
 namespace sprag {
 

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "observer/recorded_events.h"
-#include "sprag/files/confidence_columns.h"
-#include "sprag/files/states_file.h"
-#include "sprag/filter/smoother.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/files/confidence_columns.h"
+#include "sprag/smoother.h"
+#include "sprag/states_file.h"
 
 namespace sprag {
 namespace {
@@ -37,7 +37,7 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   const Model& model = scene.model;
   const RecordedEvents recorded =
       read_recorded_events(replay.file, static_cast<int>(model.contacts.size()), options.duration,
-                           BehindLoss::dropped, common, report);
+                           AfterLoss::dropped, common, report);
   const std::string name = replay.file.string();
   if (!recorded.whole || !recorded.problems.empty() || recorded.begins > 0.0 ||
       recorded.closed != 0) {

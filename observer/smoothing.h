@@ -1,4 +1,4 @@
-// Offline: the whole path from a whole recording (sprag/filter/smoother.h).
+// Offline: the whole path from a whole recording (sprag/smoother.h).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -6,7 +6,7 @@
 #include "command_line/program.h"
 #include "observer/options.h"
 #include "observer/replay.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

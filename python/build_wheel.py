@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def version() -> str:
-    project = (ROOT / "CMakeLists.txt").read_text()
-    found = re.search(r"project\(sprag VERSION ([0-9.]+)", project)
+    header = (ROOT / "sprag" / "version.h").read_text()
+    found = re.search(r'SPRAG_VERSION "([0-9.]+)"', header)
     assert found
     return found[1]
 

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 
 namespace sprag::python {
 

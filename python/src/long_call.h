@@ -3,7 +3,7 @@
 
 #include <pybind11/pybind11.h>
 
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag::python {
 

@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "python/src/arrays.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/shipped_scenes.h"
-#include "sprag/mechanics/beam.h"
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/scale.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/beam.h"
+#include "sprag/detail/files/shipped_scenes.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/scene.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::python {
 namespace {

@@ -9,11 +9,11 @@
 #include "python/src/live.h"
 #include "python/src/machines.h"
 #include "python/src/runs.h"
-#include "sprag/files/input_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/error.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/error.h"
+#include "sprag/master.h"
+#include "sprag/model.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::python {
 namespace {

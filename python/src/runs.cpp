@@ -18,11 +18,11 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
-#include "sprag/analysis/assessment.h"
-#include "sprag/estimation/observer.h"
-#include "sprag/files/events_file.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/simulate.h"
+#include "sprag/assessment.h"
+#include "sprag/energy.h"
+#include "sprag/events_file.h"
+#include "sprag/observer.h"
+#include "sprag/simulate.h"
 
 namespace sprag::python {
 namespace {

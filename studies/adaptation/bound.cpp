@@ -2,10 +2,10 @@
 
 #include <vector>
 
-#include "sprag/adaptation/path_posterior.h"
-#include "sprag/adaptation/task.h"
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/identification/path_posterior.h"
+#include "sprag/detail/identification/task.h"
+#include "sprag/identification.h"
+#include "sprag/master.h"
 
 namespace sprag::adaptation_study {
 

@@ -1,7 +1,7 @@
 // How small V of an adaptive observer can be at all after so many impacts.
 #pragma once
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag::adaptation_study {
 

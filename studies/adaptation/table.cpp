@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/identification/unknowns.h"
+#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/scene_file.h"
 #include "studies/adaptation/bound.h"
 #include "studies/adaptation/trial.h"
 

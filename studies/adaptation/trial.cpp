@@ -5,9 +5,9 @@
 #include <ctime>
 #include <optional>
 
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
 #include "studies/common/later.h"
 #include "studies/common/random.h"
 

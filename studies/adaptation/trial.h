@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag::adaptation_study {
 

@@ -168,7 +168,7 @@ class Machine {
                    [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
                      if (decode(data, estimate_) != Refusal::none) return;
                      if (estimate_.session != report_.session) return;
-                     heard_ = true;
+                     received_ = true;
                      if (estimate_.t >= event_ && estimate_.closed == report_.closed) {
                        arrived_ = monotonic_now();
                      }
@@ -181,7 +181,7 @@ class Machine {
     bus_.handle(0ms);
   }
 
-  bool heard() const { return heard_; }
+  bool heard() const { return received_; }
 
   /// From the sending of an event to the first estimate that contains it [ns]; negative if none
   /// came.
@@ -222,7 +222,7 @@ class Machine {
   EstimateSample estimate_;
   double event_ = 0.0;
   std::int64_t arrived_ = 0;
-  bool heard_ = false;
+  bool received_ = false;
 };
 
 void wait(std::int64_t ns) { sleep_until(monotonic_now() + ns); }

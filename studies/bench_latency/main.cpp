@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "studies/bench_latency/latency.h"
 
 int main(int argc, char** argv) {

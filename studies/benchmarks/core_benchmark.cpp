@@ -8,13 +8,13 @@
 #include <span>
 #include <vector>
 
-#include "sprag/estimation/moreau.h"
-#include "sprag/estimation/replica.h"
-#include "sprag/estimation/time_line.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/master.h"
-#include "studies/studies/study.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/replica/moreau.h"
+#include "sprag/master.h"
+#include "sprag/replica.h"
+#include "sprag/scene_file.h"
+#include "studies/convergence/study.h"
 
 namespace {
 

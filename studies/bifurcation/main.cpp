@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "command_line/program.h"
-#include "sprag/analysis/recurrence.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/detail/analysis/recurrence.h"
+#include "sprag/scene_file.h"
 #include "studies/work_precision/measure.h"
 #include "studies/work_precision/methods/methods.h"
 

@@ -6,12 +6,12 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "sprag/files/csv.h"
-#include "sprag/files/input_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_text.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/scene_text.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
+#include "sprag/scene_file.h"
 #include "studies/common/random.h"
 
 namespace sprag::calibration {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::calibration {
 

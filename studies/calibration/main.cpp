@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "command_line/program.h"
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/output_file.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/table.h"
 #include "studies/calibration/thresholds.h"
@@ -106,7 +106,7 @@ int main(int argc, char** argv) {
           if (!wrong.empty()) throw CLI::ValidationError("--threshold", wrong);
         }
       },
-      "NAME=VALUE ...: other thresholds of the filter's track (sprag/filter/track.h)");
+      "NAME=VALUE ...: other thresholds of the filter's track (sprag/detail/filter/track.h)");
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   app.add_flag("--json", arguments.json, "Print one JSON array instead of a table");
   app.add_option("--csv", arguments.csv, "Also write the rows here");

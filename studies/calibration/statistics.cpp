@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "sprag/analysis/quantile.h"
+#include "sprag/detail/analysis/quantile.h"
 
 namespace sprag::calibration {
 namespace {

@@ -6,13 +6,13 @@
 #include <utility>
 
 #include "command_line/in_parallel.h"
-#include "sprag/analysis/quantile.h"
-#include "sprag/estimation/parameters.h"
-#include "sprag/estimation/uncertainty.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/analysis/quantile.h"
+#include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/parameters.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/common/random.h"
 
@@ -153,7 +153,7 @@ Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
   return scene;
 }
 
-Scene told_of(const Scene& scene, double jitter, const Options& options, int seed) {
+Scene reported_of(const Scene& scene, double jitter, const Options& options, int seed) {
   Scene told = scene;
   if (options.start == Start::prior) told = with_start_of_prior(told, other_seed(seed, 1));
   if (options.trouble == Trouble::wrong) told = with_wrong_parameter(told, other_seed(seed, 2));
@@ -253,7 +253,7 @@ void study(const Scene& scene, const std::vector<double>& jitters,
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
     in_parallel(options.threads, seeds, [&](int i) {
       const auto& [machine, path] = paths[static_cast<std::size_t>(i) % paths.size()];
-      const Scene told = told_of(machine, jitter, options, i + 1);
+      const Scene told = reported_of(machine, jitter, options, i + 1);
       const auto events = common::disturb(
           path.events, disturbance(jitter, options.trouble, path, machine.model.contacts.size()),
           contacts, path.duration, static_cast<std::uint64_t>(i) + 1);

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/any_replica.h"
-#include "sprag/estimation/estimator.h"
-#include "sprag/filter/track.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/estimates/estimator.h"
+#include "sprag/detail/filter/track.h"
+#include "sprag/detail/replica/any_replica.h"
+#include "sprag/scene.h"
 #include "studies/calibration/statistics.h"
 #include "studies/common/disturbance.h"
 

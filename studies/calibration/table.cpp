@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::calibration {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <map>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::calibration {
 
@@ -29,7 +29,7 @@ std::string set_threshold(std::string_view given, TrackThresholds& of) {
   } else if (const auto count = counts.find(name); count != counts.end()) {
     *count->second = static_cast<std::int64_t>(*number);
   } else {
-    return std::string(name) + " is none of sprag/filter/track.h";
+    return std::string(name) + " is none of sprag/detail/filter/track.h";
   }
   return {};
 }

@@ -1,10 +1,10 @@
-// Thresholds of the filter's track (sprag/filter/track.h) by name, for a command line.
+// Thresholds of the filter's track (sprag/detail/filter/track.h) by name, for a command line.
 #pragma once
 
 #include <string>
 #include <string_view>
 
-#include "sprag/filter/track.h"
+#include "sprag/detail/filter/track.h"
 
 namespace sprag::calibration {
 

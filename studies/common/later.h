@@ -1,7 +1,7 @@
 // A machine on a clock that starts later: a master's own time begins at 0.
 #pragma once
 
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag::common {
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/identification/search.h"
+#include "sprag/detail/identification/search.h"
+#include "sprag/scene_file.h"
 #include "studies/identification/trial.h"
 
 namespace sprag::identification_study {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/estimation/uncertainty.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/master.h"
 #include "studies/common/later.h"
 #include "studies/common/random.h"
 

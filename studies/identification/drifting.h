@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/contact_event.h"
+#include "sprag/scene.h"
 
 namespace sprag::identification_study {
 

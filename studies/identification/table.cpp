@@ -6,8 +6,8 @@
 #include <iterator>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/identification/drift.h"
+#include "sprag/detail/identification/drift.h"
+#include "sprag/scene_file.h"
 #include "studies/identification/drifting.h"
 #include "studies/identification/trial.h"
 
@@ -78,7 +78,7 @@ const Row rows[] = {
     {"20 %, jitter 1e-4", "paper_beam.toml", {.off = 0.2, .jitter = 1e-4}, 50, 49},
     {"20 %, jitter 1e-4, not given",
      "paper_beam.toml",
-     {.off = 0.2, .jitter = 1e-4, .jitter_told = false},
+     {.off = 0.2, .jitter = 1e-4, .jitter_given = false},
      50,
      49},
     {"30 %, exact times", "paper_beam.toml", {.off = 0.3}, 50, 49},

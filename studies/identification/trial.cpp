@@ -5,7 +5,7 @@
 #include <ctime>
 #include <numbers>
 
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
 #include "studies/common/random.h"
 
 namespace sprag::identification_study {
@@ -139,7 +139,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
     // A shift of all phases of a general system.
     if (!nominal.beam && keys[k] == "excitation.phase") asked.truth[i] -= wrong[i];
   }
-  if (trial.jitter_told) settings.jitter = trial.jitter;
+  if (trial.jitter_given) settings.jitter = trial.jitter;
   return asked;
 }
 

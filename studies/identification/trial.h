@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/identification.h"
+#include "sprag/scene.h"
 
 namespace sprag::identification_study {
 
@@ -18,7 +18,7 @@ struct Trial {
   int impacts = 100;
   double jitter = 0.0;                ///< [s]
   double lost = 0.0, spurious = 0.0;  ///< shares of the events
-  bool jitter_told = true;
+  bool jitter_given = true;
   std::vector<std::string> keys = {};  ///< what is sought; empty: all but the scale
   std::optional<double> within = {};   ///< told to the identification; none: `off`
 };

@@ -3,9 +3,9 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/master.h"
 #include "studies/common/random.h"
 
 namespace sprag::posterior {

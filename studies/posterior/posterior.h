@@ -15,8 +15,8 @@
 #include <optional>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/flows.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/mechanics/flows.h"
 
 namespace sprag::posterior {
 

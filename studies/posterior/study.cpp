@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "command_line/in_parallel.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "studies/calibration/study.h"
 #include "studies/common/disturbance.h"
 #include "studies/posterior/posterior.h"

@@ -3,7 +3,7 @@
 // deviation could tell better.
 #pragma once
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "studies/calibration/statistics.h"
 
 namespace sprag::posterior {

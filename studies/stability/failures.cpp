@@ -8,13 +8,13 @@
 #include <numbers>
 #include <random>
 
-#include "sprag/estimation/replica.h"
-#include "sprag/mechanics/beam.h"
-#include "sprag/mechanics/dynamics.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/event_search.h"
-#include "sprag/mechanics/impact_law.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/beam.h"
+#include "sprag/detail/mechanics/dynamics.h"
+#include "sprag/detail/mechanics/event_search.h"
+#include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
+#include "sprag/replica.h"
 
 namespace sprag::stability {
 namespace {
@@ -92,7 +92,7 @@ void synchronize(const Model& model, const State& master_start, const State& rep
 
 }  // namespace
 
-std::vector<Curve> newton_behind_a_closed_clutch() {
+std::vector<Curve> newton_after_a_closed_clutch() {
   std::vector<Curve> curves;
   for (const ImpactLaw law : {ImpactLaw::newton, ImpactLaw::poisson}) {
     const Vector2d before(-1.0, 0.3);

@@ -20,7 +20,7 @@ struct Curve {
 
 /// Gap velocity gamma_2 [m/s] against time [s] at a closed clutch, while contact 1 pulses: by
 /// Newton's law, which allows gamma+ = -epsilon gamma- < 0, and by Poisson's.
-std::vector<Curve> newton_behind_a_closed_clutch();
+std::vector<Curve> newton_after_a_closed_clutch();
 
 /// Largest growth of V at one impact of a two-contact machine, over `pairs` random pairs of states,
 /// against epsilon_1 - epsilon_2 with mean 1/2: Newton, Poisson. Fixed seed.

@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <iostream>
 
-#include "sprag/files/csv.h"
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/output_file.h"
 #include "studies/stability/failures.h"
 
 namespace {
@@ -43,7 +43,7 @@ int main(int argc, char** argv) {
       ->check(CLI::ExistingDirectory);
   CLI11_PARSE(app, argc, argv);
   using namespace sprag::stability;
-  return write(folder, "newton", newton_behind_a_closed_clutch()) &&
+  return write(folder, "newton", newton_after_a_closed_clutch()) &&
                  write(folder, "restitution", unlike_restitution(100000)) &&
                  write(folder, "damping", no_damping(100.0)) &&
                  write(folder, "persistent", persistent_contact(60.0)) &&

@@ -5,9 +5,9 @@
 
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/impact_law.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/model.h"
 
 namespace sprag::work_precision {
 

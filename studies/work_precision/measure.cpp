@@ -207,10 +207,10 @@ struct Reports {
 };
 
 /// Reads until the child closes its pipes or its time is up; `unheard` if nothing comes.
-Reports listen(int messages, int words, const Figures& unheard, const Limits& limits) {
+Reports listen(int messages, int words, const Figures& undetected, const Limits& limits) {
   constexpr std::size_t kept_words = 4096;
   Reports reports;
-  reports.message.figures = unheard;
+  reports.message.figures = undetected;
   const auto end = Clock::now() + std::chrono::duration<double>(limits.timeout);
   std::array<pollfd, 2> open{{{messages, POLLIN, 0}, {words, POLLIN, 0}}};
   while (open[0].fd >= 0 || open[1].fd >= 0) {
@@ -289,10 +289,10 @@ Measurement measure(const Method& method, double setting, const Model& model, co
   }
   messages.close_end(1);
   words.close_end(1);
-  Figures unheard;  // all impacts are missed
-  unheard.impacts = score(reference.impacts, {}, reference.horizon);
-  unheard.early_impacts = score(reference.impacts, {}, reference.early);
-  const Reports reports = listen(messages.ends[0], words.ends[0], unheard, limits);
+  Figures undetected;  // all impacts are missed
+  undetected.impacts = score(reference.impacts, {}, reference.horizon);
+  undetected.early_impacts = score(reference.impacts, {}, reference.early);
+  const Reports reports = listen(messages.ends[0], words.ends[0], undetected, limits);
   if (reports.timed_out || reports.stopped) kill(pid, SIGKILL);
   int status = 0;
   while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag::work_precision {
 

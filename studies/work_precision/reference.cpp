@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::work_precision {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 #include "studies/work_precision/environment.h"
 
 namespace sprag::work_precision {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/output_file.h"
 #include "studies/work_precision/measure.h"
 
 namespace sprag::work_precision {

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "command_line/program.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "studies/work_precision/results.h"
 
 namespace sprag::work_precision {

@@ -1,11 +1,11 @@
 // How many modes an observer needs, by machines of which that is known.
-#include "sprag/analysis/accuracy.h"
+#include "sprag/detail/analysis/accuracy.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "sprag/analysis/reduction.h"
+#include "sprag/reduction.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

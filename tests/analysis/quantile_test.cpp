@@ -1,9 +1,9 @@
 // Quantiles do what they say.
-#include "sprag/analysis/quantile.h"
+#include "sprag/detail/analysis/quantile.h"
 
 #include <gtest/gtest.h>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

@@ -1,6 +1,6 @@
 // What a machine does in the long run, by machines of which it is known in closed form, and by
 // differences of the master.
-#include "sprag/analysis/recurrence.h"
+#include "sprag/detail/analysis/recurrence.h"
 
 #include <gtest/gtest.h>
 
@@ -11,11 +11,11 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "sprag/analysis/attractors.h"
-#include "sprag/analysis/lyapunov.h"
-#include "sprag/analysis/variation.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/analysis/attractors.h"
+#include "sprag/detail/analysis/lyapunov.h"
+#include "sprag/detail/analysis/variation.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/master.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
 #include "tests/support/units.h"

@@ -1,6 +1,6 @@
 // Machines in fewer modes: what the corrections are worth on a beam of 20 modes with three kinds of
 // damping, and what holds on any machine.
-#include "sprag/analysis/reduction.h"
+#include "sprag/reduction.h"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 #include <numbers>
 #include <numeric>
 
-#include "sprag/analysis/reduction_choice.h"
-#include "sprag/estimation/replica.h"
-#include "sprag/files/scene_writer.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <sstream>
 
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
 #include "tests/support/random_model.h"
 
 namespace sprag::test {

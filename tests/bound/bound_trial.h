@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "sprag/bound/bound_tracker.h"
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/bound/bound_tracker.h"
+#include "sprag/scene.h"
 #include "tests/support/random.h"
 
 namespace sprag::test {

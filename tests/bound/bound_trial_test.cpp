@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag::test {

@@ -1,6 +1,6 @@
 // What observers say under tolerances: the bound, its half-widths, when it is known, and which
 // filter estimates it refutes.
-#include "sprag/bound/guarantee.h"
+#include "sprag/detail/bound/guarantee.h"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/estimation/observer.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/simulate.h"
+#include "sprag/master.h"
+#include "sprag/observer.h"
+#include "sprag/simulate.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"

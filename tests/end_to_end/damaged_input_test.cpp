@@ -3,8 +3,8 @@
 #include <cstring>
 
 #include "lcmtypes/channel_log.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/events_file.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/events_file.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {

@@ -9,8 +9,8 @@
 #include <map>
 #include <thread>
 
-#include "sprag/files/csv.h"
-#include "sprag/files/states_file.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/states_file.h"
 
 namespace sprag::test {
 

@@ -40,12 +40,12 @@ class HealthListener {
   std::vector<Health> heard() const {
     const std::lock_guard lock(mutex_);
     std::vector<Health> all;
-    for (const auto& [utime, health] : heard_) all.push_back(health);
+    for (const auto& [utime, health] : received_) all.push_back(health);
     return all;
   }
   Health latest() const {
     const std::lock_guard lock(mutex_);
-    return heard_.empty() ? Health{} : heard_.rbegin()->second;
+    return received_.empty() ? Health{} : received_.rbegin()->second;
   }
   int refused() const { return refused_; }
 
@@ -57,12 +57,12 @@ class HealthListener {
       return;
     }
     const std::lock_guard lock(mutex_);
-    heard_[health.utime] = health;
+    received_[health.utime] = health;
   }
 
   Bus bus_;
   mutable std::mutex mutex_;
-  std::map<std::int64_t, Health> heard_;
+  std::map<std::int64_t, Health> received_;
   std::atomic<int> refused_{0};
   std::atomic<bool> stop_{false};
   std::thread thread_;

@@ -8,7 +8,7 @@
 #include <sprag/contacts_t.hpp>
 
 #include "lcmtypes/state_codec.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/end_to_end/played_master.h"
 

@@ -5,8 +5,8 @@
 #include <exception>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
+#include "sprag/scene_file.h"
 
 int main(int argc, char** argv) try {
   if (argc != 3) return 2;

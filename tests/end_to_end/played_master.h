@@ -13,8 +13,8 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/message_builder.h"
-#include "sprag/files/events_file.h"
+#include "sprag/detail/events/message_builder.h"
+#include "sprag/events_file.h"
 
 namespace sprag::test {
 

@@ -1,4 +1,4 @@
-#include "sprag/files/events_file.h"
+#include "sprag/events_file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,14 +1,14 @@
 // Matrices as numpy, scipy and MATLAB write them, and scenes that take them.
-#include "sprag/files/matrix_file.h"
+#include "sprag/detail/files/matrix_file.h"
 
 #include <gtest/gtest.h>
 
 #include <vector>
 
-#include "sprag/files/input_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_text.h"
-#include "sprag/files/scene_writer.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/scene_text.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_writer.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 
 namespace sprag {

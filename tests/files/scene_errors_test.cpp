@@ -4,9 +4,9 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/estimation/uncertainty.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_writer.h"
+#include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 
 namespace sprag {

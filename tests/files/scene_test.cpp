@@ -9,9 +9,9 @@
 #include <string>
 #include <string_view>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/scale.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 
 namespace sprag {

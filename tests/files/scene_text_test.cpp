@@ -1,8 +1,8 @@
-#include "sprag/files/scene_text.h"
+#include "sprag/detail/files/scene_text.h"
 
 #include <gtest/gtest.h>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 
 namespace sprag {
 namespace {

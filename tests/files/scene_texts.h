@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 
 namespace sprag {
 

@@ -1,5 +1,5 @@
 // A scene that is written and read again is the same scene, bit for bit.
-#include "sprag/files/scene_writer.h"
+#include "sprag/detail/files/scene_writer.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "sprag/estimation/replica.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/replica.h"
+#include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

@@ -1,5 +1,5 @@
 // Scenes are found by their names, in the installation that a program belongs to and nowhere else.
-#include "sprag/files/shipped_scenes.h"
+#include "sprag/detail/files/shipped_scenes.h"
 
 #include <gtest/gtest.h>
 

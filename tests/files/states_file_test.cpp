@@ -1,4 +1,4 @@
-#include "sprag/files/states_file.h"
+#include "sprag/states_file.h"
 
 #include <gtest/gtest.h>
 

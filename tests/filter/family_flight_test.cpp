@@ -1,12 +1,12 @@
-#include "sprag/filter/family_flight.h"
+#include "sprag/detail/filter/family_flight.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "sprag/adaptation/task.h"
-#include "sprag/filter/event_filter.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/filter/event_filter.h"
+#include "sprag/detail/identification/task.h"
+#include "sprag/master.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

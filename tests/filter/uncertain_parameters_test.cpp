@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/observer.h"
-#include "sprag/estimation/time_line.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/filter/smoother.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
+#include "sprag/observer.h"
+#include "sprag/scene_file.h"
+#include "sprag/smoother.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

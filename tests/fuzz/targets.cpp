@@ -18,11 +18,11 @@
 #include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/state_codec.h"
 #include "observer/master_clock.h"
-#include "observer/session_tracker.h"
-#include "sprag/estimation/replica.h"
-#include "sprag/estimation/time_line.h"
-#include "sprag/files/events_file.h"
-#include "sprag/files/scene_file.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/events_file.h"
+#include "sprag/replica.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::fuzz {
 namespace {

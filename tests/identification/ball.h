@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::test {
 

@@ -1,4 +1,4 @@
-#include "sprag/identification/drift.h"
+#include "sprag/detail/identification/drift.h"
 
 #include <gtest/gtest.h>
 

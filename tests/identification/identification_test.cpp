@@ -1,4 +1,4 @@
-#include "sprag/identification/identification.h"
+#include "sprag/identification.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <iostream>
 #include <random>
 
-#include "sprag/identification/drift.h"
-#include "sprag/identification/explanations.h"
-#include "sprag/identification/restitution_trend.h"
+#include "sprag/detail/identification/drift.h"
+#include "sprag/detail/identification/explanations.h"
+#include "sprag/detail/identification/restitution_trend.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"
 #include "tests/support/repetitions.h"
@@ -110,11 +110,11 @@ TEST(Identification, SigmasAreHonestBehindChatter) {
 }
 
 TEST(Identification, AJitterThatIsNotToldIsFound) {
-  const Trial trial{.off = 0.1, .jitter = 1e-4, .jitter_told = false};
+  const Trial trial{.off = 0.1, .jitter = 1e-4, .jitter_given = false};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 5);
   EXPECT_TRUE(outcome.right(trial));
   EXPECT_NEAR(outcome.found.jitter, 1e-4, 3e-5);
-  EXPECT_FALSE(outcome.found.jitter_told);
+  EXPECT_FALSE(outcome.found.jitter_given);
   EXPECT_LT(outcome.found.predicted, 30e-4);
 }
 

@@ -1,13 +1,13 @@
-#include "sprag/identification/linear_path.h"
+#include "sprag/detail/identification/linear_path.h"
 
 #include <gtest/gtest.h>
 
 #include <iostream>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/identification/coupled_step.h"
-#include "sprag/identification/free_flight.h"
-#include "sprag/mechanics/oscillators.h"
+#include "sprag/detail/identification/coupled_step.h"
+#include "sprag/detail/identification/free_flight.h"
+#include "sprag/detail/mechanics/oscillators.h"
+#include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

@@ -1,13 +1,13 @@
-#include "sprag/identification/record.h"
+#include "sprag/detail/identification/record.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <complex>
 
-#include "sprag/identification/linear_path.h"
-#include "sprag/identification/record_checks.h"
-#include "sprag/mechanics/instant.h"
+#include "sprag/detail/identification/linear_path.h"
+#include "sprag/detail/identification/record_checks.h"
+#include "sprag/detail/mechanics/instant.h"
 #include "tests/support/run.h"
 
 namespace sprag {

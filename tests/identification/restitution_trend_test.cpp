@@ -1,11 +1,11 @@
-#include "sprag/identification/restitution_trend.h"
+#include "sprag/detail/identification/restitution_trend.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <iostream>
 
-#include "sprag/identification/drift.h"
+#include "sprag/detail/identification/drift.h"
 #include "studies/common/random.h"
 #include "tests/identification/ball.h"
 

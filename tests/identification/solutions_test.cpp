@@ -8,8 +8,8 @@
 #include <numbers>
 #include <random>
 
-#include "sprag/identification/identification.h"
-#include "sprag/identification/verdict.h"
+#include "sprag/detail/identification/verdict.h"
+#include "sprag/identification.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"
 #include "tests/support/repetitions.h"

@@ -9,7 +9,7 @@
 #include <sprag/contacts_t.hpp>
 
 #include "lcmtypes/bus.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

@@ -11,7 +11,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/estimate_listener.h"
-#include "sprag/estimation/event_history.h"
+#include "sprag/detail/events/event_history.h"
 #include "tests/support/udp_url.h"
 
 namespace sprag {

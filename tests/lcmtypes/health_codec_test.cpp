@@ -8,7 +8,7 @@
 #include <random>
 #include <sprag/health_t.hpp>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

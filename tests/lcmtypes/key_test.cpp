@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "lcmtypes/bus.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/scene_file.h"
 #include "tests/support/temporary_directory.h"
 
 namespace sprag {

@@ -8,7 +8,7 @@
 #include <sprag/estimate_t.hpp>
 #include <sprag/state_t.hpp>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

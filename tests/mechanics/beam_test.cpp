@@ -1,4 +1,4 @@
-#include "sprag/mechanics/beam.h"
+#include "sprag/beam.h"
 
 #include <gtest/gtest.h>
 

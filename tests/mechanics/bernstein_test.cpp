@@ -1,4 +1,4 @@
-#include "sprag/mechanics/bernstein.h"
+#include "sprag/detail/mechanics/bernstein.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <iostream>
 #include <numbers>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/replica.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/master.h"
+#include "sprag/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

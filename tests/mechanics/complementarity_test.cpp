@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "sprag/mechanics/impact_law.h"
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

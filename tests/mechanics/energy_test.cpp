@@ -1,4 +1,4 @@
-#include "sprag/mechanics/energy.h"
+#include "sprag/energy.h"
 
 #include <gtest/gtest.h>
 

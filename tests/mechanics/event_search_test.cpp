@@ -1,4 +1,4 @@
-#include "sprag/mechanics/event_search.h"
+#include "sprag/detail/mechanics/event_search.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "tests/mechanics/search_problem.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"

@@ -1,4 +1,4 @@
-#include "sprag/mechanics/flow.h"
+#include "sprag/detail/mechanics/flow.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/dynamics.h"
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/dynamics.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/reference_motion.h"

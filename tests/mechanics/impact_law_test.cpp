@@ -1,7 +1,7 @@
 // The impact laws by numbers worked out by hand and by what must hold of every impact. How two
 // machines' distance changes is in impact_distance_test.cpp, the complementarity problem alone in
 // complementarity_test.cpp.
-#include "sprag/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/impact_law.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -4,10 +4,10 @@
 
 #include <string>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scale.h"
-#include "sprag/mechanics/simulate.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/master.h"
+#include "sprag/scene_file.h"
+#include "sprag/simulate.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -1,5 +1,5 @@
 // The master by what must hold: closed forms, energy, non-penetration, symmetry.
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
 
 #include <gtest/gtest.h>
 

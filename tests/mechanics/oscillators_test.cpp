@@ -1,4 +1,4 @@
-#include "sprag/mechanics/oscillators.h"
+#include "sprag/detail/mechanics/oscillators.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "sprag/estimation/replica.h"
+#include "sprag/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -1,7 +1,7 @@
 // The energy that a machine's motion may have, against what one coordinate has by hand. That both
-// scales change with the units, tests/estimation/units_test.cpp shows: an estimator without a told
+// scales change with the units, tests/filter/units_test.cpp shows: an estimator without a told
 // uncertainty starts from them.
-#include "sprag/mechanics/scale.h"
+#include "sprag/detail/mechanics/scale.h"
 
 #include <gtest/gtest.h>
 

@@ -9,9 +9,9 @@
 #include <numbers>
 #include <vector>
 
-#include "sprag/mechanics/beam.h"
-#include "sprag/mechanics/flow.h"
-#include "sprag/mechanics/flows.h"
+#include "sprag/beam.h"
+#include "sprag/detail/mechanics/flow.h"
+#include "sprag/detail/mechanics/flows.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -6,9 +6,9 @@
 #include <iostream>
 #include <vector>
 
-#include "sprag/estimation/replica.h"
-#include "sprag/mechanics/linear_algebra.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

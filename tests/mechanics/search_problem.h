@@ -10,10 +10,10 @@
 #include <optional>
 #include <utility>
 
-#include "sprag/mechanics/dynamics.h"
-#include "sprag/mechanics/event_search.h"
-#include "sprag/mechanics/flow.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/dynamics.h"
+#include "sprag/detail/mechanics/event_search.h"
+#include "sprag/detail/mechanics/flow.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 
 namespace sprag {

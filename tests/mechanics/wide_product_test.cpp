@@ -1,4 +1,4 @@
-#include "sprag/mechanics/wide_product.h"
+#include "sprag/detail/mechanics/wide_product.h"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 // through contacts that stay closed.
 #include <gtest/gtest.h>
 
-#include "sprag/filter/tracking_estimator.h"
+#include "sprag/detail/filter/tracking_estimator.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/run.h"
 

@@ -7,13 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/any_replica.h"
-#include "sprag/estimation/replica_sweep.h"
-#include "tests/estimation/random_events.h"
-#include "tests/estimation/tracking_estimators.h"
+#include "sprag/detail/replica/any_replica.h"
+#include "sprag/detail/replica/replica_sweep.h"
 #include "tests/no_allocation/allocations.h"
+#include "tests/support/random_events.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag::test {
 namespace {

@@ -6,13 +6,13 @@
 
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
-#include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
-#include "sprag/estimation/event_history.h"
-#include "tests/estimation/random_events.h"
-#include "tests/estimation/recorded_run.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/events/event_history.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random.h"
+#include "tests/support/random_events.h"
+#include "tests/support/recorded_run.h"
 
 namespace sprag::test {
 namespace {

@@ -9,9 +9,9 @@
 #include "observer/estimation.h"
 #include "observer/mailboxes.h"
 #include "observer/notices.h"
-#include "tests/estimation/random_events.h"
-#include "tests/estimation/recorded_run.h"
 #include "tests/no_allocation/allocations.h"
+#include "tests/support/random_events.h"
+#include "tests/support/recorded_run.h"
 
 namespace sprag::test {
 namespace {
@@ -31,7 +31,7 @@ void expect_no_allocation(const Scene& scene) {
     message.speed = std::numeric_limits<double>::infinity();
     message.session = 7;
     message.sequence = sequence++;
-    Heard* slot = inbox.strangers.free_slot();
+    ReceivedMessage* slot = inbox.strangers.free_slot();
     ASSERT_NE(slot, nullptr);
     *slot = {message, {}};
     inbox.strangers.push();

@@ -1,6 +1,6 @@
 // The observer's time line in use: reports that arrive late, one after the other, and everything
 // that it hands out on its way through the queue to a message.
-#include "sprag/estimation/time_line.h"
+#include "sprag/detail/live/time_line.h"
 
 #include <gtest/gtest.h>
 
@@ -11,14 +11,14 @@
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/state_codec.h"
 #include "observer/master_clock.h"
-#include "observer/session_tracker.h"
 #include "observer/spsc_queue.h"
-#include "sprag/estimation/any_replica.h"
-#include "sprag/estimation/histogram.h"
-#include "tests/estimation/random_events.h"
-#include "tests/estimation/recorded_run.h"
-#include "tests/estimation/tracking_estimators.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/live/histogram.h"
+#include "sprag/detail/replica/any_replica.h"
 #include "tests/no_allocation/allocations.h"
+#include "tests/support/random_events.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag::test {
 namespace {

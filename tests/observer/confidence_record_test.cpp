@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/any_replica.h"
-#include "sprag/estimation/time_line.h"
-#include "tests/estimation/recorded_run.h"
-#include "tests/estimation/tracking_estimators.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/replica/any_replica.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag {
 namespace {

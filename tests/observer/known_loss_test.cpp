@@ -6,7 +6,7 @@
 
 #include "observer/confidence_record.h"
 #include "observer/estimation.h"
-#include "tests/estimation/recorded_run.h"
+#include "tests/support/recorded_run.h"
 
 namespace sprag {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 
 namespace sprag {
@@ -20,7 +20,7 @@ constexpr std::int64_t boot = 987'654'321 * second / 1000;  // local times do no
 constexpr double rounding = 1e-8;
 
 /// Wall clocks that do not agree: arrivals alone tell.
-Arrival heard_at(std::int64_t local) { return {local, 1'000'000'000'000'000}; }
+Arrival received_at(std::int64_t local) { return {local, 1'000'000'000'000'000}; }
 
 ContactMessage report_at(double horizon, double speed) {
   ContactMessage report;
@@ -66,7 +66,7 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
     std::vector<Transmission> heard;
     for (const Transmission& arrival :
          arrivals(random, boot, boot + 12 * second, millisecond / 5, 400 * millisecond)) {
-      clock.observe(report_at(network.truth(arrival.sent), network.speed), heard_at(arrival.at));
+      clock.observe(report_at(network.truth(arrival.sent), network.speed), received_at(arrival.at));
       heard.push_back(arrival);
       const std::int64_t now = arrival.at + random.integer(0, 5'000'000);
       const double behind = network.truth(now) - clock.simulated(now);
@@ -91,7 +91,7 @@ TEST(MasterClock, ASilentNetworkChangesNothing) {
   for (const std::int64_t from : {boot, boot + 30 * second}) {
     for (const Transmission& arrival :
          arrivals(random, from, from + 3 * second, millisecond, 50 * millisecond)) {
-      clock.observe(report_at(network.truth(arrival.sent), 1.0), heard_at(arrival.at));
+      clock.observe(report_at(network.truth(arrival.sent), 1.0), received_at(arrival.at));
       EXPECT_LE(clock.simulated(arrival.at), network.truth(arrival.at) + rounding);
     }
   }
@@ -119,7 +119,7 @@ TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
     std::stable_sort(sent.begin(), sent.end(),
                      [](const auto& a, const auto& b) { return a.first.at < b.first.at; });
     for (const auto& [way, report] : sent) {
-      clock.observe(report, heard_at(way.at));
+      clock.observe(report, received_at(way.at));
       if (way.at < stepped + 200 * millisecond) continue;
       const double behind = network.truth(way.at) - clock.simulated(way.at);
       EXPECT_GE(behind, -rounding);
@@ -134,14 +134,14 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
   MasterClock clock;
   for (const Transmission& arrival :
        arrivals(random, boot, boot + 5 * second, millisecond, 20 * millisecond)) {
-    clock.observe(report_at(network.truth(arrival.sent), 2.0), heard_at(arrival.at));
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), received_at(arrival.at));
   }
   // 7 s of local time in which the master does nothing and does not make up for it.
   network.offset -= 2.0 * 7.0;
   const std::int64_t resumed = boot + 12 * second;
   for (const Transmission& arrival :
        arrivals(random, resumed, resumed + 8 * second, millisecond, 20 * millisecond)) {
-    clock.observe(report_at(network.truth(arrival.sent), 2.0), heard_at(arrival.at));
+    clock.observe(report_at(network.truth(arrival.sent), 2.0), received_at(arrival.at));
     if (arrival.at < resumed + 5 * second) continue;
     const double behind = network.truth(arrival.at) - clock.simulated(arrival.at);
     EXPECT_GE(behind, -rounding);
@@ -155,7 +155,7 @@ TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
   double worst = 0.0;
   for (std::int64_t local = 0; local < 20 * second; local += 10 * millisecond) {
     const double truth = 0.9e-9 * static_cast<double>(local);
-    clock.observe(report_at(truth, 1.0), heard_at(boot + local));
+    clock.observe(report_at(truth, 1.0), received_at(boot + local));
     worst = std::max(worst, clock.simulated(boot + local) - truth);
   }
   EXPECT_LE(worst, 0.1 * 4.1);  // what is remembered is 4 s old at most
@@ -163,10 +163,10 @@ TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
 
 TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
   MasterClock clock;
-  clock.observe(report_at(3.0, infinity), heard_at(boot));
+  clock.observe(report_at(3.0, infinity), received_at(boot));
   EXPECT_EQ(clock.simulated(boot + second), 3.0);
-  clock.observe(report_at(8.0, infinity), heard_at(boot + millisecond));
-  clock.observe(report_at(5.0, infinity), heard_at(boot + 2 * millisecond));
+  clock.observe(report_at(8.0, infinity), received_at(boot + millisecond));
+  clock.observe(report_at(5.0, infinity), received_at(boot + 2 * millisecond));
   EXPECT_EQ(clock.simulated(boot), 8.0);
   EXPECT_TRUE(std::isinf(clock.speed()));
 }
@@ -178,7 +178,8 @@ TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
     const double speed = random.log_uniform(0.01, 100.0);
     MasterClock clock;
     for (int i = 0; i < 5; ++i) {
-      clock.observe(report_at(random.uniform(0.0, 10.0), speed), heard_at(boot + i * millisecond));
+      clock.observe(report_at(random.uniform(0.0, 10.0), speed),
+                    received_at(boot + i * millisecond));
     }
     for (int i = 0; i < 20; ++i) {
       const double t = random.uniform(0.0, 20.0);
@@ -230,17 +231,17 @@ TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
 
 TEST(MasterClock, TimesBeyondAllClocksAreTakenAsFarAway) {
   MasterClock clock;
-  clock.observe(report_at(0.0, 1e-300), heard_at(boot));
+  clock.observe(report_at(0.0, 1e-300), received_at(boot));
   EXPECT_GT(clock.local(1e300), boot);
   EXPECT_LT(clock.local(-1e300), boot);
 }
 
 TEST(MasterClock, ARestartForgetsTheOldMaster) {
   MasterClock clock;
-  clock.observe(report_at(1000.0, 1.0), heard_at(boot));
+  clock.observe(report_at(1000.0, 1.0), received_at(boot));
   clock.restart();
   EXPECT_FALSE(clock.running());
-  clock.observe(report_at(0.5, 1.0), heard_at(boot + second));
+  clock.observe(report_at(0.5, 1.0), received_at(boot + second));
   EXPECT_EQ(clock.simulated(boot + second), 0.5);
 }
 

@@ -5,14 +5,14 @@
 #include <iostream>
 #include <limits>
 
-#include "observer/session_tracker.h"
-#include "sprag/estimation/moreau.h"
-#include "sprag/estimation/replica.h"
-#include "sprag/estimation/time_line.h"
-#include "tests/estimation/recorded_run.h"
-#include "tests/estimation/tracking_estimators.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/replica/moreau.h"
+#include "sprag/replica.h"
 #include "tests/support/random.h"
+#include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag {
 namespace {

@@ -11,18 +11,18 @@
 #include <string>
 #include <string_view>
 
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"
 #include "studies/common/disturbance.h"
 #include "studies/common/random.h"
-#include "tests/estimation/tracking_estimators.h"
 #include "tests/support/process.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag::calibration {
 namespace {

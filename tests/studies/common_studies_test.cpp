@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "studies/common/disturbance.h"
 #include "tests/support/random.h"
 

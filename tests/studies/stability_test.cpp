@@ -25,7 +25,7 @@ double largest_growth(const Curve& curve) {
 }
 
 TEST(Stability, NewtonPushesAClosedClutchBack) {
-  const auto curves = newton_behind_a_closed_clutch();
+  const auto curves = newton_after_a_closed_clutch();
   EXPECT_NEAR(curves[0].y.back(), -0.21, 1e-15);
   EXPECT_EQ(curves[1].y.back(), 0.0);
 }

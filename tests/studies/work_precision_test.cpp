@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 #include "studies/work_precision/measure.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"

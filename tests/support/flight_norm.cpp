@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/energy.h"
 
 namespace sprag {
 

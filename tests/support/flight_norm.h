@@ -4,8 +4,8 @@
 
 #include <Eigen/Core>
 
-#include "sprag/mechanics/flow.h"
-#include "sprag/mechanics/flows.h"
+#include "sprag/detail/mechanics/flow.h"
+#include "sprag/detail/mechanics/flows.h"
 
 namespace sprag {
 

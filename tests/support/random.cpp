@@ -1,6 +1,6 @@
 #include "tests/support/random.h"
 
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
 

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 #include "tests/support/random.h"
 
 namespace sprag {

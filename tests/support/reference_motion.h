@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag {
 

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/estimator.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/estimates/estimator.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
+#include "sprag/scene_file.h"
 
 namespace sprag::test {
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <sstream>
 
-#include "sprag/analysis/assessment.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/assessment.h"
+#include "sprag/scene_file.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_directory.h"
 #include "tools/check_scene/json.h"

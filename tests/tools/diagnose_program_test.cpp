@@ -6,9 +6,9 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
-#include "observer/recorded_events.h"
-#include "sprag/estimation/message_builder.h"
-#include "sprag/files/csv.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/events/message_builder.h"
+#include "sprag/detail/files/csv.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 #include "tools/import_events/contact_log.h"
@@ -62,7 +62,7 @@ TEST_F(DiagnoseProgramTest, AWrongRestitutionIsNamed) {
   // The same from an LCM log.
   std::string log = path("events.lcmlog");
   write_contact_log(log,
-                    read_recorded_events(events, 1, 60.0, BehindLoss::dropped, std::nullopt).events,
+                    read_recorded_events(events, 1, 60.0, AfterLoss::dropped, std::nullopt).events,
                     1, 60.0, std::nullopt);
   EXPECT_EQ(diagnose({log, paper_beam}).out, ended.out);
 }
@@ -79,7 +79,7 @@ TEST_F(DiagnoseProgramTest, TheRightModelFits) {
 TEST_F(DiagnoseProgramTest, ImportedImpactsAreDiagnosedToo) {
   std::string rig = "impact\n";
   for (const ContactEvent& event :
-       read_recorded_events(simulate("0.65"), 1, 60.0, BehindLoss::dropped, std::nullopt).events) {
+       read_recorded_events(simulate("0.65"), 1, 60.0, AfterLoss::dropped, std::nullopt).events) {
     append_number(rig, event.t);
     rig += '\n';
   }
@@ -117,9 +117,9 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
   write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
   EXPECT_EQ(
-      read_recorded_events(path("whole.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt).events,
+      read_recorded_events(path("whole.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt).events,
       events);
-  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, BehindLoss::dropped, std::nullopt)
+  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, AfterLoss::dropped, std::nullopt)
                 .events.back()
                 .t,
             std::find_if(events.rbegin(), events.rend(), [](const ContactEvent& event) {
@@ -133,7 +133,7 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   }
   ASSERT_TRUE(part.close());
   const RecordedEvents before =
-      read_recorded_events(path("part.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
+      read_recorded_events(path("part.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
   ASSERT_FALSE(before.problems.empty());
   EXPECT_NE(before.problems[0].find("may be missing"), std::string::npos);
   EXPECT_NEAR(static_cast<double>(before.events.size()), 100.0, 1.0);
@@ -175,7 +175,7 @@ TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
     write(log, 8, lost_from_2, lost_from_2 + 100.0, turned_at, 30.0);
     EXPECT_TRUE(log.close());
     const RecordedEvents recorded =
-        read_recorded_events(path("runs.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
+        read_recorded_events(path("runs.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
     EXPECT_EQ(recorded.sessions, 2);
     return recorded.events;
   };
@@ -199,7 +199,7 @@ TEST_F(DiagnoseProgramTest, ARecordingThatBeginsMidRunIsDiagnosedFromThere) {
   }
   ASSERT_TRUE(part.close());
   const RecordedEvents later =
-      read_recorded_events(path("part.lcmlog"), 1, 1e9, BehindLoss::dropped, std::nullopt);
+      read_recorded_events(path("part.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
   EXPECT_GT(later.begins, 100.0);
   ASSERT_EQ(later.problems.size(), 1U);
   EXPECT_NE(later.problems[0].find("begins at t = "), std::string::npos) << later.problems[0];

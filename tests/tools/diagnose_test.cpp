@@ -8,7 +8,7 @@
 #include <random>
 #include <tuple>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"

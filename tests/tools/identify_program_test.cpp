@@ -7,9 +7,9 @@
 
 #include "command_line/program.h"
 #include "lcmtypes/channel_log.h"
-#include "sprag/files/events_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/definiteness.h"
+#include "sprag/detail/mechanics/definiteness.h"
+#include "sprag/events_file.h"
+#include "sprag/scene_file.h"
 #include "studies/identification/drifting.h"
 #include "tests/support/program_test.h"
 #include "tests/support/repetitions.h"

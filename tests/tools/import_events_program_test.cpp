@@ -10,7 +10,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/files/events_file.h"
+#include "sprag/events_file.h"
 #include "tests/support/program_test.h"
 #include "tools/import_events/contact_log.h"
 

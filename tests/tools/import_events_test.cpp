@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 #include "tests/support/random.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/clock_time.h"
@@ -28,7 +28,7 @@ double in_unit(const char* value, const char* offset, const char* unit) {
 }
 
 template <class Function>
-std::string what_of(const Function& function) {
+std::string message_of(const Function& function) {
   try {
     function();
   } catch (const std::runtime_error& e) {
@@ -142,7 +142,7 @@ TEST(UnitTest, IsTakenFromTheHeaderOrAskedFor) {
             "f: column 'a [ms]' says ms; --unit says something else, and counts");
   const std::string asked = "--unit s, ms, us, ns or a number of seconds";
   for (const std::pair<std::size_t, std::size_t> of : {std::pair(0, 2), {0, 3}, {3, 0}, {0, 4}}) {
-    EXPECT_TRUE(what_of([&] { exponent({}, of.first, of.second); }).ends_with(asked));
+    EXPECT_TRUE(message_of([&] { exponent({}, of.first, of.second); }).ends_with(asked));
   }
 }
 
@@ -204,7 +204,7 @@ TEST(ColumnFileTest, RowsThatDoNotFitTheHeaderAreNamed) {
 
 TEST(ColumnFileTest, FilesWithoutAHeaderAreRefused) {
   const auto error = [](const char* text) {
-    return what_of([&] { parse_columns(text, "f.csv"); });
+    return message_of([&] { parse_columns(text, "f.csv"); });
   };
   EXPECT_EQ(error(""), "f.csv:1: there is no header with the columns' names");
   EXPECT_EQ(error("# only this\n"), "f.csv:1: there is no header with the columns' names");
@@ -216,12 +216,12 @@ TEST(ColumnFileTest, FilesWithoutAHeaderAreRefused) {
 TEST(ColumnFileTest, UnknownNamesAreAnsweredWithThoseThatExist) {
   const ColumnFile file = parse_columns("impact,rise,fall,rise\n", "f.csv");
   EXPECT_EQ(file.find("fall", "f.csv"), 2U);
-  EXPECT_EQ(what_of([&] { (void)file.find("impcat", "f.csv"); }),
+  EXPECT_EQ(message_of([&] { (void)file.find("impcat", "f.csv"); }),
             "f.csv: there is no column 'impcat' (did you mean 'impact'?); the columns are "
             "'impact', 'rise', 'fall', 'rise'");
-  EXPECT_EQ(what_of([&] { (void)file.find("zzzzz", "f.csv"); }),
+  EXPECT_EQ(message_of([&] { (void)file.find("zzzzz", "f.csv"); }),
             "f.csv: there is no column 'zzzzz'; the columns are 'impact', 'rise', 'fall', 'rise'");
-  EXPECT_TRUE(what_of([&] {
+  EXPECT_TRUE(message_of([&] {
                 (void)file.find("rise", "f.csv");
               }).starts_with("f.csv: there is more than one column 'rise'"));
 }
@@ -237,7 +237,7 @@ class ChoiceTest : public testing::Test {
     return choose_columns(options, file_, contacts, "f.csv");
   }
   std::string error(const std::vector<ColumnOption>& options, int contacts = 3) const {
-    return what_of([&] { (void)choose(options, contacts); });
+    return message_of([&] { (void)choose(options, contacts); });
   }
 
   ColumnFile file_ = parse_columns("a,b,c,d,x=1\n", "f.csv");
@@ -352,9 +352,10 @@ TEST(LevelTest, EdgesMayBeImpacts) {
   EXPECT_EQ(at(Edge::rising), (std::vector<double>{1.0, 5.0}));
   EXPECT_EQ(at(Edge::falling), (std::vector<double>{3.0}));
   EXPECT_EQ(at(Edge::both), (std::vector<double>{1.0, 3.0, 5.0}));
-  EXPECT_NE(what_of([&] { (void)import_levels("Time,V\n0,0.5\n1,2\n", {}); }).find("--threshold"),
-            std::string::npos);
-  EXPECT_NE(what_of([&] { (void)import_levels("a,V\n0,0\n1,1\n", {}); }).find("--time"),
+  EXPECT_NE(
+      message_of([&] { (void)import_levels("Time,V\n0,0.5\n1,2\n", {}); }).find("--threshold"),
+      std::string::npos);
+  EXPECT_NE(message_of([&] { (void)import_levels("a,V\n0,0\n1,1\n", {}); }).find("--time"),
             std::string::npos);
 }
 
@@ -560,13 +561,13 @@ TEST(ColumnFileTest, AFileWithoutAHeaderTakesTheNamesThatAreGiven) {
   EXPECT_EQ(texts(decimal.columns[0]), (Texts{"0,5"}));
   const ColumnFile one = parse_columns("0,5\n", "x.csv", std::nullopt, {"time"});
   EXPECT_EQ(texts(one.columns[0]), (Texts{"0,5"}));
-  EXPECT_EQ(what_of([] { parse_columns("0.5,1\n", "x.csv", std::nullopt, {"time"}); }),
+  EXPECT_EQ(message_of([] { parse_columns("0.5,1\n", "x.csv", std::nullopt, {"time"}); }),
             "x.csv:1: has 2 fields; --columns names 1 column");
-  EXPECT_EQ(what_of([] {
+  EXPECT_EQ(message_of([] {
               parse_columns("\n1,2,3\n", "x.csv", std::nullopt, {"a", "b"});
             }),
             "x.csv:2: has 3 fields; --columns names 2 columns");
-  EXPECT_NE(what_of([] { parse_columns("1,2\n", "x.csv"); }).find("--columns NAME,..."),
+  EXPECT_NE(message_of([] { parse_columns("1,2\n", "x.csv"); }).find("--columns NAME,..."),
             std::string::npos);
 }
 

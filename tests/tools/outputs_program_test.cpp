@@ -5,15 +5,15 @@
 #include <map>
 #include <sstream>
 
-#include "sprag/estimation/observer.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_writer.h"
-#include "sprag/filter/smoother.h"
-#include "sprag/mechanics/beam.h"
-#include "tests/estimation/tracking_estimators.h"
+#include "sprag/beam.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/observer.h"
+#include "sprag/scene_file.h"
+#include "sprag/smoother.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag {
 namespace {

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "sprag/files/scene_file.h"
+#include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 #include "tools/plot/figure.h"

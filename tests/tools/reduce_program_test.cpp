@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "observer/recorded_events.h"
-#include "sprag/analysis/reduction_choice.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_writer.h"
-#include "sprag/files/states_file.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene_file.h"
+#include "sprag/states_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 #include "tools/import_events/contact_log.h"
@@ -103,7 +103,7 @@ TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
   // The file is what the library says it is.
   const Scene whole = read_scene(beam);
   const auto recorded =
-      read_recorded_events(path("events.csv"), 1, 80.0, BehindLoss::dropped, std::nullopt);
+      read_recorded_events(path("events.csv"), 1, 80.0, AfterLoss::dropped, std::nullopt);
   const ModalMachine machine = modal_machine(whole);
   const auto best = reductions(machine, {0, 1, 2}, second_half(recorded.events)).front();
   EXPECT_EQ(to_toml(read_scene(path("reduced.toml"))), to_toml(reduced_scene(whole, best.machine)));

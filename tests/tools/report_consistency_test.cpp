@@ -9,9 +9,9 @@
 #include <random>
 #include <sstream>
 
-#include "sprag/files/events_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/identification/unknowns.h"
+#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/events_file.h"
+#include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "sprag/files/csv.h"
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/random.h"
 #include "tools/plot/study_figure.h"

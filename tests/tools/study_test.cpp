@@ -8,11 +8,11 @@
 #include <set>
 
 #include "command_line/program.h"
-#include "sprag/estimation/observer.h"
-#include "sprag/files/input_file.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/simulate.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/energy.h"
+#include "sprag/observer.h"
+#include "sprag/scene_file.h"
+#include "sprag/simulate.h"
 #include "tests/support/temporary_directory.h"
 #include "tools/study/design.h"
 #include "tools/study/quantities.h"

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "sprag/analysis/reduction.h"
-#include "sprag/files/scene_file.h"
+#include "sprag/reduction.h"
+#include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tools/tolerance/modes.h"
 #include "tools/tolerance/print.h"

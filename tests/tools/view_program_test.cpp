@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "sprag/files/states_file.h"
+#include "sprag/states_file.h"
 #include "tests/support/program_test.h"
 
 namespace sprag::view {
@@ -24,7 +24,7 @@ using test::Arguments;
 using test::Process;
 
 /// The number behind the first of these words that has one; nothing: there is none.
-std::optional<unsigned> number_behind(const std::string& text, std::string_view words) {
+std::optional<unsigned> number_after(const std::string& text, std::string_view words) {
   const std::size_t place = text.find(words);
   if (place == std::string::npos) return std::nullopt;
   unsigned number = 0;
@@ -123,7 +123,7 @@ class ViewProgramTest : public test::ProgramTest {
     ASSERT_TRUE(test::eventually(
         [&] {
           said = view_->err();
-          port = number_behind(said, "http://127.0.0.1:");
+          port = number_after(said, "http://127.0.0.1:");
           return port.has_value();
         },
         60s))
@@ -141,7 +141,7 @@ class ViewProgramTest : public test::ProgramTest {
     const std::string head = socket.until("\r\n\r\n");
     std::string body;
     if (request.starts_with("HEAD")) return {head, body};
-    if (const auto length = number_behind(head, "Content-Length: ")) body = socket.take(*length);
+    if (const auto length = number_after(head, "Content-Length: ")) body = socket.take(*length);
     return {head, body};
   }
   int status(const std::string& request) {

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "sprag/estimation/message_builder.h"
-#include "sprag/estimation/observer.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/mechanics/simulate.h"
+#include "sprag/detail/events/message_builder.h"
+#include "sprag/observer.h"
+#include "sprag/scene_file.h"
+#include "sprag/simulate.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/view/client.h"
 #include "tools/view/gateway/rules.h"

@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "sprag/analysis/wrapped_text.h"
-#include "sprag/bound/bound_tracker.h"
-#include "sprag/bound/half_width.h"
-#include "sprag/mechanics/master.h"
-#include "sprag/mechanics/scalars.h"
+#include "sprag/detail/analysis/wrapped_text.h"
+#include "sprag/detail/bound/bound_tracker.h"
+#include "sprag/detail/bound/half_width.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/master.h"
 
 namespace sprag {
 namespace {

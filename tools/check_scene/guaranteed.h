@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "sprag/bound/certified_floor.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/certified_floor.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "sprag/analysis/assessment.h"
+#include "sprag/assessment.h"
 
 namespace sprag {
 

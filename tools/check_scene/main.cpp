@@ -4,9 +4,9 @@
 
 #include "command_line/printable.h"
 #include "command_line/program.h"
-#include "sprag/analysis/assessment.h"
-#include "sprag/files/scene_writer.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/assessment.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene.h"
 #include "tools/check_scene/guaranteed.h"
 #include "tools/check_scene/json.h"
 #include "tools/check_scene/parameters.h"

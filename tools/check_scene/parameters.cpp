@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "sprag/analysis/wrapped_text.h"
-#include "sprag/identification/unknowns.h"
+#include "sprag/detail/analysis/wrapped_text.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

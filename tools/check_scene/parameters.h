@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <optional>
 
-#include "sprag/identification/identification.h"
-#include "sprag/identification/machine_family.h"
-#include "sprag/identification/projection.h"
+#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/identification/projection.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 namespace {

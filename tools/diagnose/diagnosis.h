@@ -1,6 +1,6 @@
 // Whether contact events fit a scene's machine and, if not, which of its parameters, wrong by
 // itself, would explain them best, and by what value: each is sought alone by identification
-// (sprag/identification/identification.h), with all else as the scene says.
+// (sprag/identification.h), with all else as the scene says.
 //
 // A fit is compared with that of the scene's own machine by J = -2 log L, up to a constant,
 //
@@ -16,10 +16,10 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/parameters.h"
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/parameters/parameters.h"
+#include "sprag/identification.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "observer/recorded_events.h"
+#include "recording/recorded_events.h"
 #include "tools/diagnose/diagnosis.h"
 #include "tools/diagnose/print.h"
 
@@ -14,7 +14,7 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
   const Scene scene = load_scene(run.scene, common);
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           BehindLoss::dropped, common, report);
+                           AfterLoss::dropped, common, report);
   const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),
                                        {recorded.begins, recorded.closed});
   nlohmann::ordered_json object;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "sprag/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/parameter_uncertainty.h"
+#include "sprag/detail/mechanics/parameter_uncertainty.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_text.h"
-#include "sprag/files/scene_writer.h"
+#include "sprag/detail/files/scene_text.h"
+#include "sprag/detail/files/scene_writer.h"
+#include "sprag/scene_file.h"
 #include "tools/identify/fitted_parameters.h"
 #include "tools/identify/fitted_tolerance.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/identification/identification.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/tolerance.h"
+#include "sprag/detail/mechanics/tolerance.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 

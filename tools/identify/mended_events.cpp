@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "sprag/files/events_file.h"
-#include "sprag/identification/repaired_events.h"
+#include "sprag/detail/identification/repaired_events.h"
+#include "sprag/events_file.h"
 
 namespace sprag {
 namespace {

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <span>
 
-#include "sprag/identification/identification.h"
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 

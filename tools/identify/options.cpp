@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/unknowns.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

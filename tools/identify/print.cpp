@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/printable.h"
-#include "sprag/identification/verdict.h"
+#include "sprag/detail/identification/verdict.h"
 
 namespace sprag {
 namespace {
@@ -196,7 +196,7 @@ std::string to_text(const IdentifyResult& result) {
   text += '\n' + plural(static_cast<std::size_t>(fit.impacts), "impact") +
           " from t = " + number(fit.from, 4) + " to " + number(fit.to, 4);
   if (fit.stretches > 1) text += " in " + std::to_string(fit.stretches) + " stretches";
-  if (fit.jitter_told) {
+  if (fit.jitter_given) {
     text += ", jitter " + number(fit.jitter, 3) + " s as specified.\n";
   } else if (fit.fits() && fit.scatter < exact * fit.interval) {
     text += ", exact times (scatter " + number(fit.scatter, 2) + " s).\n";
@@ -207,7 +207,7 @@ std::string to_text(const IdentifyResult& result) {
     text += plural(static_cast<std::size_t>(fit.left_out - fit.spurious_left_out), "event") +
             " not used: in parts too short to count, cut by near impacts or sustained contacts.\n";
   }
-  if (fit.jitter_told) {
+  if (fit.jitter_given) {
     text += "chi^2 is " + number(fit.chi2, 4) + " for " + std::to_string(fit.freedom) +
             " degrees of freedom; the limit is " + number(fit.largest_chi2, 4) + ".\n";
     if (fit.fits() && fit.scatter < 0.5 * fit.jitter) {
@@ -254,7 +254,7 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   // What did not converge has no numbers.
   const auto found = [&](double value) { return fit.converged() ? Json(value) : Json(nullptr); };
   object["jitter"] = found(fit.jitter);
-  object["jitter_told"] = fit.jitter_told;
+  object["jitter_told"] = fit.jitter_given;
   object["scatter"] = found(fit.scatter);
   object["chi2"] = found(fit.chi2);
   object["freedom"] = fit.freedom;

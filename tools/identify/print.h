@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/identification/explanations.h"
+#include "sprag/detail/identification/explanations.h"
 
 namespace sprag {
 

@@ -7,8 +7,8 @@
 #include <stdexcept>
 
 #include "command_line/program.h"
-#include "observer/recorded_events.h"
-#include "sprag/files/output_file.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/files/output_file.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/mended_events.h"
 #include "tools/identify/print.h"
@@ -63,7 +63,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   settings.unknowns = sought(scene, run.sought);
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           BehindLoss::used, common, report);
+                           AfterLoss::used, common, report);
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;

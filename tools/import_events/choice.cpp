@@ -4,8 +4,8 @@
 #include <map>
 
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag {
 

@@ -107,7 +107,7 @@ std::optional<ClockTime> parse_clock_time(std::string_view text, DecimalMark mar
   return std::nullopt;
 }
 
-Decimal behind_midnight(const Decimal& time_of_day, const Decimal& last) {
+Decimal after_midnight(const Decimal& time_of_day, const Decimal& last) {
   const Decimal second{1, 0};
   Decimal time = time_of_day;
   while (difference_in(last, time, second) > day / 2) time = plus(time, day);

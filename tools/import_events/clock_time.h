@@ -23,6 +23,6 @@ std::optional<ClockTime> parse_clock_time(std::string_view text, DecimalMark mar
 
 /// A time of day that is more than half a day before `last` belongs to a later day: the same, with
 /// as many days added.
-Decimal behind_midnight(const Decimal& time_of_day, const Decimal& last);
+Decimal after_midnight(const Decimal& time_of_day, const Decimal& last);
 
 }  // namespace sprag

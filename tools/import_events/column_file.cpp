@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 
-#include "sprag/files/csv.h"
-#include "sprag/files/nearest_word.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "tools/import_events/clock_time.h"
 #include "tools/import_events/decimal.h"
 

@@ -39,8 +39,9 @@ struct ColumnFile {
   std::vector<Column> columns;
   std::vector<RowProblem> problems;  ///< rows with a wrong number of fields or an open quote
 
-  /// Index of the column. Throws InputError (sprag/files/input_file.h), which lists the names that
-  /// exist, if there is none or more than one of that name. `file` is the name that errors carry.
+  /// Index of the column. Throws InputError (sprag/detail/files/input_file.h), which lists the
+  /// names that exist, if there is none or more than one of that name. `file` is the name that
+  /// errors carry.
   std::size_t find(std::string_view name, const std::string& file) const;
 };
 

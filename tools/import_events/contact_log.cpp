@@ -9,7 +9,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
-#include "sprag/estimation/message_builder.h"
+#include "sprag/detail/events/message_builder.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "lcmtypes/key.h"
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 
 namespace sprag {
 

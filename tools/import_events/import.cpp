@@ -74,7 +74,7 @@ class Importer {
       const auto time = parse_clock_time(cell.text, mark);
       Decimal value = time ? time->value : Decimal{};
       const bool clock = time && time->kind != ClockTime::Kind::number;
-      if (time && time->kind == ClockTime::Kind::time_of_day) value = behind_midnight(value, last);
+      if (time && time->kind == ClockTime::Kind::time_of_day) value = after_midnight(value, last);
       last = value;
       result_.of_clock = result_.of_clock || clock;
       const Decimal unit = clock ? Decimal{1, 0} : options_.unit;

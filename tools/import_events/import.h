@@ -16,7 +16,7 @@
 #include <limits>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/column_file.h"
 #include "tools/import_events/decimal.h"

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "command_line/program.h"
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/input_file.h"
 #include "tools/import_events/decimal.h"
 
 namespace sprag {

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/scene.h"
 #include "tools/import_events/clock_time.h"
 #include "tools/import_events/run.h"
 #include "tools/import_events/unit.h"

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "sprag/files/events_file.h"
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/events_file.h"
 #include "tools/import_events/contact_log.h"
 #include "tools/import_events/hints.h"
 #include "tools/import_events/unit.h"

@@ -5,8 +5,8 @@
 #include <map>
 #include <stdexcept>
 
-#include "sprag/files/input_file.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/model.h"
 
 namespace sprag::plot {
 namespace {

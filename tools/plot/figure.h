@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 #include "tools/plot/table.h"
 
 namespace sprag::plot {

@@ -8,9 +8,9 @@
 
 #include "command_line/printable.h"
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/output_file.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/output_file.h"
+#include "sprag/scene.h"
 #include "tools/plot/gnuplot.h"
 #include "tools/plot/script_text.h"
 

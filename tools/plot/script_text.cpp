@@ -14,7 +14,7 @@
 #include <system_error>
 
 #include "command_line/printable.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::plot {
 namespace {

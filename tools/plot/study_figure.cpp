@@ -6,10 +6,10 @@
 #include <set>
 #include <stdexcept>
 
-#include "sprag/analysis/attractors.h"
-#include "sprag/analysis/quantile.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/input_file.h"
+#include "sprag/detail/analysis/attractors.h"
+#include "sprag/detail/analysis/quantile.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
 #include "tools/plot/script_text.h"
 
 namespace sprag::plot {

@@ -27,10 +27,10 @@ constexpr const char* cividis =
 // last.
 constexpr std::array<unsigned, 9> label_colours{0xd9d9d9, 0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7,
                                                 0x56b4e9, 0xd55e00, 0xf0e442, 0x000000};
-constexpr std::size_t labels_told = label_colours.size() - 1;
+constexpr std::size_t labels_named = label_colours.size() - 1;
 
 std::size_t colour_number(double label) {
-  return std::min(static_cast<std::size_t>(label), labels_told);
+  return std::min(static_cast<std::size_t>(label), labels_named);
 }
 
 double height_of_study(const StudyPanel& panel) {
@@ -338,11 +338,11 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
   }
   if (labels) {
     script_.line("unset colorbox");
-    for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_told + 1); ++label) {
+    for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_named + 1); ++label) {
       const bool occurs = std::any_of(panel.z.begin(), panel.z.end(),
                                       [&](double of) { return colour_number(of) == label; });
       if (!occurs) continue;
-      const bool others = label == labels_told && panel.titles.size() > labels_told + 1;
+      const bool others = label == labels_named && panel.titles.size() > labels_named + 1;
       char colour[16];
       std::snprintf(colour, sizeof colour, "'#%06x'", label_colours[label]);
       parts.push_back(std::string("NaN with points pt 5 ps 1.6 lc rgb ") + colour + " title " +

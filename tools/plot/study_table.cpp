@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/input_file.h"
 
 namespace sprag::plot {
 namespace {

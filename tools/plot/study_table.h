@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::plot {
 

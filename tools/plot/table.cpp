@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "command_line/program.h"
-#include "sprag/files/shipped_scenes.h"
+#include "sprag/detail/files/shipped_scenes.h"
 
 namespace sprag::plot {
 namespace {

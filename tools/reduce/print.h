@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/analysis/reduction_choice.h"
+#include "sprag/detail/analysis/reduction_choice.h"
 
 namespace sprag {
 

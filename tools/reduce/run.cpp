@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "observer/recorded_events.h"
-#include "sprag/analysis/reduction_choice.h"
-#include "sprag/files/scene_writer.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/files/scene_writer.h"
 #include "tools/reduce/print.h"
 
 namespace sprag {
@@ -29,7 +29,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded =
       read_recorded_events(run.events, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           BehindLoss::dropped, common, report);
+                           AfterLoss::dropped, common, report);
 
   const Followed followed = second_half(recorded.events, recorded.begins, recorded.closed);
   const ReductionTable table{scene.name, followed, reductions(machine, kept, followed)};

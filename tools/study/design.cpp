@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <optional>
 
-#include "sprag/analysis/reduction.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_text.h"
-#include "sprag/mechanics/energy.h"
+#include "sprag/detail/files/scene_text.h"
+#include "sprag/energy.h"
+#include "sprag/reduction.h"
+#include "sprag/scene_file.h"
 #include "tools/study/random.h"
 
 namespace sprag::study {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 #include "tools/study/disturbance.h"
 #include "tools/study/study_file.h"
 

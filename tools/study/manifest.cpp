@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "sprag/files/input_file.h"
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/output_file.h"
 #include "tools/study/quantities.h"
 
 namespace sprag::study {

@@ -6,11 +6,11 @@
 #include <limits>
 #include <optional>
 
-#include "sprag/analysis/recurrence.h"
-#include "sprag/estimation/replica_sweep.h"
-#include "sprag/files/csv.h"
-#include "sprag/mechanics/interrupt.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/analysis/recurrence.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/replica/replica_sweep.h"
+#include "sprag/master.h"
 
 namespace sprag::study {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/mechanics/flows.h"
+#include "sprag/detail/mechanics/flows.h"
 #include "tools/study/design.h"
 #include "tools/study/schedule.h"
 #include "tools/study/study_file.h"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "command_line/program.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 #ifdef SPRAG_HAS_MPI
 #define OMPI_SKIP_MPICXX 1

@@ -14,9 +14,9 @@
 #include <utility>
 
 #include "command_line/program.h"
-#include "sprag/files/csv.h"
-#include "sprag/files/input_file.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag::study {
 namespace {

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "command_line/printable.h"
-#include "sprag/files/input_file.h"
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "tools/study/manifest.h"
 #include "tools/study/quantities.h"
 #include "tools/study/row_file.h"

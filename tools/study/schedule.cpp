@@ -7,7 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "sprag/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag::study {
 namespace {

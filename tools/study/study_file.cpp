@@ -9,14 +9,14 @@
 #include <utility>
 
 #include "command_line/program.h"
-#include "sprag/estimation/parameters.h"
-#include "sprag/files/input_file.h"
-#include "sprag/files/nearest_word.h"
-#include "sprag/files/scene_file.h"
-#include "sprag/files/scene_text.h"
-#include "sprag/files/shipped_scenes.h"
-#include "sprag/files/toml_reader.h"
-#include "sprag/filter/tracking_estimator.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/files/scene_text.h"
+#include "sprag/detail/files/shipped_scenes.h"
+#include "sprag/detail/files/toml_reader.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/parameters/parameters.h"
+#include "sprag/scene_file.h"
 #include "tools/study/design.h"
 
 namespace sprag::study {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/any_replica.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/detail/replica/any_replica.h"
+#include "sprag/scene.h"
 #include "tools/study/disturbance.h"
 
 namespace sprag::study {

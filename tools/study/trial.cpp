@@ -6,11 +6,11 @@
 #include <numeric>
 #include <utility>
 
-#include "sprag/estimation/replica_sweep.h"
-#include "sprag/mechanics/energy.h"
-#include "sprag/mechanics/instant.h"
-#include "sprag/mechanics/interrupt.h"
-#include "sprag/mechanics/master.h"
+#include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/replica/replica_sweep.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
 
 namespace sprag::study {
 namespace {

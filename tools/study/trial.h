@@ -10,9 +10,9 @@
 #include <span>
 #include <vector>
 
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/scene.h"
 
 namespace sprag::study {
 

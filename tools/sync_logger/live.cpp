@@ -58,14 +58,14 @@ class Finish {
     paired_ = paired_ || is_last(t);
   }
   void sample(double t, Clock::time_point now) {
-    heard_ = now;
+    received_ = now;
     seen_ = seen_ || is_last(t);
   }
 
   bool paired() const { return paired_; }
 
   /// The last instant came from one side, and nothing more comes from the other.
-  bool lost(Clock::time_point now) const { return seen_ && now - heard_ > patience; }
+  bool lost(Clock::time_point now) const { return seen_ && now - received_ > patience; }
 
  private:
   bool is_last(double t) const {
@@ -77,7 +77,7 @@ class Finish {
   double step_ = std::numeric_limits<double>::infinity();
   std::optional<double> last_t_;
   bool paired_ = false, seen_ = false;
-  Clock::time_point heard_;
+  Clock::time_point received_;
 };
 
 class Live {
@@ -111,7 +111,7 @@ class Live {
 
   void run() {
     auto next_progress = Clock::now() + 1s;
-    while (!stop_requested() && !finish_.paired() && !heard_in_vain()) {
+    while (!stop_requested() && !finish_.paired() && !received_in_vain()) {
       bus_.handle(100ms);
       tell_failures();
       if (to_stdout_) csv_.flush();
@@ -200,7 +200,7 @@ class Live {
       another_master(now);
     } else {
       drop_held();
-      truth_heard_ = now;
+      truth_received_ = now;
       freshness_.note(state_.utime);
       pair(state_);
     }
@@ -219,11 +219,11 @@ class Live {
   }
 
   void follow_the_other(Clock::time_point now) {
-    const auto silent = now - truth_heard_;
+    const auto silent = now - truth_received_;
     if (held_.empty() || silent < silence) return;
     // A single state may come from anybody; one that is alone after a second is all there is.
     if (held_.size() < enough_states && silent < 10 * silence) return;
-    truth_heard_ = now;
+    truth_received_ = now;
     for (const StateSample& state : std::exchange(held_, {})) {
       freshness_.note(state.utime);
       pair(state);
@@ -291,7 +291,7 @@ class Live {
   }
 
   // Nothing that could still be written: the disk is full, or the reader of stdout has gone.
-  bool heard_in_vain() const {
+  bool received_in_vain() const {
     return !csv_.good() && (!now_csv_ || !now_csv_->good()) && (!record_ || !record_->good());
   }
 
@@ -302,9 +302,9 @@ class Live {
       std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
       told = true;
     };
-    tell(csv_, told_csv_);
-    if (now_csv_) tell(*now_csv_, told_now_);
-    if (record_) tell(*record_, told_record_);
+    tell(csv_, csv_failure_reported_);
+    if (now_csv_) tell(*now_csv_, now_failure_reported_);
+    if (record_) tell(*record_, record_failure_reported_);
   }
 
   std::string lost() const { return describe(losses_, bus_.counts().overflowed); }
@@ -312,8 +312,8 @@ class Live {
   // As soon as it is known, and once a second while it grows.
   void tell_losses(Clock::time_point now) {
     const std::string all = lost();
-    if (all == told_losses_) return;
-    told_losses_ = all;
+    if (all == reported_losses_) return;
+    reported_losses_ = all;
     next_loss_line_ = now + 1s;
     if (all.empty()) {
       std::cerr << "what was late has arrived: nothing is lost\n";
@@ -345,8 +345,9 @@ class Live {
   bool to_stdout_;
   FreshnessRule freshness_;
   bool warned_ = false;
-  bool told_csv_ = false, told_now_ = false, told_record_ = false;
-  Clock::time_point truth_heard_;
+  bool csv_failure_reported_ = false, now_failure_reported_ = false,
+       record_failure_reported_ = false;
+  Clock::time_point truth_received_;
   std::vector<StateSample> held_;  // of another session than the one that is paired
   std::int64_t of_other_masters_ = 0;
   std::int64_t stale_ = 0;  // began a session, but were not sent just then
@@ -357,7 +358,7 @@ class Live {
   std::array<std::int64_t, refusal_kinds> refused_{};
   ContactMessage contacts_;
   Losses losses_;
-  std::string told_losses_;
+  std::string reported_losses_;
   Clock::time_point next_loss_line_;  // not before
 };
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "command_line/program.h"
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag {
 

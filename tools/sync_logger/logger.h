@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "lcmtypes/state_codec.h"
-#include "sprag/mechanics/energy.h"
+#include "sprag/energy.h"
 
 namespace sprag {
 

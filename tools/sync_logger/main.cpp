@@ -1,6 +1,6 @@
 // sync_logger: the synchronization error energy V(t) of a master and its observer, as CSV.
 #include "command_line/program.h"
-#include "sprag/mechanics/scene.h"
+#include "sprag/scene.h"
 #include "tools/sync_logger/live.h"
 #include "tools/sync_logger/offline.h"
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 
-#include "sprag/mechanics/model.h"
+#include "sprag/model.h"
 
 namespace sprag {
 

@@ -1,6 +1,6 @@
 #include "tools/sync_logger/sync_file.h"
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag {
 

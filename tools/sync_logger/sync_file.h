@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "sprag/files/csv_writer.h"
+#include "sprag/detail/files/csv_writer.h"
 #include "tools/sync_logger/logger.h"
 
 namespace sprag {

@@ -5,9 +5,9 @@
 #include <limits>
 
 #include "command_line/in_parallel.h"
-#include "sprag/analysis/trial.h"
-#include "sprag/filter/tracking_estimator.h"
-#include "sprag/mechanics/energy.h"
+#include "sprag/detail/analysis/trial.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/energy.h"
 #include "tools/study/design.h"
 
 namespace sprag::tolerance {

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/estimation/any_replica.h"
+#include "sprag/detail/replica/any_replica.h"
 #include "tools/study/disturbance.h"
 #include "tools/study/study_file.h"
 #include "tools/study/trial.h"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "sprag/identification/machine_family.h"
+#include "sprag/detail/identification/machine_family.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/bound/bound_tracker.h"
-#include "sprag/bound/certified_floor.h"
-#include "sprag/mechanics/energy.h"
+#include "sprag/certified_floor.h"
+#include "sprag/detail/bound/bound_tracker.h"
+#include "sprag/energy.h"
 
 namespace sprag::tolerance {
 namespace {

@@ -10,8 +10,8 @@
 #include <stdexcept>
 
 #include "command_line/in_parallel.h"
-#include "sprag/analysis/wrapped_text.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/analysis/wrapped_text.h"
+#include "sprag/detail/files/csv.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {

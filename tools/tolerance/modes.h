@@ -1,6 +1,6 @@
 // How few modes an observer needs: the machine gives the events, an estimator of its first modes
 // alone follows them, without and with the correction for the other modes that the events choose
-// (sprag/analysis/reduction_choice.h).
+// (sprag/detail/analysis/reduction_choice.h).
 #pragma once
 
 #include <functional>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/analysis/reduction_choice.h"
+#include "sprag/detail/analysis/reduction_choice.h"
 #include "tools/tolerance/search.h"
 
 namespace sprag::tolerance {
@@ -24,7 +24,7 @@ struct FewerModes {
 };
 
 /// With 1, 2, 3, ... modes, above 6 not with every number of them, and with all. The bench is one
-/// of a scene that in_modes() (sprag/analysis/reduction.h) has made. The same for any number of
+/// of a scene that in_modes() (sprag/reduction.h) has made. The same for any number of
 /// threads. Throws Interrupted.
 std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
                                     const std::function<void(double done)>& tell);

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/printable.h"
-#include "sprag/analysis/wrapped_text.h"
-#include "sprag/files/csv.h"
+#include "sprag/detail/analysis/wrapped_text.h"
+#include "sprag/detail/files/csv.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {

@@ -9,8 +9,8 @@
 #include <optional>
 #include <thread>
 
-#include "sprag/analysis/reduction.h"
-#include "sprag/files/output_file.h"
+#include "sprag/detail/files/output_file.h"
+#include "sprag/reduction.h"
 #include "tools/plot/script_text.h"
 #include "tools/tolerance/chart.h"
 #include "tools/tolerance/modes.h"

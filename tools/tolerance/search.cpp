@@ -6,7 +6,7 @@
 #include <set>
 
 #include "command_line/in_parallel.h"
-#include "sprag/analysis/quantile.h"
+#include "sprag/detail/analysis/quantile.h"
 #include "tools/tolerance/guaranteed.h"
 
 namespace sprag::tolerance {

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "sprag/files/csv.h"
+#include "sprag/detail/files/csv.h"
 
 namespace sprag::tolerance {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "sprag/mechanics/beam.h"
+#include "sprag/beam.h"
 
 namespace sprag::view {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/estimation/confidence.h"
+#include "sprag/detail/estimates/confidence.h"
 #include "tools/view/history.h"
 #include "tools/view/raster.h"
 

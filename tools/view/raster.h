@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 #include "tools/view/history.h"
 
 namespace sprag::view {

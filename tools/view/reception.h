@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "lcmtypes/refusal.h"
-#include "observer/arrival.h"
+#include "recording/arrival.h"
 #include "tools/view/stage.h"
 
 namespace sprag::view {

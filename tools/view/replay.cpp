@@ -11,10 +11,10 @@
 
 #include "lcmtypes/contacts_codec.h"
 #include "observer/estimation.h"
-#include "observer/recorded_events.h"
-#include "observer/recording.h"
-#include "sprag/estimation/message_builder.h"
-#include "sprag/files/events_file.h"
+#include "recording/recorded_events.h"
+#include "recording/recording.h"
+#include "sprag/detail/events/message_builder.h"
+#include "sprag/events_file.h"
 
 namespace sprag::view {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "lcmtypes/bus.h"
 #include "observer/wake.h"
-#include "sprag/files/input_file.h"
+#include "sprag/detail/files/input_file.h"
 #include "tools/view/client.h"
 #include "tools/view/gateway/server.h"
 #include "tools/view/page_files.h"

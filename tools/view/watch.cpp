@@ -5,8 +5,8 @@
 #include <iterator>
 #include <utility>
 
-#include "sprag/estimation/penetration.h"
-#include "sprag/mechanics/scale.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/replica/penetration.h"
 
 namespace sprag::view {
 namespace {

@@ -16,7 +16,7 @@
 #include <complex>
 #include <exception>
 
-#include "sprag/mechanics/oscillators.h"
+#include "sprag/detail/mechanics/oscillators.h"
 #include "studies/work_precision/machine.h"
 #include "studies/work_precision/methods/fixed_step.h"
 #include "studies/work_precision/methods/methods.h"

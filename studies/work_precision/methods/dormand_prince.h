@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
+#include "sprag/contact_event.h"
 
 namespace sprag::work_precision {
 

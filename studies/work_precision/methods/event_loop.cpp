@@ -5,7 +5,7 @@
 namespace sprag::work_precision {
 namespace {
 
-// As in mechanics/master.cpp and mechanics/contact_solver.cpp.
+// As in master.cpp and detail/mechanics/contact_solver.cpp.
 constexpr double touching = 1e-12;    // share of the gap's terms
 constexpr double zero_share = 1e-12;  // of velocities and accelerations
 // Share of the time, and of the gap's terms, below which a bounce is lost in rounding.

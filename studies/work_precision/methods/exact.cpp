@@ -1,8 +1,8 @@
-// The event-driven simulation of this project, mechanics/master.h: exact flows between events, and
+// The event-driven simulation of this project, master.h: exact flows between events, and
 // events located by bounds on the derivatives of the gaps. There is no step and no tolerance.
 #include <exception>
 
-#include "sprag/mechanics/master.h"
+#include "sprag/master.h"
 #include "studies/work_precision/methods/methods.h"
 
 namespace sprag::work_precision {

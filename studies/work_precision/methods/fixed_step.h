@@ -18,8 +18,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "sprag/mechanics/contact_event.h"
-#include "sprag/mechanics/impact_law.h"
+#include "sprag/contact_event.h"
+#include "sprag/detail/mechanics/impact_law.h"
 #include "studies/work_precision/method.h"
 
 namespace sprag::work_precision {

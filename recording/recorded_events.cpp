@@ -1,0 +1,139 @@
+#include "recording/recorded_events.h"
+
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "recording/recording.h"
+#include "recording/session_tracker.h"
+#include "sprag/detail/events/event_history.h"
+#include "sprag/events_file.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t usual_events = 4096;
+// A session whose first message is from later began elsewhere: a machine's clock may start
+// anywhere. As an observer with ticks of 1e-3 has it.
+constexpr double near = 100.0;  // s
+
+RecordedEvents read_csv(InputFile file, int contacts, double end) {
+  RecordedEvents recorded;
+  const std::string name = file.path().string();
+  EventsFile of_file = read_events(std::move(file), contacts);
+  refuse_implausible_end(of_file, name, end);
+  recorded.events = std::move(of_file.events);
+  recorded.gaps = std::move(of_file.gaps);
+  const auto at_line = [&](const FileProblem& problem) {
+    return name + ':' + std::to_string(problem.line) + ": ";
+  };
+  for (const FileProblem& problem : of_file.skipped) {
+    recorded.problems.push_back(at_line(problem) + "skipped: " + problem.what);
+  }
+  if (of_file.damage) {
+    recorded.whole = false;
+    recorded.problems.push_back(at_line(*of_file.damage) + of_file.damage->what +
+                                "; everything before is used");
+  }
+  return recorded;
+}
+
+RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
+                        const std::optional<Key>& key) {
+  RecordedEvents recorded;
+  const std::string name = file.path().string() + ": ";
+  RecordedMessages log(std::move(file), contacts, key);
+  SessionTracker sessions;
+  EventHistory history(contacts, usual_events);
+  std::size_t earlier_gaps = 0;  // of other runs
+  ContactMessage message;
+  Arrival arrival;
+  while (log.next(message, arrival)) {
+    const auto verdict = sessions.hear(message, arrival);
+    if (verdict == SessionTracker::Verdict::ignored) continue;
+    if (verdict == SessionTracker::Verdict::starts) {
+      history.restart(0, 0, no_horizon);
+      // A recording that begins later has events before that nobody knows.
+      if (message.records_total > message.records || message.horizon > near) {
+        history.restart(message.records_total, message.closed, message.horizon);
+        recorded.begins = message.horizon;
+        recorded.closed = message.closed;
+      } else {
+        recorded.begins = 0.0;
+        recorded.closed = 0;
+      }
+      earlier_gaps = history.degraded().size();
+    }
+    // The clock or the counts went back: what they count now is not what is known.
+    const bool back =
+        message.horizon < history.horizon() || message.records_total < history.next_record();
+    if (verdict == SessionTracker::Verdict::resumes && back) {
+      history.degrade(history.horizon(), message.horizon);
+    }
+    history.add(message);
+  }
+  recorded.sessions = sessions.counts().sessions;
+  if (sessions.counts().received == 0 && !log.empty()) {
+    recorded.problems.push_back(name + "no message of a machine with " + std::to_string(contacts) +
+                                (contacts == 1 ? " contact" : " contacts"));
+  }
+  if (recorded.sessions > 1) {
+    recorded.problems.push_back(name + std::to_string(recorded.sessions) +
+                                " runs of a master; the last is used");
+  }
+  recorded.events = history.events();
+  if (recorded.begins > 0.0) {
+    std::ostringstream text;
+    text << name << "begins at t = " << recorded.begins << ": what was before is not known";
+    recorded.problems.push_back(text.str());
+  }
+  for (std::size_t i = earlier_gaps; i < history.degraded().size(); ++i) {
+    const EventGap gap = {history.degraded()[i].from, history.degraded()[i].to};
+    std::ostringstream text;
+    text << name << "events may be missing from t = " << gap.from;
+    if (behind == AfterLoss::dropped) {
+      text << " on; everything before is used";
+      recorded.problems.push_back(text.str());
+      std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > gap.from; });
+      break;
+    }
+    text << " to " << gap.to;
+    recorded.problems.push_back(text.str());
+    add(gap, recorded.gaps);
+  }
+  recorded.whole = log.damages().empty();
+  for (std::string& problem : log.problems()) recorded.problems.push_back(std::move(problem));
+  return recorded;
+}
+
+}  // namespace
+
+void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
+                            const std::string& advice) {
+  if (!events.implausible || std::isfinite(end)) return;
+  const FileProblem& problem = events.implausible->problem;
+  throw InputError(file + ":" + std::to_string(problem.line) + ": " + problem.what +
+                   " Correct or remove the row" + advice);
+}
+
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    AfterLoss behind, const std::optional<Key>& key) {
+  InputFile input(file);
+  const bool is_log = is_lcm_log(input);
+  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, behind, key)
+                                   : read_csv(std::move(input), contacts, end);
+  std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
+  return recorded;
+}
+
+RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
+                                    AfterLoss behind, const CommonOptions& common,
+                                    nlohmann::ordered_json& report) {
+  RecordedEvents recorded = read_recorded_events(file, contacts, end, behind, key_of(common));
+  for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
+  report["problems"] = recorded.problems;
+  return recorded;
+}
+
+}  // namespace sprag

@@ -1,0 +1,72 @@
+#include "recording/recording.h"
+
+#include <algorithm>
+#include <limits>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
+
+namespace sprag {
+namespace {
+
+// The log's clock advances a little with every record: not every log's does.
+constexpr std::int64_t least_step = 1'000'000;  // ns
+constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
+
+}  // namespace
+
+bool is_lcm_log(InputFile& file) {
+  constexpr std::string_view sync = "\xED\xA1\xDA\x01";
+  return file.ahead(sync.size()).starts_with(sync) || file.path().extension() == ".lcmlog";
+}
+
+RecordedMessages::RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key)
+    : name_(file.path().string()), log_(std::move(file)), contacts_(contacts), key_(&key) {}
+
+std::vector<std::string> RecordedMessages::problems() const {
+  constexpr std::size_t most = 20;
+  std::vector<std::string> lines;
+  const std::vector<LogDamage>& damages = log_.damages();
+  for (const LogDamage& damage : damages) {
+    if (lines.size() == most) {
+      lines.push_back(name_ + ": " + std::to_string(damages.size() - most) + " more damages");
+      break;
+    }
+    const std::string begin = std::to_string(damage.begin);
+    lines.push_back(name_ + ": " +
+                    (damage.to_the_end
+                         ? "from byte " + begin + ": " + damage.what + "; everything before is used"
+                         : "bytes " + begin + " to " + std::to_string(damage.end - 1) + ": " +
+                               damage.what + "; left out, the rest is used"));
+  }
+  if (empty()) lines.push_back(name_ + ": is empty");
+  return lines;
+}
+
+bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
+  while (log_.next(record_)) {
+    if (record_.channel != contacts_channel) continue;
+    std::span<const std::uint8_t> message(record_.data);
+    if (*key_) {
+      if (!(*key_)->verifies(record_.channel, message)) {
+        ++unauthenticated_;
+        continue;
+      }
+      message = message.first(message.size() - Key::tag_size);
+    }
+    if (decode(message, report) != Refusal::none || report.contacts != contacts_) {
+      ++refused_;
+      continue;
+    }
+    const std::int64_t utime = std::clamp<std::int64_t>(record_.utime, 0, latest);
+    now_ = std::max(1000 * utime, now_ + least_step);
+    arrival = {now_, utime};
+    return true;
+  }
+  return false;
+}
+
+}  // namespace sprag

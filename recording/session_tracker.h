@@ -1,0 +1,199 @@
+// Which master is being heard, and what became of its messages on the way. While a master is heard
+// another one on the same channel is not. A restarted master has a new session; it is followed as
+// soon as the old one is silent and three messages in a row show that somebody is there: single
+// messages with any session may come from anybody. Silence does not count while messages are being
+// dropped on their way here.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "lcmtypes/freshness.h"
+#include "recording/arrival.h"
+#include "recording/continuity.h"
+#include "sprag/detail/events/contact_message.h"
+
+namespace sprag {
+
+struct MessageCounts {
+  std::int64_t received = 0;
+  std::int64_t lost = 0;  ///< numbers never seen
+  std::int64_t doubled = 0;
+  std::int64_t reordered = 0;  ///< arrived after a later one
+  std::int64_t of_past_sessions = 0;
+  std::int64_t of_other_masters = 0;  ///< beside the one that is heard
+  std::int64_t stale = 0;             ///< began a session too late to be what it says
+  std::int64_t implausible = 0;       ///< cannot be, or did not go on from those before
+  std::int64_t resumed = 0;           ///< times that a session went on elsewhere
+  std::int64_t sessions = 0;
+};
+
+class SessionTracker {
+ public:
+  /// `h`: the observer's tick [s].
+  explicit SessionTracker(Freshness freshness = Freshness::any, double h = 1e-6)
+      : freshness_(freshness), continuity_(h), candidates_(max_candidates) {
+    past_.reserve(max_past);
+  }
+
+  /// `resumes`: the session goes on, but its clock or its counts have jumped.
+  enum class Verdict { starts, continues, resumes, ignored };
+
+  /// Does not allocate. `ignored`: doubled, implausible, or not of the master that is heard.
+  Verdict hear(const ContactMessage& message, const Arrival& arrival) {
+    ++counts_.received;
+    oddity_ = continuity_.impossible(message);
+    if (oddity_ != Oddity::none) return refuse();
+    if (counts_.sessions > 0 && message.session == session_) return hear_followed(message, arrival);
+    if (!freshness_.allows(message.utime, arrival.wall)) {
+      ++counts_.stale;
+      return Verdict::ignored;
+    }
+    if (counts_.sessions > 0 && !succeeds(message, arrival)) return Verdict::ignored;
+    if (counts_.sessions > 0) {
+      if (past_.size() == max_past) past_.erase(past_.begin());
+      past_.push_back({session_, last_});
+    }
+    ++counts_.sessions;
+    session_ = message.session;
+    first_ = last_ = message.sequence;
+    seen_ = 1;
+    note(message, arrival);
+    continuity_.restart(message, arrival);
+    return Verdict::starts;
+  }
+
+  /// Messages were dropped at this monotonic time [ns]: the master may have been among them.
+  void note_drop(std::int64_t monotonic) { dropped_ = std::max(dropped_, monotonic); }
+
+  /// What was implausible in the last message; `none` if it was ignored for something else.
+  Oddity oddity() const { return oddity_; }
+
+  std::int64_t session() const { return session_; }
+  /// Session of the last other master.
+  std::int64_t other() const { return other_; }
+  const MessageCounts& counts() const { return counts_; }
+
+ private:
+  static constexpr std::size_t max_past = 64;
+  // More than anybody sends between two heartbeats of a master, short of a flood.
+  static constexpr std::size_t max_candidates = 1024;
+  static constexpr std::int64_t silence = 100'000'000;  // ns, ten heartbeats: the master is gone
+  static constexpr int enough_messages = 3;             // of a new one
+
+  struct Past {
+    std::int64_t session, last;
+  };
+  struct Candidate {
+    std::int64_t session = 0;
+    std::int64_t last = -1;  // sequence number
+    int messages = 0;        // with rising numbers; 0: a free place
+  };
+
+  Verdict refuse() {
+    ++counts_.implausible;
+    return Verdict::ignored;
+  }
+
+  Verdict hear_followed(const ContactMessage& message, const Arrival& arrival) {
+    switch (continuity_.hear(message, arrival)) {
+      case Continuity::Verdict::odd:
+        oddity_ = continuity_.oddity();
+        return refuse();
+      case Continuity::Verdict::resumes:
+        oddity_ = continuity_.oddity();
+        ++counts_.resumed;
+        first_ = last_ = message.sequence;
+        seen_ = 1;
+        note(message, arrival);
+        return Verdict::resumes;
+      case Continuity::Verdict::fits:
+        break;
+    }
+    const Verdict verdict = continue_session(message.sequence);
+    if (verdict == Verdict::continues) note(message, arrival);
+    return verdict;
+  }
+
+  void note(const ContactMessage& message, const Arrival& arrival) {
+    paced_ = message.speed < std::numeric_limits<double>::infinity();
+    received_ = arrival.monotonic;
+    freshness_.note(message.utime);
+  }
+
+  // Whether the message's master takes the place of the one that was heard.
+  bool succeeds(const ContactMessage& message, const Arrival& arrival) {
+    for (Past& past : past_) {
+      if (past.session != message.session) continue;
+      ++counts_.of_past_sessions;
+      if (message.sequence <= past.last) return false;
+      return silent(arrival) && messages_of(message) >= enough_messages;
+    }
+    // An unpaced master is no machine, and may be followed by the next at once.
+    if (!paced_) return true;
+    if (messages_of(message) >= enough_messages && silent(arrival)) return true;
+    ++counts_.of_other_masters;
+    other_ = message.session;
+    return false;
+  }
+
+  bool silent(const Arrival& arrival) const {
+    return !paced_ || arrival.monotonic - std::max(received_, dropped_) >= silence;
+  }
+
+  // Counts this one.
+  int messages_of(const ContactMessage& message) {
+    for (Candidate& candidate : candidates_) {
+      if (candidate.messages == 0 || candidate.session != message.session) continue;
+      if (message.sequence > candidate.last) {
+        candidate.last = message.sequence;
+        ++candidate.messages;
+      }
+      return candidate.messages;
+    }
+    candidates_[next_candidate_] = {message.session, message.sequence, 1};
+    next_candidate_ = (next_candidate_ + 1) % max_candidates;
+    return 1;
+  }
+
+  // Bit i of `seen_` stands for sequence number last_ - i.
+  Verdict continue_session(std::int64_t sequence) {
+    if (sequence > last_) {
+      const std::int64_t step = sequence - last_;
+      counts_.lost += step - 1;
+      seen_ = step < 64 ? (seen_ << step) | 1U : 1U;
+      last_ = sequence;
+      return Verdict::continues;
+    }
+    const std::int64_t age = last_ - sequence;
+    const std::uint64_t bit = age < 64 ? std::uint64_t{1} << age : 0;
+    if (bit == 0 || (seen_ & bit) != 0) {
+      ++counts_.doubled;
+      return Verdict::ignored;
+    }
+    seen_ |= bit;
+    if (sequence > first_) --counts_.lost;
+    ++counts_.reordered;
+    return Verdict::continues;
+  }
+
+  FreshnessRule freshness_;
+  Continuity continuity_;
+  Oddity oddity_ = Oddity::none;
+  std::int64_t session_ = 0;
+  std::int64_t first_ = 0;
+  std::int64_t last_ = 0;
+  std::uint64_t seen_ = 0;
+  std::vector<Past> past_;
+  std::vector<Candidate> candidates_;
+  std::size_t next_candidate_ = 0;
+  bool paced_ = false;
+  std::int64_t received_ = 0;  // monotonic [ns]
+  std::int64_t dropped_ = std::numeric_limits<std::int64_t>::min() / 2;
+  std::int64_t other_ = 0;
+  MessageCounts counts_;
+};
+
+}  // namespace sprag

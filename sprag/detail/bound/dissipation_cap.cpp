@@ -1,0 +1,214 @@
+#include "sprag/detail/bound/dissipation_cap.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+using std::complex;
+
+// Eigenvalues are right to rounding.
+constexpr double eigenvalue_margin = 1e-9;
+constexpr double least_alpha = 1e-3, most_alpha = 0.95;  // of the lowest frequency
+// Directions that depend on each other, as a share of the largest eigenvalue of G; gaps that are
+// zero to rounding, as a share of their terms.
+constexpr double dependent_modes = 1e-10;
+constexpr double gap_margin = 1e-9;
+// Beyond this many coordinates an eigenvalue problem takes milliseconds.
+constexpr Eigen::Index few_coordinates = 12;
+
+// Smallest eigenvalue of Q x = value P x.
+double smallest(const Eigen::MatrixXd& Q, const Eigen::MatrixXd& P) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(P);
+  if (factor.info() != Eigen::Success) return -infinity;
+  Eigen::MatrixXd B = factor.matrixL().solve(Q);
+  B = factor.matrixL().solve(B.transpose()).eval();
+  return eigenvalues(0.5 * (B + B.transpose()))[0];
+}
+
+// The same of one mode.
+double smallest_of_mode(double a, double b, double d, double p) {
+  // det(Q - x P) with Q = [a b; b d], P = [1 p; p 1].
+  const double A = 1.0 - p * p;
+  const double B = a + d - 2.0 * b * p;
+  const double C = a * d - b * b;
+  const double root = std::sqrt(std::max(B * B - 4.0 * A * C, 0.0));
+  return B > 0.0 ? 2.0 * C / (B + root) : (B - root) / (2.0 * A);
+}
+
+double rho_at(const EnergyMetric& metric, double alpha, double k, double c) {
+  const Eigen::VectorXd& omega = metric.omega();
+  const Eigen::Index f = omega.size();
+  if (metric.decoupled()) {
+    double rho = infinity;
+    for (Eigen::Index i = 0; i < f; ++i) {
+      const double d = metric.D()(i, i);
+      const double cross = alpha * (1.0 + c) * d / omega[i] + k * omega[i];
+      rho = std::min(rho, smallest_of_mode(2.0 * alpha * (1.0 + k), cross,
+                                           2.0 * (1.0 + c) * d - 2.0 * alpha, alpha / omega[i]));
+    }
+    return 0.5 * rho;
+  }
+  Eigen::MatrixXd P = Eigen::MatrixXd::Identity(2 * f, 2 * f);
+  P.topRightCorner(f, f) = (alpha * omega.cwiseInverse()).asDiagonal();
+  P.bottomLeftCorner(f, f) = P.topRightCorner(f, f);
+  Eigen::MatrixXd Q = Eigen::MatrixXd::Zero(2 * f, 2 * f);
+  Q.topLeftCorner(f, f).diagonal().setConstant(2.0 * alpha * (1.0 + k));
+  Q.topRightCorner(f, f) = alpha * (1.0 + c) * omega.cwiseInverse().asDiagonal() * metric.D();
+  Q.topRightCorner(f, f).diagonal() += k * omega;
+  Q.bottomLeftCorner(f, f) = Q.topRightCorner(f, f).transpose();
+  Q.bottomRightCorner(f, f) = 2.0 * (1.0 + c) * metric.D();
+  Q.bottomRightCorner(f, f).diagonal().array() -= 2.0 * alpha;
+  return 0.5 * smallest(Q, P);
+}
+
+// sup over the phase of |Re(a e^(i phi))|.
+double largest_of(const Eigen::VectorXcd& a) {
+  const double rr = a.real().squaredNorm();
+  const double ii = a.imag().squaredNorm();
+  const double ri = a.real().dot(a.imag());
+  return std::sqrt(0.5 * (rr + ii) + std::hypot(0.5 * (rr - ii), ri));
+}
+
+}  // namespace
+
+Decay slowest_decay(const EnergyMetric& metric, const Tolerance& tolerance) {
+  const double lowest = metric.omega().minCoeff();
+  if (!(lowest > 0.0)) return {};
+  const auto of = [&](double alpha) {
+    double rho = infinity;
+    for (const double k : {-tolerance.stiffness, tolerance.stiffness}) {
+      for (const double c : {-tolerance.damping, tolerance.damping}) {
+        rho = std::min(rho, rho_at(metric, alpha, k, c));
+      }
+    }
+    return rho;
+  };
+  const int nodes = metric.decoupled() || metric.coordinates() <= few_coordinates ? 60 : 16;
+  Decay best;
+  for (int i = 0; i < nodes; ++i) {
+    const double share = static_cast<double>(i) / (nodes - 1);
+    const double alpha = lowest * least_alpha * std::pow(most_alpha / least_alpha, share);
+    const double rho = of(alpha);
+    if (rho > best.rho) best = {rho, alpha};
+  }
+  best.rho *= 1.0 - eigenvalue_margin;
+  return best;
+}
+
+DissipationCap::DissipationCap(const EnergyMetric& metric, const Tolerance& tolerance)
+    : metric_(&metric) {
+  const Eigen::Index f = metric.coordinates();
+  rest_.setZero(f);
+  swing_.setZero(f, metric.dynamics().frequencies().size());
+  const Decay decay = slowest_decay(metric, tolerance);
+  if (decay.rho <= 0.0) return;
+  find_admissible(tolerance);
+  if (!admissible_) return;
+  find_force(tolerance);
+  alpha_ = decay.alpha;
+  rho_ = decay.rho;
+  const double tilt = alpha_ / metric.omega().minCoeff();
+  root_low_ = std::sqrt(1.0 - tilt);
+  root_high_ = std::sqrt(1.0 + tilt);
+  ultimate_ = force_ / (std::sqrt(2.0) * rho_);
+}
+
+// q^ = rest - W G^-1 s(t), s the moving part of the supports: its gaps are constant. The rest has
+// gaps of the least tolerated clearances at least, and of all such the least |f_0 - K q|.
+void DissipationCap::find_admissible(const Tolerance& tolerance) {
+  const EnergyMetric& metric = *metric_;
+  const Dynamics& dynamics = metric.dynamics();
+  const Eigen::MatrixXd& W = metric.W();
+  const Eigen::Index m = W.cols();
+  const Eigen::VectorXd stiffness = metric.omega().cwiseAbs2();
+  if (!dynamics.motion_amplitudes().isZero(0.0)) {
+    const auto [values, vectors] = eigenpairs(dynamics.G(), Eigen::MatrixXd::Identity(m, m));
+    const Eigen::VectorXd inverse =
+        (values.array() > dependent_modes * values[m - 1]).select(values.cwiseInverse(), 0.0);
+    const Eigen::MatrixXd back = W * vectors * inverse.asDiagonal() * vectors.transpose();
+    swing_ = -(back.cast<complex<double>>() * dynamics.motion_amplitudes());
+    const double left =
+        (W.transpose().cast<complex<double>>() * swing_ + dynamics.motion_amplitudes()).norm();
+    if (left > gap_margin * dynamics.motion_amplitudes().norm()) return;
+  }
+  const Eigen::MatrixXd away = stiffness.cwiseAbs2().cwiseInverse().asDiagonal() * W;
+  const Eigen::VectorXd free = metric.force_constant().cwiseQuotient(stiffness);
+  const ContactMatrix A = W.transpose() * away;
+  const ContactVector gaps =
+      (W.transpose() * free + dynamics.offsets()).array() - tolerance.clearance;
+  ContactVector push, left;
+  const double scale = dynamics.offsets().cwiseAbs().maxCoeff() +
+                       (W.transpose() * free).cwiseAbs().maxCoeff() + tolerance.clearance;
+  const ContactVector noise = ContactVector::Constant(m, 0.1 * gap_margin * scale);
+  ContactSet unsatisfied = 0;
+  if (solve_semidefinite_lcp(A, gaps, noise, push, left, unsatisfied) != Solved::yes) return;
+  rest_ = free + away * push;
+  // Rounding of the solution is taken out of no gap.
+  const Eigen::VectorXd final =
+      (W.transpose() * rest_ + dynamics.offsets()).array() - tolerance.clearance;
+  admissible_ = final.minCoeff() >= -gap_margin * scale;
+}
+
+void DissipationCap::find_force(const Tolerance& tolerance) {
+  const EnergyMetric& metric = *metric_;
+  const Eigen::VectorXd stiffness = metric.omega().cwiseAbs2();
+  const Eigen::VectorXd pull = stiffness.cwiseProduct(rest_);
+  force_ = (metric.force_constant() - pull).norm() + tolerance.force;
+  double elastic = pull.norm();
+  double viscous = 0.0;
+  const Eigen::VectorXd& Omega = metric.dynamics().frequencies();
+  for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+    const Eigen::VectorXcd q = swing_.col(j);
+    const Eigen::VectorXcd Kq = stiffness.cast<complex<double>>().cwiseProduct(q);
+    const Eigen::VectorXcd Cu = complex<double>(0.0, Omega[j]) * (metric.D() * q);
+    force_ += largest_of(metric.force_amplitudes().col(j) + square(Omega[j]) * q - Cu - Kq);
+    elastic += largest_of(Kq);
+    viscous += largest_of(Cu);
+  }
+  force_ += tolerance.stiffness * elastic + tolerance.damping * viscous;
+}
+
+double DissipationCap::advance(double W, double duration) const {
+  if (!exists()) return infinity;
+  return ultimate_ + (W - ultimate_) * std::exp(-rho_ * duration);
+}
+
+DissipationCap::Parts DissipationCap::apart(const ModalState& state, double t) const {
+  const EnergyMetric& metric = *metric_;
+  const Eigen::VectorXd& omega = metric.omega();
+  const Eigen::VectorXd& Omega = metric.dynamics().frequencies();
+  Parts parts;
+  double cross = 0.0;
+  for (Eigen::Index i = 0; i < omega.size(); ++i) {
+    double e = state.z[i] - rest_[i];
+    double v = state.v[i];
+    for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+      const complex<double> q = swing_(i, j) * std::polar(1.0, Omega[j] * t);
+      e -= q.real();
+      v += Omega[j] * q.imag();
+    }
+    parts.norm2 += 0.5 * (square(omega[i] * e) + square(v));
+    cross += v * e;
+  }
+  parts.P2 = std::max(parts.norm2 + alpha_ * cross, 0.0);
+  return parts;
+}
+
+double DissipationCap::from_distance(double b, const ModalState& state, double t) const {
+  return exists() ? std::sqrt(apart(state, t).P2) + root_high_ * b : infinity;
+}
+
+double DissipationCap::distance(double W, const ModalState& state, double t) const {
+  return exists() ? W / root_low_ + std::sqrt(apart(state, t).norm2) : infinity;
+}
+
+}  // namespace sprag

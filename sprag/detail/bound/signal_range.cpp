@@ -1,0 +1,93 @@
+#include "sprag/detail/bound/signal_range.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace sprag {
+namespace {
+
+// Largest derivatives of one drive's force, 0 to 3, at any time.
+std::array<double, 4> drive_amplitudes(const Drive& drive, const Motion& motion) {
+  const Oscillators& o = motion.flow->oscillators();
+  const double Omega = o.root_kappa()[drive.source];
+  const double z = motion.x.z[drive.source];
+  const double v = motion.x.v[drive.source];
+  const double amplitude = Omega > 0.0 ? std::hypot(z, v / Omega) : std::abs(z);
+  double force = (std::abs(drive.cos) + std::abs(drive.sin) * Omega) * amplitude;
+  std::array<double, 4> all{};
+  for (double& one : all) {
+    one = force;
+    force *= Omega;
+  }
+  return all;
+}
+
+// Bounds of |phi''| and |phi'''| that one oscillator adds over the window.
+struct Added {
+  double second = 0.0, third = 0.0;
+};
+
+struct OscillatorForces {
+  double value = 0.0, rate = 0.0, second = 0.0;  // now
+  std::array<double, 4> largest{};
+};
+
+Added added_by(Eigen::Index i, const Signal& signal, const Motion& motion,
+               const OscillatorForces& F, double window) {
+  const Oscillators& o = motion.flow->oscillators();
+  const double damping = 2.0 * o.delta()[i];
+  const double kappa = o.kappa()[i];
+  const double root = o.root_kappa()[i];
+  const double d1 = motion.x.v[i];
+  const double d2 = motion.alpha[i] + F.value - damping * d1 - kappa * motion.x.z[i];
+  const double d3 = F.rate - damping * d2 - kappa * d1;
+  const double d4 = F.second - damping * d3 - kappa * d2;
+  const double growth = std::exp(damping * window);
+  const double E2 = growth * (std::hypot(d2, root * d1) + window * F.largest[1]);
+  const double E3 = growth * (std::hypot(d3, root * d2) + window * F.largest[2]);
+  const double E4 = growth * (std::hypot(d4, root * d3) + window * F.largest[3]);
+  const double p = std::abs(signal.p[i]);
+  const double r = std::abs(signal.r[i]);
+  return {p * E2 + r * E3, p * E3 + r * E4};
+}
+
+}  // namespace
+
+SignalRange range(const Signal& signal, const Motion& motion, double window) {
+  const Flow& flow = *motion.flow;
+  const Oscillators& o = flow.oscillators();
+  double second = 0.0;
+  double third = 0.0;
+  const auto drives = flow.drives().all();
+  auto drive = drives.begin();
+  for (Eigen::Index i = 0; i < flow.frequencies() + flow.modes(); ++i) {
+    OscillatorForces F;
+    for (; drive != drives.end() && drive->mode == i; ++drive) {
+      F.value += drive->force(motion.x);
+      F.rate += drive->force_rate(o, motion.x);
+      F.second -= o.kappa()[drive->source] * drive->force(motion.x);
+      const std::array<double, 4> largest = drive_amplitudes(*drive, motion);
+      for (std::size_t k = 0; k < largest.size(); ++k) F.largest[k] += largest[k];
+    }
+    if (signal.p[i] == 0.0 && signal.r[i] == 0.0) continue;
+    const Added added = added_by(i, signal, motion, F, window);
+    second += added.second;
+    third += added.third;
+  }
+  const double v0 = value(signal, motion);
+  const double v1 = rate(signal, motion);
+  const double v2 = second_rate(signal, motion);
+  SignalRange range;
+  range.second = std::min(second, std::abs(v2) + window * third);
+  const double of_value = window * std::abs(v1) + 0.5 * window * window * range.second;
+  const double of_rate =
+      std::min(window * range.second, window * std::abs(v2) + 0.5 * window * window * third);
+  range.low = v0 - of_value;
+  range.high = v0 + of_value;
+  range.rate_low = v1 - of_rate;
+  range.rate_high = v1 + of_rate;
+  return range;
+}
+
+}  // namespace sprag

@@ -1,0 +1,57 @@
+#include "sprag/detail/estimates/uncertainty.h"
+
+#include <cmath>
+
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/energy.h"
+
+namespace sprag {
+namespace {
+
+// Where a scene says nothing of its start each mode may be off by all the energy that is known of:
+// which of them it is in, nobody said.
+Eigen::VectorXd energies_of(const Scene& scene) {
+  const Eigen::Index f = scene.model.coordinates();
+  if (scene.uncertainty.size() == f) return scene.uncertainty;
+  const double scale = energy_scale(scene.model, scene.replica);
+  return Eigen::VectorXd::Constant(f, scale > 0.0 ? scale : 1.0);
+}
+
+}  // namespace
+
+Uncertainty uncertainty_of(const Scene& scene) {
+  const Eigen::Index f = scene.model.coordinates();
+  const NaturalModes modes = natural_modes(scene.model);
+  const Eigen::VectorXd energy = energies_of(scene);
+  const double longest = length_scale(scene.model, scene.replica);
+  const auto of_u = [&](const Eigen::VectorXd& of) {
+    return Eigen::VectorXd(of.cwiseQuotient(modes.mass).cwiseSqrt());
+  };
+  const auto of_q = [&](const Eigen::VectorXd& of, bool rigid) {
+    Eigen::VectorXd q(f);
+    for (Eigen::Index i = 0; i < f; ++i) {
+      const double length = longest / modes.Phi.col(i).cwiseAbs().maxCoeff();
+      q[i] =
+          modes.stiffness[i] > 0.0 ? std::sqrt(of[i] / modes.stiffness[i]) : (rigid ? length : 0.0);
+    }
+    return q;
+  };
+  Uncertainty uncertainty{modes.Phi * of_q(energy, true).asDiagonal(),
+                          modes.Phi * of_u(energy).asDiagonal(),
+                          scene.jitter,
+                          {},
+                          {},
+                          scene.release_penetration};
+  if (scene.sigma) {
+    uncertainty.q = scene.sigma->q.asDiagonal();
+    uncertainty.u = scene.sigma->u.asDiagonal();
+  }
+  if (scene.drift > 0.0) {
+    const Eigen::VectorXd each = Eigen::VectorXd::Constant(f, scene.drift / static_cast<double>(f));
+    uncertainty.drift_q = modes.Phi * of_q(each, false).asDiagonal();
+    uncertainty.drift_u = modes.Phi * of_u(each).asDiagonal();
+  }
+  return uncertainty;
+}
+
+}  // namespace sprag

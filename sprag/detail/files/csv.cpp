@@ -1,0 +1,130 @@
+#include "sprag/detail/files/csv.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <utility>
+
+namespace sprag {
+
+namespace {
+
+// A row of 20 000 coordinates fits; whatever is longer is no CSV of ours.
+constexpr std::size_t longest_line = 1U << 20U;
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+
+std::string_view trimmed(std::string_view field) {
+  while (!field.empty() && (field.front() == ' ' || field.front() == '\t')) field.remove_prefix(1);
+  while (!field.empty() && (field.back() == ' ' || field.back() == '\t')) field.remove_suffix(1);
+  return field;
+}
+
+template <class Number>
+std::optional<Number> parse(std::string_view field) {
+  field = trimmed(field);
+  const bool signed_number = field.size() > 1 && (field[1] == '-' || field[1] == '+');
+  if (field.starts_with('+') && !signed_number) field.remove_prefix(1);
+  Number number{};
+  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), number);
+  if (error != std::errc{} || end != field.data() + field.size()) return std::nullopt;
+  return number;
+}
+
+}  // namespace
+
+void append_number(std::string& text, double value) {
+  std::array<char, 32> digits;
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value,
+                                 std::chars_format::general, 17)
+                       .ptr;
+  text.append(digits.data(), end);
+}
+
+void append_number(std::string& text, std::int64_t value) {
+  std::array<char, 24> digits;
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
+  text.append(digits.data(), end);
+}
+
+std::optional<double> parse_double(std::string_view field) {
+  const auto number = parse<double>(field);
+  return number && std::isfinite(*number) ? number : std::nullopt;
+}
+
+std::optional<std::int64_t> parse_integer(std::string_view field) {
+  return parse<std::int64_t>(field);
+}
+
+void split_fields(std::string_view line, std::vector<std::string_view>& fields) {
+  fields.clear();
+  for (std::size_t comma = line.find(','); comma != std::string_view::npos;
+       comma = line.find(',')) {
+    fields.push_back(line.substr(0, comma));
+    line.remove_prefix(comma + 1);
+  }
+  fields.push_back(line);
+}
+
+// Where the first of these is in what comes, npos if it does not come; `bytes` are as many as it
+// took.
+std::size_t LineReader::find(std::string_view characters, std::string_view& bytes) {
+  bytes = file_.ahead(1);
+  std::size_t at = bytes.find_first_of(characters);
+  while (at == std::string_view::npos) {
+    const std::size_t seen = bytes.size();
+    if (seen >= longest_line) break;
+    bytes = file_.ahead(seen + 1);
+    if (bytes.size() == seen) break;
+    at = bytes.find_first_of(characters, seen);
+  }
+  return at;
+}
+
+void LineReader::find_end_of_line() {
+  std::string_view bytes;
+  const std::size_t at = find("\r\n", bytes);
+  end_of_line_ = "\n";
+  if (at == std::string_view::npos || bytes[at] == '\n') return;
+  bytes = file_.ahead(at + 2);
+  if (bytes.size() == at + 1 || bytes[at + 1] != '\n') end_of_line_ = "\r";
+}
+
+LineReader::Result LineReader::next(std::string_view& line) {
+  file_.skip(std::exchange(shown_, 0));
+  if (number_ == 0) {
+    if (file_.ahead(byte_order_mark.size()).starts_with(byte_order_mark)) {
+      file_.skip(byte_order_mark.size());
+    }
+    find_end_of_line();
+  }
+  std::string_view bytes;
+  const std::size_t end = find(end_of_line_, bytes);
+  if (file_.failed() && end == std::string_view::npos) return Result::unreadable;
+  if (bytes.empty()) return Result::end;
+  ++number_;
+  if (std::min(end, bytes.size()) >= longest_line) return Result::too_long;
+  if (end == std::string_view::npos) return Result::truncated;
+  shown_ = end + 1;
+  line = bytes.substr(0, end);
+  if (line.ends_with('\r')) line.remove_suffix(1);
+  return Result::line;
+}
+
+std::string describe(LineReader::Result result) {
+  switch (result) {
+    case LineReader::Result::truncated:
+      return "truncated line (no end of line)";
+    case LineReader::Result::too_long:
+      return "line longer than 1 MiB";
+    case LineReader::Result::unreadable:
+      return "cannot be read";
+    case LineReader::Result::end:
+      return "end of file";
+    case LineReader::Result::line:
+      break;
+  }
+  return "line";
+}
+
+}  // namespace sprag

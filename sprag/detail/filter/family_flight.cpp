@@ -1,0 +1,511 @@
+#include "sprag/detail/filter/family_flight.h"
+
+#include <bit>
+#include <cmath>
+#include <complex>
+#include <limits>
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+using Complex = std::complex<double>;
+
+// Small enough for digits that no walk of c asks for, large enough for those of the difference.
+constexpr double difference_of_c = 4e-6;
+// Of angles up to 1: what is left out is a rounding.
+constexpr int terms_of_series = 20;
+// Steps of a flight with a contact closed, for which an event has the time.
+constexpr double most_held_steps = 200.0;
+
+int contact_of(ContactSet held) { return held == 0 ? -1 : std::countr_zero(held); }
+
+bool is_of_flow(const Unknown& unknown) {
+  return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
+}
+
+// What tau, which may be negative, makes of y'' + c y' + k y = 1.
+OscillatorStep step_of(double c, double k, double tau) {
+  if (tau >= 0.0) return oscillator_step(0.5 * c, k, tau);
+  const OscillatorStep on = oscillator_step(0.5 * c, k, -tau);
+  const double growth = std::exp(-c * tau);
+  OscillatorStep back{{growth * on.vv, -growth * on.zv, -growth * on.vz, growth * on.zz}, 0.0};
+  back.z_alpha = -(back.zz * on.z_alpha + back.zv * on.zv);
+  return back;
+}
+
+}  // namespace
+
+FamilyFlight::FamilyFlight(const MachineFamily& family) : family_(&family) {
+  const Eigen::VectorXd nominal = family.nominal();
+  variants_.resize(1 + 2 * static_cast<std::size_t>(unknowns()));
+  for (Variant& variant : variants_) {
+    variant.machine = family.at(nominal);
+    variant.inputs = family.inputs(nominal);
+    variant.x.setZero(2 * n());
+    variant.harmonics.resize(static_cast<std::size_t>(variant.machine.groups()));
+    variant.derivatives = variant.harmonics;
+  }
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    const bool own = is_of_flow(family.unknowns()[k]);
+    for (std::size_t j : {1 + 2 * k, 2 + 2 * k}) {
+      variants_[j].own_flow = own;
+      if (own) variants_[j].steps.resize(static_cast<std::size_t>(n()));
+    }
+  }
+  c_.setConstant(unknowns(), std::numeric_limits<double>::quiet_NaN());
+  values_ = nominal;
+  steps_.resize(static_cast<std::size_t>(n()));
+  turn_ = steps_;
+  x_.setZero(2 * n());
+  by_time_.setZero(2 * n());
+  by_c_.setZero(2 * n(), unknowns());
+  held_step_.setZero(2 * n(), 2 * n());
+  term_.setZero(2 * n());
+  next_.setZero(2 * n());
+  stiffness_ = centre().machine.K;
+  to_state_.setZero(2 * n(), 2 * n());
+  from_state_ = to_state_;
+  const Eigen::MatrixXd to_modes = product(family.V().transpose(), family.scene().model.M);
+  for (const Eigen::Index i : {Eigen::Index{0}, n()}) {
+    to_state_.block(i, i, n(), n()) = family.V();
+    from_state_.block(i, i, n(), n()) = to_modes;
+  }
+}
+
+void FamilyFlight::set_machine(const Eigen::VectorXd& values, Variant& variant) const {
+  family_->at(values, variant.machine);
+  family_->inputs(values, variant.inputs);
+}
+
+void FamilyFlight::set(const ConstVector& c, bool derivatives) {
+  if (c_ == c && (derivatives_ || !derivatives)) return;  // what is there is enough
+  derivatives_ = derivatives;
+  c_ = c;
+  const std::vector<Unknown>& all = family_->unknowns();
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    values_[k] = all[static_cast<std::size_t>(k)].value(c[k]);
+  }
+  set_machine(values_, centre());
+  for (Eigen::Index k = 0; derivatives && k < unknowns(); ++k) {
+    const Unknown& unknown = all[static_cast<std::size_t>(k)];
+    const double value = values_[k];
+    for (int side = 0; side < 2; ++side) {
+      Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];
+      // Where the contacts are costs most, and few unknowns change it.
+      variant.machine.W = centre().machine.W;
+      variant.machine.positions = centre().machine.positions;
+      values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
+      set_machine(values_, variant);
+    }
+    values_[k] = value;
+  }
+}
+
+void FamilyFlight::find_steps(const Variant& variant, double tau,
+                              std::vector<OscillatorStep>& steps) const {
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    steps[static_cast<std::size_t>(i)] =
+        step_of(variant.machine.C(i, 0), variant.machine.K(i, 0), tau);
+  }
+}
+
+// The steady response to the harmonics, at the instant that they are at.
+void FamilyFlight::add_steady(double sign, Variant& variant) const {
+  const Machine& machine = variant.machine;
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = sign * Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      const Complex steady = machine.response(i, g) * z;
+      variant.x[i] += steady.real();
+      variant.x[n() + i] -= machine.frequencies[g] * steady.imag();
+    }
+  }
+}
+
+double FamilyFlight::steps_of_holding(double tau) const {
+  const Machine& machine = centre().machine;
+  double rate = machine.C.maxCoeff() + std::sqrt(machine.K.maxCoeff());
+  if (machine.groups() > 0) rate = std::max(rate, machine.frequencies.maxCoeff());
+  return std::ceil(rate * std::abs(tau));
+}
+
+// term_ <- A term_ share, where x' = A x without what drives it: the force of the contact keeps its
+// gap from accelerating.
+void FamilyFlight::add_held_terms(const Machine& machine, int contact, double share) {
+  const auto w = machine.W.col(contact);
+  next_.head(n()) = term_.tail(n());
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    next_[n() + i] = -machine.C(i, 0) * term_[n() + i] - machine.K(i, 0) * term_[i];
+  }
+  const double force = w.dot(next_.tail(n())) / w.squaredNorm();
+  next_.tail(n()) -= force * w;
+  term_ = share * next_;
+}
+
+// The free part of x, by Taylor series in steps in which no angle turns by more than 1.
+void FamilyFlight::hold(int contact, double tau, Variant& variant) {
+  const Machine& machine = variant.machine;
+  const auto w = machine.W.col(contact);
+  const Eigen::Index constants = 2 * machine.groups();
+  const double steps = std::max(1.0, steps_of_holding(tau));
+  const double step = tau / steps;
+  for (int i = 0; i < static_cast<int>(steps); ++i) {
+    term_ = variant.x;
+    for (int k = 0; k < terms_of_series; ++k) {
+      const double share = step / (k + 1);
+      add_held_terms(machine, contact, share);
+      // The support's motion and the steady response, whose k-th derivatives drive this term.
+      double drive = 0.0;
+      for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+        const Complex i_Omega(0.0, machine.frequencies[g]);
+        Complex& derivative = variant.derivatives[static_cast<std::size_t>(g)];
+        if (k == 0) {
+          derivative = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                       machine.gap_response(contact, g) *
+                       variant.harmonics[static_cast<std::size_t>(g)];
+        }
+        drive += square(machine.frequencies[g]) * derivative.real();
+        derivative *= i_Omega * share;
+      }
+      drive *= share / w.squaredNorm();
+      term_.tail(n()) += drive * w;
+      if (k == 0) {
+        double along = 0.0;
+        for (Eigen::Index m = 0; m < n(); ++m) {
+          for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+            const double force = machine.constant_forces(m, j) * variant.inputs[constants + j];
+            term_[n() + m] += share * force;
+            along += w[m] * force;
+          }
+        }
+        term_.tail(n()) -= (share * along / w.squaredNorm()) * w;
+      }
+      variant.x += term_;
+    }
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      variant.harmonics[static_cast<std::size_t>(g)] *=
+          std::polar(1.0, machine.frequencies[g] * step);
+    }
+  }
+}
+
+// What becomes of deviations.
+void FamilyFlight::hold_homogeneous(int contact, double tau) {
+  const double steps = std::max(1.0, steps_of_holding(tau));
+  for (Eigen::Index j = 0; j < 2 * n(); ++j) {
+    auto column = held_step_.col(j);
+    column.setZero();
+    column[j] = 1.0;
+    for (int i = 0; i < static_cast<int>(steps); ++i) {
+      term_ = column;
+      for (int k = 0; k < terms_of_series; ++k) {
+        add_held_terms(centre().machine, contact, tau / steps / (k + 1));
+        column += term_;
+      }
+    }
+  }
+}
+
+void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& variant) {
+  const Machine& machine = variant.machine;
+  const auto turn = [&](double to) {
+    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+      variant.harmonics[static_cast<std::size_t>(g)] = std::polar(1.0, machine.frequencies[g] * to);
+    }
+  };
+  variant.x = x;
+  turn(t);
+  add_steady(-1.0, variant);
+  if (held_ >= 0) {
+    hold(held_, tau, variant);
+    turn(t + tau);
+    add_steady(1.0, variant);
+    return;
+  }
+  if (variant.own_flow) find_steps(variant, tau, variant.steps);
+  const std::vector<OscillatorStep>& steps = variant.own_flow ? variant.steps : steps_;
+  const Eigen::Index constants = 2 * machine.groups();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& step = steps[static_cast<std::size_t>(i)];
+    double force = 0.0;
+    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+    }
+    step.apply(force, variant.x[i], variant.x[n() + i]);
+  }
+  turn(t + tau);
+  add_steady(1.0, variant);
+}
+
+void FamilyFlight::move(double tau, int held) {
+  held_ = held;
+  if (held < 0) {
+    find_steps(centre(), tau, steps_);
+  } else {
+    hold_homogeneous(held, tau);
+  }
+}
+
+void FamilyFlight::fly(const ConstVector& x, double t, double tau, ContactSet held) {
+  end_ = t + tau;
+  move(tau, contact_of(held));
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
+  difference();
+}
+
+void FamilyFlight::fly_on(double tau, ContactSet held) {
+  move(tau, contact_of(held));
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) fly(variants_[j].x, end_, tau, variants_[j]);
+  end_ += tau;
+  difference();
+}
+
+bool FamilyFlight::can_hold(ContactSet held, double duration) const {
+  return held == 0 || (std::has_single_bit(held) && steps_of_holding(duration) < most_held_steps);
+}
+
+ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const {
+  return first | closed;
+}
+
+void FamilyFlight::turn(double tau, ContactSet, Columns dx) {
+  find_steps(centre(), tau, turn_);
+  for (auto column : dx.colwise()) {
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      turn_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
+    }
+  }
+}
+
+void FamilyFlight::carry_by_unknown(Eigen::Index k, Vector dx) const {
+  const auto j = static_cast<std::size_t>(1 + 2 * k);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& above = variants_[j].steps[static_cast<std::size_t>(i)];
+    const OscillatorStep& below = variants_[j + 1].steps[static_cast<std::size_t>(i)];
+    const double z = dx[i], v = dx[n() + i], h = 2.0 * difference_of_c;
+    dx[i] = ((above.zz - below.zz) * z + (above.zv - below.zv) * v) / h;
+    dx[n() + i] = ((above.vz - below.vz) * z + (above.vv - below.vv) * v) / h;
+  }
+}
+
+double FamilyFlight::largest_frequency() const {
+  return std::sqrt(std::max(centre().machine.K.maxCoeff(), 0.0));
+}
+
+double FamilyFlight::smallest_frequency() const {
+  double least = infinity;
+  for (const double k : centre().machine.K.reshaped()) {
+    if (k > 0.0) least = std::min(least, k);
+  }
+  return least < infinity ? std::sqrt(least) : 1.0;
+}
+
+void FamilyFlight::difference() {
+  x_ = centre().x;
+  for (Eigen::Index k = 0; derivatives_ && k < unknowns(); ++k) {
+    const auto j = static_cast<std::size_t>(1 + 2 * k);
+    by_c_.col(k) = (variants_[j].x - variants_[j + 1].x) / (2.0 * difference_of_c);
+  }
+}
+
+void FamilyFlight::carry(Columns dx) {
+  for (auto column : dx.colwise()) {
+    if (held_ >= 0) {
+      term_ = column;
+      column.noalias() = held_step_.lazyProduct(term_);
+      continue;
+    }
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      steps_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
+    }
+  }
+}
+
+// The motion of a mode without its steady response to the harmonics.
+FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  FreePart part{variant.x[i], variant.x[n() + i]};
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex steady = machine.response(i, g) *
+                           Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                           variant.harmonics[static_cast<std::size_t>(g)];
+    part.y -= steady.real();
+    part.u += machine.frequencies[g] * steady.imag();
+  }
+  const Eigen::Index constants = 2 * machine.groups();
+  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+    part.force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+  }
+  part.acceleration = part.force - machine.C(i, 0) * part.u - machine.K(i, 0) * part.y;
+  return part;
+}
+
+// Steady response and motion of the support are one: what is left of x is the free part.
+Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  Gap gap;
+  const Eigen::Index constants = 2 * machine.groups();
+  gap.g = variant.inputs[constants + machine.constant_forces.cols() + contact];
+  gap.length = std::abs(gap.g);
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    const double Omega = machine.frequencies[g];
+    const Complex steady = machine.gap_response(contact, g) * z;
+    gap.g += steady.real();
+    // The angle Omega t has as many roundings as it is large.
+    gap.rounding += std::abs(steady) * std::abs(Omega * end_);
+    gap.velocity -= Omega * steady.imag();
+    gap.acceleration -= Omega * Omega * steady.real();
+  }
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const FreePart part = free_part(i, variant);
+    const double w = machine.W(i, contact);
+    gap.g += w * part.y;
+    gap.length += std::abs(w * variant.x[i]);
+    gap.velocity += w * part.u;
+    gap.acceleration += w * part.acceleration;
+  }
+  gap.rounding += gap.length;
+  return gap;
+}
+
+// The gap accelerates by a + w^T w lambda, which is 0 while the contact is held.
+Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  double a = 0.0, rate = 0.0, terms = 0.0;
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex z = machine.gap_response(contact, g) *
+                      Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                      variant.harmonics[static_cast<std::size_t>(g)];
+    const double Omega = machine.frequencies[g];
+    a -= Omega * Omega * z.real();
+    rate += Omega * Omega * Omega * z.imag();
+    terms += Omega * Omega * std::abs(z) * (1.0 + std::abs(Omega * end_));
+  }
+  const auto w = machine.W.col(contact);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const FreePart part = free_part(i, variant);
+    a += w[i] * part.acceleration;
+    terms += 2.0 * std::abs(w[i]) *
+             (std::abs(part.force) + std::abs(machine.C(i, 0) * part.u) +
+              std::abs(machine.K(i, 0) * variant.x[i]));
+  }
+  const double lambda = -a / w.squaredNorm();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const FreePart part = free_part(i, variant);
+    const double acceleration = part.acceleration + w[i] * lambda;
+    rate -= w[i] * (machine.C(i, 0) * acceleration + machine.K(i, 0) * part.u);
+  }
+  return {-a, -rate, 0.0, terms, terms};
+}
+
+void FamilyFlight::differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
+  const auto at = [&](std::size_t j) {
+    return of_force ? force(contact, variants_[j]) : gap(contact, variants_[j]);
+  };
+  for (Eigen::Index k = 0; k < unknowns(); ++k) {
+    const auto j = static_cast<std::size_t>(1 + 2 * k);
+    const Gap above = at(j), below = at(j + 1);
+    of_g[k] = (above.g - below.g) / (2.0 * difference_of_c);
+    of_velocity[k] = (above.velocity - below.velocity) / (2.0 * difference_of_c);
+  }
+}
+
+void FamilyFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
+  const Machine& machine = centre().machine;
+  of_g.setZero();
+  of_velocity.setZero();
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const double w = machine.W(i, contact);
+    of_g[i] = of_force ? w * machine.K(i, 0) : w;
+    (of_force ? of_g : of_velocity)[n() + i] = of_force ? w * machine.C(i, 0) : w;
+  }
+}
+
+// Where the contact stays closed its restitution is 0.
+void FamilyFlight::strike(int contact, bool stays, Variant& variant) {
+  const double gamma = gap(contact, variant).velocity;
+  const auto w = variant.machine.W.col(contact);
+  if (stays) {
+    variant.x.tail(n()) -= (gamma / w.squaredNorm()) * w;
+  } else {
+    variant.x.tail(n()) -= gamma * variant.machine.jump.col(contact);
+  }
+}
+
+ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet) {
+  struck_ = contact;
+  stays_ = stays;
+  const Gap before = gap(contact);
+  const Machine& machine = centre().machine;
+  const auto w = machine.W.col(contact);
+  const auto jump = machine.jump.col(contact);
+  // Velocities turn with the flow that they are on: behind the impact it damps what is left, and
+  // holds the contact where that stays closed.
+  double along = 0.0;
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    by_time_[i] = (stays ? w[i] / w.squaredNorm() : jump[i]) * before.velocity;
+    by_time_[n() + i] = -machine.C(i, 0) * by_time_[i];
+    along += w[i] * by_time_[n() + i];
+  }
+  if (stays) {
+    by_time_.tail(n()) -= (along / w.squaredNorm()) * w;
+  } else {
+    by_time_.tail(n()) -= before.acceleration * jump;
+  }
+  const std::size_t count = derivatives_ ? variants_.size() : 1;
+  for (std::size_t j = 0; j < count; ++j) strike(contact, stays, variants_[j]);
+  difference();
+  return stays ? bit(contact) : 0;
+}
+
+double FamilyFlight::restitution(int contact) const {
+  const Machine& machine = centre().machine;
+  return machine.W.col(contact).dot(machine.jump.col(contact)) - 1.0;
+}
+
+void FamilyFlight::along(int contact, Vector dx) const {
+  const auto w = centre().machine.W.col(contact);
+  dx.head(n()).setZero();
+  dx.tail(n()) = w / w.squaredNorm();
+}
+
+void FamilyFlight::carry_through(Columns dx) const {
+  const Machine& machine = centre().machine;
+  const auto w = machine.W.col(struck_);
+  for (auto column : dx.colwise()) {
+    const double gamma = w.dot(column.tail(n()));
+    if (stays_) {
+      column.tail(n()) -= (gamma / w.squaredNorm()) * w;
+    } else {
+      column.tail(n()) -= gamma * machine.jump.col(struck_);
+    }
+  }
+}
+
+void FamilyFlight::enter(const ConstVector& q, const ConstVector& u, double, Vector x) {
+  x.head(n()).noalias() = from_state_.topLeftCorner(n(), n()).lazyProduct(q);
+  x.tail(n()).noalias() = from_state_.topLeftCorner(n(), n()).lazyProduct(u);
+}
+
+void FamilyFlight::state(const ConstVector& x, double, Vector q, Vector u) {
+  q.noalias() = family_->V().lazyProduct(x.head(n()));
+  u.noalias() = family_->V().lazyProduct(x.tail(n()));
+}
+
+double FamilyFlight::twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const {
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    sum += dx.row(n() + i).squaredNorm() + stiffness_[i] * dx.row(i).squaredNorm();
+  }
+  return sum;
+}
+
+}  // namespace sprag

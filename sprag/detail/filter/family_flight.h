@@ -1,0 +1,115 @@
+// Flight and impact of the machines that the unknowns of a scene span (machine_family.h), free or
+// with one contact closed,
+//
+//   y'' + C y' + K y = F(t) + w lambda,   w^T y'' + s'' = 0 where it is closed,
+//
+// in x = (y, y'), modal coordinates y of q = V y. Derivatives by x are in closed form; those by the
+// unknowns' coordinates c are central differences, each between two machines of the family.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <vector>
+
+#include "sprag/detail/filter/flight.h"
+#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/mechanics/oscillators.h"
+
+namespace sprag {
+
+class FamilyFlight final : public Flight {
+ public:
+  /// The family must be modal, and must outlive this.
+  explicit FamilyFlight(const MachineFamily& family);
+
+  Eigen::Index n() const override { return family_->n(); }
+  Eigen::Index unknowns() const override { return std::ssize(family_->unknowns()); }
+  int contacts() const override { return family_->contacts(); }
+  void set(const ConstVector& c, bool derivatives) override;
+  /// Not more than one contact, and not for long: a flight with a contact closed is a Taylor series
+  /// in steps in which no angle turns by more than 1.
+  bool can_hold(ContactSet held, double duration) const override;
+  ContactSet independent(ContactSet first, ContactSet closed) const override;
+  void fly(const ConstVector& x, double t, double tau, ContactSet held) override;
+  void fly_on(double tau, ContactSet held) override;
+  void carry(Columns dx) override;
+  void carry_by_unknown(Eigen::Index k, Vector dx) const override;
+  bool changes_flow(Eigen::Index k) const override {
+    return variants_[static_cast<std::size_t>(1 + 2 * k)].own_flow;
+  }
+  void turn(double tau, ContactSet held, Columns dx) override;
+  double largest_frequency() const override;
+  double smallest_frequency() const override;
+  Gap gap(int contact) const override { return gap(contact, centre()); }
+  /// w^T w lambda, as g.
+  Gap force(int contact) const override { return force(contact, centre()); }
+  void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
+  void acceleration_gradient(int, Vector of) const override { of.setZero(); }
+  void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
+  bool can_strike(int contact, ContactSet held) const override {
+    return (held & ~bit(contact)) == 0;
+  }
+  ContactSet strike(int contact, bool stays, ContactSet held) override;
+  void carry_through(Columns dx) const override;
+  /// Not possible: event times are never exact where parameters are uncertain.
+  bool strike_together(ContactSet, ContactSet, ContactSet, ContactSet, Vector, Columns,
+                       Vector) override {
+    return false;
+  }
+  const Eigen::VectorXd& by_time() const override { return by_time_; }
+  void along(int contact, Vector dx) const override;
+  double restitution(int contact) const override;
+  void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) override;
+  void state(const ConstVector& x, double t, Vector q, Vector u) override;
+  const Eigen::MatrixXd& to_state() const override { return to_state_; }
+  const Eigen::MatrixXd& from_state() const override { return from_state_; }
+  double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const override;
+
+ private:
+  struct Variant {
+    Machine machine;
+    Eigen::VectorXd inputs;
+    bool own_flow = false;              // C or K is not the centre's
+    std::vector<OscillatorStep> steps;  // of the last free flight, where own_flow
+    Eigen::VectorXd x;
+    std::vector<std::complex<double>> harmonics;    // of each group, at the end of the flight
+    std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
+  };
+
+  Variant& centre() { return variants_.front(); }
+  const Variant& centre() const { return variants_.front(); }
+  void set_machine(const Eigen::VectorXd& values, Variant& variant) const;
+  void find_steps(const Variant& variant, double tau, std::vector<OscillatorStep>& steps) const;
+  void fly(const ConstVector& x, double t, double tau, Variant& variant);
+  void add_steady(double sign, Variant& variant) const;
+  void strike(int contact, bool stays, Variant& variant);
+  void hold(int contact, double tau, Variant& variant);
+  double steps_of_holding(double tau) const;
+  void hold_homogeneous(int contact, double tau);
+  void move(double tau, int held);
+  void add_held_terms(const Machine& machine, int contact, double share);
+  // Of a mode: position, velocity, constant force, acceleration without contact forces.
+  struct FreePart {
+    double y = 0.0, u = 0.0, force = 0.0, acceleration = 0.0;
+  };
+  FreePart free_part(Eigen::Index i, const Variant& variant) const;
+  Gap gap(int contact, const Variant& variant) const;
+  Gap force(int contact, const Variant& variant) const;
+  void difference();
+
+  const MachineFamily* family_;
+  std::vector<Variant> variants_;  // the centre; then two of each unknown, to either side
+  bool derivatives_ = false;
+  Eigen::VectorXd c_, values_;
+  std::vector<OscillatorStep> steps_, turn_;
+  Eigen::VectorXd by_time_, stiffness_;
+  Eigen::MatrixXd to_state_, from_state_;
+  double end_ = 0.0;  // of the flight [s]
+  int held_ = -1;     // in that flight
+  int struck_ = 0;
+  bool stays_ = false;
+  Eigen::MatrixXd held_step_;    // 2n x 2n
+  Eigen::VectorXd term_, next_;  // of a Taylor series
+};
+
+}  // namespace sprag

@@ -1,0 +1,237 @@
+#include "sprag/detail/filter/published_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/detail/filter/flux.h"
+#include "sprag/detail/filter/triangularize.h"
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+// Events that are taken one after the other.
+constexpr int most_unreported = 8;
+// The tick may precede the last event by so many deviations of its time.
+constexpr double last_reach = 6.0;
+// Deviations of a gap or of a contact force from zero, within which the event may have happened.
+constexpr double near_zero = 8.0;
+// Least probability of either case: no deviation of a predicted time is known to be Gaussian
+// further out.
+constexpr double least_probability = 1e-3;
+constexpr int crossing_steps = 4;
+constexpr int looks = 16, halvings = 30;  // for the time of an opening
+
+// Probability of an event that has not been reported. `beyond`: by how many deviations of the gap
+// the mean has passed it; `ago`: since when, in deviations of a report.
+double probability(double beyond, double ago) {
+  const double happened = normal_cdf(beyond) * normal_cdf(-ago);
+  const double all = happened + normal_cdf(-beyond);
+  return std::clamp(all > 0.0 ? happened / all : 1.0, least_probability, 1.0 - least_probability);
+}
+
+}  // namespace
+
+PublishedEstimate::PublishedEstimate(LinearizedFlight& at, const FilterBelief& example)
+    : at_(&at), mixed_(example) {
+  const Eigen::Index columns = 2 * at.event_columns() + 2;
+  x_.setZero(2 * at.n());
+  earlier_ = x_;
+  X_.setZero(2 * at.n(), at.event_columns());
+  all_.setZero(at.size(), columns);
+  reflector_.setZero(columns);
+}
+
+void PublishedEstimate::fly(double t, const FilterBelief& belief) {
+  at_->spread(belief, t - belief.t);
+  at_->fly(t, belief.z, belief);
+}
+
+void PublishedEstimate::find(double t, const FilterBelief& belief) {
+  fly(t, belief);
+  if (belief.bursting != 0) {
+    mix_unreported(t, belief);
+    const Eigen::Index last = at_->X.cols() - 1;
+    for_each(belief.bursting, [&](int i) {
+      flight().along(i, x_);
+      at_->X.col(last) += belief.rebound[i] * x_;
+    });
+    return;
+  }
+  const double s = belief.impact.time_sigma;
+  const bool is_recent = s > 0.0 && t < belief.impact.time + last_reach * s;
+  if (belief.sigma > 0.0 && !(is_recent && t < belief.impact.time)) mix_unreported(t, belief);
+  if (is_recent) mix_last(t, belief);
+}
+
+// The last event may have been after t.
+void PublishedEstimate::mix_last(double t, const FilterBelief& belief) {
+  const ImpactEstimate& last = belief.impact;
+  const double before = std::max(normal_cdf((last.time - t) / last.time_sigma), least_probability);
+  x_ = belief.z.head(2 * at_->n()) - last.jump;
+  flight().fly(x_, belief.t, t - belief.t, last.held_before);
+  x_ = flight().x() - at_->x;
+  at_->x += before * x_;
+  at_->X.col(at_->X.cols() - 1) = std::sqrt(before * (1.0 - before)) * x_;
+}
+
+void PublishedEstimate::mix_unreported(double t, const FilterBelief& belief) {
+  const FilterBelief* present = &belief;
+  double longest = std::max(t - belief.t, 0.0);
+  for (int i = 0; i < most_unreported; ++i) {
+    const Unreported event = next(t, longest, *present);
+    if (event.contact < 0) return;
+    const ContactSet held = happen(event, t, *present);
+    at_->fly(t, present->z, *present);
+    mix(event.p);
+    if (event.p < 0.5 || i + 1 == most_unreported) return;
+    // From here on the belief is the mixture.
+    if (present == &belief) mixed_ = belief;
+    present = &mixed_;
+    longest = event.ago;
+    const Eigen::Index n2 = 2 * at_->n(), size = at_->size();
+    mixed_.t = t;
+    mixed_.held = held;
+    mixed_.z.head(n2) = at_->x;
+    mixed_.S.topRows(n2) = at_->X.leftCols(size);
+    mixed_.S.bottomRows(size - n2) = at_->T.leftCols(size);
+    fly(t, mixed_);
+  }
+}
+
+// The first event that the mean has come to within `longest` before t; or else the one that is the
+// most likely to have happened. The flight is at t, and is so afterwards.
+PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
+                                                      const FilterBelief& belief) {
+  Unreported first;
+  bool moved = false;
+  for (int i = 0; i < flight().contacts(); ++i) {
+    const bool opens = contains(belief.held, i);
+    if (opens ? contains(belief.bursting, i) : !flight().can_strike(i, belief.held)) continue;
+    if (moved) at_->fly(t, belief.z, belief);
+    moved = false;
+    if (!opens && !(flight().gap(i).velocity < 0.0)) continue;
+    at_->look(i, opens, t);
+    const double g = at_->of.g, s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
+    if (!(g < near_zero * s) || (g > 0.0 && !(at_->of.velocity < 0.0))) continue;
+    double ago = 0.0;
+    if (g < 0.0) {
+      moved = true;
+      ago = opens ? since_opening(i, t, longest, belief) : since_impact(i, t, longest, belief);
+    }
+    const double p = probability(-g / s, ago / belief.sigma);
+    if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
+    first = {i, opens, ago, p};
+  }
+  if (moved) at_->fly(t, belief.z, belief);
+  return first;
+}
+
+// How long before t the mean was hit, at most `longest`.
+double PublishedEstimate::since_impact(int contact, double t, double longest,
+                                       const FilterBelief& belief) {
+  double ago = 0.0;
+  for (int i = 0; i < crossing_steps; ++i) {
+    const Flight::Gap gap = flight().gap(contact);
+    if (!(gap.velocity < 0.0)) return 0.0;
+    ago += gap.g / gap.velocity;
+    if (!(ago > 0.0 && ago < longest)) break;
+    flight().fly(belief.z.head(2 * at_->n()), belief.t, t - ago - belief.t, belief.held);
+  }
+  return std::clamp(ago, 0.0, longest);
+}
+
+// How long before t the force of a contact has fallen below zero, on the path of the mean.
+double PublishedEstimate::since_opening(int contact, double t, double longest,
+                                        const FilterBelief& belief) {
+  const double step = longest / looks;
+  const auto force_at = [&](double ago) {
+    flight().fly(belief.z.head(2 * at_->n()), belief.t, t - ago - belief.t, belief.held);
+    return flight().force(contact).g;
+  };
+  double open = 0.0, held = 0.0;
+  while (force_at(held) < 0.0 && held < longest) {
+    open = held;
+    held = std::min(held + step, longest);
+  }
+  for (int i = 0; i < halvings && held > open; ++i) {
+    const double middle = 0.5 * (open + held);
+    (force_at(middle) < 0.0 ? open : held) = middle;
+  }
+  return open;
+}
+
+// The estimate at t with the event, into x_ and X_.
+// Returns the contacts that are held after it.
+ContactSet PublishedEstimate::happen(const Unreported& event, double t,
+                                     const FilterBelief& belief) {
+  const double then = t - event.ago;
+  ContactSet held = belief.held & ~bit(event.contact);
+  earlier_.setZero();
+  if (event.opens) find_earlier(event.contact, t, event.ago, belief);
+  at_->fly(then, belief.z, belief);
+  X_ = at_->X.leftCols(X_.cols());
+  if (!event.opens) {
+    at_->look(event.contact, false, then);
+    const double v = at_->of.velocity;
+    if (v < 0.0) {
+      held = flight().strike(event.contact, false, belief.held);
+      flight().carry_through(X_);
+      for (Eigen::Index j = 0; j < X_.cols(); ++j) {
+        X_.col(j) += (at_->phi[j] / -v) * flight().by_time();
+      }
+    }
+  }
+  flight().fly_on(event.ago, held);
+  x_ = flight().x();
+  flight().turn(event.ago, held, X_);
+  return held;
+}
+
+// The contact force is zero at an opening, so that its time is of second order: what is off where
+// it has opened earlier by its deviation, or before another event that was reported first.
+void PublishedEstimate::find_earlier(int contact, double t, double ago,
+                                     const FilterBelief& belief) {
+  const Eigen::Index n2 = 2 * at_->n();
+  const ContactSet others = belief.held & ~bit(contact);
+  const auto fly_from = [&](double earlier) {
+    flight().fly(belief.z.head(n2), belief.t, t - ago - earlier - belief.t, belief.held);
+  };
+  at_->look(contact, true, t);
+  const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
+  fly_from(0.0);
+  const Flight::Gap there = flight().force(contact);
+  const double spread =
+      there.velocity < 0.0
+          ? std::min(std::hypot(s, std::min(there.g, 0.0)) / -there.velocity, belief.sigma)
+          : belief.sigma;
+  flight().fly_on(ago, others);
+  earlier_ = -flight().x();
+  fly_from(spread);
+  flight().fly_on(ago + spread, others);
+  earlier_ += flight().x();
+}
+
+// The mixture of the estimate without the event, at_, and with it.
+void PublishedEstimate::mix(double p) {
+  const Eigen::Index n2 = 2 * at_->n(), size = at_->size(), known = X_.cols();
+  const double with = std::sqrt(p), without = std::sqrt(1.0 - p);
+  x_ -= at_->x;
+  for (Eigen::Index j = 0; j < known; ++j) {
+    all_.col(j).head(n2) = without * at_->X.col(j);
+    all_.col(j).tail(size - n2) = without * at_->T.col(j);
+    all_.col(known + j).head(n2) = with * X_.col(j);
+    all_.col(known + j).tail(size - n2) = with * at_->T.col(j);
+  }
+  all_.rightCols(2).setZero();
+  all_.col(2 * known).head(n2) = (with * without) * x_;
+  all_.col(2 * known + 1).head(n2) = with * earlier_;
+  triangularize(all_, 0, size, 2 * known + 2, reflector_);
+  at_->x += p * x_;
+  at_->X.setZero();
+  at_->T.setZero();
+  at_->X.leftCols(size) = all_.topLeftCorner(n2, size);
+  at_->T.leftCols(size) = all_.block(n2, 0, size - n2, size);
+}
+
+}  // namespace sprag

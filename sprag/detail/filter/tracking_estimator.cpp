@@ -1,0 +1,715 @@
+#include "sprag/detail/filter/tracking_estimator.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+// A window that does not fit grows up to here, then it moves on.
+constexpr std::int64_t longest_window = 160;
+
+bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
+
+// The flows of a replica, which outlives the filter beside it; or new ones.
+std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
+  if (of_replica == nullptr) return std::make_shared<Flows>(scene.model);
+  return {std::shared_ptr<Flows>(), of_replica};
+}
+
+}  // namespace
+
+static_assert(Estimator<TrackingEstimator>);
+
+TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind,
+                                     StepperKind stepper, TrackThresholds thresholds)
+    : base_(scene, h, stepper),
+      kind_(kind),
+      thresholds_(thresholds),
+      identifies_(kind == EstimatorKind::adaptive) {
+  if (!has_filter(kind)) return;
+  if (identifies_) {
+    filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
+    received_.resize(2 * static_cast<std::size_t>(most_events));
+  } else if (!scene.parameters.empty()) {
+    filter_ =
+        std::make_unique<SceneFilter>(scene, unknowns_named(scene, scene.parameters.keys), true);
+  } else {
+    filter_ = std::make_unique<SceneFilter>(scene, shared_flows(base_.flows(), scene));
+  }
+}
+
+// As many impacts as the search's first grid takes, and some to judge it by.
+std::int64_t TrackingEstimator::first_size() const {
+  const auto f = static_cast<std::int64_t>(filter_->flight->n());
+  const auto unknowns = static_cast<std::int64_t>(filter_->flight->unknowns());
+  return std::max(6 * f + 6, 2 * f + unknowns + 8);
+}
+
+void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
+                              TrackingState& state) {
+  TrackingState fresh;
+  std::swap(fresh.base, state.base);  // its room
+  base_.start(start, k, chi, fresh.base);
+  state = std::move(fresh);
+  state.tick = k;
+  state.chi = chi;
+  state.window.closed = chi;
+  state.window.begins = tick_instant(k, h()).hi;
+  state.track.trial = thresholds_.trial;
+  if (!filter_) return;
+  state.silence.last_received = state.window.begins;
+  state.silence.last_flight = filter_->first_flight;
+  received_at(state.window.begins, state);
+  if (identifies()) {
+    state.window.size = first_size();
+  } else {
+    start_from_prior(start, state);
+  }
+}
+
+void TrackingEstimator::note_start(const FilterBelief& of) {
+  if (runs_ != nullptr) runs_->push_back({of, {}, {}});
+}
+
+void TrackingEstimator::note_event(const ContactEvent& event, double sigma) {
+  if (runs_ == nullptr || runs_->empty()) return;
+  runs_->back().events.push_back(event);
+  runs_->back().sigmas.push_back(sigma);
+}
+
+void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
+  SceneFilter& filter = *filter_;
+  filter.next = filter.nothing;
+  filter.next.sigma = filter.sigma;
+  filter_->set_prior(filter.next);
+  filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
+  filter.flight->enter(start.q, start.u, state.window.begins, filter.x);
+  filter.filter.restart(state.window.begins, filter.x, filter.start, state.chi, filter.next);
+  note_start(filter.next);
+  state.window.accepted = state.window.begins;
+  const bool held =
+      filter.flight->can_hold(state.chi, 0.0) && (filter.prior.size() == 0 || state.chi == 0);
+  if (!set_belief(filter.next, state) || !held) return lose(state);
+  state.track.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
+}
+
+void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
+  if (identifies() && state.window.wanted && has_result(state)) take_result(state);
+  if (!filter_) {
+    base_.tick(events, state.base);
+  } else {
+    recorded_ = records_ != nullptr ? records_->size() : 0;
+    base_.tick(events, state.base,
+               [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
+  state.tick = state.base.tick;
+  state.chi = state.base.chi;
+  if (filter_) end_tick(state);
+}
+
+std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
+  if (identifies()) return 0;
+  if (state.belief && state.track.status != TrackStatus::lost) {
+    // Up to where watch() has something to do.
+    const double until =
+        std::min(state.silence.overdue < 0 ? state.silence.next_look : state.silence.missing_from,
+                 EventFilter::end_of_burst(*state.belief));
+    const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
+    if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
+  }
+  const std::int64_t taken = base_.coast(n, state.base);
+  state.tick = state.base.tick;
+  return taken;
+}
+
+void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingState& state) {
+  recorded_ = records_ != nullptr ? records_->size() : 0;
+  base_.apply(events, state.base);
+  if (filter_) {
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+  }
+  state.chi = state.base.chi;
+  if (filter_) end_tick(state);
+}
+
+// The events of one instant. The replica is behind them; state.chi is that before them.
+void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState& state) {
+  const double t = events.front().t;
+  watch(t, state);
+  // A start may be a little later than the first event that it knows.
+  if (state.window.events == 0) state.window.begins = std::min(state.window.begins, t);
+  for (const ContactEvent& event : events) {
+    if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
+      state.inside |= bit(event.contact);
+      lose(state);
+    }
+    if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
+    if (identifies()) {
+      const double before =
+          state.window.events > 0 ? reported(state.window.events - 1).event.t : state.window.begins;
+      reported(state.window.events) = {event, state.chi, before};
+    }
+    ++state.window.events;
+    state.chi = after(state.chi, event);
+  }
+  const BeliefRef before = state.belief;
+  if (state.track.status != TrackStatus::lost) take(events, state);
+  if (records_ != nullptr) {
+    for (const ContactEvent& event : events) {
+      ImpactRecord& record = (*records_)[recorded_++];
+      record.time.sigma = filter_->sigma;
+      if (state.track.status == TrackStatus::confirmed) describe(before, event, state, record);
+    }
+  }
+  if (identifies() && state.window.events - state.window.first > most_events) {
+    begin_window(state.window.events - most_events, state);
+  }
+  if (base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, events, state);
+  received_at(t, state);
+}
+
+void TrackingEstimator::end_tick(TrackingState& state) {
+  const double t = tick_instant(state.tick, h()).hi;
+  watch(t, state);
+  // Moreau's stepper is at ticks alone.
+  if (!base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, {}, state);
+  if (identifies() && !state.belief &&
+      state.window.events - state.window.first >= state.window.size) {
+    state.window.wanted = true;
+  }
+}
+
+bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
+  if (!base_.record_in(records)) return false;
+  if (!filter_) return true;
+  records_ = &records;
+  if (filter_->family) return true;
+  forces_ = std::make_unique<ImpactRecorder>(base_.flows()->dynamics(), with_forces_,
+                                             filter_->sigma, true);
+  return true;
+}
+
+// The forces of held contacts, since the belief's own time.
+void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
+  const Flow* flow = before.held != 0 ? base_.flows()->find(before.held) : nullptr;
+  if (flow == nullptr) return;
+  SceneFilter& filter = *filter_;
+  const Eigen::Index f = filter.flight->n(), size = 2 * f;
+  filter.flight->state(before.z.head(size), before.t, filter.q, filter.u);
+  Motion motion;
+  flow->enter(filter.q, filter.u, at(before.t), Eigen::VectorXd::Zero(std::popcount(before.held)),
+              motion);
+  const Eigen::MatrixXd S = filter.flight->to_state() * before.S.topRows(size);
+  forces_->fly(motion, t - before.t, S.topRows(f), S.bottomRows(f), S.cols());
+}
+
+void TrackingEstimator::measure_release(const FilterBelief& before, const ContactEvent& event) {
+  if (!contains(before.held, event.contact)) return;
+  filter_->filter.mean(event.t, before);
+  Flight::Gap force;
+  const Eigen::VectorXd& row = filter_->filter.force_row(event.contact, event.t, force);
+  forces_->measured_release(event.contact, row, -force.g, square(force.velocity * before.sigma));
+}
+
+// What the filter says of an event that has led it from one belief to the present one.
+void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& event,
+                                 const TrackingState& state, ImpactRecord& record) {
+  if (!before) return;
+  const FilterBelief& of = *state.belief;
+  const double occurred = of.occurred[event.contact];
+  // Nothing was estimated of an impact that is rejected, or whose direction others hold.
+  if (event.kind != ContactEventKind::opens && occurred == before->occurred[event.contact]) return;
+  const ImpactEstimate& impact = of.impact;
+  if (impact.time_sigma > 0.0) {
+    record.time = {impact.time, impact.time_sigma};
+  } else {
+    record.time = {occurred, of.sigma};
+  }
+  record.before = {impact.before, impact.before_sigma};
+  record.after = {impact.after, impact.after_sigma};
+  const Dynamics& dynamics = base_.flows()->dynamics();
+  const double G = dynamics.G()(event.contact, event.contact);
+  record.impulse.value = (impact.after - impact.before) / G;
+  // Both speeds have one sign of error.
+  record.impulse.sigma = (impact.after_sigma + impact.before_sigma) / G;
+  record.from_filter = true;
+  if (!forces_) return;
+  follow_forces(*before, event.t);
+  if (event.kind == ContactEventKind::opens) measure_release(*before, event);
+  forces_->add(record);
+  record = with_forces_.back();
+  with_forces_.clear();
+}
+
+// x of the replica at the present tick, with the machine that the filter believes.
+void TrackingEstimator::find_replica(const TrackingState& state, double t) {
+  SceneFilter& filter = *filter_;
+  base_.output(state.base, filter.q, filter.u);
+  if (state.belief) filter.flight->set(state.belief->z.tail(filter.flight->unknowns()), false);
+  filter.flight->enter(filter.q, filter.u, t, filter.x);
+}
+
+void TrackingEstimator::lose(TrackingState& state) const {
+  if (forces_) forces_->start();
+  // A start inside a contact says as much of the scale as any other.
+  if (state.inside == 0) state.track.scale_is_known = false;
+  state.track.status = TrackStatus::lost;
+  state.track.doubts = false;
+  state.track.fitting = 0;
+  state.track.mean_square = 1.0;
+}
+
+bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state) const {
+  if (!of.is_finite()) return false;
+  state.earlier = {};
+  state.belief = filter_->pool->put(of);
+  if (!state.belief) ++state.forgotten;
+  return static_cast<bool>(state.belief);
+}
+
+// After an event.
+bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state) const {
+  if (!of.is_finite()) return false;
+  auto earlier = std::move(state.earlier);
+  std::move_backward(earlier.begin(), earlier.end() - 1, earlier.end());
+  earlier.front() = std::move(state.belief);
+  if (!set_belief(of, state)) return false;
+  state.earlier = std::move(earlier);
+  return true;
+}
+
+// The last belief whose event is not certainly later than t.
+const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& state) {
+  constexpr double certain = 3.0;  // deviations of an event's time
+  const FilterBelief* last = &*state.belief;
+  for (const BeliefRef& before : state.earlier) {
+    const ImpactEstimate& event = last->impact;
+    const double begins =
+        event.time_sigma > 0.0 ? event.time - certain * event.time_sigma : last->t;
+    if (!before || t >= begins) break;
+    last = &*before;
+  }
+  return *last;
+}
+
+// Twice the energy of the replica's motion at the present tick, its largest so far.
+double TrackingEstimator::note_energy(TrackingState& state) {
+  base_.output(state.base, filter_->q, filter_->u);
+  const double energy = filter_->motion_energy();
+  state.track.energy = std::max(state.track.energy, energy);
+  return energy;
+}
+
+void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState& state) {
+  SceneFilter& filter = *filter_;
+  FilterBelief& next = filter.next;
+  next = *state.belief;
+  const ContactEvent& event = events.back();
+  const bool reachable =
+      filter.filter.can_reach(event.t, next) && filter.filter.can_separate(events, next) &&
+      std::ranges::all_of(events, [&](const ContactEvent& each) {
+        return filter.flight->can_strike(each.contact, next.held & ~bit(each.contact));
+      });
+  const bool taken = reachable && filter.filter.take(events, next);
+  if (!reachable || !filter.flight->can_hold(next.held, 0.0)) return lose(state);
+  state.track.mean_square += (next.square - state.track.mean_square) / thresholds_.window;
+  if (!taken || !(next.square < thresholds_.innovation) ||
+      !(state.track.mean_square < thresholds_.mean_innovation)) {
+    const Inconsistency inconsistency{event.t, next.innovation.contact,
+                                      suspicion(*state.belief, next), next.square};
+    const bool single = events.size() == 1 && event.kind == ContactEventKind::pulse;
+    if (inconsistency.suspicion == Suspicion::spurious_event && single && may_doubt(state)) {
+      state.track.mean_square = std::min(state.track.mean_square, 1.0);
+      return doubt(inconsistency, state);
+    }
+    return fail(inconsistency, state);
+  }
+  for (const ContactEvent& each : events) note_event(each, next.sigma);
+  state.track.doubts = false;
+  if (!add_belief(next, state)) return lose(state);
+  ++state.track.fitting;
+  note_energy(state);
+  if (state.track.fitting >= 8 * state.track.trial) state.track.trial = thresholds_.trial;
+  if (scale_is_lost(state) || state.track.fitting < to_confirm(state)) return;
+  state.track.status = TrackStatus::confirmed;
+  state.track.inflation = 1.0;
+}
+
+// No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
+// start until it loses the track, and not at all where event times jitter.
+bool TrackingEstimator::scale_is_lost(const TrackingState& state) const {
+  if (filter_->scale_is_open) return true;
+  return kind_ == EstimatorKind::timing && filter_->filter.model().homogeneous &&
+         !state.track.scale_is_known;
+}
+
+std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
+  return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.track.trial;
+}
+
+// Near in place or in time: a spurious event is neither.
+Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
+  const Innovation& innovation = after.innovation;
+  const SceneFilter::LastFlight flight =
+      filter_->last_flight(innovation.contact, innovation.t, before);
+  const double far = thresholds_.far * std::max(after.length, flight.highest);
+  if (flight.inside > thresholds_.long_inside && flight.lowest < -far) {
+    return Suspicion::missing_event;
+  }
+  const bool is_near = flight.ends_near || innovation.gap <= far;
+  return is_near ? Suspicion::model : Suspicion::spurious_event;
+}
+
+// One spurious event, or a missing one, is no reason to give up a track that events have confirmed;
+// the next event must fit.
+bool TrackingEstimator::may_doubt(const TrackingState& state) const {
+  return state.track.status == TrackStatus::confirmed && !state.track.doubts &&
+         state.track.fitting >= to_confirm(state);
+}
+
+void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState& state) {
+  state.track.doubts = true;
+  ++state.inconsistencies;
+  state.last = inconsistency;
+}
+
+// Takes the impact that was not reported, where the gap fell through zero.
+bool TrackingEstimator::take_missing(TrackingState& state) {
+  SceneFilter& filter = *filter_;
+  const FilterBelief& present = *state.belief;
+  const int contact = state.silence.overdue;
+  const double crossing = filter_->crossing_before(state.silence.overdue_since, contact, present);
+  if (crossing == -infinity) return false;
+  filter.next = present;
+  // The gap was certainly negative when the impact was overdue.
+  filter.next.sigma = state.silence.overdue_since - crossing;
+  filter.next.reported[contact] = -infinity;
+  const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
+  if (!filter.filter.take(missing, filter.next)) return false;
+  note_event(missing, filter.next.sigma);
+  filter.next.sigma = present.sigma;
+  return add_belief(filter.next, state);
+}
+
+void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& state) {
+  const bool confirmed = state.track.fitting >= to_confirm(state);
+  const bool believed =
+      state.track.status == TrackStatus::confirmed && (confirmed || !identifies());
+  ++state.inconsistencies;
+  state.last = inconsistency;
+  if (state.track.status == TrackStatus::confirmed) {
+    state.track.trial = std::min(2 * state.track.trial, thresholds_.longest_trial);
+  }
+  if (!confirmed) {
+    state.track.inflation *= std::max(std::sqrt(inconsistency.square), thresholds_.least_inflation);
+    if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
+  }
+  lose(state);
+  if (identifies() && believed) {
+    // If the parameters are to blame, it is from here on.
+    begin_window(std::max<std::int64_t>(state.window.events - 1, 0), state);
+  } else if (identifies()) {
+    state.belief = {};
+    state.window.accepted = -1.0;
+  } else if (!confirmed) {
+    FilterBelief& next = filter_->next;
+    next = *state.belief;
+    filter_->set_prior(next);
+    set_belief(next, state);
+  }
+}
+
+void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) const {
+  state.window.first = event;
+  state.window.size = first_size();
+  if (event >= state.window.events) return;
+  state.window.begins = reported(event).before;
+  state.window.closed = reported(event).chi_before;
+}
+
+// Whether an event that had to come has not been reported by t. When that is found, and what
+// follows, depends on the events alone.
+void TrackingEstimator::watch(double t, TrackingState& state) {
+  SceneFilter& filter = *filter_;
+  while (state.belief && state.track.status != TrackStatus::lost) {
+    const double end = EventFilter::end_of_burst(*state.belief);
+    const double until = std::min(t, end);
+    if (!look(until, state)) return lose(state);
+    if (state.silence.overdue >= 0 && state.silence.missing_from <= until) {
+      const double from = state.silence.missing_from;
+      const Inconsistency inconsistency{from, state.silence.overdue, Suspicion::missing_event, 0.0};
+      const bool held = contains(state.belief->held, state.silence.overdue);
+      if (!held && may_doubt(state) && take_missing(state)) {
+        doubt(inconsistency, state);
+      } else {
+        fail(inconsistency, state);
+      }
+      received_at(from, state);
+      continue;
+    }
+    if (!(end <= t)) return;
+    filter.next = *state.belief;
+    filter.filter.expire(end, filter.next);
+    if (!set_belief(filter.next, state)) return lose(state);
+    received_at(end, state);
+  }
+}
+
+// Looks for an overdue impact up to t, at times that do not depend on t. False where the flight
+// cannot be followed so far.
+bool TrackingEstimator::look(double t, TrackingState& state) {
+  EventFilter& filter = filter_->filter;
+  const FilterBelief& belief = *state.belief;
+  while (state.silence.overdue < 0 && state.silence.next_look <= t) {
+    const double now = state.silence.next_look;
+    state.silence.next_look = now + until_next_look(now, state);
+    if (!filter.can_reach(now, belief)) return false;
+    state.silence.overdue = filter.overdue(now, belief);
+    if (state.silence.overdue < 0) continue;
+    state.silence.overdue_since = state.silence.missing_from = now;
+    if (contains(belief.held, state.silence.overdue)) continue;
+    const double crossing = filter_->crossing_before(now, state.silence.overdue, belief);
+    // The impacts that complete a chatter are not reported.
+    const double late =
+        thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
+    state.silence.missing_from = std::max(now, crossing + late);
+  }
+  return true;
+}
+
+// A flight is about as long as the one before it.
+double TrackingEstimator::until_next_look(double t, const TrackingState& state) const {
+  constexpr double growth = 0.125, looks_of_a_flight = 32.0;
+  const double first =
+      std::max(std::min(filter_->longest_look, state.silence.last_flight) / looks_of_a_flight,
+               filter_->least_look);
+  return std::min(std::max(growth * (t - state.silence.last_received), first),
+                  filter_->longest_look);
+}
+
+// From then on watch() listens.
+void TrackingEstimator::received_at(double t, TrackingState& state) const {
+  if (t > state.silence.last_received) state.silence.last_flight = t - state.silence.last_received;
+  state.silence.last_received = t;
+  state.silence.next_look = t + until_next_look(t, state);
+  state.silence.overdue = -1;
+}
+
+// The state of a lost track becomes the replica's, which is at t, behind these events.
+void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
+                              TrackingState& state) {
+  if (!state.belief) return;
+  SceneFilter& filter = *filter_;
+  const bool exact_parameters = filter.flight->unknowns() == 0;
+  if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
+                       : state.chi != 0) {
+    return;
+  }
+  find_replica(state, t);
+  filter.next = *state.belief;
+  // Of a track that was lost without a failure: as uncertain as the replica is off what was
+  // believed. At most as its motion is large.
+  if (filter.of_start > 0.0 && state.track.inflation == 1.0) {
+    filter.filter.fly_mean(t, filter.next);
+    filter.off = filter.flight->x() - filter.x;
+    const double off = filter.flight->twice_energy(filter.off) / filter.of_start;
+    if (off > square(state.track.inflation)) state.track.inflation = std::sqrt(off);
+  }
+  const double motion = std::max(note_energy(state), state.track.energy);
+  const double most =
+      filter.of_start > 0.0 ? std::sqrt(std::max(motion / filter.of_start, 1.0)) : 1.0;
+  state.track.inflation = std::min(state.track.inflation, most);
+  filter.inflated = state.track.inflation * filter.start;
+  filter.filter.restart(t, filter.x, filter.inflated, state.chi, filter.next);
+  for (const ContactEvent& event : events) filter.next.reported[event.contact] = t;
+  if (!set_belief(filter.next, state)) return;
+  note_start(filter.next);
+  state.track.status = TrackStatus::tentative;
+  received_at(t, state);
+}
+
+bool TrackingEstimator::waits(const TrackingState& state) const {
+  return identifies() && state.window.wanted && !has_result(state);
+}
+
+bool TrackingEstimator::has_result(const TrackingState& state) const {
+  if (result_ == nullptr) return false;
+  const AdaptationTask& task = result_->task;
+  if (task.number != state.window.events || task.closed != state.window.closed ||
+      task.begins != state.window.begins ||
+      static_cast<std::int64_t>(task.events.size()) != state.window.events - state.window.first) {
+    return false;
+  }
+  for (std::size_t i = 0; i < task.events.size(); ++i) {
+    if (!(reported(state.window.first + static_cast<std::int64_t>(i)).event == task.events[i]))
+      return false;
+  }
+  return true;
+}
+
+void TrackingEstimator::wanted(const TrackingState& state, AdaptationTask& task) const {
+  task.number = state.window.events;
+  task.begins = state.window.begins;
+  task.closed = state.window.closed;
+  task.events.clear();
+  for (std::int64_t i = state.window.first; i < state.window.events; ++i)
+    task.events.push_back(reported(i).event);
+}
+
+void TrackingEstimator::take_result(TrackingState& state) {
+  state.window.wanted = false;
+  ++state.window.identifications;
+  const std::int64_t first = first_size();
+  const FilterBelief& of = result_->belief;
+  filter_->of_state = of.S.topRows(2 * filter_->flight->n());
+  const double of_error = filter_->flight->twice_energy(filter_->of_state);
+  if (!result_->accepted || !(of_error < thresholds_.energy_to_accept * note_energy(state))) {
+    state.window.size += state.window.size / 2;
+    if (state.window.size > longest_window) {
+      begin_window(state.window.events - 2 * first, state);
+      state.window.size = 3 * first;
+    }
+    return;
+  }
+  lose(state);
+  if (!set_belief(of, state)) return;
+  state.window.accepted = tick_instant(state.tick, h()).hi;
+  if (!result_->state_is_known || state.chi != 0) return;
+  state.track.status = TrackStatus::confirmed;
+  state.track.fitting = to_confirm(state);
+}
+
+bool TrackingEstimator::is_believed(const TrackingState& state) {
+  return state.track.status == TrackStatus::confirmed && state.silence.overdue < 0;
+}
+
+// Looks are rare; what is claimed of a tick is not overdue at this tick either.
+bool TrackingEstimator::claims(const TrackingState& state) const {
+  const double t = tick_instant(state.tick, h()).hi;
+  return is_believed(state) &&
+         (t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0);
+}
+
+bool TrackingEstimator::shows_filter(const TrackingState& state) const {
+  if (!filter_) return false;
+  return is_believed(state) ||
+         (kind_ == EstimatorKind::timing && state.track.status != TrackStatus::lost);
+}
+
+void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
+                               Eigen::Ref<Eigen::VectorXd> u) {
+  if (!shows_filter(state)) {
+    base_.output(state.base, q, u);
+    return;
+  }
+  const double t = tick_instant(state.tick, h()).hi;
+  const Eigen::VectorXd& x = filter_->filter.publish_mean(t, belief_at(t, state));
+  filter_->flight->state(x, t, q, u);
+}
+
+Confidence TrackingEstimator::no_confidence() const {
+  Confidence confidence = base_.no_confidence();
+  if (!filter_) return confidence;
+  const Eigen::Index f = filter_->flight->n();
+  confidence.has_filter = true;
+  confidence.has_replica = kind_ != EstimatorKind::timing;
+  confidence.sigma_q.setConstant(f, infinity);
+  confidence.sigma_u = confidence.sigma_q;
+  confidence.sigma_g.setConstant(filter_->flight->contacts(), infinity);
+  confidence.sigma_outputs.setConstant(filter_->outputs.cols(), infinity);
+  if (!filter_->family) return confidence;
+  confidence.parameters.keys = filter_->keys;
+  confidence.parameters.values = filter_->family->nominal();
+  confidence.parameters.sigmas.setConstant(confidence.parameters.values.size(), infinity);
+  return confidence;
+}
+
+void TrackingEstimator::note(const TrackingState& state, Confidence& confidence) const {
+  base_.note(state.base, confidence);
+  if (!filter_) return;
+  confidence.from_filter = shows_filter(state);
+  confidence.filter = {};
+  if (state.belief && state.track.status != TrackStatus::lost) {
+    confidence.filter = state.belief->innovation;
+  }
+  confidence.inconsistencies = state.inconsistencies;
+  confidence.last = state.last;
+  confidence.forgotten = state.forgotten;
+  confidence.scale_is_lost = scale_is_lost(state);
+  confidence.parameters.accepted = state.window.accepted;
+  confidence.parameters.identifications = state.window.identifications;
+  confidence.parameters.known = state.belief ? state.belief->t : -1.0;
+}
+
+void TrackingEstimator::confidence(const TrackingState& state, double initial,
+                                   Confidence& confidence) {
+  base_.confidence(state.base, initial, confidence);
+  note(state, confidence);
+  if (!filter_) return;
+  if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
+  const double t = tick_instant(state.tick, h()).hi;
+  if (claims(state)) {
+    const FilterBelief& belief = belief_at(t, state);
+    filter_->filter.publish(t, belief);
+    filter_->fill_deviations(t, belief, confidence);
+  } else {
+    confidence.sigma_q.setConstant(infinity);
+    confidence.sigma_u.setConstant(infinity);
+    confidence.sigma_g.setConstant(infinity);
+    confidence.sigma_outputs.setConstant(infinity);
+  }
+  if (!filter_->family) return;
+  filter_->fill_parameters(t, state.belief ? &*state.belief : nullptr, confidence.parameters);
+}
+
+bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
+                  AdaptationResult& result) {
+  if (!estimator.waits(state)) return false;
+  AdaptationTask task;
+  estimator.wanted(state, task);
+  result = run(task, *estimator.family());
+  estimator.put(result);
+  return true;
+}
+
+Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& belief) {
+  return filter_->belief(tick_instant(state.tick, h()).hi, *state.belief, belief);
+}
+
+Prediction TrackingEstimator::predict(const TrackingState& state, const Predictor& predictor,
+                                      double ahead) {
+  const double t = tick_instant(state.tick, h()).hi;
+  if (!filter_ || identifies() || !claims(state)) return {t, t, {}};
+  sprag::Belief from;
+  const Eigen::MatrixXd S_c = filter_->belief(t, *state.belief, from);
+  const FilterModel& model = filter_->filter.model();
+  if (model.drift.cols() > 0) {
+    const Eigen::Index f = from.q.size(), known = from.columns;
+    const Eigen::MatrixXd drift = std::sqrt(ahead) * filter_->flight->to_state() * model.drift;
+    from.columns += drift.cols();
+    from.S_q.conservativeResize(f, from.columns);
+    from.S_u.conservativeResize(f, from.columns);
+    from.S_q.rightCols(from.columns - known) = drift.topRows(f);
+    from.S_u.rightCols(from.columns - known) = drift.bottomRows(f);
+  }
+  if (!filter_->family) return predictor.predict(t, state.chi, from, ahead);
+  const MachineFamily& family = *filter_->family;
+  const Eigen::Index P = S_c.rows();
+  const Eigen::VectorXd c = state.belief->z.tail(P);
+  return predictor.predict(t, state.chi, from, ahead, [&](const Eigen::VectorXd& xi) {
+    const Eigen::VectorXd at = c + S_c * xi.head(S_c.cols());
+    Eigen::VectorXd values(P);
+    for (Eigen::Index k = 0; k < P; ++k) {
+      values[k] = family.unknowns()[static_cast<std::size_t>(k)].value(at[k]);
+    }
+    return std::make_shared<const Flows>(family.with(values).model);
+  });
+}
+
+}  // namespace sprag

@@ -1,0 +1,108 @@
+#include "sprag/detail/identification/explanations.h"
+
+#include <algorithm>
+
+#include "sprag/detail/identification/repaired_events.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+namespace {
+
+// Wald's test: whether the other parameters, by their covariance, are far from nominal.
+bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
+                 const std::vector<std::size_t>& sought, double jitter) {
+  constexpr double far = 1e4;  // of chi^2, far beyond what curvature changes
+  std::vector<Eigen::Index> others;
+  for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
+    const FittedUnknown& fitted = fit.unknowns[k];
+    // Another scale changes amplitudes, constant forces and clearances.
+    const bool has_scale =
+        carries_scale(fitted.unknown) || fitted.unknown.kind == Unknown::Kind::clearance;
+    const bool is_sought = std::any_of(sought.begin(), sought.end(), [&](std::size_t j) {
+      return all[j].key == fitted.unknown.key || (carries_scale(all[j]) && has_scale);
+    });
+    const auto i = static_cast<Eigen::Index>(k);
+    const bool known = fitted.determined && fit.likelihood.covariance(i, i) > 0.0;
+    if (!is_sought && known) others.push_back(i);
+  }
+  if (others.empty()) return false;
+  Eigen::VectorXd off(static_cast<Eigen::Index>(others.size()));
+  for (std::size_t j = 0; j < others.size(); ++j) {
+    const FittedUnknown& fitted = fit.unknowns[static_cast<std::size_t>(others[j])];
+    off[static_cast<Eigen::Index>(j)] = fitted.unknown.coordinate(fitted.value);
+  }
+  const CholeskyFactor covariance(fit.likelihood.covariance(others, others));
+  return covariance.exists() && covariance.solve_L(off).squaredNorm() > far * square(jitter);
+}
+
+// The events as the fit used them. Lost ones have the times of the fit, which are guesses.
+std::vector<ContactEvent> used_events(std::span<const ContactEvent> events,
+                                      const Identification& fit,
+                                      std::vector<std::size_t>& guessed) {
+  std::vector<ContactEvent> used;
+  for (const RepairedEvent& repaired : repaired_events(events, fit)) {
+    if (repaired.spurious) continue;
+    if (!repaired.number) guessed.push_back(used.size());
+    used.push_back(repaired.event);
+  }
+  return used;
+}
+
+}  // namespace
+
+Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
+                     const IdentificationSettings& settings, double jitter,
+                     const Identification& all_fitted) {
+  Explanations explanations;
+  IdentificationSettings of = settings;
+  of.jitter = jitter;
+  of.mend = false;
+  const std::vector<ContactEvent> used = used_events(events, all_fitted, of.guessed);
+  const std::vector<Unknown>& all = settings.unknowns;
+  const auto judge = [&](const std::vector<std::size_t>& sought) {
+    if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;
+    of.unknowns.clear();
+    Explanation explanation;
+    for (const std::size_t k : sought) {
+      of.unknowns.push_back(all[k]);
+      explanation.keys.push_back(all[k].key);
+    }
+    try {
+      explanation.fit = identify(scene, used, of);
+    } catch (const TooFewImpacts&) {
+      return;
+    }
+    const auto& unknowns = explanation.fit.unknowns;
+    const bool determined =
+        std::all_of(unknowns.begin(), unknowns.end(),
+                    [](const FittedUnknown& fitted) { return fitted.determined; });
+    if (explanation.fit.fits() && determined) {
+      explanations.simplest.push_back(std::move(explanation));
+    }
+  };
+  const auto& unknowns = all_fitted.unknowns;
+  const bool as_it_is = std::none_of(unknowns.begin(), unknowns.end(),
+                                     [](const FittedUnknown& fitted) { return fitted.determined; });
+  if (as_it_is && all_fitted.fits()) {
+    // A fit that determines nothing has the values of the scene.
+    Explanation explanation{.keys = {}, .fit = all_fitted};
+    explanation.fit.unknowns.clear();
+    explanations.simplest.push_back(std::move(explanation));
+    return explanations;
+  }
+  judge({});
+  if (explanations.simplest.empty()) {
+    for (std::size_t j = 0; j < all.size(); ++j) judge({j});
+  }
+  if (explanations.simplest.empty()) {
+    for (std::size_t j = 0; j < all.size(); ++j) {
+      for (std::size_t k = j + 1; k < all.size(); ++k) judge({j, k});
+    }
+  }
+  std::stable_sort(
+      explanations.simplest.begin(), explanations.simplest.end(),
+      [](const Explanation& a, const Explanation& b) { return a.fit.chi2 < b.fit.chi2; });
+  return explanations;
+}
+
+}  // namespace sprag

@@ -1,0 +1,111 @@
+// The path of a machine that is hit at given times, whatever its gaps are then. It is linear in
+// where it starts and in what drives it, z = (x0, inputs):
+//
+//   g_k(t_k) = A_k z,   gamma_k- = Gamma_k z,
+//
+// x0 = (y, y') at the start of a stretch being the free part of the motion: the machine moves about
+// its steady response to the harmonics with all contacts open, also while some are held.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <vector>
+
+#include "sprag/detail/identification/held_flight.h"
+#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/identification/record.h"
+#include "sprag/detail/mechanics/oscillators.h"
+
+namespace sprag {
+
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// The flights to the impacts of some stretches from the impact before each, or from the start.
+/// Free ones depend on C and K alone, and are made again only where these, or the times, are others
+/// than before; others on all of the machine.
+class Flights {
+ public:
+  void set(const Machine& machine, const Stretches& stretches);
+
+  /// Moves columns of (y, y'), in place, to impact k of stretch s. The columns from `inputs` on
+  /// take the inputs that move the machine as well, 2 G of harmonics and J of constant forces, one
+  /// each.
+  void move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eigen::Index columns,
+            Eigen::Index inputs) const;
+  /// The same for one state and these inputs.
+  void move(std::size_t s, std::size_t k, Eigen::VectorXd& y, Eigen::VectorXd& u,
+            const Eigen::VectorXd& inputs) const;
+
+  /// W lambda of the contacts that are held at an impact's time [s], of this state: before it or
+  /// behind it, where gap velocities are as u says.
+  Eigen::VectorXd force(const Machine& machine, ContactSet held, double t, const Eigen::VectorXd& y,
+                        const Eigen::VectorXd& u, const Eigen::VectorXd& inputs) const;
+
+ private:
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+  const HeldFlight& held_flight(ContactSet held);
+  void set_free(const Machine& machine);
+  void set_composed(const Machine& machine, const Stretches& stretches);
+  void compose(const Stretch& stretch, std::size_t k);
+
+  bool modal_ = true;
+  Eigen::Index n_ = 0, G_ = 0;
+  Eigen::MatrixXd C_, K_, constant_forces_;
+  std::vector<std::vector<double>> intervals_;
+  std::vector<std::size_t> first_;            // flight of each stretch's first impact
+  std::vector<OscillatorStep> modes_;         // n a flight
+  std::vector<Eigen::MatrixXd> transitions_;  // 2n x (2n + J) a flight
+  // Of those on which something happens.
+  std::vector<std::size_t> number_;        // of each flight among them, or none
+  std::vector<Eigen::MatrixXd> composed_;  // 2n x (2n + 2G + J)
+  std::map<ContactSet, HeldFlight> held_;  // of machine_
+  Machine machine_;
+  Stretches stretches_;  // that they are of; none where nothing happens on any
+  mutable Eigen::VectorXd x_, moved_;
+  mutable Eigen::MatrixXd X_, moved_columns_;
+};
+
+/// e^(i Omega_j t) at all impacts, made again only where frequencies or times are others.
+struct Harmonics {
+  void set(const Eigen::VectorXd& frequencies, const Stretches& stretches);
+  std::vector<Eigen::MatrixXcd> values;  ///< a stretch: G x its impacts
+
+ private:
+  Eigen::VectorXd frequencies_;
+  std::vector<std::vector<double>> times_;
+};
+
+struct PathRows {
+  RowMatrix A, Gamma;  ///< impacts x (2n + inputs)
+};
+
+/// The rows of one stretch.
+void path_rows(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
+               const Stretch& stretch, std::size_t s, PathRows& rows);
+
+/// Likewise at the start of a stretch at which contacts were closed: a row each, A that of the gap,
+/// Gamma of its velocity.
+void start_rows(const Machine& machine, const Stretch& stretch, PathRows& rows);
+
+struct Path {
+  Eigen::VectorXd g, gamma, gamma_rate;  ///< before each impact
+  Eigen::VectorXd y, u;                  ///< the free part after the last impact
+  /// n x N: W lambda before each impact less that behind it; none where no contact is ever held.
+  Eigen::MatrixXd force_drop;
+};
+
+/// What an error of the time of impact k makes of the free part behind it: the impact comes later,
+/// and with another velocity.
+void effect_of_time(const Machine& machine, const Stretch& stretch, std::size_t k, const Path& path,
+                    Eigen::VectorXd& on_y, Eigen::VectorXd& on_u);
+
+void follow(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
+            const Stretch& stretch, std::size_t s, const Eigen::VectorXd& x0,
+            const Eigen::VectorXd& inputs, Path& path);
+
+/// d g_k / d t_j of a stretch whose path is this one: lower triangular. `end`, where it is not
+/// null, takes what they make of the free part after the last impact, 2n x impacts.
+void time_derivatives(const Machine& machine, const Flights& flights, const Stretch& stretch,
+                      std::size_t s, const Path& path, RowMatrix& G, RowMatrix* end = nullptr);
+
+}  // namespace sprag

@@ -1,0 +1,436 @@
+#include "sprag/detail/identification/machine_family.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+using Complex = std::complex<double>;
+
+}  // namespace
+
+void set_steady_response(const Machine& machine, double Omega, Eigen::Ref<Eigen::MatrixXcd> F) {
+  if (machine.modal) {
+    for (Eigen::Index k = 0; k < F.rows(); ++k) {
+      F.row(k) /= Complex(machine.K(k, 0) - Omega * Omega, Omega * machine.C(k, 0));
+    }
+    return;
+  }
+  MatrixCR Z(machine.n(), machine.n());
+  Z.real() = machine.K.cast<Extended>();
+  Z.real().diagonal().array() -= Omega * Omega;
+  Z.imag() = Omega * machine.C.cast<Extended>();
+  F = solve(Z, MatrixCR(F.cast<std::complex<Extended>>())).cast<Complex>();
+}
+
+bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
+  if (A.size() == 0) return true;
+  const double largest = A.cwiseAbs().maxCoeff();
+  Eigen::MatrixXd rest = A;
+  rest.diagonal().setZero();
+  return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
+}
+
+MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
+    : scene_(scene), unknowns_(std::move(unknowns)), groups_(harmonic_groups(scene)) {
+  const Model& model = scene_.model;
+  const Eigen::Index f = model.coordinates();
+  if (scene_.beam) {
+    V_ = model.M.diagonal().cwiseSqrt().cwiseInverse().asDiagonal();
+  } else {
+    V_ = eigenpairs(model.K, model.M).vectors;
+  }
+  V_inverse_ = product(V_.transpose(), model.M);
+  C_ = congruent(V_, model.C);
+  K_ = congruent(V_, model.K);
+  const bool entries = std::any_of(unknowns_.begin(), unknowns_.end(), [](const Unknown& unknown) {
+    return unknown.kind == Kind::damping_entry || unknown.kind == Kind::stiffness_entry;
+  });
+  modal_ = !entries && is_nearly_diagonal(C_) && is_nearly_diagonal(K_);
+  if (modal_) {
+    C_ = C_.diagonal().eval();
+    K_ = K_.diagonal().cwiseMax(0.0).eval();
+  }
+  for (const Contact& contact : model.contacts) {
+    if (contact.restitution != model.contacts.front().restitution) restitutions_differ_ = true;
+  }
+  const auto m = static_cast<Eigen::Index>(model.contacts.size());
+  W_.resize(f, m);
+  for (Eigen::Index i = 0; i < m; ++i) {
+    W_.col(i) = V_.transpose() * model.contacts[static_cast<std::size_t>(i)].w;
+  }
+  const auto G = static_cast<Eigen::Index>(groups_.size());
+  forces_.assign(groups_.size(), Eigen::VectorXcd::Zero(f));
+  motions_.setZero(m, G);
+  for (Eigen::Index g = 0; g < G; ++g) {
+    const HarmonicGroup& group = groups_[static_cast<std::size_t>(g)];
+    const auto relative = [&](const Harmonic& harmonic) {
+      return std::polar(1.0, harmonic.phase - group.phase) * (harmonic.amplitude / group.amplitude);
+    };
+    for (const int j : group.forces) {
+      const Force& force = model.forces[static_cast<std::size_t>(j)];
+      forces_[static_cast<std::size_t>(g)] +=
+          relative(force.harmonic) * (V_.transpose() * force.direction);
+    }
+    for (const int i : group.contacts) {
+      motions_(i, g) = relative(model.contacts[static_cast<std::size_t>(i)].motion);
+    }
+  }
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    if (model.forces[j].constant != 0.0) constants_.push_back(static_cast<int>(j));
+  }
+  constant_forces_.resize(f, static_cast<Eigen::Index>(constants_.size()));
+  for (std::size_t j = 0; j < constants_.size(); ++j) {
+    const Force& force = model.forces[static_cast<std::size_t>(constants_[j])];
+    constant_forces_.col(static_cast<Eigen::Index>(j)) =
+        V_.transpose() * force.direction * force.constant;
+  }
+}
+
+Eigen::Index MachineFamily::constant_input(int force) const {
+  const auto at = std::find(constants_.begin(), constants_.end(), force);
+  return 2 * static_cast<Eigen::Index>(groups_.size()) + (at - constants_.begin());
+}
+
+Eigen::Index MachineFamily::clearance_input(int contact) const {
+  return 2 * static_cast<Eigen::Index>(groups_.size()) + constant_forces_.cols() + contact;
+}
+
+Eigen::VectorXd MachineFamily::nominal() const {
+  Eigen::VectorXd values(static_cast<Eigen::Index>(unknowns_.size()));
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    values[k] = unknowns_[static_cast<std::size_t>(k)].nominal;
+  }
+  return values;
+}
+
+void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) const {
+  machine.modal = modal_;
+  machine.C = C_;
+  machine.K = K_;
+  bool entries = false;
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    const double value = values[static_cast<Eigen::Index>(k)];
+    switch (unknown.kind) {
+      case Kind::damping:
+        if (scene_.beam && scene_.beam->damping_ratio.size() == 0) {
+          machine.C.setConstant(value / scene_.beam->mass_per_length);
+        } else {
+          machine.C *= value;
+        }
+        break;
+      case Kind::stiffness: {
+        const double factor = value / unknown.nominal;
+        machine.K *= factor;
+        // A damping ratio stays one.
+        if (scene_.beam && scene_.beam->damping_ratio.size() > 0) machine.C *= std::sqrt(factor);
+        break;
+      }
+      case Kind::damping_entry:
+      case Kind::stiffness_entry:
+        entries = true;
+        break;
+      default:
+        break;
+    }
+  }
+  if (!entries) return;
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    if (unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry) continue;
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n(), n());
+    change(unknown.row, unknown.column) = change(unknown.column, unknown.row) =
+        values[static_cast<Eigen::Index>(k)] - unknown.nominal;
+    (unknown.kind == Kind::damping_entry ? machine.C : machine.K) += congruent(V_, change);
+  }
+}
+
+Machine MachineFamily::at(const Eigen::VectorXd& values) const {
+  Machine machine;
+  machine.W = W_;
+  machine.jump = W_;
+  machine.frequencies.resize(static_cast<Eigen::Index>(groups_.size()));
+  machine.response.resize(n(), machine.groups());
+  machine.gap_response.resize(contacts(), machine.groups());
+  machine.constant_forces = constant_forces_;
+  machine.positions.setConstant(contacts(), std::numeric_limits<double>::quiet_NaN());
+  at(values, machine);
+  return machine;
+}
+
+void MachineFamily::set_position(int contact, double position, Machine& machine) const {
+  if (machine.positions[contact] == position) return;
+  machine.positions[contact] = position;
+  const auto i = static_cast<std::size_t>(contact);
+  const Eigen::VectorXd& w = scene_.model.contacts[i].w;
+  auto column = machine.W.col(contact);
+  double side = 0.0;
+  for (Eigen::Index k = 0; k < n(); ++k) {
+    const int mode = static_cast<int>(k) + 1;
+    side += w[k] * mode_shape(mode, scene_.positions[i] / scene_.beam->length);
+    // A beam's V is diagonal.
+    column[k] = V_(k, k) * mode_shape(mode, position / scene_.beam->length);
+  }
+  if (side < 0.0) column = -column;
+}
+
+void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
+  set_flow(values, machine);
+  const Model& model = scene_.model;
+  frequencies(values, machine.frequencies);
+  double common = std::numeric_limits<double>::quiet_NaN();  // restitution of all contacts
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknown.kind == Kind::restitution && unknown.index < 0) {
+      common = value;
+    } else if (unknown.kind == Kind::position) {
+      set_position(unknown.index, value, machine);
+    }
+  }
+  for (int i = 0; i < contacts(); ++i) {
+    double restitution = model.contacts[static_cast<std::size_t>(i)].restitution;
+    if (!std::isnan(common)) restitution = restitutions_differ_ ? common * restitution : common;
+    for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+      if (unknowns_[k].kind == Kind::restitution && unknowns_[k].index == i) {
+        restitution = values[static_cast<Eigen::Index>(k)];
+      }
+    }
+    machine.jump.col(i) = machine.W.col(i) * ((1.0 + restitution) / machine.W.col(i).squaredNorm());
+  }
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
+    // The acceleration of a frame grows with the frequency, its amplitude does not.
+    const bool of_frame = groups_[static_cast<std::size_t>(g)].of_frame;
+    machine.response.col(g) =
+        forces_[static_cast<std::size_t>(g)] * (of_frame ? ratio * ratio : 1.0);
+    set_steady_response(machine, machine.frequencies[g], machine.response.col(g));
+    for (Eigen::Index i = 0; i < contacts(); ++i) {
+      machine.gap_response(i, g) = motions_(i, g);
+      for (Eigen::Index k = 0; k < n(); ++k) {
+        machine.gap_response(i, g) += machine.W(k, i) * machine.response(k, g);
+      }
+    }
+  }
+}
+
+void MachineFamily::frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) const {
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    frequencies[static_cast<Eigen::Index>(g)] = groups_[g].frequency;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::frequency) continue;
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknowns_[k].index < 0) {
+      frequencies *= value;
+    } else {
+      frequencies[unknowns_[k].index] = value;
+    }
+  }
+}
+
+Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
+  Eigen::VectorXd of_values(2 * static_cast<Eigen::Index>(groups_.size()) +
+                            constant_forces_.cols() + contacts());
+  inputs(values, of_values);
+  return of_values;
+}
+
+void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const {
+  const auto G = static_cast<Eigen::Index>(groups_.size());
+  // First amplitude and phase of each group.
+  for (Eigen::Index g = 0; g < G; ++g) {
+    inputs[2 * g] = groups_[static_cast<std::size_t>(g)].amplitude;
+    inputs[2 * g + 1] = groups_[static_cast<std::size_t>(g)].phase;
+  }
+  inputs.segment(2 * G, constant_forces_.cols()).setOnes();
+  for (int i = 0; i < contacts(); ++i) {
+    inputs[clearance_input(i)] = scene_.model.contacts[static_cast<std::size_t>(i)].clearance;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknown.index >= 0) {
+      if (unknown.kind == Kind::amplitude) inputs[harmonic_input(unknown.index)] = value;
+      if (unknown.kind == Kind::phase) inputs[harmonic_input(unknown.index) + 1] = value;
+    }
+    if (unknown.kind == Kind::constant) {
+      inputs[constant_input(unknown.index)] = value / unknown.nominal;
+    }
+    if (unknown.kind == Kind::clearance) inputs[clearance_input(unknown.index)] = value;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const Unknown& unknown = unknowns_[k];
+    const double value = values[static_cast<Eigen::Index>(k)];
+    if (unknown.index >= 0) continue;
+    const bool turns = unknown.kind == Kind::phase || unknown.kind == Kind::clock_offset;
+    if (!turns && unknown.kind != Kind::amplitude) continue;
+    Eigen::VectorXd rates = Eigen::VectorXd::Ones(G);
+    if (unknown.kind == Kind::clock_offset) {
+      frequencies(values, rates);
+      rates = -rates;
+    }
+    for (Eigen::Index g = 0; g < G; ++g) {
+      if (turns) {
+        inputs[2 * g + 1] += rates[g] * value;
+      } else {
+        inputs[2 * g] *= value;
+      }
+    }
+  }
+  for (Eigen::Index g = 0; g < G; ++g) {
+    const double amplitude = inputs[2 * g], phase = inputs[2 * g + 1];
+    inputs[2 * g] = amplitude * std::cos(phase);
+    inputs[2 * g + 1] = amplitude * std::sin(phase);
+  }
+}
+
+Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::size_t k) const {
+  const Eigen::VectorXd at = inputs(values);
+  Eigen::VectorXd rate = Eigen::VectorXd::Zero(at.size());
+  const Unknown& unknown = unknowns_[k];
+  const double value = values[static_cast<Eigen::Index>(k)];
+  switch (unknown.kind) {
+    case Kind::phase:
+    case Kind::amplitude:
+      for (int g = 0; g < static_cast<int>(groups_.size()); ++g) {
+        if (unknown.index >= 0 && unknown.index != g) continue;
+        const Eigen::Index a = harmonic_input(g);
+        if (unknown.kind == Kind::phase) {
+          rate[a] = -at[a + 1];
+          rate[a + 1] = at[a];
+        } else {
+          rate.segment(a, 2) = at.segment(a, 2) / value;
+        }
+      }
+      break;
+    case Kind::constant:
+      rate[constant_input(unknown.index)] = 1.0 / unknown.nominal;
+      break;
+    default:
+      rate[clearance_input(unknown.index)] = 1.0;
+  }
+  return rate;
+}
+
+template <class Change>
+void MachineFamily::change_harmonics(Scene& scene, int index, const Change& change) const {
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    if (index >= 0 && index != static_cast<int>(g)) continue;
+    const HarmonicGroup& of = groups_[g];
+    for (const int j : of.forces) {
+      change(scene.model.forces[static_cast<std::size_t>(j)].harmonic, of, of.of_frame);
+    }
+    for (const int i : of.contacts) {
+      change(scene.model.contacts[static_cast<std::size_t>(i)].motion, of, false);
+    }
+    if (of.of_frame && scene.frame) change(scene.frame->motion, of, false);
+  }
+}
+
+// The frequency, phase or amplitude of one group of harmonics, or of all.
+void MachineFamily::set_harmonics(const Unknown& unknown, double value, Scene& scene) const {
+  const bool all = unknown.index < 0;
+  const auto set = [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {
+    if (unknown.kind == Kind::phase) {
+      harmonic.phase += all ? value : value - group.phase;
+    } else if (unknown.kind == Kind::amplitude) {
+      harmonic.amplitude *= all ? value : value / group.amplitude;
+    } else {
+      const double ratio = all ? value : value / group.frequency;
+      harmonic.frequency = ratio * group.frequency;
+      if (accelerates) harmonic.amplitude *= ratio * ratio;
+    }
+  };
+  change_harmonics(scene, unknown.index, set);
+}
+
+void MachineFamily::set_restitution(int index, double value, Model& model) const {
+  for (std::size_t j = 0; j < model.contacts.size(); ++j) {
+    double& restitution = model.contacts[j].restitution;
+    if (index < 0) {
+      restitution = restitutions_differ_ ? value * restitution : value;
+    } else if (static_cast<int>(j) == index) {
+      restitution = value;
+    }
+  }
+}
+
+void MachineFamily::set(const Unknown& unknown, double value, Scene& scene) const {
+  Model& model = scene.model;
+  const auto i = static_cast<std::size_t>(std::max(unknown.index, 0));
+  switch (unknown.kind) {
+    case Kind::restitution:
+      set_restitution(unknown.index, value, model);
+      break;
+    case Kind::damping:
+      if (scene.beam && scene.beam->damping_ratio.size() == 0) {
+        scene.beam->damping = value;
+      } else if (scene.beam) {
+        scene.beam->damping_ratio *= value;
+      } else {
+        model.C *= value;
+      }
+      break;
+    case Kind::stiffness:
+      if (scene.beam) {
+        scene.beam->bending_stiffness = value;
+      } else {
+        model.K *= value;
+      }
+      break;
+    case Kind::damping_entry:
+      model.C(unknown.row, unknown.column) = model.C(unknown.column, unknown.row) = value;
+      break;
+    case Kind::stiffness_entry:
+      model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
+      break;
+    case Kind::position: {
+      Eigen::VectorXd& w = model.contacts[i].w;
+      w = moved_direction(*scene_.beam, w, scene_.positions[i], value);
+      scene.positions[i] = value;
+      break;
+    }
+    case Kind::frequency:
+    case Kind::phase:
+    case Kind::amplitude:
+      set_harmonics(unknown, value, scene);
+      break;
+    case Kind::clock_offset:
+      break;  // with() shifts the phases once all frequencies are set
+    case Kind::constant:
+      model.forces[i].constant = value;
+      break;
+    case Kind::clearance:
+      model.contacts[i].clearance = value;
+      break;
+  }
+}
+
+Scene MachineFamily::with(const Eigen::VectorXd& values) const {
+  Scene scene = scene_;
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    set(unknowns_[k], values[static_cast<Eigen::Index>(k)], scene);
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::clock_offset) continue;
+    const double offset = values[static_cast<Eigen::Index>(k)];
+    change_harmonics(scene, -1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
+      harmonic.phase -= harmonic.frequency * offset;
+    });
+  }
+  if (scene.beam) {
+    scene.model.K = stiffness(*scene.beam).asDiagonal();
+    scene.model.C = damping(*scene.beam).asDiagonal();
+  }
+  return scene;
+}
+
+}  // namespace sprag

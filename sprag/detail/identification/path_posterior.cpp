@@ -1,0 +1,134 @@
+#include "sprag/detail/identification/path_posterior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "sprag/detail/filter/event_filter.h"
+#include "sprag/detail/filter/family_flight.h"
+#include "sprag/detail/filter/triangularize.h"
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+// Of what no prior is known: deviations in units of the largest value on the path, and of c.
+constexpr double wide_state = 3.0, wide_share = 2.0;
+
+// x at the start of a stretch, of which the path holds the free part.
+Eigen::VectorXd start_of(const MachineFamily& family, const Likelihood& path, std::size_t s) {
+  const Machine machine = family.at(path.values);
+  const Eigen::VectorXd inputs = family.inputs(path.values);
+  const Eigen::Index n = family.n();
+  Eigen::VectorXd x = path.x0[s];
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const std::complex<double> z = std::complex<double>(inputs[2 * g], inputs[2 * g + 1]) *
+                                   std::polar(1.0, machine.frequencies[g] * path.path[s].start);
+    const std::complex<double> rate(0.0, machine.frequencies[g]);
+    x.head(n) += (machine.response.col(g) * z).real();
+    x.tail(n) += (machine.response.col(g) * (z * rate)).real();
+  }
+  return x;
+}
+
+// Of |x| on the path.
+Eigen::VectorXd largest(const MachineFamily& family, FamilyFlight& flight, const Likelihood& path,
+                        const Eigen::VectorXd& c) {
+  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(2 * family.n());
+  flight.set(c, true);
+  for (std::size_t s = 0; s < path.path.size(); ++s) {
+    Eigen::VectorXd x = start_of(family, path, s);
+    double t = path.path[s].start;
+    for (const Impact& impact : path.path[s].impacts) {
+      flight.fly(x, t, impact.t - t, 0);
+      flight.strike(impact.contact, false, 0);
+      x = flight.x();
+      t = impact.t;
+      sizes = sizes.cwiseMax(x.cwiseAbs());
+    }
+  }
+  return sizes;
+}
+
+// An impact, reported at t, that the path has at `when`. `on`: the path before it, then after it.
+void take(int contact, double t, double when, LinearizedFlight& at, Eigen::VectorXd& on,
+          FilterBelief& belief) {
+  Flight& flight = at.flight();
+  const Eigen::Index n2 = 2 * at.n(), P = at.unknowns(), last = at.X.cols() - 1;
+  at.spread(belief, when - belief.t);
+  at.fly(when, on, belief, false);
+  at.look(contact, false, when);
+  belief.length = std::max(belief.length, at.of.length);
+  const double of_time = -at.of.velocity * belief.sigma;
+  at.phi[last] = of_time;
+  const Eigen::VectorXd offset = belief.z - on;
+  at.carry(offset);
+  Eigen::VectorXd x = at.dx, c = offset.tail(P);
+  const double residual =
+      at.of.g + at.of_g.dot(at.dx) + at.by_c.dot(c) + at.of.velocity * (t - when);
+  const double variance = at.phi.squaredNorm() + at.noise;
+  const double gain = belief.sigma * of_time / variance;
+  const double shrink = 1.0 / (1.0 + std::sqrt(at.noise / variance));
+  at.measure(residual, at.noise, x, c);
+  const double off = -gain * residual - (t - when);
+  flight.set(on.tail(P), true);
+  flight.fly(at.x, when, 0.0, 0);
+  flight.strike(contact, false, 0);
+  flight.carry_through(at.X);
+  FilterBelief::Rows all(at.size(), last + 1);
+  for (Eigen::Index j = 0; j <= last; ++j) {
+    const double of_tau = (j == last ? belief.sigma : 0.0) - gain * shrink * at.phi[j];
+    all.col(j) << at.X.col(j) + flight.by_unknowns() * at.T.col(j) - of_tau * flight.by_time(),
+        at.T.col(j);
+  }
+  flight.carry_through(x);
+  x += flight.by_unknowns() * c - off * flight.by_time();
+  on.head(n2) = flight.x();
+  belief.z = on;
+  belief.z.head(n2) += x;
+  belief.z.tail(P) += c;
+  Eigen::VectorXd scratch(all.cols());
+  triangularize(all, 0, at.size(), all.cols(), scratch);
+  belief.S = all.topLeftCorner(at.size(), at.size());
+  belief.t = when;
+  belief.reported[contact] = t;
+  belief.occurred[contact] = when;
+}
+
+}  // namespace
+
+FilterBelief path_posterior(const MachineFamily& family, const FilterModel& model,
+                            const Likelihood& path, const Stretches& measured, double sigma) {
+  FamilyFlight flight(family);
+  EventFilter filter(flight, model);
+  LinearizedFlight at(flight, filter.model());
+  const std::vector<Unknown>& all = family.unknowns();
+  const Eigen::Index n2 = 2 * family.n();
+  FilterBelief belief = filter.no_belief();
+  Eigen::VectorXd c(at.unknowns());
+  for (Eigen::Index k = 0; k < c.size(); ++k) {
+    const Unknown& unknown = all[static_cast<std::size_t>(k)];
+    c[k] = unknown.coordinate(path.values[k]);
+    belief.S(n2 + k, n2 + k) = unknown.logarithmic ? wide_share * unknown.within : 1.0;
+  }
+  belief.z.tail(c.size()) = c;
+  belief.t = path.path.front().start;
+  const Eigen::MatrixXd wide = (wide_state * largest(family, flight, path, c)).asDiagonal();
+  Eigen::VectorXd on(at.size());
+  for (std::size_t s = 0; s < path.path.size(); ++s) {
+    const Stretch& stretch = path.path[s];
+    on << start_of(family, path, s), c;
+    belief.sigma = sigma;
+    filter.restart(stretch.start, on.head(n2), wide, 0, belief);
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      const Impact& impact = stretch.impacts[k];
+      // The time of a missed impact is a guess.
+      belief.sigma = impact.timed ? sigma : impact.t - belief.t;
+      take(impact.contact, measured[s].impacts[k].t, impact.t, at, on, belief);
+    }
+  }
+  belief.sigma = sigma;
+  return belief;
+}
+
+}  // namespace sprag

@@ -1,0 +1,29 @@
+#include "sprag/detail/identification/restitution_trend.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/detail/identification/linearized_filter.h"
+
+namespace sprag {
+
+std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
+                                                           const Identification& fit) {
+  const bool sought = std::any_of(fit.unknowns.begin(), fit.unknowns.end(), [](const auto& of) {
+    return of.unknown.kind == Unknown::Kind::restitution;
+  });
+  if (!sought || !is_near(fit) || is_exact(fit) || fit.freedom <= 1) return std::nullopt;
+  LinearizedFilter filter(scene, fit, LinearizedFilter::About::fit);
+  RestitutionTrend trend;
+  trend.chi2_without = filter.at(0.0).chi2;
+  filter.add_restitution_trend();
+  const LinearizedFilter::Value value = filter.at(0.0);
+  trend.chi2_with = value.chi2;
+  trend.gain = filter.told() ? trend.chi2_without - trend.chi2_with
+                             : fit.freedom * std::log(trend.chi2_without / trend.chi2_with);
+  trend.trend = value.parameters[value.parameters.size() - 1];
+  trend.sigma = value.sigmas[value.sigmas.size() - 1];
+  return trend;
+}
+
+}  // namespace sprag

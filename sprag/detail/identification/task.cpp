@@ -1,0 +1,73 @@
+#include "sprag/detail/identification/task.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/detail/identification/path_posterior.h"
+#include "sprag/identification.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+// Times are told apart by no less than this share of the usual time between impacts.
+constexpr double resolved = 1e-10;
+
+}  // namespace
+
+std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
+  const std::vector<std::string>& free = scene.adaptation.free;
+  std::vector<Unknown> unknowns =
+      free.empty() ? all_but_the_scale(scene) : unknowns_named(scene, free);
+  const Eigen::VectorXd& within = scene.adaptation.within;
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
+    unknowns[k].within = within[within.size() > 1 ? static_cast<Eigen::Index>(k) : 0];
+  }
+  return unknowns;
+}
+
+Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns) {
+  const Eigen::VectorXd& walk = scene.adaptation.walk;
+  return walk.size() > 1 ? walk : Eigen::VectorXd::Constant(unknowns, walk[0]);
+}
+
+AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
+  AdaptationResult result;
+  result.task = task;
+  const Scene& scene = family.scene();
+  IdentificationSettings settings;
+  settings.unknowns = family.unknowns();
+  settings.begins = task.begins;
+  settings.closed = task.closed;
+  settings.through_contact = false;  // where the filter's own pass begins anew
+  // Parameters that walk scatter the events more than their jitter does.
+  if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
+  settings.white = !scene.adaptation.walks();
+  settings.strictly_within = false;  // parameters may have moved since the scene was written
+  Identification found;
+  try {
+    found = identify(scene, task.events, settings);
+  } catch (const TooFewImpacts&) {
+    return result;
+  }
+  // A filter that starts from values that the events do not determine is falsely certain.
+  const bool determined =
+      std::all_of(found.unknowns.begin(), found.unknowns.end(),
+                  [](const FittedUnknown& fitted) { return fitted.determined; });
+  result.accepted = found.fits() && !found.ambiguous() && determined;
+  if (!result.accepted) return result;
+  const double sigma = scene.jitter > 0.0 ? scene.jitter
+                       : scene.adaptation.walks()
+                           ? resolved * found.interval
+                           : std::max(found.jitter, resolved * found.interval);
+  result.belief = path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
+                                 found.likelihood, found.measured, sigma);
+  result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
+  const Impact& last = found.measured.back().impacts.back();
+  result.state_is_known = last.timed && last.event + 1 == task.events.size() &&
+                          task.events.back().kind == ContactEventKind::pulse;
+  return result;
+}
+
+}  // namespace sprag

@@ -1,0 +1,54 @@
+// What all flows of one model share: its matrices as (2) of Baumann & Leine 2014 takes them, the
+// frequencies and complex amplitudes of what excites it, and its contacts as functions of the
+// physical state.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "sprag/model.h"
+
+namespace sprag {
+
+/// Linear in the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
+struct Functional {
+  Eigen::VectorXd a, b;
+  double constant = 0.0;
+  Eigen::VectorXcd h;
+};
+
+/// Frequencies, complex amplitudes, W, M^-1 W and G = W^T M^-1 W.
+class Dynamics {
+ public:
+  /// Throws ModelError when the sizes do not fit or M is not positive definite.
+  explicit Dynamics(Model model);
+
+  const Model& model() const { return model_; }
+  Eigen::Index coordinates() const { return model_.coordinates(); }
+  int contacts() const { return static_cast<int>(model_.contacts.size()); }
+  bool diagonal() const { return diagonal_; }
+
+  const Eigen::VectorXd& frequencies() const { return frequencies_; }
+  const Eigen::MatrixXcd& force_amplitudes() const { return force_amplitudes_; }
+  const Eigen::VectorXd& force_constant() const { return force_constant_; }
+  const Eigen::MatrixXcd& motion_amplitudes() const { return motion_amplitudes_; }
+  const Eigen::VectorXd& offsets() const {
+    return offsets_;
+  }                                                        ///< c_i and constant motion, m entries
+  const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
+  const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
+  const Eigen::MatrixXd& G() const { return G_; }          ///< m x m
+
+  Functional gap(int contact) const;
+  Functional gap_velocity(int contact) const;
+  /// gamma_i' without any contact force.
+  Functional free_acceleration(int contact) const;
+
+ private:
+  Model model_;
+  bool diagonal_ = false;
+  Eigen::VectorXd frequencies_, force_constant_, offsets_;
+  Eigen::MatrixXcd force_amplitudes_, motion_amplitudes_;  // f x nf, m x nf
+  Eigen::MatrixXd W_, MinvW_, G_;
+};
+
+}  // namespace sprag

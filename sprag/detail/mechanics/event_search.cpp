@@ -1,0 +1,493 @@
+#include "sprag/detail/mechanics/event_search.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "sprag/detail/mechanics/bernstein.h"
+#include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+// Lower bounds have one term more, the remainder.
+constexpr int degree = bernstein::degree - 1;
+// Below this a motion has died out; its roundings are no longer relative.
+constexpr double nothing = 1e-290;
+
+// Two events closer than this share of their time are one.
+constexpr double simultaneous = 1e-13;
+
+using bernstein::Coefficients;
+
+constexpr std::array<double, degree + 2> inverse_factorials = [] {
+  std::array<double, degree + 2> values{};
+  double factorial = 1.0;
+  for (int j = 0; j < degree + 2; ++j) {
+    values[index(j)] = 1.0 / factorial;
+    factorial *= j + 1;
+  }
+  return values;
+}();
+
+// Where a motion is, as far as its first `count` oscillators.
+struct Point {
+  const Oscillators& oscillators;
+  const Drives& drives;
+  const OscillatorState& x;
+  const Eigen::ArrayXd& alpha;
+  Eigen::Index count;
+};
+
+struct Expansion {
+  Coefficients a{};    // phi^(j) / j!, j = 0..degree
+  double bound = 0.0;  // of |phi^(p+1)| / (p+1)! from now on
+  double noise = 0.0;  // rounding of a[0]
+};
+
+// What a drive adds to the derivatives of phi, as if its oscillator were at rest: theirs add up.
+// Returns its share in the bound of the one after the last, which holds up to reach().
+double expand_drive(const Drive& drive, double p, double r, const Point& at, Coefficients& d) {
+  const Oscillators& oscillators = at.oscillators;
+  const double damping = 2.0 * oscillators.delta()[drive.mode];
+  const double kappa = oscillators.kappa()[drive.mode];
+  const double kappa_source = oscillators.kappa()[drive.source];
+  const double root_source = oscillators.root_kappa()[drive.source];
+  double force = drive.force(at.x);
+  double next_force = drive.force_rate(oscillators, at.x);
+  const double amplitude = std::hypot(force, next_force / root_source);
+  double last = 0.0;
+  double before = 0.0;
+  double now = 0.0;
+  double next = force;
+  double fastest = amplitude;  // |F^(j)| at most
+  const double reach = at.drives.reach();
+  for (std::size_t j = 0; j <= degree; ++j) {
+    d[j] += p * before + r * now;
+    last = before;
+    before = now;
+    now = next;
+    next = next_force - damping * now - kappa * before;
+    force = std::exchange(next_force, -kappa_source * force);
+    if (j < degree) fastest *= root_source;
+  }
+  // Energy of derivative p, which F^(p) feeds: sqrt(z^(p+1)^2 + kappa z^(p)^2) grows by |F^(p)| a
+  // unit of time at most.
+  const double root = oscillators.root_kappa()[drive.mode];
+  return std::abs(p) * (std::abs(before) + root * std::abs(last) + reach * fastest) +
+         std::abs(r) * (std::abs(now) + root * std::abs(before) + reach * root_source * fastest);
+}
+
+Expansion expand_signal(const Signal& signal, double sign, double constant, const Point& at) {
+  const Oscillators& oscillators = at.oscillators;
+  Expansion e;
+  Coefficients d{};
+  double bound = 0.0;
+  double magnitude = std::abs(constant);
+  for (Eigen::Index k = 0; k < at.count; ++k) {
+    const double p = sign * signal.p[k];
+    const double r = sign * signal.r[k];
+    const double damping = 2.0 * oscillators.delta()[k];
+    const double kappa = oscillators.kappa()[k];
+    double before = at.x.z[k];
+    double now = at.x.v[k];
+    double next = at.alpha[k] - damping * now - kappa * before;
+    magnitude += std::abs(p * before) + std::abs(r * now);
+    for (std::size_t j = 0; j <= degree; ++j) {
+      d[j] += p * before + r * now;
+      before = now;
+      now = next;
+      next = -damping * now - kappa * before;
+    }
+    // before, now, next are the derivatives p+1, p+2, p+3; the energy of derivative p+1 bounds p+1
+    // only through p: sqrt(kappa) |z^(p)| = |now + damping before| / sqrt(kappa).
+    const double root = oscillators.root_kappa()[k];
+    const double previous = root > 0.0 ? std::abs(now + damping * before) / root : 0.0;
+    bound += std::abs(p) * (std::abs(before) + previous) +
+             std::abs(r) * (std::abs(now) + root * std::abs(before));
+  }
+  for (const Drive& drive : at.drives.all()) {
+    if (drive.mode >= at.count) break;
+    bound += expand_drive(drive, sign * signal.p[drive.mode], sign * signal.r[drive.mode], at, d);
+  }
+  d[0] += constant;
+  for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
+  e.bound = bound * inverse_factorials[degree + 1];
+  e.noise = 4.0 * machine_epsilon * magnitude + nothing;
+  return e;
+}
+
+// Rounding noise of phi^(j) / j!.
+double noise_of(int order, const Signal& signal, const Point& at) {
+  const Oscillators& oscillators = at.oscillators;
+  double magnitude = 0.0;
+  for (const Drive& drive : at.drives.all()) {
+    if (drive.mode >= at.count) break;
+    const double damping = 2.0 * oscillators.delta()[drive.mode];
+    const double kappa = oscillators.kappa()[drive.mode];
+    double force = std::abs(drive.force(at.x));
+    double next_force = std::abs(drive.force_rate(oscillators, at.x));
+    double before = 0.0;
+    double now = 0.0;
+    double next = force;
+    for (int j = 0; j < order; ++j) {
+      before = now;
+      now = next;
+      next = next_force + damping * now + kappa * before;
+      force = std::exchange(next_force, oscillators.kappa()[drive.source] * force);
+    }
+    magnitude += std::abs(signal.p[drive.mode]) * before + std::abs(signal.r[drive.mode]) * now;
+  }
+  for (Eigen::Index k = 0; k < at.count; ++k) {
+    const double damping = 2.0 * oscillators.delta()[k];
+    const double kappa = oscillators.kappa()[k];
+    double before = at.x.z[k];
+    double now = at.x.v[k];
+    double next = std::abs(at.alpha[k]) + damping * std::abs(now) + kappa * std::abs(before);
+    for (int j = 0; j < order; ++j) {
+      before = now;
+      now = next;
+      next = damping * std::abs(now) + kappa * std::abs(before);
+    }
+    magnitude += std::abs(signal.p[k] * before) + std::abs(signal.r[k] * now);
+  }
+  return 8.0 * machine_epsilon * magnitude * inverse_factorials[index(order)] + nothing;
+}
+
+struct Verdict {
+  double certified = 0.0;  // positive before this
+  double root = infinity;  // accepted root
+  double next = 0.0;       // phi at `certified`, roughly
+};
+
+// n-th root of x >= 0 within a tenth: a double's bits are nearly a logarithm of it. Powers 2^(n k)
+// in x are powers 2^k in the root, exactly.
+double rough_root(double x, int n) {
+  constexpr auto one = std::bit_cast<std::int64_t>(1.0);
+  const double normal =
+      std::clamp(x, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+  const std::int64_t logarithm = std::bit_cast<std::int64_t>(normal) - one;
+  const std::int64_t share = logarithm / n - (logarithm % n < 0 ? 1 : 0);  // rounded down
+  return std::bit_cast<double>(one + share);
+}
+
+// How far a polynomial without remainder (free fall) can matter: beyond, its highest falling term
+// outweighs all others.
+double reach_of(const Expansion& e, int order) {
+  double reach = 0.0;
+  for (int i = order + 1; i <= degree; ++i) {
+    const double falling = e.a[index(i)];
+    if (falling >= 0.0) continue;
+    for (int j = order; j < i; ++j) {
+      const double rising = e.a[index(j)];
+      if (rising > 0.0) {
+        reach = std::max(reach, 2.25 * rough_root(-degree * rising / falling, i - j));
+      }
+    }
+  }
+  return reach;
+}
+
+// First positive root of c0 + c1 x + c2 x^2, c0 > 0; infinity if there is none.
+double quadratic_root(double c0, double c1, double c2) {
+  const double discriminant = c1 * c1 - 4.0 * c0 * c2;
+  if (discriminant < 0.0) return infinity;
+  const double denominator = -c1 + std::sqrt(discriminant);
+  return denominator > 0.0 ? 2.0 * c0 / denominator : infinity;
+}
+
+// A root in (0, H) of sum a_j x^j that the first terms show, from a little below; infinity if none
+// is found. Not surely the first one.
+double visible_root(const double* a, int n, double H) {
+  constexpr double a_little = 0x1p-9;
+  if (n < 2) return infinity;
+  double x = quadratic_root(a[0], a[1], a[2]);
+  for (int iteration = 0; iteration < 6; ++iteration) {
+    if (!(x > 0.0 && x < H)) return infinity;
+    double value = a[n];
+    double slope = 0.0;
+    for (int j = n - 1; j >= 0; --j) {
+      slope = slope * x + value;
+      value = value * x + a[j];
+    }
+    if (!(slope < 0.0)) return infinity;
+    const double step = value / slope;
+    x -= step;
+    if (std::abs(step) <= 0.25 * a_little * x) return (1.0 - a_little) * x;
+  }
+  return infinity;
+}
+
+// How far it is worth to look; zero: as far as one likes, nothing falls.
+double interval(const Expansion& e, int order, double lead) {
+  // Somewhat less than where the remainder alone outweighs the start: most such intervals show no
+  // root at once.
+  if (e.bound > 0.0) return 0.8 * rough_root(lead / e.bound, degree - order + 1);
+  return reach_of(e, order);
+}
+
+// A polynomial of degree p - order + 1 that phi / x^order is not below.
+Coefficients lower_bound(const Expansion& e, int order, double omitted) {
+  const int n = degree - order;
+  Coefficients lower{};
+  for (int j = 0; j <= n; ++j) lower[index(j)] = e.a[index(j) + index(order)];
+  lower[0] -= omitted;
+  lower[index(n) + 1] = -e.bound;
+  return lower;
+}
+
+// phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, and at most remainder s^(n+1)
+// more or less.
+struct Stretch {
+  double H;
+  int n;
+  Coefficients c{};
+  double remainder = 0.0;
+};
+
+// `lower` comes along from x to s.
+Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
+  Stretch phi{H, degree - order};
+  double power = 1.0;
+  for (int j = 0; j <= phi.n; ++j) {
+    phi.c[index(j)] = e.a[index(j) + index(order)] * power;
+    lower[index(j)] *= power;
+    power *= H;
+  }
+  phi.remainder = e.bound * power;
+  lower[index(phi.n) + 1] = -phi.remainder;
+  return phi;
+}
+
+// Of the polynomial at s.
+struct Sample {
+  double value;
+  double slope;
+};
+
+Sample sample(const Stretch& phi, double s) {
+  Sample at{phi.c[index(phi.n)], 0.0};
+  for (int j = phi.n - 1; j >= 0; --j) {
+    at.slope = at.slope * s + at.value;
+    at.value = at.value * s + phi.c[index(j)];
+  }
+  return at;
+}
+
+// Close to a root of the polynomial itself the remainder hardly counts: is the one behind `low` the
+// root of phi, within the resolution of time? Infinity if not.
+double accepted_root(const Stretch& phi, double low, Sample at, double resolution) {
+  const auto error = [&phi](double s, double slope) {
+    double size = phi.remainder * phi.H;
+    for (int j = 0; j <= phi.n; ++j) size *= s;
+    return size / std::abs(slope);
+  };
+  if (at.slope >= 0.0 || error(low, at.slope) > resolution) return infinity;
+  double s = low;
+  const double limit = low + 4.0 * std::abs(at.value / at.slope);
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    const double step = at.value / at.slope;
+    s -= step;
+    if (std::abs(step) * phi.H <= 0.125 * resolution) break;
+    if (s > limit || s < low * (1.0 - 1e-9)) return infinity;
+    at = sample(phi, s);
+    if (at.slope >= 0.0) return infinity;
+  }
+  return error(s, at.slope) <= 0.25 * resolution ? s * phi.H : infinity;
+}
+
+// `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
+// is divided out. Time is resolved to a rounding of `now` and what is to come.
+Verdict judge(const Expansion& e, int order, double omitted, double now) {
+  const double lead = e.a[index(order)] - omitted;
+  double H = interval(e, order, lead);
+  if (H == 0.0) return {infinity, infinity, lead};
+
+  // A root in sight ends the interval: it is the first if nothing before it is.
+  Coefficients lower = lower_bound(e, order, omitted);
+  const double in_sight = visible_root(lower.data(), degree - order + 1, H);
+  if (in_sight < infinity) H = in_sight;
+
+  const Stretch phi = stretch(e, order, H, lower);
+  const Coefficients b = bernstein::from_power(lower);
+  const bool positive = *std::min_element(b.begin(), b.end()) > 0.0;
+  double low = positive ? infinity : bernstein::first_root(b);
+  if (low == infinity && in_sight < infinity) low = 1.0;
+  const double end = std::min(low, 1.0);
+
+  const Sample at_end = sample(phi, end);
+  double scale = 1.0;
+  for (int j = 0; j < order; ++j) scale *= end * H;
+  Verdict verdict{end * H, infinity, at_end.value * scale};
+  if (low < infinity && !(omitted > 0.0)) {
+    verdict.root = accepted_root(phi, low, at_end, machine_epsilon * (now + end * H));
+  }
+  return verdict;
+}
+
+// The first derivative of phi, from `order` on, that is not zero within its rounding; degree + 1 if
+// there is none. One that does not vanish by construction counts if it stands out of its rounding.
+struct Leading {
+  int order;
+  bool falls = false;
+};
+
+Leading leading(const Expansion& e, int order, const Signal& signal, const Point& at) {
+  double noise = order == 0 ? e.noise : 0.0;
+  while (order <= degree && e.a[index(order)] <= noise) {
+    if (noise == 0.0) noise = noise_of(order, signal, at);
+    if (e.a[index(order)] < -noise) return {order, true};
+    if (++order > degree) break;
+    noise = noise_of(order, signal, at);
+  }
+  return {order};
+}
+
+// Bounds on what the oscillators from number k on ever add to the signal, k = 0..N.
+void bound_tail(const Signal& signal, const Motion& start, double* tail) {
+  const Oscillators& oscillators = start.flow->oscillators();
+  const Eigen::Index n = oscillators.size();
+  tail[n] = 0.0;
+  for (Eigen::Index k = n - 1; k >= 0; --k) {
+    const double root = oscillators.root_kappa()[k];
+    const double z = std::abs(start.x.z[k]);
+    const double v = std::abs(start.x.v[k]);
+    const double push = std::abs(start.alpha[k]);
+    const double p = std::abs(signal.p[k]);
+    const double r = std::abs(signal.r[k]);
+    // The energy about the rest alpha / kappa only falls. Without stiffness z has no bound, and z'
+    // none where it is pushed: such a mode is always evaluated.
+    const double v_bound = v + root * z + (push > 0.0 ? push / root : 0.0);
+    const double z_bound = root > 0.0 ? (v_bound + push / root) / root : infinity;
+    tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) + (r > 0.0 ? r * v_bound : 0.0);
+  }
+  for (const Drive& drive : start.flow->drives().all()) {
+    if (signal.p[drive.mode] == 0.0 && signal.r[drive.mode] == 0.0) continue;
+    std::fill(tail, tail + drive.mode + 1, infinity);
+  }
+}
+
+double signal_constant(const Watch& watch, const Motion& motion) {
+  return watch.sign * (watch.signal->constant + watch.signal->held.dot(motion.held));
+}
+
+}  // namespace
+
+void EventSearch::reserve(std::size_t watches, Eigen::Index oscillators) {
+  states_.reserve(watches);
+  tail_.reserve(watches * (index(oscillators) + 1));
+  x_.z.setZero(oscillators);
+  x_.v.setZero(oscillators);
+}
+
+void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
+  start_ = &start;
+  certified_ = 0.0;
+  found_ = false;
+  need_all_ = true;
+  x_ = start.x;
+  states_.resize(watches.size());
+  const std::size_t row = index(start.flow->size()) + 1;
+  tail_.resize(watches.size() * row);
+  for (std::size_t i = 0; i < watches.size(); ++i) {
+    states_[i] = {watches[i], signal_constant(watches[i], start), 0.0, infinity, infinity, false};
+    bound_tail(*watches[i].signal, start, tail_.data() + i * row);
+  }
+}
+
+Eigen::Index EventSearch::oscillators_needed() const {
+  const Eigen::Index n = start_->flow->size();
+  if (need_all_) return n;
+  Eigen::Index needed = start_->flow->frequencies();
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    const double* tail = tail_.data() + i * (index(n) + 1);
+    while (needed < n && !(tail[needed] <= 0.125 * states_[i].predicted)) ++needed;
+  }
+  return needed;
+}
+
+// Looks ahead from here, x_, with the first `count` oscillators, at |t|. What the others may add
+// can be too much to tell anything: then need_all_ is set.
+void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
+  WatchState& state = states_[i];
+  const Flow& flow = *start_->flow;
+  const Point here{flow.oscillators(), flow.drives(), x_, start_->alpha, count};
+  const double omitted = tail_[i * (index(flow.size()) + 1) + index(count)];
+  const Signal& signal = *state.watch.signal;
+  const Expansion e = expand_signal(signal, state.watch.sign, state.constant, here);
+  if (omitted > 0.0 && omitted > 0.5 * e.a[0]) {
+    need_all_ = true;
+    state.certified = 0.0;
+    state.root = infinity;
+    return;
+  }
+  const Leading lead = leading(e, certified_ > 0.0 ? 0 : state.watch.order, signal, here);
+  Verdict verdict;
+  if (lead.falls) {
+    // The last step may have gone past the root by what its coefficients were rounded.
+    const double past = certified_ > 0.0 && e.a[1] < 0.0 ? std::max(e.a[0] / e.a[1], 0.0) : 0.0;
+    verdict = {0.0, -std::min(past, 1e-8 * t), 0.0};
+  } else if (lead.order > degree) {
+    verdict = {infinity, infinity, 0.0};
+  } else {
+    verdict = judge(e, lead.order, omitted, t);
+  }
+  const double reach = flow.drives().reach();
+  state.certified = std::min(verdict.certified, reach);
+  state.root = verdict.root > reach ? infinity : verdict.root;
+  state.predicted = verdict.next;
+}
+
+void EventSearch::expand() {
+  ++expansions_;
+  const Flow& flow = *start_->flow;
+  const Eigen::Index count = oscillators_needed();
+  if (certified_ > 0.0) {
+    flow.set_phases(start_->t + certified_, x_);
+    flow.move_modes(*start_, certified_, flow.frequencies(), count - flow.frequencies(), x_);
+  }
+  const double t = std::abs(start_->t.hi) + certified_;
+
+  double certified = infinity;
+  double root = infinity;
+  need_all_ = false;
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    look(i, count, t);
+    const WatchState& state = states_[i];
+    certified = std::min(certified, state.root < infinity ? state.root : state.certified);
+    root = std::min(root, state.root);
+  }
+  const double together = simultaneous * (t + root);
+  if (root < infinity && root <= certified + together) {
+    for (WatchState& state : states_) state.fires = state.root <= root + together;
+    found_ = true;
+    tau_ = certified_ + root;
+    return;
+  }
+  const double resolution = machine_epsilon * t;
+  if (!need_all_ && certified <= 0.25 * resolution) {
+    // Time cannot tell this from the zero that lies ahead.
+    for (WatchState& state : states_) state.fires = state.certified <= resolution;
+    found_ = true;
+    tau_ = certified_;
+    return;
+  }
+  certified_ += certified;
+}
+
+void EventSearch::advance(double tau) {
+  constexpr int expansions_between_looks = 64;  // a few microseconds each
+  for (int i = 1; !found_ && certified_ <= tau; ++i) {
+    expand();
+    if (i % expansions_between_looks == 0) check_interrupt();
+  }
+}
+
+}  // namespace sprag

@@ -1,0 +1,308 @@
+#include "sprag/detail/mechanics/impact_law.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace sprag {
+namespace {
+
+// Pivots below this share of their own diagonal mean dependent directions.
+constexpr double dependent_pivot = 1e-12;
+
+constexpr int max_patience = 8;
+constexpr int max_pivots = 1 << 16;
+constexpr int max_exchanges = 1 << 10;
+
+using Basis = std::array<bool, max_contacts>;
+
+// Solves A_BB x_B = -b_B for the basic set by a Cholesky factorization without square roots.
+Solved solve_basic(const ContactMatrix& A, const ContactVector& b, const Basis& basic,
+                   ContactVector& x) {
+  std::array<int, max_contacts> index{};
+  int n = 0;
+  for (int i = 0; i < b.size(); ++i) {
+    if (basic[static_cast<std::size_t>(i)]) index[static_cast<std::size_t>(n++)] = i;
+  }
+  const auto at = [&](int k) { return index[static_cast<std::size_t>(k)]; };
+  ContactMatrix L(n, n);
+  ContactVector d(n);
+  ContactVector r(n);
+  for (int j = 0; j < n; ++j) {
+    double pivot = A(at(j), at(j));
+    for (int k = 0; k < j; ++k) pivot -= L(j, k) * L(j, k) * d[k];
+    if (!(pivot > dependent_pivot * A(at(j), at(j)))) return Solved::dependent;
+    d[j] = pivot;
+    for (int i = j + 1; i < n; ++i) {
+      double sum = A(at(i), at(j));
+      for (int k = 0; k < j; ++k) sum -= L(i, k) * L(j, k) * d[k];
+      L(i, j) = sum / pivot;
+    }
+    r[j] = -b[at(j)];
+    for (int k = 0; k < j; ++k) r[j] -= L(j, k) * r[k];
+  }
+  x.setZero();
+  for (int j = n - 1; j >= 0; --j) {
+    double sum = r[j] / d[j];
+    for (int i = j + 1; i < n; ++i) sum -= L(i, j) * x[at(i)];
+    x[at(j)] = sum;
+  }
+  return Solved::yes;
+}
+
+// Whether others share in the load of the basic set as well: y = 0 without x > 0 in a direction
+// that depends on the basic ones.
+bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y,
+              double tolerance) {
+  Basis closed = basic;
+  bool loaded = false;
+  bool degenerate = false;
+  for (int i = 0; i < y.size(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    loaded = loaded || basic[k];
+    if (basic[k] || y[i] > tolerance) continue;
+    closed[k] = degenerate = true;
+  }
+  if (!loaded || !degenerate) return false;
+  ContactVector x(y.size());
+  return solve_basic(A, y, closed, x) != Solved::yes;
+}
+
+}  // namespace
+
+ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest) {
+  // Cholesky's factorization, row by row; a row without a pivot is not kept.
+  std::array<int, max_contacts> index{};
+  ContactMatrix L(max_contacts, max_contacts);
+  int n = 0;
+  const auto add = [&](int contact) {
+    double pivot = G(contact, contact);
+    for (int j = 0; j < n; ++j) {
+      double sum = G(contact, index[static_cast<std::size_t>(j)]);
+      for (int l = 0; l < j; ++l) sum -= L(n, l) * L(j, l);
+      L(n, j) = sum / L(j, j);
+      pivot -= L(n, j) * L(n, j);
+    }
+    if (!(pivot > dependent_pivot * G(contact, contact))) return false;
+    L(n, n) = std::sqrt(pivot);
+    index[static_cast<std::size_t>(n++)] = contact;
+    return true;
+  };
+  for_each(first, [&](int contact) { add(contact); });
+  ContactSet independent = 0;
+  for_each(rest & ~first, [&](int contact) {
+    if (add(contact)) independent |= bit(contact);
+  });
+  return independent;
+}
+
+ContactMatrix of_contacts(const Eigen::Ref<const Eigen::MatrixXd>& G, ContactSet contacts) {
+  const auto n = static_cast<Eigen::Index>(std::popcount(contacts));
+  ContactMatrix G_S(n, n);
+  Eigen::Index row = 0;
+  for_each(contacts, [&](int i) {
+    Eigen::Index column = 0;
+    for_each(contacts, [&](int j) { G_S(row, column++) = G(i, j); });
+    ++row;
+  });
+  return G_S;
+}
+
+Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& x,
+                 ContactVector& y) {
+  const auto n = static_cast<int>(b.size());
+  x.resize(n);
+  y.resize(n);
+  if (n == 0) return Solved::yes;
+  if (n == 1) {
+    if (!(A(0, 0) > 0.0)) return Solved::dependent;
+    x[0] = b[0] < 0.0 ? -b[0] / A(0, 0) : 0.0;
+    y[0] = b[0] < 0.0 ? 0.0 : b[0];
+    return Solved::yes;
+  }
+  x.setZero();
+  Basis basic{};
+  const double tolerance = 8.0 * std::numeric_limits<double>::epsilon() * b.cwiseAbs().maxCoeff();
+  // All violated indices change sides at once, as long as their number keeps falling every so many
+  // pivots (Judice & Pires 1994); else the least index alone, which is finite but may take long.
+  int fewest = n + 1;
+  int patience = max_patience;
+  for (int pivot = 0; pivot < max_pivots; ++pivot) {
+    Basis violated{};
+    int violations = 0;
+    for (int i = 0; i < n; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      y[i] = basic[k] ? 0.0 : b[i] + A.row(i).dot(x);
+      violated[k] = basic[k] ? x[i] < 0.0 : y[i] < -tolerance;
+      violations += violated[k] ? 1 : 0;
+    }
+    if (violations == 0) {
+      if (is_guess(A, basic, y, tolerance)) return Solved::dependent;
+      y = y.cwiseMax(0.0);
+      return Solved::yes;
+    }
+    if (violations < fewest) {
+      fewest = violations;
+      patience = max_patience;
+    } else if (patience > 0) {
+      --patience;
+    }
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      if (!violated[i]) continue;
+      basic[i] = !basic[i];
+      if (patience == 0) break;
+    }
+    if (solve_basic(A, b, basic, x) == Solved::yes) continue;
+    // Too many at once may be dependent where fewer are not.
+    if (patience == 0) return Solved::dependent;
+    patience = 0;
+    basic = {};
+    x.setZero();
+  }
+  return Solved::dependent;
+}
+
+Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
+                              const ContactVector& noise, ContactVector& x, ContactVector& y,
+                              ContactSet& unsatisfied) {
+  unsatisfied = 0;
+  if (solve_lcp(A, b, x, y) == Solved::yes) return Solved::yes;
+  // Active sets for min x^T A x / 2 + b^T x, x >= 0 (Lawson & Hanson 1974, ch. 23). The basic rows
+  // are independent all the time. A row that depends on them takes the place of one of them, along
+  // a direction in which A x does not change; where nothing stops it there, no x satisfies it.
+  const auto n = static_cast<int>(b.size());
+  x.setZero(n);
+  Basis basic{};
+  const auto k = [](int i) { return static_cast<std::size_t>(i); };
+  ContactVector target(n);
+  for (int step = 0; step < max_exchanges; ++step) {
+    y = b + A * x;
+    int entering = -1;
+    for (int i = 0; i < n; ++i) {
+      const double tolerance = 16.0 * std::numeric_limits<double>::epsilon() *
+                               (std::abs(b[i]) + A.row(i).cwiseAbs().dot(x));
+      if (basic[k(i)]) {
+        y[i] = 0.0;
+      } else if (!contains(unsatisfied, i) && y[i] < -std::max(tolerance, noise[i]) &&
+                 (entering < 0 || y[i] < y[entering]) &&
+                 // The least index is finite where the steepest is not.
+                 (entering < 0 || step < max_exchanges / 2)) {
+        entering = i;
+      }
+    }
+    if (entering < 0) {
+      for (int i = 0; i < n; ++i) {
+        if (!contains(unsatisfied, i)) y[i] = std::max(y[i], 0.0);
+      }
+      return Solved::yes;
+    }
+    basic[k(entering)] = true;
+    if (solve_basic(A, b, basic, target) != Solved::yes) {
+      basic[k(entering)] = false;
+      ContactVector column = A.col(entering);
+      if (solve_basic(A, column, basic, target) != Solved::yes) return Solved::dependent;
+      int leaving = -1;
+      double length = std::numeric_limits<double>::infinity();
+      for (int i = 0; i < n; ++i) {
+        if (!basic[k(i)] || !(target[i] < 0.0) || !(x[i] / -target[i] < length)) continue;
+        length = x[i] / -target[i];
+        leaving = i;
+      }
+      if (leaving < 0) {
+        unsatisfied |= bit(entering);
+        continue;
+      }
+      x += length * target;
+      x[entering] = length;
+      x[leaving] = 0.0;
+      basic[k(leaving)] = false;
+      basic[k(entering)] = true;
+      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
+    }
+    // To the target, or to where the first of the basic rows is no longer pressed, again and again.
+    for (int exchange = 0; exchange < n; ++exchange) {
+      double length = 1.0;
+      for (int i = 0; i < n; ++i) {
+        if (basic[k(i)] && target[i] <= 0.0) {
+          length = std::min(length, x[i] / (x[i] - target[i]));
+        }
+      }
+      if (length == 1.0) break;
+      for (int i = 0; i < n; ++i) {
+        if (!basic[k(i)]) continue;
+        const bool leaves = target[i] <= 0.0 && x[i] / (x[i] - target[i]) <= length;
+        x[i] += length * (target[i] - x[i]);
+        if (!leaves) continue;
+        x[i] = 0.0;
+        basic[k(i)] = false;
+      }
+      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
+    }
+    x = target;
+  }
+  return Solved::dependent;
+}
+
+Solved arrest(const ContactMatrix& G, const ContactVector& gamma, ContactVector& Lambda) {
+  Basis all;
+  all.fill(true);
+  Lambda.resize(gamma.size());
+  return solve_basic(G, gamma, all, Lambda);
+}
+
+namespace {
+
+/// solve(A, b, x, y) is one of the two solvers above.
+template <typename Solve>
+Solved impact_by(const Solve& solve, ImpactLaw law, const ContactMatrix& G,
+                 const ContactVector& epsilon, const ContactVector& gamma_minus,
+                 ContactVector& Lambda, ContactVector& gamma_plus) {
+  ContactVector y;
+  if (law == ImpactLaw::newton) {
+    const ContactVector b = gamma_minus + epsilon.cwiseProduct(gamma_minus);
+    const Solved solved = solve(G, b, Lambda, y);
+    if (solved == Solved::yes) gamma_plus = y - epsilon.cwiseProduct(gamma_minus);
+    return solved;
+  }
+  ContactVector gamma_C;
+  if (solve(G, gamma_minus, Lambda, gamma_C) != Solved::yes) return Solved::dependent;
+  const ContactVector restitution = epsilon.cwiseProduct(Lambda);
+  ContactVector b = gamma_C + G * restitution;
+  ContactVector nu;
+  const bool some_remains = (epsilon.array() < 0.0).any();
+  ContactVector least;
+  if (some_remains) {
+    least = -epsilon.cwiseMin(0.0).cwiseProduct(gamma_minus.cwiseMin(0.0));
+    b -= least;
+  }
+  const Solved solved = solve(G, b, nu, gamma_plus);
+  if (some_remains) gamma_plus += least;
+  Lambda += restitution + nu;
+  return solved;
+}
+
+}  // namespace
+
+Solved impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+              const ContactVector& gamma_minus, ContactVector& Lambda, ContactVector& gamma_plus) {
+  return impact_by(solve_lcp, law, G, epsilon, gamma_minus, Lambda, gamma_plus);
+}
+
+Solved semidefinite_impact(ImpactLaw law, const ContactMatrix& G, const ContactVector& epsilon,
+                           const ContactVector& gamma_minus, const ContactVector& noise,
+                           ContactVector& Lambda, ContactVector& gamma_plus,
+                           ContactSet& unsatisfied) {
+  unsatisfied = 0;
+  const auto solve = [&](const ContactMatrix& A, const ContactVector& b, ContactVector& x,
+                         ContactVector& y) {
+    ContactSet left_out = 0;
+    const Solved solved = solve_semidefinite_lcp(A, b, noise, x, y, left_out);
+    unsatisfied |= left_out;
+    return solved;
+  };
+  return impact_by(solve, law, G, epsilon, gamma_minus, Lambda, gamma_plus);
+}
+
+}  // namespace sprag

@@ -1,0 +1,125 @@
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "sprag/model.h"
+
+namespace sprag {
+namespace {
+
+void rotate(const Eigen::MatrixXd& reflections, const Eigen::VectorXd& coefficients,
+            Eigen::MatrixXd& B) {
+  B.applyOnTheLeft(Eigen::householderSequence(reflections, coefficients));
+}
+
+void rotate_back(const Eigen::MatrixXd& reflections, const Eigen::VectorXd& coefficients,
+                 Eigen::MatrixXd& B) {
+  B.applyOnTheLeft(Eigen::householderSequence(reflections, coefficients).transpose());
+}
+
+}  // namespace
+
+Eigen::MatrixXd product(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                        const Eigen::Ref<const Eigen::MatrixXd>& B) {
+  return A * B;
+}
+
+Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
+                          const Eigen::Ref<const Eigen::MatrixXd>& A) {
+  return product(B.transpose(), product(A, B));
+}
+
+CholeskyFactor::CholeskyFactor(const Eigen::MatrixXd& M) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(M);
+  exists_ = factor.info() == Eigen::Success;
+  L_ = factor.matrixL();
+}
+
+Eigen::MatrixXd CholeskyFactor::solve_L(const Eigen::MatrixXd& B) const {
+  return L_.triangularView<Eigen::Lower>().solve(B);
+}
+
+Eigen::MatrixXd CholeskyFactor::solve(const Eigen::MatrixXd& B) const {
+  return L_.triangularView<Eigen::Lower>().transpose().solve(solve_L(B));
+}
+
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A) { return A.inverse(); }
+
+QR::QR(const Eigen::MatrixXd& A) {
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(A);
+  reflections_ = qr.matrixQR();
+  coefficients_ = qr.hCoeffs();
+}
+
+Eigen::MatrixXd QR::R() const {
+  return reflections_.topRows(coefficients_.size()).triangularView<Eigen::Upper>();
+}
+
+Eigen::MatrixXd QR::Q_times(Eigen::MatrixXd B) const {
+  rotate(reflections_, coefficients_, B);
+  return B;
+}
+
+Eigen::MatrixXd QR::solve_R_transposed(const Eigen::MatrixXd& B) const {
+  return reflections_.topRows(coefficients_.size())
+      .triangularView<Eigen::Upper>()
+      .transpose()
+      .solve(B);
+}
+
+PivotedQR::PivotedQR(const Eigen::MatrixXd& A, double threshold) {
+  reflections_ = A;
+  if (A.cols() == 0) return;  // Eigen asks for the largest of its columns
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
+  qr.setThreshold(threshold);
+  qr.compute(A);
+  reflections_ = qr.matrixQR();
+  coefficients_ = qr.hCoeffs();
+  order_ = qr.colsPermutation().indices();
+  rank_ = qr.rank();
+}
+
+Eigen::MatrixXd PivotedQR::Q_times(Eigen::MatrixXd B) const {
+  rotate(reflections_, coefficients_, B);
+  return B;
+}
+
+Eigen::MatrixXd PivotedQR::Q_transposed_times(Eigen::MatrixXd B) const {
+  rotate_back(reflections_, coefficients_, B);
+  return B;
+}
+
+Eigen::MatrixXd PivotedQR::solve(const Eigen::MatrixXd& B) const {
+  return solve_rotated(Q_transposed_times(B));
+}
+
+// Eigen's own solve() goes by exact zeros, this by the threshold.
+Eigen::MatrixXd PivotedQR::solve_rotated(const Eigen::MatrixXd& QtB) const {
+  const Eigen::MatrixXd Y = reflections_.topLeftCorner(rank_, rank_)
+                                .triangularView<Eigen::Upper>()
+                                .solve(QtB.topRows(rank_));
+  Eigen::MatrixXd X = Eigen::MatrixXd::Zero(order_.size(), QtB.cols());
+  for (Eigen::Index k = 0; k < rank_; ++k) X.row(order_[k]) = Y.row(k);
+  return X;
+}
+
+SingularValues singular_values(const Eigen::MatrixXd& A) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, Eigen::ComputeThinV);
+  return {svd.singularValues(), svd.matrixV()};
+}
+
+Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
+Eigenpairs eigenpairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M) {
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(K, M);
+  if (solver.info() != Eigen::Success) throw ModelError("K v = w^2 M v has no solution");
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+}  // namespace sprag

@@ -1,0 +1,17 @@
+#include "sprag/detail/mechanics/parameter_uncertainty.h"
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+
+// With the correlation V Lambda V^T, S = diag(sigma) V Lambda^1/2. Rounding may leave an eigenvalue
+// below zero.
+Eigen::MatrixXd ParameterUncertainty::root_of_covariance() const {
+  if (empty()) return Eigen::MatrixXd(0, 0);
+  const ExtendedEigenpairs pairs = eigenpairs(correlation.cast<Extended>());
+  const VectorR roots = pairs.values.cwiseMax(Extended(0)).cwiseSqrt();
+  const MatrixR scaled = pairs.vectors * roots.asDiagonal();
+  return sigma.asDiagonal() * scaled.cast<double>();
+}
+
+}  // namespace sprag

@@ -1,0 +1,384 @@
+#include "sprag/detail/parameters/unknowns.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/parameters/parameters.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+
+constexpr double beyond = 0.05;  // the box ends a little outside what is asked for
+
+Unknown positive_unknown(Kind kind, int index, std::string key, std::string unit, double nominal) {
+  Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
+  unknown.nominal = nominal;
+  unknown.logarithmic = nominal > 0.0;
+  return unknown;
+}
+
+std::string of(const char* table, std::size_t i, const char* key) {
+  return std::string(table) + '.' + std::to_string(i + 1) + '.' + key;
+}
+
+void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
+  const auto& contacts = model.contacts;
+  const bool one = std::all_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
+    return contact.restitution == contacts.front().restitution;
+  });
+  const auto restitution = [](int index, std::string key, double nominal) {
+    Unknown unknown = positive_unknown(Kind::restitution, index, std::move(key), "", nominal);
+    unknown.upper_limit = 1.0;
+    return unknown;
+  };
+  if (one) {
+    unknowns.push_back(restitution(-1, "impact.restitution", contacts.front().restitution));
+  }
+  for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
+    unknowns.push_back(
+        restitution(static_cast<int>(i), of("contact", i, "restitution"), contacts[i].restitution));
+  }
+}
+
+void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
+  // Damping may be 0, so that its coordinate is linear.
+  const auto damping = [](std::string key, std::string unit, double nominal) {
+    Unknown unknown{.kind = Kind::damping, .key = std::move(key), .unit = std::move(unit)};
+    unknown.nominal = nominal;
+    if (nominal > 0.0) unknown.unit_step = nominal;
+    return unknown;
+  };
+  if (scene.beam && scene.beam->damping_ratio.size() == 0) {
+    Unknown d = damping("beam.damping", "N s/m^2", scene.beam->damping);
+    // Of an undamped beam: 2 % of critical damping of its first mode.
+    if (!(d.nominal > 0.0)) {
+      d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
+                    scene.beam->mass_per_length;
+    }
+    unknowns.push_back(d);
+  } else if (!scene.model.C.isZero(0.0)) {
+    unknowns.push_back(damping(scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
+  }
+  if (scene.beam) {
+    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
+                                        scene.beam->bending_stiffness));
+  } else if (!scene.model.K.isZero(0.0)) {
+    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "system.K", "", 1.0));
+  }
+}
+
+// What a length of this machine is: for clearances, which may nominally be 0.
+double usual_length(const Scene& scene) {
+  double length = 0.0;
+  for (const Contact& contact : scene.model.contacts) {
+    length = std::max({length, std::abs(contact.clearance), std::abs(contact.motion.amplitude),
+                       std::abs(contact.w.dot(scene.master.q)),
+                       std::abs(contact.w.dot(scene.replica.q))});
+  }
+  return length > 0.0 ? length : 1.0;
+}
+
+std::string unit_of_amplitude(const HarmonicGroup& group) {
+  if (group.of_frame) return "m";
+  if (group.forces.size() + group.contacts.size() > 1) return "";
+  return group.forces.empty() ? "m" : "N";
+}
+
+}  // namespace
+
+double Unknown::coordinate(double of_value) const {
+  return logarithmic ? std::log(of_value / nominal) : (of_value - nominal) / unit_step;
+}
+
+double Unknown::value(double of_coordinate) const {
+  return logarithmic ? nominal * std::exp(of_coordinate) : nominal + unit_step * of_coordinate;
+}
+
+double Unknown::lowest() const {
+  // Half of the slowest period: beyond it is another one's.
+  if (kind == Kind::clock_offset) return -std::numbers::pi;
+  if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
+  const double share = -(std::log1p(2.0 * within) + beyond);
+  if (logarithmic) return share;
+  const bool may_be_zero = kind == Kind::restitution || kind == Kind::damping;
+  return may_be_zero ? coordinate(0.0) : share;
+}
+
+double Unknown::highest() const {
+  if (kind == Kind::clock_offset) return std::numbers::pi;
+  if (kind == Kind::damping) return nominal > 0.0 ? 2.0 * within + beyond : 10.0;
+  const double share = std::log1p(2.0 * within) + beyond;
+  return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
+}
+
+std::pair<double, double> Unknown::neighbours(double at, double step) const {
+  double low = at - step;
+  if (!logarithmic && (kind == Kind::damping || kind == Kind::restitution)) {
+    low = std::max(low, coordinate(0.0));
+  }
+  return {low, low + 2.0 * step};
+}
+
+bool Unknown::is_physical_bound(double of_value) const {
+  constexpr double rounding = 1e-9;
+  const bool lowest_is_zero = (kind == Kind::damping || kind == Kind::restitution) &&
+                              of_value <= rounding * std::abs(nominal);
+  return lowest_is_zero || (upper_limit > 0.0 && of_value >= upper_limit * (1.0 - 1e-12));
+}
+
+bool Unknown::is_within(double of_value, double tolerance) const {
+  if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset) return true;
+  const double at = coordinate(of_value);
+  if (nominal == 0.0) return at <= highest() + tolerance;
+  // The nominal value is off by a share of the true one, or the true one of the nominal one.
+  const double factor = std::max(1.0 + within, 1.0 / (1.0 - std::min(within, 0.9)));
+  const double low = logarithmic ? -std::log(factor) : -within;
+  const double high = logarithmic ? std::log(factor) : factor - 1.0;
+  return at >= low - tolerance && at <= high + tolerance;
+}
+
+namespace {
+
+bool is_on_ground(const ShakenFrame& frame, int contact) {
+  return std::find(frame.on_ground.begin(), frame.on_ground.end(), contact) !=
+         frame.on_ground.end();
+}
+
+}  // namespace
+
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
+  const auto moves = [](const Harmonic& harmonic) {
+    return harmonic.amplitude != 0.0 && harmonic.frequency > 0.0;
+  };
+  std::vector<HarmonicGroup> groups;
+  const Model& model = scene.model;
+  const bool shaken = scene.frame && moves(scene.frame->motion);
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    const Harmonic& harmonic = model.forces[j].harmonic;
+    if (!moves(harmonic) || (shaken && scene.frame->force == j)) continue;
+    groups.push_back({{static_cast<int>(j)},
+                      {},
+                      "force." + std::to_string(j + 1),
+                      harmonic.amplitude,
+                      harmonic.frequency,
+                      harmonic.phase});
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const Harmonic& harmonic = model.contacts[i].motion;
+    if (!moves(harmonic) || (shaken && is_on_ground(*scene.frame, static_cast<int>(i)))) continue;
+    groups.push_back({{},
+                      {static_cast<int>(i)},
+                      of("contact", i, "motion"),
+                      harmonic.amplitude,
+                      harmonic.frequency,
+                      harmonic.phase});
+  }
+  if (shaken) {
+    HarmonicGroup frame{.forces = {static_cast<int>(scene.frame->force)},
+                        .contacts = {},
+                        .key = "excitation",
+                        .amplitude = scene.frame->motion.amplitude,
+                        .frequency = scene.frame->motion.frequency,
+                        .phase = scene.frame->motion.phase,
+                        .of_frame = true};
+    for (const int i : scene.frame->on_ground) {
+      if (moves(model.contacts[static_cast<std::size_t>(i)].motion)) frame.contacts.push_back(i);
+    }
+    groups.insert(groups.begin(), std::move(frame));
+    return groups;
+  }
+  const double common = only_frequency(model);
+  if (groups.empty() || common == 0.0 || (!scene.beam && groups.size() == 1)) return groups;
+  HarmonicGroup all{.forces = {}, .contacts = {}, .key = "excitation", .frequency = common};
+  for (const HarmonicGroup& group : groups) {
+    all.forces.insert(all.forces.end(), group.forces.begin(), group.forces.end());
+    all.contacts.insert(all.contacts.end(), group.contacts.begin(), group.contacts.end());
+  }
+  if (scene.beam) {
+    // The frame's motion e(t) shows in its force, -e''(t).
+    all.amplitude = std::abs(groups.front().amplitude) / square(common);
+    all.phase = groups.front().phase;
+    all.of_frame = true;
+  }
+  return {all};
+}
+
+std::vector<Unknown> unknowns_of(const Scene& scene) {
+  const Model& model = scene.model;
+  std::vector<Unknown> unknowns;
+  add_restitutions(model, unknowns);
+  add_flow(scene, unknowns);
+  const double length = usual_length(scene);
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const int contact = static_cast<int>(i);
+    if (scene.beam) {
+      unknowns.push_back(positive_unknown(Kind::position, contact, of("contact", i, "position"),
+                                          "m", scene.positions[i]));
+      unknowns.back().upper_limit = scene.beam->length;
+    }
+    Unknown clearance{
+        .kind = Kind::clearance, .index = contact, .key = of("contact", i, "clearance")};
+    clearance.unit = "m";
+    clearance.nominal = model.contacts[i].clearance;
+    clearance.unit_step = length;
+    unknowns.push_back(clearance);
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const HarmonicGroup& group = groups[g];
+    const int index = static_cast<int>(g);
+    unknowns.push_back(positive_unknown(Kind::frequency, index, group.key + ".frequency", "rad/s",
+                                        group.frequency));
+    Unknown phase{.kind = Kind::phase, .index = index, .key = group.key + ".phase", .unit = "rad"};
+    phase.nominal = group.phase;
+    unknowns.push_back(phase);
+    unknowns.push_back(positive_unknown(Kind::amplitude, index, group.key + ".amplitude",
+                                        unit_of_amplitude(group), group.amplitude));
+    unknowns.back().unit_step = std::abs(group.amplitude);
+  }
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    const double constant = model.forces[j].constant;
+    if (constant == 0.0) continue;
+    unknowns.push_back(positive_unknown(Kind::constant, static_cast<int>(j),
+                                        of("force", j, "constant"), "N", constant));
+    unknowns.back().unit_step = std::abs(constant);
+  }
+  return unknowns;
+}
+
+std::vector<Unknown> common_unknowns(const Scene& scene) {
+  std::vector<Unknown> unknowns;
+  const auto& contacts = scene.model.contacts;
+  double largest = 0.0;
+  bool differ = false;
+  for (const Contact& contact : contacts) {
+    largest = std::max(largest, contact.restitution);
+    differ = differ || contact.restitution != contacts.front().restitution;
+  }
+  if (differ) {
+    unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
+    unknowns.back().upper_limit = 1.0 / largest;
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  if (groups.size() < 2) return unknowns;
+  const std::string table = "excitations.";
+  unknowns.push_back(positive_unknown(Kind::frequency, -1, table + "frequency", "", 1.0));
+  unknowns.push_back({.kind = Kind::phase, .key = table + "phase", .unit = "rad"});
+  unknowns.push_back(positive_unknown(Kind::amplitude, -1, table + "amplitude", "", 1.0));
+  double slowest = groups.front().frequency;
+  for (const HarmonicGroup& group : groups) slowest = std::min(slowest, group.frequency);
+  unknowns.push_back({.kind = Kind::clock_offset, .key = "clock.offset", .unit = "s"});
+  unknowns.back().unit_step = 1.0 / slowest;
+  return unknowns;
+}
+
+bool is_common(const Unknown& unknown) {
+  using enum Unknown::Kind;
+  const bool of_harmonics = unknown.kind == frequency || unknown.kind == clock_offset ||
+                            unknown.kind == phase || unknown.kind == amplitude;
+  return of_harmonics && unknown.index < 0;
+}
+
+bool can_be_filtered(const Unknown& unknown) {
+  return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
+         !is_common(unknown);
+}
+
+bool carries_scale(const Unknown& unknown) {
+  return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
+         (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
+}
+
+std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
+  const std::vector<Unknown> all = unknowns_of(scene);
+  const bool one = all.front().key == "impact.restitution";
+  const auto is_known = [&](const std::string& key) {
+    return std::find(known.begin(), known.end(), key) != known.end();
+  };
+  bool held = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
+    return is_known(unknown.key) && carries_scale(unknown);
+  });
+  for (const Kind kind : {Kind::amplitude, Kind::constant}) {
+    for (const Unknown& unknown : all) {
+      if (held || unknown.kind != kind) continue;
+      known.push_back(unknown.key);
+      held = true;
+    }
+  }
+  std::vector<Unknown> unknowns;
+  for (const Unknown& unknown : all) {
+    const bool own_restitution = unknown.kind == Kind::restitution && unknown.index >= 0;
+    if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
+  }
+  return unknowns;
+}
+
+namespace {
+
+// "system.K.1.2": which entry, if it is one.
+bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
+  constexpr std::string_view prefix = "system.";
+  if (scene.beam || key.size() < prefix.size() + 5 || key.substr(0, prefix.size()) != prefix) {
+    return false;
+  }
+  const char matrix = key[prefix.size()];
+  if (matrix != 'K' && matrix != 'C') return false;
+  int row = 0, column = 0;
+  const char* const end = key.data() + key.size();
+  const auto first = std::from_chars(key.data() + prefix.size() + 2, end, row);
+  if (first.ec != std::errc() || first.ptr == end || *first.ptr != '.') return false;
+  const auto second = std::from_chars(first.ptr + 1, end, column);
+  if (second.ec != std::errc() || second.ptr != end) return false;
+  const auto f = static_cast<int>(scene.model.coordinates());
+  if (row < 1 || column < 1 || row > f || column > f) return false;
+  const Eigen::MatrixXd& of_scene = matrix == 'K' ? scene.model.K : scene.model.C;
+  unknown = positive_unknown(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1,
+                             std::string(key), matrix == 'K' ? "N/m" : "N s/m",
+                             of_scene(row - 1, column - 1));
+  unknown.row = row - 1;
+  unknown.column = column - 1;
+  unknown.unit_step =
+      unknown.nominal != 0.0 ? std::abs(unknown.nominal) : of_scene.cwiseAbs().maxCoeff();
+  return true;
+}
+
+}  // namespace
+
+Unknown unknown_of(const Scene& scene, std::string_view key) {
+  std::vector<Unknown> unknowns = unknowns_of(scene);
+  for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
+  for (const Unknown& unknown : unknowns) {
+    if (unknown.key == key) return unknown;
+  }
+  Unknown entry;
+  if (read_entry(scene, key, entry)) return entry;
+  std::vector<std::string_view> keys;
+  keys.reserve(unknowns.size());
+  for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
+  std::string text = std::string(key) + " is no parameter of this scene";
+  if (const auto nearest = nearest_word(key, keys)) {
+    text += "; did you mean " + std::string(*nearest) + "? It has ";
+  } else {
+    text += ", which has ";
+  }
+  for (const std::string_view of_scene : keys) {
+    if (of_scene != keys.front()) text += ", ";
+    text += of_scene;
+  }
+  throw std::invalid_argument(text);
+}
+
+std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
+  std::vector<Unknown> unknowns;
+  unknowns.reserve(keys.size());
+  for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
+  return unknowns;
+}
+
+}  // namespace sprag

@@ -1,0 +1,307 @@
+#include "sprag/observer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "sprag/detail/bound/error_bound.h"
+#include "sprag/detail/bound/guarantee.h"
+#include "sprag/detail/estimates/confidence.h"
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/replica/penetration.h"
+
+namespace sprag {
+namespace {
+
+// As wide as its first row.
+void resize(Eigen::Index n, const Estimate& first, Estimates& all) {
+  all.t.resize(n);
+  all.q.resize(n, first.q.size());
+  all.u.resize(n, first.u.size());
+  all.sigma_q.resize(n, first.sigma_q.size());
+  all.sigma_u.resize(n, first.sigma_u.size());
+  all.sigma_gap.resize(n, first.sigma_gap.size());
+  all.outputs.resize(n, first.outputs.size());
+  all.sigma_outputs.resize(n, first.sigma_outputs.size());
+  all.bound.resize(n);
+  all.bound_q.resize(n, first.bound_q.size());
+  all.bound_gap.resize(n, first.bound_gap.size());
+  all.bound_outputs.resize(n, first.bound_outputs.size());
+  all.of_filter.resize(static_cast<std::size_t>(n));
+  all.penetrating.resize(static_cast<std::size_t>(n));
+  all.parameters.resize(n, first.parameters.values.size());
+  all.sigma_parameters.resize(n, first.parameters.sigmas.size());
+  if (first.parameters.any()) all.keys = *first.parameters.keys;
+}
+
+void require_tick(double tick) {
+  if (!(tick > 0.0) || !std::isfinite(tick)) {
+    throw std::invalid_argument("tick is " + std::to_string(tick) + "; must be > 0");
+  }
+}
+
+}  // namespace
+
+// TimeLine, what waits after the horizon, and a provisional state ahead of what is settled.
+class Observer::Core {
+ public:
+  Core(const Scene& scene, const ObserverSettings& settings)
+      : supports_(scene.model.contacts),
+        length_(length_scale(scene.model, scene.replica)),
+        contacts_(static_cast<int>(scene.model.contacts.size())),
+        outputs_(scene.model.outputs),
+        estimator_(scene, settings.tick, settings.estimator, settings.stepper),
+        time_line_(estimator_, contacts_, scene.replica, history),
+        initial_bound_(settings.estimator == EstimatorKind::adaptive ? infinity
+                                                                     : initial_bound(scene)),
+        confidence_(estimator_.no_confidence()),
+        q_(scene.model.coordinates()),
+        u_(scene.model.coordinates()) {
+    guarantee_ = guarantee_of(scene, estimator_);
+    if (guarantee_) {
+      if (settings.estimator != EstimatorKind::adaptive) guarantee_->prepare(confidence_);
+      time_line_.set_lag(guarantee_->lag());
+    }
+    time_line_.restart(0, 0, 0, no_horizon);
+    settled_ = time_line_.present();
+  }
+
+  bool take(const ContactEvent& event) {
+    // The history refuses it and says why.
+    if (!(event.t >= 0.0) || !std::isfinite(event.t) || event.contact < 0 ||
+        event.contact >= contacts_ || event.t <= time_line_.events().horizon()) {
+      time_line_.receive(event);
+      return false;
+    }
+    insert(event, waiting_);
+    if (ahead_ && event.t <= time_of(ahead_->tick)) ahead_.reset();
+    if (ahead_) insert(event, known_);
+    return true;
+  }
+
+  void set_horizon(double t) {
+    if (!(t > time_line_.events().horizon())) return;
+    const auto end =
+        std::upper_bound(waiting_.begin(), waiting_.end(), ContactEvent{t, 0, {}}, earlier);
+    for (auto event = waiting_.begin(); event != end; ++event) time_line_.receive(*event);
+    waiting_.erase(waiting_.begin(), end);
+    time_line_.set_horizon(t);
+  }
+
+  std::vector<Estimate> settle() {
+    std::vector<Estimate> estimates;
+    time_line_.run(
+        0, [](const auto&) {},
+        [&](const State& state) {
+          const bool complete = time_line_.complete_to(time_of(state.tick));
+          estimates.push_back(estimate(state, true, complete ? initial_bound_ : infinity));
+          settled_ = state;
+          identify_now(estimator_, state, identified_);
+          return true;
+        });
+    if (!estimates.empty()) ahead_.reset();
+    return estimates;
+  }
+
+  Estimate at(double t) {
+    if (!(t >= time_of(settled_.tick)) || !std::isfinite(t)) {
+      throw std::invalid_argument("no estimate at t = " + std::to_string(t) +
+                                  ": it must be at or after the last settled tick");
+    }
+    const std::int64_t last = last_tick(t, tick());
+    if (!ahead_ || ahead_->tick > last) start_ahead();
+    while (ahead_->tick < last) step_ahead();
+    return estimate(*ahead_, false, infinity);
+  }
+
+  void set_end(double t) {
+    if (guarantee_) guarantee_->set_end(t, time_line_);
+  }
+
+  double tick() const { return estimator_.h(); }
+  const EventHistory& events() const { return time_line_.events(); }
+
+ private:
+  using State = TrackingState;
+  // What is settled is never gone back behind.
+  static constexpr std::int64_t history = 1;
+
+  static bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
+  // Behind those of the same instant.
+  static void insert(const ContactEvent& event, std::vector<ContactEvent>& ordered) {
+    ordered.insert(std::upper_bound(ordered.begin(), ordered.end(), event, earlier), event);
+  }
+
+  double time_of(std::int64_t k) const { return tick_instant(k, estimator_.h()).hi; }
+
+  // The next events up to this tick; what contradicts those before it is left out.
+  std::span<const ContactEvent> events_of(std::int64_t tick, ContactSet chi) {
+    of_tick_.clear();
+    for (; next_ < known_.size() && first_tick_after(known_[next_].t, estimator_.h()) <= tick;
+         ++next_) {
+      const ContactEvent& event = known_[next_];
+      if (contains(chi, event.contact) != (event.kind == ContactEventKind::opens)) continue;
+      chi = after(chi, event);
+      of_tick_.push_back(event);
+    }
+    return of_tick_;
+  }
+
+  // From the last tick handed out, with all that is known behind it.
+  void start_ahead() {
+    const auto& history_events = time_line_.events().events();
+    const bool from_start = time_line_.handed_out() < 0;
+    known_.clear();
+    for (const ContactEvent& event : history_events) {
+      const bool behind = first_tick_after(event.t, estimator_.h()) > settled_.tick;
+      if (behind || from_start) known_.push_back(event);
+    }
+    known_.insert(known_.end(), waiting_.begin(), waiting_.end());
+    next_ = 0;
+    ahead_ = settled_;
+    if (!from_start) return;
+    for_each_instant(
+        events_of(settled_.tick, ahead_->chi),
+        [&](std::span<const ContactEvent> of_one) { estimator_.apply(of_one, *ahead_); });
+  }
+
+  void step_ahead() {
+    const std::span<const ContactEvent> events = events_of(ahead_->tick + 1, ahead_->chi);
+    estimator_.tick(events, *ahead_);
+  }
+
+  Estimate estimate(const State& state, bool settled, double bound) {
+    estimator_.output(state, q_, u_);
+    estimator_.confidence(state, bound, confidence_);
+    const double t = time_of(state.tick);
+    if (guarantee_) {
+      guarantee_->complete(time_line_, t, settled, estimator_, state, q_, u_, confidence_);
+    }
+    Estimate estimate;
+    estimate.tick = state.tick;
+    estimate.t = t;
+    estimate.q = q_;
+    estimate.u = u_;
+    estimate.closed = state.chi;
+    estimate.settled = settled;
+    estimate.of_filter = confidence_.from_filter;
+    // An adaptive filter has supports of its own.
+    estimate.penetrating =
+        !(confidence_.parameters.any() && confidence_.from_filter) &&
+        penetration(supports_, q_, estimate.t, confidence_.sigma_g, length_) > 0.0;
+    estimate.sigma_q = confidence_.sigma_q;
+    estimate.sigma_u = confidence_.sigma_u;
+    estimate.sigma_gap = confidence_.sigma_g;
+    const auto outputs = static_cast<Eigen::Index>(outputs_.size());
+    estimate.outputs.resize(outputs);
+    for (Eigen::Index i = 0; i < outputs; ++i) {
+      estimate.outputs[i] = value(outputs_[static_cast<std::size_t>(i)], q_, u_);
+    }
+    if (confidence_.has_filter) {
+      estimate.sigma_outputs = confidence_.sigma_outputs;
+    } else {
+      estimate.sigma_outputs.setConstant(outputs, std::numeric_limits<double>::infinity());
+    }
+    estimate.bound = confidence_.bound;
+    estimate.bound_q = confidence_.bound_q;
+    estimate.bound_gap = confidence_.bound_g;
+    estimate.bound_outputs = confidence_.bound_outputs;
+    estimate.parameters = confidence_.parameters;
+    return estimate;
+  }
+
+  std::vector<Contact> supports_;
+  double length_;
+  int contacts_;
+  std::vector<Output> outputs_;
+  TrackingEstimator estimator_;
+  TimeLine<TrackingEstimator> time_line_;
+  double initial_bound_;
+  AdaptationResult identified_;
+  Confidence confidence_;
+  std::unique_ptr<Guarantee> guarantee_;
+  Eigen::VectorXd q_, u_;
+  State settled_;                      // at the last tick handed out; at first, at tick 0
+  std::vector<ContactEvent> waiting_;  // behind the horizon, in order
+  std::optional<State> ahead_;         // and further, provisional
+  std::vector<ContactEvent> known_;    // what ahead_ goes through, `next_` comes next
+  std::size_t next_ = 0;
+  std::vector<ContactEvent> of_tick_;
+};
+
+Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
+  require_tick(settings.tick);
+  if (settings.stepper != StepperKind::exact && settings.estimator != EstimatorKind::replica) {
+    throw std::invalid_argument("the moreau estimator is one of the replica alone");
+  }
+  core_ = std::make_unique<Core>(scene, settings);
+}
+
+Observer::~Observer() = default;
+Observer::Observer(Observer&&) noexcept = default;
+Observer& Observer::operator=(Observer&&) noexcept = default;
+
+bool Observer::take(const ContactEvent& event) { return core_->take(event); }
+void Observer::set_horizon(double t) { core_->set_horizon(t); }
+std::vector<Estimate> Observer::settle() { return core_->settle(); }
+Estimate Observer::at(double t) { return core_->at(t); }
+void Observer::set_end(double t) { core_->set_end(t); }
+double Observer::tick() const { return core_->tick(); }
+const EventHistory& Observer::events() const { return core_->events(); }
+
+Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
+                  const ObserverSettings& settings) {
+  return observe(Observer(scene, settings), events, duration);
+}
+
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration) {
+  if (!(duration >= 0.0) || !std::isfinite(duration)) {
+    throw std::invalid_argument("duration is " + std::to_string(duration) + "; must be >= 0");
+  }
+  const double h = observer.tick();
+  const Eigen::Index n = last_tick(duration, h) + 1;
+  Estimates all;
+  for (const ContactEvent& event : events) {
+    if (event.t <= duration) observer.take(event);
+  }
+  observer.set_end(duration);
+  // In pieces, so that few estimates are held twice.
+  constexpr Eigen::Index piece = 4096;
+  Eigen::Index last = -1;
+  for (Eigen::Index k = 0; k < n;) {
+    check_interrupt();
+    last = std::min(last + piece, n - 1);
+    observer.set_horizon(last == n - 1 ? duration : tick_instant(last, h).hi);
+    for (const Estimate& estimate : observer.settle()) {
+      if (k == 0) resize(n, estimate, all);
+      all.t[k] = estimate.t;
+      all.q.row(k) = estimate.q;
+      all.u.row(k) = estimate.u;
+      all.sigma_q.row(k) = estimate.sigma_q;
+      all.sigma_u.row(k) = estimate.sigma_u;
+      all.sigma_gap.row(k) = estimate.sigma_gap;
+      all.parameters.row(k) = estimate.parameters.values;
+      all.sigma_parameters.row(k) = estimate.parameters.sigmas;
+      all.outputs.row(k) = estimate.outputs;
+      all.sigma_outputs.row(k) = estimate.sigma_outputs;
+      all.bound[k] = estimate.bound;
+      all.bound_q.row(k) = estimate.bound_q;
+      all.bound_gap.row(k) = estimate.bound_gap;
+      all.bound_outputs.row(k) = estimate.bound_outputs;
+      all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
+      all.penetrating[static_cast<std::size_t>(k)] = estimate.penetrating ? 1 : 0;
+      ++k;
+    }
+  }
+  all.counts = observer.events().counts();
+  return all;
+}
+
+}  // namespace sprag

@@ -1,0 +1,248 @@
+#include "sprag/reduction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Damping between modes below this share of their own is rounding.
+constexpr double uncoupled = 1e-9;
+// The same where it was computed in extended precision.
+constexpr Extended rounded = 1e-15L;
+// A vector of which less is left by those before it depends on them.
+constexpr Extended dependent = 1e-10L;
+
+MatrixXd observed(const Scene& scene) {
+  if (scene.beam) return mode_shapes(*scene.beam, scene.beam->length).transpose();
+  MatrixXd rows(static_cast<Index>(scene.model.contacts.size()), scene.model.coordinates());
+  for (Index i = 0; i < rows.rows(); ++i) {
+    rows.row(i) = scene.model.contacts[static_cast<std::size_t>(i)].w.transpose();
+  }
+  return rows;
+}
+
+std::vector<Index> all(const ModalMachine& machine) {
+  std::vector<Index> indices(static_cast<std::size_t>(machine.model.coordinates()));
+  std::iota(indices.begin(), indices.end(), Index{0});
+  return indices;
+}
+
+VectorR masses(const ModalMachine& machine) { return machine.model.M.diagonal().cast<Extended>(); }
+
+// Makes b M-orthogonal to the basis and of length 1; twice is enough (Giraud, Langou & Rozloznik
+// 2005). Whether it is independent of the basis.
+bool orthonormalize(const VectorR& m, const std::vector<VectorR>& basis, VectorR& b) {
+  const auto shrink = [&] {
+    const Extended length = std::sqrt(b.cwiseAbs2().cwiseProduct(m).sum());
+    if (length > 0) b /= length;
+    return length;
+  };
+  if (!(shrink() > 0)) return false;
+  for (int pass = 0; pass < 2; ++pass) {
+    for (const VectorR& other : basis) b -= b.cwiseProduct(m).cwiseProduct(other).sum() * other;
+    if (!(shrink() > dependent)) return false;
+  }
+  return true;
+}
+
+// Columns b_j of every contact, M-orthonormal; zero at the coordinates that are kept.
+MatrixR static_vectors(const ModalMachine& machine, const std::vector<Index>& kept,
+                       std::span<const int> orders) {
+  const VectorR m = masses(machine);
+  const VectorR k = machine.model.K.diagonal().cast<Extended>();
+  VectorR left_out = VectorR::Ones(m.size());
+  left_out(kept).setZero();
+  if (!orders.empty() && orders.back() > 0 &&
+      (left_out.array() * (k.array() <= 0).cast<Extended>()).any()) {
+    throw ModelError("a motion without stiffness is left out: it has no static vector");
+  }
+  std::vector<VectorR> basis;
+  for (const int j : orders) {
+    for (const Contact& contact : machine.model.contacts) {
+      VectorR b = left_out.cwiseProduct(contact.w.cast<Extended>()).cwiseQuotient(m);
+      for (Index c = 0; c < b.size(); ++c) {
+        if (left_out[c] != 0) b[c] *= std::pow(m[c] / k[c], static_cast<Extended>(j));
+      }
+      if (orthonormalize(m, basis, b)) basis.push_back(b);
+    }
+  }
+  MatrixR B(m.size(), static_cast<Index>(basis.size()));
+  for (Index i = 0; i < B.cols(); ++i) B.col(i) = basis[static_cast<std::size_t>(i)];
+  return B;
+}
+
+MatrixXd block_diagonal(const MatrixXd& first, const MatrixXd& second) {
+  const Index n = first.rows();
+  const Index r = second.rows();
+  MatrixXd blocks = MatrixXd::Zero(n + r, n + r);
+  blocks.topLeftCorner(n, n) = first;
+  blocks.bottomRightCorner(r, r) = second;
+  return blocks;
+}
+
+VectorXd joined(const VectorXd& first, const VectorXd& second) {
+  VectorXd both(first.size() + second.size());
+  both << first, second;
+  return both;
+}
+
+bool starts_inside(const Model& model, const State& start) {
+  return std::any_of(model.contacts.begin(), model.contacts.end(),
+                     [&](const Contact& contact) { return gap(contact, start.q, 0.0) < 0.0; });
+}
+
+}  // namespace
+
+ModalMachine modal_machine(const Scene& scene) {
+  const Model& model = scene.model;
+  ModalMachine machine{model, scene.master, scene.replica, observed(scene), scene.uncertainty};
+  if (model.M.isDiagonal(0.0) && model.C.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
+    return machine;
+  }
+  const auto [kappa, Phi] = eigenpairs(model.K, model.M);
+  const MatrixXd C = Phi.transpose() * model.C * Phi;
+  const MatrixXd coupling = C - MatrixXd(C.diagonal().asDiagonal());
+  if (coupling.cwiseAbs().maxCoeff() > uncoupled * C.cwiseAbs().maxCoeff()) {
+    throw ModelError("damping couples the modes; none of them can be left out");
+  }
+  machine.model.M = MatrixXd::Identity(Phi.rows(), Phi.cols());
+  machine.model.C = C.diagonal().cwiseMax(0.0).asDiagonal();
+  machine.model.K = kappa.cwiseMax(0.0).asDiagonal();
+  for (Force& force : machine.model.forces) force.direction = Phi.transpose() * force.direction;
+  for (Contact& contact : machine.model.contacts) contact.w = Phi.transpose() * contact.w;
+  for (Output& output : machine.model.outputs) {
+    output.direction = Phi.transpose() * output.direction;
+  }
+  for (State* state : {&machine.master, &machine.replica}) {
+    state->q = Phi.transpose() * model.M * state->q;
+    state->u = Phi.transpose() * model.M * state->u;
+  }
+  machine.observed *= Phi;
+  return machine;
+}
+
+ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept) {
+  const auto of = [&](const VectorXd& x) { return VectorXd(x(kept)); };
+  ModalMachine part = machine;
+  part.model.M = of(machine.model.M.diagonal()).asDiagonal();
+  part.model.C = of(machine.model.C.diagonal()).asDiagonal();
+  part.model.K = of(machine.model.K.diagonal()).asDiagonal();
+  for (Force& force : part.model.forces) force.direction = of(force.direction);
+  for (Contact& contact : part.model.contacts) contact.w = of(contact.w);
+  for (Output& output : part.model.outputs) output.direction = of(output.direction);
+  for (State* state : {&part.master, &part.replica}) {
+    state->q = of(state->q);
+    state->u = of(state->u);
+  }
+  if (part.uncertainty.size() > 0) part.uncertainty = of(part.uncertainty);
+  part.observed = machine.observed(Eigen::all, kept);
+  return part;
+}
+
+ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<Index>& kept,
+                                 std::span<const int> orders, double least_zeta) {
+  ModalMachine part = reduced(machine, kept);
+  MatrixR B = static_vectors(machine, kept, orders);
+  if (B.cols() == 0) return part;
+  // In their own modes, so that K stays diagonal.
+  const MatrixR K = machine.model.K.cast<Extended>();
+  const auto [kappa, V] = eigenpairs(congruent(B, K));
+  B = product(B, V);
+  MatrixR C = congruent(B, machine.model.C.cast<Extended>());
+  C = MatrixR(C + C.transpose()) / 2;
+  for (Index i = 0; i < C.rows(); ++i) {
+    C(i, i) = std::max(C(i, i), 2 * static_cast<Extended>(least_zeta) * std::sqrt(kappa[i]));
+  }
+  for (Index i = 0; i < C.rows(); ++i) {
+    for (Index j = 0; j < C.rows(); ++j) {
+      if (i != j && std::abs(C(i, j)) <= rounded * std::sqrt(C(i, i) * C(j, j))) C(i, j) = 0;
+    }
+  }
+  const MatrixXd Bd = B.cast<double>();
+  const MatrixXd to_static = (B.transpose() * masses(machine).asDiagonal()).cast<double>();
+  Model& model = part.model;
+  const Index r = B.cols();
+  model.M = block_diagonal(model.M, MatrixXd::Identity(r, r));
+  model.C = block_diagonal(model.C, C.cast<double>());
+  model.K = block_diagonal(model.K, kappa.cast<double>().asDiagonal());
+  for (std::size_t i = 0; i < model.forces.size(); ++i) {
+    VectorXd& direction = model.forces[i].direction;
+    direction = joined(direction, Bd.transpose() * machine.model.forces[i].direction);
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    VectorXd& w = model.contacts[i].w;
+    w = joined(w, Bd.transpose() * machine.model.contacts[i].w);
+  }
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    VectorXd& direction = model.outputs[i].direction;
+    direction = joined(direction, Bd.transpose() * machine.model.outputs[i].direction);
+  }
+  for (State ModalMachine::*state : {&ModalMachine::master, &ModalMachine::replica}) {
+    (part.*state).q = joined((part.*state).q, to_static * (machine.*state).q);
+    (part.*state).u = joined((part.*state).u, to_static * (machine.*state).u);
+  }
+  if (part.uncertainty.size() > 0) {
+    VectorXd left_out = machine.uncertainty;
+    left_out(kept).setZero();
+    // Nobody knows how it is spread over them.
+    part.uncertainty =
+        joined(part.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
+  }
+  const MatrixXd kept_rows = part.observed;
+  part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);
+  part.observed << kept_rows, machine.observed * Bd;
+  return part;
+}
+
+void set_impulse_share(double x, Model& model) {
+  for (Contact& contact : model.contacts) {
+    contact.replica_restitution = std::clamp(x * (1.0 + contact.restitution) - 1.0, -1.0, 1.0);
+  }
+}
+
+Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
+  for (std::size_t i = 0; i < machine.model.contacts.size(); ++i) {
+    if (machine.model.contacts[i].w.squaredNorm() > 0.0) continue;
+    throw ModelError("contact " + std::to_string(i + 1) + " does not see the modes that are kept");
+  }
+  Scene part;
+  part.name = scene.name + "_reduced";
+  part.model = machine.model;
+  part.master = machine.master;
+  part.replica = machine.replica;
+  part.uncertainty = machine.uncertainty;
+  part.drift = scene.drift;
+  part.jitter = scene.jitter;
+  part.has_master = scene.has_master;
+  part.release_penetration = scene.release_penetration || starts_inside(part.model, part.master);
+  return part;
+}
+
+std::vector<Index> by_frequency(const ModalMachine& machine) {
+  std::vector<Index> order = all(machine);
+  const VectorXd kappa = machine.model.K.diagonal().cwiseQuotient(machine.model.M.diagonal());
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return kappa[a] < kappa[b]; });
+  return order;
+}
+
+Scene in_modes(const Scene& scene, int modes) {
+  const bool whole = modes == 0;
+  if (whole && scene.beam) return scene;
+  const ModalMachine machine = modal_machine(scene);
+  std::vector<Index> kept = by_frequency(machine);
+  if (!whole) kept.resize(std::min(kept.size(), static_cast<std::size_t>(modes)));
+  Scene modal = reduced_scene(scene, reduced(machine, kept));
+  if (whole) modal.name = scene.name;
+  return modal;
+}
+
+}  // namespace sprag

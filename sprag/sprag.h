@@ -1,0 +1,25 @@
+// All public headers. Each header directly below sprag/ belongs to the public interface; what lies
+// below sprag/detail/ may change with any version. sprag/assessment.h and sprag/reduction.h need
+// the library sprag::analysis, all others sprag::sprag.
+#pragma once
+
+#include "sprag/assessment.h"
+#include "sprag/beam.h"
+#include "sprag/certified_floor.h"
+#include "sprag/contact_event.h"
+#include "sprag/energy.h"
+#include "sprag/error.h"
+#include "sprag/events_file.h"
+#include "sprag/identification.h"
+#include "sprag/master.h"
+#include "sprag/model.h"
+#include "sprag/observer.h"
+#include "sprag/prediction.h"
+#include "sprag/reduction.h"
+#include "sprag/replica.h"
+#include "sprag/scene.h"
+#include "sprag/scene_file.h"
+#include "sprag/simulate.h"
+#include "sprag/smoother.h"
+#include "sprag/states_file.h"
+#include "sprag/version.h"

@@ -1,0 +1,93 @@
+// Studies for the charts of docs/measurements/speed_accuracy.md, one CSV each.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "sprag/detail/files/output_file.h"
+#include "sprag/scene.h"
+#include "studies/work_precision/measure.h"
+
+namespace sprag::studies {
+
+/// A CSV's field: text, or a number with 6 significant digits.
+struct Field {
+  Field(const char* given) : text(given) {}
+  Field(double value);
+
+  std::string text;
+};
+
+/// A CSV with a header line.
+class Table {
+ public:
+  Table(const std::string& file, const std::string& header) : out_(file) {
+    out_.write(header + "\n");
+  }
+  void add(const std::vector<Field>& fields);
+  /// Throws std::runtime_error if not everything could be written.
+  void close();
+
+ private:
+  OutputFile out_;
+};
+
+/// V after 20 and 100 units of time on the paper's beam, and what a unit of time costs, for
+/// estimators and ticks, with exact events and with jitter.
+void observer(Table& table);
+inline constexpr const char* observer_columns = "method,jitter,tick,V20,V100,cpu_us_per_time";
+
+/// V of a salted Kalman filter with a position sensor, and of the timing filter, by their noise.
+void position_sensor(Table& table);
+inline constexpr const char* position_sensor_columns = "scene,start,what,rate_hz,sigma,V";
+
+/// A 40-mode master with three kinds of damping observed with fewer modes: alone, with the
+/// correction that its events choose, and what is possible at best.
+void modes(Table& table);
+inline constexpr const char* modes_columns =
+    "damping,method,correction,modes,coordinates,V_kept,tip_rms,ns_per_tick";
+
+/// ns per tick and us per impact against modes and contacts.
+void growth(Table& table);
+inline constexpr const char* growth_columns = "what,against,count,value";
+
+/// ns per tick beside a hand-written minimal loop, by turns.
+void limit(Table& table);
+inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
+
+/// ns per tick and replica: eight in a sweep, and one after the other, by turns.
+void sweep(Table& table);
+inline constexpr const char* sweep_columns = "modes,impacts,h,turn,sweep_ns,single_ns";
+
+/// us per run of a study's replica, on the paper's beam over 100 units of time: eight runs side by
+/// side, and one after the other, by turns.
+void side_by_side(Table& table);
+inline constexpr const char* side_by_side_columns = "modes,tick,turn,together_us,alone_us";
+
+/// Which method finds what on the paper's beam with more and more modes.
+void stability(Table& table);
+inline constexpr const char* stability_columns = "method,modes,step,result,found,impacts";
+
+/// The paper's beam with other than three modes.
+Scene paper_beam(int modes);
+/// The same in free flight: without its contact, so that the flow of a thousand locked modes need
+/// not be built.
+Scene free_beam(int modes);
+
+/// Shortest CPU time [s] of run(), repeated for about `seconds`.
+template <typename Run>
+double shortest_cpu_time(const Run& run, double seconds = 0.3) {
+  using work_precision::cpu_seconds;
+  double shortest = std::numeric_limits<double>::infinity();
+  const double begin = cpu_seconds();
+  do {
+    const double start = cpu_seconds();
+    run();
+    shortest = std::min(shortest, cpu_seconds() - start);
+  } while (cpu_seconds() - begin < seconds);
+  return shortest;
+}
+
+}  // namespace sprag::studies

@@ -1,0 +1,281 @@
+// The bound B on the error energy V: it holds at every tick, and it is not void.
+#include "sprag/detail/bound/error_bound.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/replica.h"
+#include "tests/support/flight_norm.h"
+#include "tests/support/random.h"
+#include "tests/support/random_model.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+struct Case {
+  const char* scene;
+  double T;
+};
+void PrintTo(const Case& c, std::ostream* out) { *out << c.scene; }
+
+class BoundOfScene : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, BoundOfScene,
+    testing::Values(Case{"paper_beam", 500.0}, Case{"paper_beam_frame", 50.0},
+                    Case{"paper_beam_chatter", 50.0}, Case{"paper_beam_as_printed", 50.0},
+                    Case{"stiff_beam", 5.0}, Case{"two_stops_beam", 50.0},
+                    Case{"two_supports_beam", 50.0}, Case{"non_proportional", 50.0},
+                    Case{"steel_ruler", 2.0}, Case{"lab_rig", 20.0}, Case{"elastic_bar", 50.0},
+                    Case{"bouncing_ball", 10.0}, Case{"impact_oscillator", 100.0},
+                    Case{"three_ball_chain", 2.0}),
+    [](const auto& parameter) { return std::string(parameter.param.scene); });
+
+TEST_P(BoundOfScene, HoldsAtEveryTick) {
+  Pair<Replica> pair(shipped_scene(GetParam().scene), 1e-2);
+  // The ball's V does not contain q and is zero at the start.
+  const double V0 = std::max(pair.V(), 1e-12);
+  double worst = 0.0;
+  while (pair.t() < GetParam().T) {
+    pair.step();
+    const double B = pair.estimator.error_bound(pair.state, V0);
+    worst = std::max(worst, pair.V() / B);
+    ASSERT_LE(pair.V(), B) << "t = " << pair.t();
+  }
+  std::cout << GetParam().scene << ": largest V/B " << worst << ", at the end V " << pair.V()
+            << ", B/B(0) " << pair.estimator.error_bound(pair.state, V0) / V0 << '\n';
+}
+
+// An error that nothing but free flight at its slowest takes away comes close to it.
+TEST(ErrorBound, IsNotVoidOnThePapersBeam) {
+  Pair<Replica> pair(shipped_scene("paper_beam"), 1e-2);
+  double closest = 0.0;
+  while (pair.t() < 100.0) {
+    pair.step();
+    closest = std::max(closest, pair.V() / pair.estimator.error_bound(pair.state, 0.4783534));
+  }
+  EXPECT_LT(pair.estimator.error_bound(pair.state, 1.0), 1e-4);
+  EXPECT_GT(closest, 0.99);
+}
+
+/// A free motion of a machine, at rest.
+Motion at_rest(const Flows& flows, double t) {
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(flows.dynamics().coordinates());
+  Motion motion;
+  flows[0].enter(zero, zero, at(t), Eigen::VectorXd(), motion);
+  return motion;
+}
+
+TEST(ErrorBound, IsProportionalToTheStartAndKeepsRoundingApart) {
+  const Flows flows(shipped_scene("paper_beam").model);
+  ErrorBound bound(flows);
+  ErrorBoundState state;
+  bound.start(at_rest(flows, 0.0), 0, state);
+  state.share = 1e-4;
+  state.remainder = 1e-10;
+  EXPECT_NEAR(bound.bound(state, 0.5, at(0.0), false), 0.5e-4, 1e-11);
+  EXPECT_NEAR(bound.bound(state, 0.0, at(0.0), false), 1e-20, 1e-30);
+}
+
+// The energy falls while nothing is heard.
+TEST(ErrorBound, CountsTheFlightThatIsUnderWay) {
+  for (const char* scene : {"paper_beam", "non_proportional"}) {
+    const Flows flows(shipped_scene(scene).model);
+    ErrorBound bound(flows);
+    ErrorBoundState state;
+    bound.start(at_rest(flows, 1.0), 0, state);
+    double before = 1.0;
+    for (double t = 1.0; t < 200.0; t += 0.01) {
+      const double B = bound.bound(state, 1.0, at(t), true);
+      ASSERT_LE(B, before + 1e-13) << scene << ", t = " << t;
+      ASSERT_GE(B, bound.contraction(t - 1.0)) << scene << ", t = " << t;
+      before = B;
+    }
+    EXPECT_LT(before, 1e-12) << scene;
+    EXPECT_NEAR(bound.bound(state, 1.0, at(3.0), false), 1.0, 1e-12);
+  }
+}
+
+TEST(ErrorBound, ContractionIsTheLargestSingularValueOfTheFlow) {
+  constexpr std::uint64_t seed = 61;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  double loosest = 1.0;
+  for (const Structure structure : structures) {
+    for (int repetition = 0; repetition < repetitions(40); ++repetition) {
+      Model model = random_machine(random, structure, random.integer(1, 5));
+      const Eigen::Index f = model.coordinates();
+      if (f > 1 && random.chance(0.3)) {  // a rigid motion
+        const Eigen::VectorXd w = random.vector(f);
+        const Eigen::VectorXd Kw = model.K * w;
+        if (w.dot(Kw) > 0.0) model.K -= Kw * Kw.transpose() / w.dot(Kw);
+        model.K = (0.5 * (model.K + model.K.transpose())).eval();
+      }
+      model.contacts.push_back({Eigen::VectorXd::Ones(f), 0.0, {}, 0.5});
+      const Flows flows(model);
+      ErrorBound bound(flows);
+      const FlightNorm norm(flows);
+      const double tau = random.log_uniform(1e-3, 10.0);
+      const double contraction = bound.contraction(tau);
+      if (flows[0].path() == FlowPath::dense) {
+        EXPECT_GE(contraction, norm.square(tau) - 1e-10);
+        EXPECT_LE(contraction, norm.square(0.94 * tau) + 1e-5);
+        loosest = std::max(loosest, contraction / norm.square(tau));
+      } else {
+        EXPECT_NEAR(contraction, norm.square(tau), 1e-9)
+            << "structure " << static_cast<int>(structure) << " tau " << tau;
+      }
+    }
+  }
+  std::cout << "of dense machines at most " << loosest << " times sigma^2\n";
+}
+
+// A contact that closes to stay beside others that bounce is the one that can bring two machines
+// apart. What the bound adds covers it, and is no more than what the machines are apart.
+TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
+  constexpr std::uint64_t seed = 62;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  double largest = 0.0;
+  double most_added = 0.0;
+  int expanding = 0;
+  int pairs = 0;
+  for (int number = 0; number < repetitions(400); ++number) {
+    const Eigen::Index f = 5;
+    Model model = random_machine(random, Structure::coupled, f);
+    model.chatter_time = 1e-12;
+    const int m = random.integer(2, 4);
+    const double restitution = random.uniform(0.1, 1.0);
+    const ContactSet all = bit(m) - 1;
+    for (int i = 0; i < m; ++i) {
+      model.contacts.push_back({random.vector(f), 0.0, {}, restitution});
+    }
+    const Flows flows(model);
+    const Eigen::MatrixXd& G = flows.dynamics().G();
+    const Eigen::LLT<Eigen::MatrixXd> inverse(G);
+    if (inverse.rcond() < 1e-3) continue;
+    ErrorBound bound(flows);
+    const ContactMatrix of_all = of_contacts(G, all);
+    for (int pair = 0; pair < 1000; ++pair) {
+      // Some were closed before: the master's rest, the replica's may part.
+      const ContactSet before = random.chance(0.5) ? bit(random.integer(0, m - 1)) : 0;
+      ContactVector a(m), E(m), Lambda, a_plus, b_plus;
+      ContactSet to_stay = 0;
+      for (int i = 0; i < m; ++i) {
+        const bool stays = !contains(before, i) && random.chance(0.5);
+        if (stays) to_stay |= bit(i);
+        E[i] = stays ? 0.0 : restitution;
+        a[i] = contains(before, i) ? 0.0 : random.uniform(-1, random.chance(0.3) ? 1 : 0);
+      }
+      ASSERT_EQ(impact(ImpactLaw::poisson, of_all, E, a, Lambda, a_plus), Solved::yes);
+      ContactSet chi = 0;
+      for_each(all, [&](int i) {
+        if (a_plus[i] < 1e-14 && (contains(before | to_stay, i))) chi |= bit(i);
+      });
+      if (to_stay == 0 || (to_stay & ~chi) != 0) continue;  // not what a master does
+      const double apart = random.chance(0.5) ? 1.0 : random.log_uniform(1e-6, 1e-1);
+      Eigen::VectorXd gamma = a;
+      for (int i = 0; i < m; ++i) {
+        gamma[i] += apart * random.uniform(-1, 1);
+        if (contains(before, i)) gamma[i] = std::max(gamma[i], 0.0);
+      }
+      Motion motion = at_rest(flows, 0.0);
+      ErrorBoundState state;
+      bound.start(motion, 0, state);
+      flows[0].enter(Eigen::VectorXd::Zero(f), flows.dynamics().MinvW() * inverse.solve(gamma),
+                     at(1.0), Eigen::VectorXd(), motion);
+      std::vector<double> epsilon(E.begin(), E.end());
+      bound.event(before, all & ~before, chi, epsilon, motion, state);
+      const ContactVector b = gamma;
+      ASSERT_EQ(impact(ImpactLaw::poisson, of_all, E, b, Lambda, b_plus), Solved::yes);
+      const auto distance = [&](const Eigen::VectorXd& x) {
+        return std::sqrt(0.5 * x.dot(inverse.solve(x)));
+      };
+      const double distance_before = distance(a - b);
+      const double distance_after = distance(a_plus - b_plus);
+      ++pairs;
+      largest = std::max(largest, distance_after / distance_before);
+      most_added = std::max(most_added, state.remainder / distance_before);
+      if (distance_after > distance_before * (1.0 + 1e-9)) ++expanding;
+      ASSERT_LE(distance_after, distance_before * (1.0 + 1e-12) + state.remainder + 1e-13);
+      ASSERT_LE(state.remainder, 3.0 * distance_before + 1e-8);
+    }
+  }
+  std::cout << pairs << " pairs, largest growth of the distance " << largest << ", " << expanding
+            << " impacts expand; added at most " << most_added << " times the distance\n";
+  EXPECT_GT(pairs, repetitions(10000));
+  EXPECT_GT(expanding, 0);
+}
+
+// Contacts that close together now and then, with chatter: no step of B upwards, and none that V
+// takes beyond it.
+TEST(ErrorBound, DoesNotGrowOnTwoSupports) {
+  Pair<Replica> pair(shipped_scene("two_supports_beam"), 1e-2);
+  const double V0 = pair.V();
+  double highest = 0.0;
+  while (pair.t() < 50.0) {
+    pair.step();
+    highest = std::max(highest, pair.estimator.error_bound(pair.state, V0));
+  }
+  EXPECT_LT(highest, 1.001 * V0);
+  EXPECT_LT(pair.estimator.error_bound(pair.state, V0), 0.6 * V0);
+}
+
+// Contacts that are completed together, of which the same impact throws one off: it has its own
+// restitution, in the master as in the replica.
+TEST(ErrorBound, HoldsInAWedge) {
+  for (const std::uint64_t seed : {11140, 20153, 27625}) {
+    Random random(seed);
+    const ImpactingMachine machine = random_impacting_machine(random);
+    Scene scene;
+    scene.model = machine.model;
+    scene.master = machine.start;
+    scene.replica = random_state(random, scene.model);
+    Pair<Replica> pair(scene, 2e-2);
+    const double V0 = pair.V();
+    while (pair.t() < 5.0) {
+      pair.step();
+      ASSERT_LE(pair.V(), pair.estimator.error_bound(pair.state, V0))
+          << "seed " << seed << ", t = " << pair.t();
+    }
+  }
+}
+
+TEST(ErrorBound, FallsWhereDampingCouplesTheModes) {
+  Pair<Replica> pair(shipped_scene("non_proportional"), 1e-2);
+  const double V0 = pair.V();
+  while (pair.t() < 150.0) pair.step();
+  const double B = pair.estimator.error_bound(pair.state, V0);
+  std::cout << "B(150)/B(0) " << B / V0 << ", V " << pair.V() << '\n';
+  EXPECT_LT(B, 1e-15 * V0);
+}
+
+TEST(ErrorBound, IsGivenWhereTheLawIsMonotoneOnly) {
+  const auto guaranteed = [](ImpactLaw law, std::vector<double> restitutions) {
+    Model model;
+    model.M = model.K = model.C = Eigen::MatrixXd::Identity(3, 3);
+    model.law = law;
+    for (std::size_t i = 0; i < restitutions.size(); ++i) {
+      model.contacts.push_back(
+          {Eigen::VectorXd::Unit(3, static_cast<Eigen::Index>(i)), 0.0, {}, restitutions[i]});
+    }
+    Replica replica(model, 1e-3);
+    Replica::State state;
+    replica.start({Eigen::VectorXd::Zero(3), Eigen::VectorXd::Zero(3)}, 0, 0, state);
+    return std::isfinite(replica.error_bound(state, 1.0));
+  };
+  EXPECT_TRUE(guaranteed(ImpactLaw::poisson, {0.7}));
+  EXPECT_TRUE(guaranteed(ImpactLaw::newton, {0.7}));
+  EXPECT_TRUE(guaranteed(ImpactLaw::poisson, {0.7, 0.7, 0.7}));
+  EXPECT_FALSE(guaranteed(ImpactLaw::poisson, {0.7, 0.6}));
+  EXPECT_FALSE(guaranteed(ImpactLaw::newton, {0.7, 0.7}));
+}
+
+}  // namespace
+}  // namespace sprag::test

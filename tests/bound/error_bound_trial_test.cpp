@@ -1,0 +1,239 @@
+// B >= V at every tick, on random machines, as an observer hears of their events: late, in another
+// order, with gaps, and of one run of the master after another.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <optional>
+
+#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/energy.h"
+#include "sprag/replica.h"
+#include "tests/support/flight_norm.h"
+#include "tests/support/random_model.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/repetitions.h"
+
+namespace sprag {
+namespace {
+
+constexpr std::uint64_t first_seed = 1301;
+constexpr int machines = 100;
+constexpr double trial_end = 5.0;
+constexpr double heartbeat = 0.02;
+constexpr std::size_t most_events = 20000;
+
+/// One run of a master: its events, and where it is at every tick.
+struct Run {
+  std::vector<ContactEvent> events;
+  std::vector<State> truth;
+};
+
+std::optional<Run> run_of(const Model& model, const State& start, double h) {
+  Run run;
+  Master master(model, start);
+  State state = start;
+  try {
+    for (std::int64_t k = 0; k <= last_tick(trial_end, h); ++k) {
+      if (!master.advance(tick_instant(k, h), run.events, most_events - run.events.size())) {
+        return std::nullopt;
+      }
+      master.state(tick_instant(k, h), state.q, state.u);
+      run.truth.push_back(state);
+    }
+  } catch (const SimulationError&) {  // no progress
+    return std::nullopt;
+  }
+  return run;
+}
+
+struct Arriving {
+  double at;
+  ContactMessage report;
+};
+
+/// Reports of a run that arrive after up to `delay`, in any order; none from `lost_from` to
+/// `lost_to`, and the later ones do not repeat what was in these.
+std::vector<Arriving> arrivals(Random& random, const Run& run, int contacts, double delay,
+                               double lost_from, double lost_to, std::int64_t session) {
+  std::vector<Arriving> all;
+  for (const ContactMessage& report :
+       reports_at(event_and_heartbeat_times(run.events, heartbeat, trial_end), run.events, contacts,
+                  session)) {
+    if (report.horizon > lost_from && report.horizon < lost_to) continue;
+    const bool repeats = report.horizon <= lost_from;
+    all.push_back(
+        {report.horizon + random.uniform(0.0, delay), repeats ? report : with_repeats(report, 1)});
+  }
+  std::sort(all.begin(), all.end(),
+            [](const Arriving& a, const Arriving& b) { return a.at < b.at; });
+  return all;
+}
+
+/// What the bound said in a session.
+struct Said {
+  int finite = 0, infinite = 0;           // settled ticks
+  double highest = 0.0, last = infinity;  // B / B(0)
+  double closest = 0.0;                   // largest V / B
+};
+
+class Observer {
+ public:
+  Observer(const Model& model, const State& replica, double h)
+      : stepper_(model, h),
+        line_(stepper_, static_cast<int>(model.contacts.size()), replica, 40),
+        energy_(model),
+        state_(replica) {}
+
+  /// `hear`: how many of the arrivals, before the master dies.
+  Said follow(const Run& run, const State& master, const State& replica,
+              const std::vector<Arriving>& arriving, std::size_t hear) {
+    Said said;
+    const double V0 = energy_(master.q, master.u, replica.q, replica.u)[0];
+    line_.restart(arriving.front().report);
+    for (std::size_t i = 0; i < hear; ++i) {
+      if (i > 0 && line_.receive(arriving[i].report)) break;
+      const std::int64_t now = std::min(last_tick(arriving[i].at, line_.h()),
+                                        static_cast<std::int64_t>(run.truth.size()) - 1);
+      line_.run(
+          now, [&](const ReplicaState& state) { check(state, run, V0, nullptr); },
+          [&](const ReplicaState& state) {
+            check(state, run, V0, &said);
+            return true;
+          });
+    }
+    return said;
+  }
+
+  std::int64_t rollbacks() const { return line_.rollbacks().rollbacks; }
+  std::int64_t contradicting() const { return line_.events().counts().of(Skip::contradicting); }
+  std::int64_t lost() const { return line_.events().counts().lost_records; }
+
+ private:
+  void check(const ReplicaState& state, const Run& run, double V0, Said* said) {
+    const double t = tick_instant(state.tick, line_.h()).hi;
+    const State& truth = run.truth.at(static_cast<std::size_t>(state.tick));
+    stepper_.output(state, state_.q, state_.u);
+    const double V = energy_(truth.q, truth.u, state_.q, state_.u)[0];
+    const double B = line_.complete_to(t) ? stepper_.error_bound(state, V0) : infinity;
+    EXPECT_LE(V, B) << "t = " << t << (said == nullptr ? ", provisional" : "");
+    if (said == nullptr) return;
+    ++(std::isfinite(B) ? said->finite : said->infinite);
+    said->last = B / V0;
+    said->highest = std::max(said->highest, said->last);
+    said->closest = std::max(said->closest, V / B);
+  }
+
+  Replica stepper_;
+  TimeLine<Replica> line_;
+  ErrorEnergy energy_;
+  State state_;
+};
+
+/// What the flights of a run leave of an energy, at most: prod |exp(A tau)|^2. In contact nothing
+/// is said to fall.
+double left_by_flights(const Run& run, const FlightNorm& norm) {
+  double left = 1.0;
+  double since = 0.0;
+  ContactSet chi = 0;
+  const auto land = [&](double t) {
+    if (chi == 0 && t > since) left *= norm.square(t - since);
+  };
+  for_each_instant(std::span<const ContactEvent>(run.events),
+                   [&](std::span<const ContactEvent> of_one) {
+                     land(of_one.front().t);
+                     for (const ContactEvent& event : of_one) chi = after(chi, event);
+                     since = of_one.front().t;
+                   });
+  land(trial_end);
+  return left;
+}
+
+struct Totals {
+  std::map<std::string, int> paths;
+  int kept = 0, left_out = 0, several = 0, gaps = 0, whole = 0;
+  std::int64_t rollbacks = 0, ticks = 0, events = 0, closings = 0;
+  double closest = 0.0, highest = 0.0;
+  double fallen = 0.0, fallen_by_flights = 0.0;  // sums of log10, machines of one contact
+};
+
+/// Three runs of the master of a machine, the first one left before its end, the second with a gap;
+/// false if one of them comes to no end.
+bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
+  const Model& model = machine.model;
+  const auto m = static_cast<int>(model.contacts.size());
+  const double h = random.log_uniform(5e-3, 3e-2);
+  const State replica = random_state(random, model);
+  const Flows flows(model);
+  const FlightNorm norm(flows);
+  Observer observer(model, replica, h);
+  for (int session = 1; session <= 3; ++session) {
+    State start = machine.start;
+    start.u *= random.uniform(-1.0, 1.0);
+    const auto run = run_of(model, start, h);
+    if (!run) return false;
+    const bool lossy = session == 2;
+    const double lost_from = lossy ? random.uniform(0.2, 0.6) * trial_end : infinity;
+    const auto arriving = arrivals(random, *run, m, random.log_uniform(1e-3, 1.0), lost_from,
+                                   lost_from + 0.3 * trial_end, session);
+    const std::size_t hear = session == 1 ? arriving.size() * 2 / 3 : arriving.size();
+    const std::int64_t lost_before = observer.lost();
+    const Said said = observer.follow(*run, start, replica, arriving, hear);
+    totals.ticks += said.finite;
+    totals.events += static_cast<std::int64_t>(run->events.size());
+    totals.closings += std::count_if(
+        run->events.begin(), run->events.end(),
+        [](const ContactEvent& event) { return event.kind == ContactEventKind::closes; });
+    totals.closest = std::max(totals.closest, said.closest);
+    if (observer.lost() > lost_before) {
+      if (!lossy) continue;  // reports that were overtaken
+      ++totals.gaps;
+      EXPECT_EQ(said.last, infinity);
+      continue;
+    }
+    if (said.infinite > 0) continue;  // heard of too late
+    ++totals.whole;
+    EXPECT_LT(said.highest, 1.5);
+    totals.highest = std::max(totals.highest, said.highest);
+    if (m > 1 || session == 1) continue;
+    const double expected = left_by_flights(*run, norm);
+    EXPECT_LT(std::sqrt(said.last), std::pow(expected, 0.43) + 1e-4);
+    totals.fallen += std::log10(said.last);
+    totals.fallen_by_flights += std::log10(expected + 1e-8);
+  }
+  EXPECT_EQ(observer.contradicting(), 0);
+  totals.rollbacks += observer.rollbacks();
+  if (m > 1) ++totals.several;
+  ++totals.paths[name(flows[0].path())];
+  return true;
+}
+
+TEST(ErrorBoundTrial, HoldsAtEveryTickOfRandomMachines) {
+  std::cout << "seed " << first_seed << '\n';
+  Random random(first_seed);
+  Totals totals;
+  for (int number = 0; totals.kept < repetitions(machines); ++number) {
+    SCOPED_TRACE("machine " + std::to_string(number));
+    ++(take(random, random_impacting_machine(random), totals) ? totals.kept : totals.left_out);
+  }
+  std::cout << totals.kept << " machines (";
+  for (const auto& [path, count] : totals.paths) std::cout << count << ' ' << path << ", ";
+  std::cout << totals.several << " with several contacts; " << totals.left_out << " left out), "
+            << totals.ticks << " ticks, " << totals.events << " events (" << totals.closings
+            << " close to stay), " << totals.rollbacks << " rollbacks, " << totals.gaps
+            << " gaps; largest V/B " << totals.closest << ", largest B/B(0) " << totals.highest
+            << ", of one contact B fell by " << -totals.fallen << " decades, by the flights alone "
+            << -totals.fallen_by_flights << '\n';
+  EXPECT_EQ(totals.paths.size(), 3U);
+  EXPECT_GT(totals.rollbacks, 5 * totals.kept);
+  EXPECT_GT(totals.gaps, totals.kept / 4);
+  EXPECT_GT(totals.whole, totals.kept);
+  EXPECT_GT(totals.closest, 0.9);
+  EXPECT_LT(totals.fallen, 0.9 * totals.fallen_by_flights);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,474 @@
+// Replica and timing filter side by side: which is believed, and what is said of events that do not
+// fit.
+#include "sprag/detail/filter/tracking_estimator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include "sprag/energy.h"
+#include "sprag/scene_file.h"
+#include "tests/support/random_events.h"
+#include "tests/support/random_model.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/tracking_estimators.h"
+
+namespace sprag {
+namespace {
+
+constexpr double tick_of_both = 1e-2;
+constexpr double length = 100.0;
+
+/// Events as a sensor reports them: edges of one contact stay in order.
+std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
+                                   std::mt19937_64& engine) {
+  std::normal_distribution<double> normal;
+  double last = 1e-9;
+  for (ContactEvent& event : events) {
+    last = event.t = std::max(last, event.t + sigma * normal(engine));
+  }
+  return events;
+}
+
+/// What befell an estimate of the paper's beam.
+struct Outcome {
+  double log_replica = 0.0, log_filter = 0.0, log_both = 0.0;  // means of log10 V from t = 10 on
+  double worse = 0.0;    // share of that time in which V is above 10 times the replica's
+  double trusted = 0.0;  // share of the time
+  std::int64_t inconsistencies = 0;
+  std::vector<Inconsistency> first;
+};
+
+Outcome outcome(const Scene& machine, const Scene& told, std::span<const ContactEvent> events) {
+  const Eigen::Index f = machine.model.coordinates();
+  BothEstimator both(told, tick_of_both);
+  TimingEstimator filter(told, tick_of_both);
+  TrackingState state;
+  TrackingState alone;
+  both.start(told.replica, 0, 0, state);
+  filter.start(told.replica, 0, 0, alone);
+  Master master(machine.model, machine.master);
+  const ErrorEnergy energy(machine.model);
+  Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
+  std::vector<ContactEvent> ignored;
+  Outcome result;
+  const auto ticks = static_cast<int>(std::lround(length / tick_of_both));
+  const int from = ticks / 10;
+  for (int k = 1; k <= ticks; ++k) {
+    const auto later = std::find_if(events.begin(), events.end(), [&](const ContactEvent& event) {
+      return event.t > tick_instant(k, tick_of_both).hi;
+    });
+    const auto due = events.first(static_cast<std::size_t>(later - events.begin()));
+    events = events.subspan(due.size());
+    both.tick(due, state);
+    filter.tick(due, alone);
+    if (state.inconsistencies > result.inconsistencies) {
+      result.inconsistencies = state.inconsistencies;
+      result.first.push_back(state.last);
+    }
+    if (state.track.status == TrackStatus::confirmed) result.trusted += 1.0 / ticks;
+    if (k <= from) continue;
+    master.advance(tick_instant(k, tick_of_both), ignored);
+    master.state(tick_instant(k, tick_of_both), q_m, u_m);
+    const auto V = [&] { return energy(q_m, u_m, q, u)[0] + 1e-40; };
+    both.replica(state, q, u);
+    const double of_replica = V();
+    filter.output(alone, q, u);
+    const double of_filter = V();
+    both.output(state, q, u);
+    const double of_both = V();
+    const double share = 1.0 / (ticks - from);
+    result.log_replica += share * std::log10(of_replica);
+    result.log_filter += share * std::log10(of_filter);
+    result.log_both += share * std::log10(of_both);
+    if (of_both > 10.0 * of_replica) result.worse += share;
+  }
+  return result;
+}
+
+void print(const char* what, const Outcome& o) {
+  std::cout << what << ": log10 V replica " << o.log_replica << ", filter " << o.log_filter
+            << ", both " << o.log_both << "; above 10 times the replica's " << 100 * o.worse
+            << " % of the time; trusted " << 100 * o.trusted << " %; " << o.inconsistencies
+            << " inconsistencies\n";
+}
+
+// With exact events, and right noise, nothing is found fault with, and the estimate is the
+// filter's.
+TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
+  for (const char* name :
+       {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
+        "lab_rig", "bouncing_ball", "impact_oscillator", "non_proportional"}) {
+    const Scene& scene = cached_scene(std::string(name) + ".toml");
+    const Outcome o = outcome(scene, scene, master_events(scene, length));
+    print(name, o);
+    EXPECT_EQ(o.inconsistencies, 0) << name;
+    EXPECT_LE(o.log_both, -20.0) << name;
+  }
+  // Where the longest jitter lets shallow impacts follow each other, a belief is now and then sure
+  // of the wrong place: in one run of 300 of these.
+  for (const double sigma : {1e-4, 1e-3, 5e-3}) {
+    std::mt19937_64 engine(11);
+    const Scene& scene = cached_scene("paper_beam.toml");
+    Scene told = scene;
+    told.jitter = sigma;
+    std::int64_t inconsistencies = 0;
+    const int runs = repetitions(sigma > 1e-3 ? 100 : 20);
+    for (int run = 0; run < runs; ++run) {
+      const Outcome o = outcome(scene, told, jittered(master_events(scene, length), sigma, engine));
+      inconsistencies += o.inconsistencies;
+      if (o.inconsistencies > 0) {
+        std::cout << sigma << ", run " << run << ": " << name(o.first.front().suspicion)
+                  << ", square " << o.first.front().square << " at t = " << o.first.front().t
+                  << '\n';
+      }
+      EXPECT_LT(o.log_both, o.log_replica) << sigma;
+    }
+    EXPECT_LE(inconsistencies, sigma > 1e-3 ? runs / 100 : 0) << sigma;
+  }
+}
+
+/// The replica's start is off by `off` in each coordinate and velocity, and told to be off by
+/// `sigma`.
+Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
+  Scene told = scene;
+  const Eigen::Index f = scene.model.coordinates();
+  told.replica.q = scene.master.q + off * random.vector(f);
+  told.replica.u = scene.master.u + off * random.vector(f);
+  told.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
+  return told;
+}
+
+/// Machines that are hit often enough to be found, to the end, and not so often that reports of a
+/// millisecond's jitter pile up.
+std::vector<Scene> drawn_machines(int count, Random& random) {
+  std::vector<Scene> scenes;
+  while (std::ssize(scenes) < count) {
+    const ImpactingMachine machine = random_impacting_machine(random);
+    Scene scene;
+    scene.model = machine.model;
+    scene.master = scene.replica = machine.start;
+    const auto events = master_events(scene, length);
+    if (events.size() < 200 || events.size() > 2000 || events.back().t < 0.9 * length) continue;
+    scenes.push_back(std::move(scene));
+  }
+  return scenes;
+}
+
+// Events of one contact that are less than 6 sigma behind those of another one.
+int count_close(const std::vector<ContactEvent>& events, double sigma) {
+  int close = 0;
+  for (std::size_t i = 1; i < events.size(); ++i) {
+    const ContactEvent &one = events[i - 1], &next = events[i];
+    if (one.contact != next.contact && next.t - one.t < 6.0 * sigma) ++close;
+  }
+  return close;
+}
+
+// A start that is known far better than jitter lets a filter know the machine later: that it then
+// expects more error than at the start is no reason to give it up. It may be lost where contacts
+// act on each other within the jitter; what is shown then is no worse than the replica.
+TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
+  Random random(3);
+  std::mt19937_64 engine(3);
+  int better = 0, machines = 0;
+  for (const Scene& scene : drawn_machines(repetitions(20), random)) {
+    Scene told = with_start(scene, 1e-6, 1e-6, random);
+    told.jitter = 1e-3;
+    const Outcome o =
+        outcome(scene, told, jittered(master_events(scene, length), told.jitter, engine));
+    print("start known to 1e-6", o);
+    const bool apart = count_close(master_events(scene, length), told.jitter) == 0;
+    EXPECT_GT(o.trusted, apart ? 0.85 : 0.0);
+    EXPECT_LE(o.log_both, o.log_replica + 0.02);
+    ++machines;
+    if (o.log_both < o.log_replica) ++better;
+  }
+  EXPECT_GE(better, machines - machines / 10);
+}
+
+// The replica comes to where the filter can start, and does so however sure the scene is of
+// another start. With jitter, not where contacts act on each other within it.
+TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
+  Random random(5);
+  std::mt19937_64 engine(5);
+  for (const double jitter : {0.0, 1e-5}) {
+    int found = 0, machines = 0;
+    for (const Scene& scene : drawn_machines(repetitions(20), random)) {
+      Scene told = with_start(scene, 0.3, 1e-6, random);
+      told.jitter = jitter;
+      const Outcome o =
+          outcome(scene, told, jittered(master_events(scene, length), jitter, engine));
+      print("start off by 0.3, told 1e-6", o);
+      ++machines;
+      if (o.trusted > 0.5) ++found;
+      EXPECT_LE(o.log_both, std::max(o.log_replica, -25.0) + 1.0);
+    }
+    EXPECT_GE(found, jitter > 0.0 ? machines - machines / 5 : machines) << jitter;
+  }
+}
+
+TEST(TrackingEstimator, NamesASpuriousAndAMissingEvent) {
+  const Scene& scene = cached_scene("paper_beam.toml");
+  const auto events = master_events(scene, length);
+
+  auto spurious = events;
+  const double between = 0.5 * (events[60].t + events[61].t);
+  spurious.insert(spurious.begin() + 61, {between, 0, ContactEventKind::pulse});
+  const Outcome with = outcome(scene, scene, spurious);
+  print("one spurious event", with);
+  ASSERT_GE(with.first.size(), 1U);
+  EXPECT_EQ(with.first[0].suspicion, Suspicion::spurious_event);
+  EXPECT_EQ(with.first[0].t, between);
+
+  auto missing = events;
+  missing.erase(missing.begin() + 60);
+  const Outcome without = outcome(scene, scene, missing);
+  print("one missing event", without);
+  ASSERT_GE(without.first.size(), 1U);
+  EXPECT_EQ(without.first[0].suspicion, Suspicion::missing_event);
+  // Not only at the next event, but when the gap has closed beyond doubt.
+  EXPECT_GT(without.first[0].t, events[60].t);
+  EXPECT_LT(without.first[0].t, events[61].t);
+
+  // Both are over soon.
+  for (const Outcome* o : {&with, &without}) {
+    EXPECT_LE(o->inconsistencies, 3);
+    EXPECT_GT(o->trusted, 0.7);
+  }
+}
+
+// A ball whose drag and restitution are not quite the model's is where the model has it, but for a
+// small share of each flight: the impacts are its own.
+TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
+  constexpr std::uint64_t seed = 5;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  int inconsistent = 0;
+  for (int run = 0; run < repetitions(40); ++run) {
+    Scene machine;
+    machine.model.M = Eigen::MatrixXd::Identity(1, 1);
+    machine.model.K = Eigen::MatrixXd::Zero(1, 1);
+    machine.model.C = random.uniform(0.0, 0.3) * machine.model.M;
+    machine.model.forces.push_back({Eigen::VectorXd::Constant(1, -9.81), 1.0, {}});
+    Contact floor;
+    floor.w = Eigen::VectorXd::Ones(1);
+    floor.restitution = random.uniform(0.7, 0.95);
+    machine.model.contacts = {floor};
+    const double unit = random.log_uniform(0.01, 100.0);
+    machine.master = {Eigen::VectorXd::Constant(1, 0.3 * unit), Eigen::VectorXd::Zero(1)};
+    machine.model.forces[0].direction *= unit;
+    Scene told = machine;
+    told.model.C += random.uniform(0.02, 0.2) * machine.model.M;
+    told.model.contacts[0].restitution *= random.uniform(0.995, 1.0);
+    told.replica = machine.master;
+    told.replica.q *= random.uniform(0.8, 1.2);
+    told.sigma =
+        State{Eigen::VectorXd::Constant(1, 0.1 * unit), Eigen::VectorXd::Constant(1, unit)};
+    told.jitter = 1e-4;
+    std::mt19937_64 engine(static_cast<std::uint64_t>(run));
+    std::vector<ContactEvent> events = master_events(machine, 3.0);
+    events =
+        jittered(std::vector(events.begin(), events.begin() + std::min(16L, std::ssize(events))),
+                 told.jitter, engine);
+    BothEstimator both(told, tick_of_both);
+    std::int64_t count = 0;
+    run_time_line(both, told, events, events.back().t, false, [&](const auto& state) {
+      if (state.inconsistencies == count) return;
+      count = state.inconsistencies;
+      EXPECT_NE(state.last.suspicion, Suspicion::spurious_event)
+          << "run " << run << ", t = " << state.last.t;
+    });
+    if (count > 0) ++inconsistent;
+  }
+  EXPECT_GT(inconsistent, repetitions(40) / 2);
+}
+
+struct Mismatch {
+  const char* name;
+  double jitter_given, jitter;
+  double restitution, damping;  // factors of what is told
+};
+void PrintTo(const Mismatch& m, std::ostream* out) { *out << m.name; }
+
+class WrongModel : public testing::TestWithParam<Mismatch> {};
+INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
+                         testing::Values(Mismatch{"restitution_2_percent_exact", 0.0, 0.0, 1.02,
+                                                  1.0},
+                                         Mismatch{"restitution_2_percent", 1e-3, 1e-3, 1.02, 1.0},
+                                         Mismatch{"restitution_10_percent", 1e-3, 1e-3, 1.1, 1.0},
+                                         Mismatch{"restitution_1_percent", 1e-4, 1e-4, 0.99, 1.0},
+                                         Mismatch{"damping_20_percent", 1e-4, 1e-4, 1.0, 1.2},
+                                         Mismatch{"jitter_not_told", 0.0, 1e-4, 1.0, 1.0},
+                                         Mismatch{"jitter_ten_times", 1e-4, 1e-3, 1.0, 1.0}),
+                         [](const auto& parameter) { return std::string(parameter.param.name); });
+
+// A replica of a wrong model stays on a floor, a filter of a wrong model can be anywhere.
+TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
+  const Mismatch& mismatch = GetParam();
+  const Scene& scene = cached_scene("paper_beam.toml");
+  Scene told = scene;
+  told.jitter = mismatch.jitter_given;
+  told.model.C *= mismatch.damping;
+  for (Contact& contact : told.model.contacts) contact.restitution *= mismatch.restitution;
+  std::mt19937_64 engine(5);
+  const Outcome o =
+      outcome(scene, told, jittered(master_events(scene, length), mismatch.jitter, engine));
+  print(mismatch.name, o);
+  EXPECT_GE(o.inconsistencies, 1);
+  const auto blamed = std::count_if(o.first.begin(), o.first.end(), [](const Inconsistency& one) {
+    return one.suspicion == Suspicion::model;
+  });
+  EXPECT_GE(static_cast<double>(blamed), 0.8 * static_cast<double>(o.first.size()));
+  EXPECT_LT(o.log_both, o.log_replica + 0.15);
+  EXPECT_LT(o.worse, 0.15);
+}
+
+TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
+  const Scene& scene = cached_scene("paper_beam.toml");
+  const auto exact = master_events(scene, length);
+  for (const double sigma : {0.0, 1e-3}) {
+    Scene told = scene;
+    told.jitter = sigma;
+    double gained = 0.0;
+    const int runs = repetitions(20);
+    for (int run = 0; run < runs; ++run) {
+      std::mt19937_64 engine(static_cast<std::uint64_t>(run));
+      std::uniform_real_distribution<double> uniform;
+      auto events = jittered(exact, sigma, engine);
+      std::erase_if(events, [&](const ContactEvent& event) {
+        return event.kind == ContactEventKind::pulse && uniform(engine) < 0.02;
+      });
+      for (int i = 0; i < 5; ++i) {
+        events.push_back({length * uniform(engine), 0, ContactEventKind::pulse});
+      }
+      std::stable_sort(events.begin(), events.end(),
+                       [](const auto& a, const auto& b) { return a.t < b.t; });
+      ContactSet chi = 0;
+      std::erase_if(events, [&](const ContactEvent& event) {
+        const bool fits = contains(chi, event.contact) == (event.kind == ContactEventKind::opens);
+        if (fits) chi = after(chi, event);
+        return !fits;
+      });
+      const Outcome o = outcome(scene, told, events);
+      gained += (o.log_replica - o.log_both) / runs;
+    }
+    std::cout << "sigma " << sigma << ": " << gained << " decades of V below the replica\n";
+    EXPECT_GT(gained, 0.0);
+  }
+}
+
+// Events that contradict nothing, of machines that did not make them: several contacts at an
+// instant, and one contact that opens, closes and opens again within one.
+// A beam that swings freely on its support is hit at the same times at any amplitude.
+TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
+  Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
+  for (Force& force : scene.model.forces) {
+    force.constant = 0.0;
+    force.harmonic.amplitude = 0.0;
+  }
+  for (Contact& contact : scene.model.contacts) {
+    contact.clearance = 0.0;
+    contact.motion.amplitude = 0.0;
+  }
+  const auto last_confidence = [](const Scene& of) {
+    BothEstimator both(of, tick_of_both);
+    TrackingState state;
+    both.start(of.replica, 0, 0, state);
+    Master master(of.model, of.master);
+    std::vector<ContactEvent> events;
+    for (int k = 1; k <= 1000; ++k) {
+      events.clear();
+      master.advance(tick_instant(k, tick_of_both), events);
+      both.tick(events, state);
+    }
+    Confidence confidence = both.no_confidence();
+    both.confidence(state, 0.0, confidence);
+    return confidence;
+  };
+  scene.jitter = 1e-4;
+  const Confidence open = last_confidence(scene);
+  EXPECT_FALSE(open.from_filter);
+  EXPECT_TRUE((open.sigma_q.array().isInf()).all());
+
+  scene.jitter = 0.0;
+  EXPECT_TRUE(last_confidence(scene).from_filter) << "exact times";
+  scene.jitter = 1e-4;
+  scene.model.contacts.front().clearance = 1e-3;
+  EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
+}
+
+TEST(TrackingEstimator, BearsAnyEvents) {
+  constexpr std::uint64_t seed = 31;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  for (int machine = 0; machine < repetitions(60); ++machine) {
+    const int contacts = random.integer(1, 4);
+    const Structure structure = random.chance(0.5) ? Structure::diagonal : Structure::coupled;
+    Scene scene;
+    scene.model = random_machine(random, structure, random.integer(contacts, 5));
+    add_forces(random, scene.model, 1);
+    add_contacts(random, scene.model, contacts);
+    scene.master = scene.replica = random_state(random, scene.model);
+    scene.jitter = random.chance(0.5) ? 1e-3 : 0.0;
+    std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
+    for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
+    BothEstimator filter(scene, tick_of_both);
+    Confidence confidence = filter.no_confidence();
+    bool finite = true;
+    run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
+      Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
+      filter.output(state, q, u);
+      filter.confidence(state, 1.0, confidence);
+      finite = finite && q.allFinite() && u.allFinite() && !confidence.sigma_q.hasNaN();
+    });
+    EXPECT_TRUE(finite) << "machine " << machine;
+  }
+}
+
+// In a time line: events that come late, one by one, and rollbacks for no reason.
+TEST(TrackingEstimator, RollbacksDoNotShow) {
+  const Scene& scene = cached_scene("paper_beam.toml");
+  std::mt19937_64 engine(3);
+  auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
+  events.insert(events.begin() + 20,
+                {0.5 * (events[19].t + events[20].t), 0, ContactEventKind::pulse});
+  Scene told = scene;
+  told.jitter = 1e-3;
+  const auto run = [&](bool late) {
+    BothEstimator filter(told, tick_of_both);
+    std::pair<Recording, std::vector<Confidence>> settled;
+    Confidence confidence = filter.no_confidence();
+    run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {
+      settled.first.add(filter, state, 3);
+      filter.confidence(state, 0.5, confidence);
+      settled.second.push_back(confidence);
+    });
+    return settled;
+  };
+  const auto once = run(false);
+  const auto again = run(true);
+  EXPECT_EQ(once.first.ticks.size(), 3001U);
+  EXPECT_EQ(difference(once.first, again.first), "");
+  ASSERT_EQ(once.second.size(), again.second.size());
+  for (std::size_t i = 0; i < once.second.size(); ++i) {
+    const Confidence& a = once.second[i];
+    const Confidence& b = again.second[i];
+    ASSERT_TRUE(same_bits(a.sigma_q, b.sigma_q)) << i;
+    ASSERT_TRUE(same_bits(a.sigma_u, b.sigma_u)) << i;
+    ASSERT_TRUE(same_bits(a.sigma_g, b.sigma_g)) << i;
+    ASSERT_EQ(a.bound, b.bound) << i;
+    ASSERT_EQ(a.replica.gap, b.replica.gap) << i;
+    ASSERT_EQ(a.filter.gap, b.filter.gap) << i;
+    ASSERT_EQ(a.from_filter, b.from_filter) << i;
+    ASSERT_EQ(a.inconsistencies, b.inconsistencies) << i;
+  }
+  EXPECT_GE(once.second.back().inconsistencies, 1);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,304 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <iostream>
+
+#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
+#include "sprag/energy.h"
+#include "sprag/master.h"
+#include "sprag/observer.h"
+#include "studies/adaptation/trial.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using adaptation_study::Outcome;
+using adaptation_study::run;
+using adaptation_study::Tick;
+using adaptation_study::Trial;
+using test::events_of;
+using test::shipped_scene;
+
+Scene wrong_beam() {
+  Scene scene = shipped_scene("paper_beam");
+  const MachineFamily family(scene, unknowns_to_adapt(scene));
+  Eigen::VectorXd values = family.nominal();
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    values[static_cast<Eigen::Index>(k)] +=
+        0.05 * family.unknowns()[k].slope(family.unknowns()[k].nominal);
+  }
+  values[4] = 0.001;  // the clearance
+  values[6] = 0.05;   // the phase
+  return family.with(values);
+}
+
+// At t = 96.3 it chatters and stays closed for a while.
+TEST(TrackingEstimator, SevenWrongParametersAndExactTimes) {
+  const Trial trial{.duration = 110.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
+  ASSERT_EQ(outcome.accepted.size(), 1U);
+  ASSERT_GE(outcome.events.size(), 24U);
+  EXPECT_LT(outcome.accepted.front(), outcome.events[23] + 2.0 * trial.tick);
+  for (const auto& tick : outcome.ticks) {
+    if (tick.t > outcome.accepted.front()) {
+      ASSERT_LT(tick.V, 1e-20) << tick.t;
+      ASSERT_TRUE(tick.of_filter);
+    }
+  }
+  EXPECT_GT(outcome.floor(30.0, &Tick::V_replica), 1e-3);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+TEST(TrackingEstimator, SevenWrongParametersAndTimesThatJitter) {
+  const Trial trial{.jitter = 1e-4, .duration = 110.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 2);
+  std::cout << "floor " << outcome.floor(60.0) << ", replica "
+            << outcome.floor(60.0, &Tick::V_replica) << '\n';
+  ASSERT_EQ(outcome.accepted.size(), 1U);
+  EXPECT_LT(outcome.floor(60.0), 2e-8);
+  EXPECT_LT(outcome.floor(100.0), 1e-7);  // behind the chatter
+  EXPECT_EQ(outcome.inconsistencies, 0);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+  // What it says of its error holds, but for ticks of which it is not known on which side of an
+  // impact they lie.
+  double ratio = 0.0;
+  int count = 0;
+  for (const auto& tick : outcome.ticks) {
+    const bool near = std::any_of(outcome.events.begin(), outcome.events.end(), [&](double t) {
+      return std::abs(t - tick.t) < 6.0 * trial.jitter;
+    });
+    if (!tick.of_filter || near) continue;
+    ratio += tick.V / tick.energy;
+    ++count;
+  }
+  EXPECT_GT(ratio / count, 0.05);
+  EXPECT_LT(ratio / count, 5.0);
+  for (Eigen::Index k = 0; k < outcome.truth.size(); ++k) {
+    EXPECT_LT(std::abs(outcome.values[k] - outcome.truth[k]), 5.0 * outcome.sigmas[k]) << k;
+  }
+}
+
+TEST(TrackingEstimator, ParametersThatMoveAreFollowed) {
+  Trial trial{.jitter = 1e-4, .walk = 1e-3, .duration = 100.0};
+  trial.moves = {{"impact.restitution", -0.1}, {"beam.bending_stiffness", 0.02}};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
+  std::cout << "floor " << outcome.floor(50.0) << ", replica "
+            << outcome.floor(50.0, &Tick::V_replica) << '\n';
+  EXPECT_LT(outcome.floor(50.0), 1e-6);
+  EXPECT_GT(outcome.floor(50.0, &Tick::V_replica), 1e-3);
+  for (Eigen::Index k = 0; k < outcome.truth.size(); ++k) {
+    EXPECT_LT(std::abs(outcome.values[k] - outcome.truth[k]), 5.0 * outcome.sigmas[k]) << k;
+  }
+}
+
+// Events that say little: it waits for more.
+TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
+  const Trial trial{.jitter = 1e-3, .duration = 60.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1002);
+  ASSERT_FALSE(outcome.accepted.empty());
+  EXPECT_GT(outcome.identifications, 1);
+  EXPECT_GT(outcome.accepted.front(), outcome.events[30]);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+// They are noticed one at a time, and cost next to nothing.
+TEST(TrackingEstimator, LostEventsAreNoReasonToGiveUp) {
+  const Trial trial{.lost = 0.02, .jitter = 1e-4, .duration = 110.0};
+  const Outcome outcome = run(shipped_scene("paper_beam"), trial, 6);
+  std::cout << "floor " << outcome.floor(60.0) << '\n';
+  EXPECT_GE(outcome.inconsistencies, 2);
+  EXPECT_LT(outcome.floor(60.0), 1e-7);
+  EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
+}
+
+TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
+  const Scene scene = wrong_beam();
+  std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
+  // In the middle of a flight.
+  const double t = 0.5 * (events[39].t + events[40].t);
+  events.insert(events.begin() + 40, ContactEvent{t, 0, ContactEventKind::pulse});
+  constexpr double h = 0.02;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
+  estimator.start(scene.replica, 0, 0, state);
+  AdaptationResult result;
+  std::size_t next = 0;
+  Confidence confidence = estimator.no_confidence();
+  for (std::int64_t k = 1; k <= 2000; ++k) {
+    const std::size_t first = next;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    identify_now(estimator, state, result);
+    estimator.tick(std::span(events).subspan(first, next - first), state);
+    estimator.note(state, confidence);
+    if (confidence.parameters.accepted >= 0.0) {
+      ASSERT_TRUE(confidence.from_filter) << k;
+    }
+  }
+  EXPECT_EQ(confidence.inconsistencies, 1);
+  EXPECT_EQ(confidence.last.suspicion, Suspicion::spurious_event);
+  EXPECT_EQ(confidence.last.t, t);
+  EXPECT_GE(confidence.parameters.accepted, 0.0);
+}
+
+// Ticks are the same whether results are there at once, or late and the time line has to go back.
+TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
+  const Scene scene = wrong_beam();
+  const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 30.0);
+  constexpr double h = 0.02;
+  using Row = std::vector<double>;
+  const auto rows_of = [&](std::int64_t delay, std::int64_t history) {
+    TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+    TimeLine<TrackingEstimator> line(estimator, 1, scene.replica, history);
+    line.restart(0, 0, 0, no_horizon);
+    AdaptationTask task;
+    AdaptationResult result;
+    std::vector<Row> rows;
+    std::int64_t due = -1;
+    std::size_t next = 0;
+    Eigen::VectorXd q(3), u(3);
+    Confidence confidence = estimator.no_confidence();
+    for (std::int64_t k = 0; k <= 1500 + delay; ++k) {
+      const double t = std::min(tick_instant(k, h).hi, 30.0);
+      while (next < events.size() && events[next].t <= t) line.receive(events[next++]);
+      line.set_horizon(t);
+      if (due >= 0 && k >= due) {
+        result = run(task, *estimator.family());
+        estimator.put(result);
+        line.release();
+        due = -1;
+      }
+      // The next ticks are looked at ahead.
+      line.run(
+          k + 5, [](const auto&) {},
+          [&](const TrackingState& state) {
+            estimator.output(state, q, u);
+            estimator.confidence(state, 1.0, confidence);
+            Row& row = rows.emplace_back(q.begin(), q.end());
+            row.insert(row.end(), u.begin(), u.end());
+            const auto& parameters = confidence.parameters;
+            row.insert(row.end(), parameters.values.begin(), parameters.values.end());
+            row.insert(row.end(), parameters.sigmas.begin(), parameters.sigmas.end());
+            row.push_back(confidence.from_filter ? 1.0 : 0.0);
+            if (estimator.waits(state)) {
+              estimator.wanted(state, task);
+              line.hold(state.tick);
+              due = k + delay;
+            }
+            return true;
+          });
+    }
+    EXPECT_GT(line.rollbacks().rollbacks, 10);  // late events as well
+    return rows;
+  };
+  const std::vector<Row> at_once = rows_of(0, 1);
+  ASSERT_EQ(at_once.size(), 1501U);
+  EXPECT_EQ(at_once.back().back(), 1.0);
+  EXPECT_EQ(rows_of(40, 100), at_once);
+  EXPECT_EQ(rows_of(300, 16), at_once);  // longer than the history
+}
+
+// A machine that becomes another one is not explained by walks: it is identified anew.
+TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
+  const Scene scene = wrong_beam();
+  std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
+  Scene other = shipped_scene("paper_beam");
+  other.model.contacts[0].restitution = 0.55;
+  for (ContactEvent event : events_of(other, 60.0)) {
+    event.t += 40.0;
+    events.push_back(event);
+  }
+  constexpr double h = 0.02;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
+  estimator.start(scene.replica, 0, 0, state);
+  AdaptationResult result;
+  std::size_t next = 0;
+  double before = 0.0;
+  Confidence confidence = estimator.no_confidence();
+  for (std::int64_t k = 1; k <= 5000; ++k) {
+    const std::size_t first = next;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    identify_now(estimator, state, result);
+    estimator.tick(std::span(events).subspan(first, next - first), state);
+    if (k == 1999) {
+      estimator.confidence(state, 1.0, confidence);
+      before = confidence.parameters.values[0];
+    }
+  }
+  estimator.confidence(state, 1.0, confidence);
+  EXPECT_NEAR(before, 0.7, 1e-9);
+  EXPECT_TRUE(confidence.from_filter);
+  EXPECT_NEAR(confidence.parameters.values[0], 0.55, 1e-9);
+  EXPECT_GE(confidence.inconsistencies, 1);
+  EXPECT_GT(confidence.parameters.accepted, 40.0);
+}
+
+// An observer that is started while the machine runs: the first event it knows lies before its
+// tick.
+TEST(TrackingEstimator, MayJoinLate) {
+  const Scene scene = wrong_beam(), machine = shipped_scene("paper_beam");
+  const std::vector<ContactEvent> events = events_of(machine, 60.0);
+  constexpr double h = 0.25;
+  TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
+  TrackingState state;
+  std::size_t next = 30;
+  std::int64_t k = first_tick_after(events[next].t, h);
+  ASSERT_LT(events[next].t, tick_instant(k, h).hi);
+  estimator.start(scene.replica, k, 0, state);
+  AdaptationTask task;
+  AdaptationResult result;
+  for (bool first = true; k < 240; first = false) {
+    const std::size_t from = next;
+    if (!first) ++k;
+    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
+    const auto of_tick = std::span(events).subspan(from, next - from);
+    if (first) {
+      for_each_instant(of_tick, [&](const auto& of_one) { estimator.apply(of_one, state); });
+      continue;
+    }
+    if (estimator.waits(state)) {
+      estimator.wanted(state, task);
+      EXPECT_LE(task.begins, task.events.front().t);
+      result = run(task, *estimator.family());
+      estimator.put(result);
+    }
+    estimator.tick(of_tick, state);
+  }
+  ASSERT_TRUE(state.track.status == TrackStatus::confirmed);
+  Master master(machine.model, machine.master);
+  std::vector<ContactEvent> passed;
+  master.advance(at(60.0), passed);
+  Eigen::VectorXd q_m(3), u_m(3), q(3), u(3);
+  master.state(at(60.0), q_m, u_m);
+  estimator.output(state, q, u);
+  EXPECT_LT(ErrorEnergy(machine.model)(q_m, u_m, q, u)[0], 1e-20);
+}
+
+TEST(TrackingEstimator, WhatItCannotDoIsRefused) {
+  const auto refusal = [](const Scene& scene) -> std::string {
+    try {
+      TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive);
+    } catch (const ModelError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  const Scene coupled = shipped_scene("non_proportional");
+  EXPECT_EQ(refusal(coupled),
+            "system.C couples the modes of M and K; an adaptive estimator needs damping that does "
+            "not, as C = a M + b K");
+  Scene entries = shipped_scene("lab_rig");
+  entries.adaptation.free = {"impact.restitution", "system.K.2.2"};
+  EXPECT_EQ(refusal(entries),
+            "adapt.free: system.K.2.2 is a single entry; an adaptive estimator seeks system.C and "
+            "system.K as factors alone");
+  EXPECT_THROW(Observer(coupled, {.estimator = EstimatorKind::adaptive}), ModelError);
+  Scene scene = shipped_scene("paper_beam");
+  scene.adaptation.free = {"beam.dampin"};
+  EXPECT_THROW(TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,598 @@
+#include "sprag/detail/live/time_line.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <limits>
+#include <tuple>
+
+#include "sprag/detail/replica/moreau.h"
+#include "sprag/replica.h"
+#include "tests/support/random.h"
+#include "tests/support/random_events.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/repetitions.h"
+#include "tests/support/tracking_estimators.h"
+
+namespace sprag {
+namespace {
+
+using enum ContactEventKind;
+
+/// A target: as far ahead of what is settled as a run goes.
+constexpr std::int64_t far_ahead = std::numeric_limits<std::int64_t>::max() / 2;
+constexpr auto ignore = [](const auto&) {};
+
+/// The paper's beam with a second contact.
+Model two_contacts() {
+  Model model = cached_scene("paper_beam.toml").model;
+  Contact second;
+  second.w = Eigen::Vector3d(1.0, 0.5, -0.3);
+  second.restitution = 0.7;
+  model.contacts.push_back(second);
+  return model;
+}
+
+template <typename E>
+class TimeLineTest : public ::testing::Test {
+ protected:
+  /// A time line of the two-contact beam and what it hands out.
+  struct Run {
+    explicit Run(double h, std::int64_t history, const Model& model = two_contacts())
+        : estimator(model, h),
+          f(model.coordinates()),
+          lead(history),
+          line(estimator, static_cast<int>(model.contacts.size()), start(), history) {}
+
+    void to(std::int64_t target) {
+      if (target == far_ahead) target = line.settled_tick() + lead;
+      line.run(
+          target, [this](const auto& state) { seen.push_back(state.tick); },
+          [this](const auto& state) {
+            settled.add(estimator, state, f);
+            return true;
+          });
+    }
+
+    E estimator;
+    Eigen::Index f;
+    std::int64_t lead;  ///< ticks
+    TimeLine<E> line;
+    Recording settled;
+    std::vector<std::int64_t> seen;
+  };
+
+  static const State& start() { return cached_scene("paper_beam.toml").replica; }
+
+  static Recording reference(double h, std::span<const ContactEvent> events, double end,
+                             std::int64_t first = 0, ContactSet chi = 0) {
+    return offline<E>(two_contacts(), start(), h, events, end, first, chi);
+  }
+
+  /// Events one by one, all ahead of what is settled, `target` after each.
+  static Recording one_by_one(double h, const std::vector<ContactEvent>& events, double end,
+                              std::int64_t target, RollbackCounts* counts = nullptr) {
+    Run run(h, 100);
+    run.line.restart(0, 0, 0, no_horizon);
+    run.to(target);
+    for (std::size_t i = 0; i < events.size(); ++i) {
+      run.line.receive(events[i]);
+      run.to(target);
+      const bool last_of_instant = i + 1 == events.size() || events[i + 1].t != events[i].t;
+      if (last_of_instant) run.line.set_horizon(events[i].t);
+    }
+    run.line.set_horizon(end);
+    run.to(target);
+    if (counts != nullptr) *counts = run.line.rollbacks();
+    return run.settled;
+  }
+};
+
+using Estimators =
+    ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
+TYPED_TEST_SUITE(TimeLineTest, Estimators);
+
+TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
+  for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
+    const Scene& scene = cached_scene(name);
+    const double end = 10.0;
+    const std::vector<ContactEvent> events = master_events(scene, end);
+    ASSERT_GT(events.size(), 10U);
+    for (const double h : {1e-2, 1e-3, 1.0 / 128}) {
+      TypeParam estimator(scene.model, h);
+      TimeLine<TypeParam> line(estimator, 1, scene.replica, 1);
+      line.restart(0, 0, 0, no_horizon);
+      for (const ContactEvent& event : events) line.receive(event);
+      line.set_horizon(end);
+      Recording settled;
+      line.run(0, ignore, [&](const auto& state) {
+        settled.add(estimator, state, scene.model.coordinates());
+        return true;
+      });
+      EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), settled),
+                "")
+          << name << " h " << h;
+      EXPECT_EQ(line.rollbacks().rollbacks, 0);
+    }
+  }
+}
+
+// The smallest case: both events fall into tick 1, and the second arrives when the first has
+// already been run through.
+TYPED_TEST(TimeLineTest, GoingBackTakesTheTicksEarlierEventsAgain) {
+  const std::vector<ContactEvent> events{{0.25, 0, pulse}, {0.5, 1, pulse}};
+  typename TestFixture::Run run(1.0, 10);
+  run.line.restart(0, 0, 0, no_horizon);
+  run.line.receive(events[0]);
+  run.to(3);
+  run.line.receive(events[1]);
+  run.line.set_horizon(3.0);
+  run.to(3);
+  EXPECT_EQ(difference(this->reference(1.0, events, 3.0), run.settled), "");
+}
+
+TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = seed % 2 == 0 ? 1e-2 : 1.0 / 64;
+    const double spacing = h * random.log_uniform(0.1, 3.0);
+    const double from = seed % 3 == 0 ? 0.0 : random.uniform(0.0, 0.1);
+    const auto events = random_events(random, 2, repetitions(200), from, spacing);
+    const double end = events.back().t + 0.2;
+    const Recording expected = this->reference(h, events, end);
+    RollbackCounts ahead, behind;
+    EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, far_ahead, &ahead)), "");
+    EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, 0, &behind)), "");
+    EXPECT_GE(ahead.rollbacks, static_cast<std::int64_t>(events.size()) - 1);
+    EXPECT_LE(behind.depth.largest(), 1);
+  }
+}
+
+TYPED_TEST(TimeLineTest, GoingBackWithAMastersEventsChangesNothing) {
+  for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
+    const Scene& scene = cached_scene(name);
+    const double end = 8.0;
+    const double h = 1e-2;
+    const auto events = master_events(scene, end);
+    const auto reports = reports_at(event_and_heartbeat_times(events, h / 3, end), events, 1);
+    const Recording expected = offline<TypeParam>(scene.model, scene.replica, h, events, end);
+    for (const std::int64_t target : {std::int64_t{0}, far_ahead}) {
+      typename TestFixture::Run run(h, 50, scene.model);
+      run.line.restart(reports.front());
+      for (const ContactMessage& report : reports) {
+        run.line.receive(report);
+        run.to(target);
+      }
+      EXPECT_EQ(difference(expected, run.settled), "") << name << " target " << target;
+      EXPECT_EQ(run.line.events().events(), events);
+    }
+  }
+}
+
+TYPED_TEST(TimeLineTest, AnEventAtATickBelongsToIt) {
+  const double h = 0.125;
+  const std::vector<ContactEvent> events{{0.25, 0, closes}, {0.5, 0, opens}};
+  for (const std::int64_t target : {std::int64_t{0}, std::int64_t{6}}) {
+    typename TestFixture::Run run(h, 10);
+    run.line.restart(0, 0, 0, no_horizon);
+    run.to(target);
+    for (const ContactEvent& event : events) run.line.receive(event);
+    run.line.set_horizon(0.75);
+    run.to(target);
+    EXPECT_EQ(run.settled.chi, (std::vector<ContactSet>{0, 0, 1, 1, 0, 0, 0}));
+    EXPECT_EQ(difference(this->reference(h, events, 0.75), run.settled), "");
+  }
+}
+
+// k h is no double then: the tick's exact time decides, and the horizon is read the same way.
+TYPED_TEST(TimeLineTest, AnEventNextToATickBelongsToTheFirstTickNotBeforeIt) {
+  const double h = 1e-3;
+  for (std::int64_t k = 1; k < 200; ++k) {
+    const double rounded = static_cast<double>(k) * h;
+    for (const double t : {std::nextafter(rounded, 0.0), rounded, std::nextafter(rounded, 1.0)}) {
+      const std::vector<ContactEvent> events{{t, 0, closes}};
+      typename TestFixture::Run run(h, 10);
+      run.line.restart(0, 0, 0, no_horizon);
+      run.line.receive(events[0]);
+      run.line.set_horizon(t);
+      run.to(0);
+      const bool settled = tick_instant(k, h).hi <= t;
+      EXPECT_EQ(run.line.settled_tick(), settled ? k : k - 1) << k;
+      run.line.set_horizon(1.5e-3 + rounded);
+      run.to(0);
+      EXPECT_EQ(run.settled.chi[static_cast<std::size_t>(k)],
+                tick_instant(k, h) - at(t) >= 0.0 ? 1U : 0U)
+          << k;
+    }
+  }
+}
+
+TYPED_TEST(TimeLineTest, AnEventAtTheStartActsAtTheStart) {
+  for (const bool late : {false, true}) {
+    const std::vector<ContactEvent> events{
+        {0.0, 0, closes}, {0.004, 1, pulse}, {0.05, 0, opens}, {0.05, 1, closes}};
+    typename TestFixture::Run run(1e-2, 100);
+    run.line.restart(0, 0, 0, no_horizon);
+    if (late) run.to(20);
+    for (const ContactEvent& event : events) {
+      run.line.receive(event);
+      if (late) run.to(20);
+    }
+    run.line.set_horizon(0.2);
+    run.to(20);
+    EXPECT_EQ(run.settled.chi[0], 1U);
+    EXPECT_EQ(difference(this->reference(1e-2, events, 0.2), run.settled), "") << late;
+  }
+}
+
+TYPED_TEST(TimeLineTest, EventsOfOneInstantAreOneImpactHoweverTheyArrive) {
+  const std::vector<ContactEvent> events{{0.3, 0, pulse}, {0.3, 1, pulse}};
+  const Recording expected = this->reference(0.25, events, 1.0);
+  for (const bool apart : {false, true}) {
+    typename TestFixture::Run run(0.25, 10);
+    run.line.restart(0, 0, 0, no_horizon);
+    run.line.receive(events[0]);
+    if (apart) run.to(4);
+    run.line.receive(events[1]);
+    run.line.set_horizon(1.0);
+    run.to(4);
+    EXPECT_EQ(difference(expected, run.settled), "") << apart;
+  }
+}
+
+TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
+  const State& start = cached_scene("paper_beam.toml").replica;
+  const std::vector<ContactEvent> once{{0.3, 0, pulse}, {0.3, 1, pulse}};
+  const std::vector<ContactEvent> twice{{0.3, 0, pulse}, {std::nextafter(0.3, 1.0), 1, pulse}};
+  EXPECT_NE(difference(offline<Replica>(two_contacts(), start, 0.25, once, 1.0),
+                       offline<Replica>(two_contacts(), start, 0.25, twice, 1.0)),
+            "");
+}
+
+// Of what is passed over nothing is missed: motion, and what note() says, of a machine whose
+// contacts close for a while, pulse and chatter.
+TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
+  const auto said = [](const Replica& replica, const ReplicaState& state) {
+    Confidence confidence;
+    replica.note(state, confidence);
+    return std::tuple(confidence.replica.t, confidence.replica.gap, confidence.redundancy.closings,
+                      confidence.refused_impacts);
+  };
+  const Scene& scene = cached_scene("paper_beam.toml");
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = seed % 2 == 0 ? 1e-2 : 1.0 / 64;
+    const auto events = random_events(random, 2, 200, 0.0, h * random.log_uniform(0.3, 100.0));
+    const double end = events.back().t + 0.5;
+    const Recording expected = offline<Replica>(two_contacts(), scene.replica, h, events, end);
+
+    Replica replica(two_contacts(), h);
+    ReplicaState last_shown;
+    TimeLine<Replica> line(replica, 2, scene.replica, 5);
+    line.restart(0, 0, 0, no_horizon);
+    std::int64_t shown = 0, coasted = 0;
+    std::size_t next = 0;
+    for (double t = 0.0; line.handed_out() < last_tick(end, h);) {
+      t = std::min(t + random.log_uniform(h, 300.0 * h), end);
+      for (; next < events.size() && events[next].t <= t; ++next) line.receive(events[next]);
+      line.set_horizon(t);
+      bool arrived = false;
+      while (!arrived) {
+        const std::int64_t last = line.now() + random.integer(0, 100);
+        if (const std::int64_t ticks = line.coast(last); ticks > 0) {
+          coasted += ticks;
+          EXPECT_LE(line.now(), last);
+          EXPECT_EQ(line.handed_out(), line.now());
+          EXPECT_EQ(said(replica, line.present()), said(replica, last_shown));
+          const auto k = static_cast<std::size_t>(line.now());
+          Recording present;
+          present.add(replica, line.present(), 3);
+          EXPECT_TRUE(same_bits(present.q[0], expected.q[k])) << "tick " << k;
+          EXPECT_TRUE(same_bits(present.u[0], expected.u[k])) << "tick " << k;
+        }
+        arrived = line.run(
+            0, ignore,
+            [&](const ReplicaState& state) {
+              ++shown;
+              last_shown = state;
+              Recording present;
+              present.add(replica, state, 3);
+              const auto k = static_cast<std::size_t>(state.tick);
+              EXPECT_TRUE(same_bits(present.q[0], expected.q[k])) << "tick " << k;
+              EXPECT_TRUE(same_bits(present.u[0], expected.u[k])) << "tick " << k;
+              return true;
+            },
+            random.integer(1, 3));
+      }
+    }
+    EXPECT_EQ(shown + coasted, static_cast<std::int64_t>(expected.ticks.size()));
+    EXPECT_GT(coasted, 0);
+  }
+}
+
+// Ticks that are not kept any more are computed once more from the last settled one.
+TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
+  for (const std::int64_t history : {1, 2, 7, 100}) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      SCOPED_TRACE("history " + std::to_string(history) + " seed " + std::to_string(seed));
+      Random random(seed);
+      const double h = 1.0 / 64;
+      const auto events = random_events(random, 2, 60, seed % 3 == 0 ? 0.0 : 0.5, 0.03);
+      const double end = events.back().t + 0.5;
+      typename TestFixture::Run run(h, history);
+      run.lead = 10 * history + 20;
+      run.line.restart(0, 0, 0, no_horizon);
+      run.to(far_ahead);
+      std::size_t next = 0;
+      for (double t = 0.0; t < end; t += random.uniform(0.0, 1.0)) {
+        for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+        run.line.set_horizon(t);
+        run.to(far_ahead);
+        EXPECT_EQ(run.line.now(), run.line.settled_tick() + run.lead);
+        EXPECT_EQ(run.line.handed_out(), run.line.settled_tick());
+      }
+      for (; next < events.size(); ++next) run.line.receive(events[next]);
+      run.line.set_horizon(end);
+      run.to(0);
+      EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
+      EXPECT_GT(run.line.rollbacks().beyond_history, 0);
+      std::vector<std::int64_t> all(run.seen.size());
+      for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<std::int64_t>(k);
+      EXPECT_EQ(run.seen, all);
+    }
+  }
+}
+
+// GGPO's SyncTest: what a rollback does must not be seen.
+TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
+  const Scene& scene = cached_scene("paper_beam_chatter.toml");
+  const double h = 1e-2;
+  const double end = 12.0;
+  const auto events = master_events(scene, end);
+  for (const std::int64_t history : {3, 40}) {
+    Random random(static_cast<std::uint64_t>(history));
+    typename TestFixture::Run run(h, history, scene.model);
+    run.lead = 2 * history;
+    run.line.restart(0, 0, 0, no_horizon);
+    std::size_t next = 0;
+    for (std::int64_t k = 0; k <= last_tick(end, h); ++k) {
+      const double t = tick_instant(k, h).hi;
+      for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+      run.line.set_horizon(t);
+      run.to(far_ahead);
+      run.line.go_back_to(run.line.now() - random.integer(1, static_cast<int>(3 * history)));
+      EXPECT_LT(run.line.now(), run.line.settled_tick() + run.lead);
+    }
+    run.to(far_ahead);
+    EXPECT_EQ(
+        difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), run.settled), "")
+        << "history " << history;
+  }
+}
+
+TYPED_TEST(TimeLineTest, ABudgetOnlySpreadsTheWork) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = 1.0 / 64;
+    const auto events = random_events(random, 2, 100, 0.0, 0.03);
+    const double end = events.back().t;
+    typename TestFixture::Run run(h, 20);
+    run.line.restart(0, 0, 0, no_horizon);
+    std::size_t next = 0;
+    double t = 0.0;
+    int unfinished = 0;
+    while (run.line.handed_out() < last_tick(end, h)) {
+      t = std::min(t + random.uniform(0.0, 0.1), end);
+      for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+      run.line.set_horizon(t);
+      const std::int64_t before = run.line.now();
+      const bool arrived = run.line.run(
+          last_tick(t, h) + 30, ignore,
+          [&](const auto& state) {
+            run.settled.add(run.estimator, state, run.f);
+            return true;
+          },
+          8);
+      EXPECT_LE(run.line.now(), before + 8);
+      EXPECT_EQ(arrived, run.line.now() >= last_tick(t, h) + 30);
+      if (!arrived) ++unfinished;
+    }
+    EXPECT_GT(unfinished, 10);
+    EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
+  }
+}
+
+TYPED_TEST(TimeLineTest, AQueueThatIsFullLosesNothing) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = 1.0 / 64;
+    const auto events = random_events(random, 2, 100, 0.0, 0.03);
+    const double end = events.back().t;
+    typename TestFixture::Run run(h, random.integer(1, 30));
+    run.line.restart(0, 0, 0, no_horizon);
+    double t = 0.0;
+    std::size_t next = 0;
+    while (run.line.handed_out() < last_tick(end, h)) {
+      t = std::min(t + random.uniform(0.0, 0.2), end);
+      for (; next < events.size() && events[next].t <= t; ++next) run.line.receive(events[next]);
+      run.line.set_horizon(t);
+      int room = random.integer(0, 5);
+      run.line.run(last_tick(t, h) + 10, ignore, [&](const auto& state) {
+        if (--room < 0) return false;
+        run.settled.add(run.estimator, state, run.f);
+        return true;
+      });
+    }
+    EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
+  }
+}
+
+TYPED_TEST(TimeLineTest, StartsAtZeroWhenTheFirstReportCarriesEveryRecord) {
+  Random random(5);
+  const auto events = random_events(random, 2, max_records - 1, 0.0, 0.01);
+  const std::size_t carried = std::min<std::size_t>(events.size(), max_records);
+  const auto first_events = std::span(events).first(carried);
+  const double t = first_events.back().t + 0.001;
+  const auto report = reports_at({t}, first_events, 2).front();
+  ASSERT_EQ(report.records, report.records_total);
+  typename TestFixture::Run run(1e-2, 30);
+  run.line.restart(report);
+  run.to(far_ahead);
+  EXPECT_EQ(difference(this->reference(1e-2, first_events, t), run.settled), "");
+}
+
+TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenTheFirstReportDoesNotCarryEveryRecord) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const double h = 1.0 / 64;
+    const auto events = random_events(random, 2, 400, 0.0, 0.01);
+    const auto times = event_and_heartbeat_times(events, 0.01, events.back().t + 0.1);
+    const auto reports = reports_at(times, events, 2);
+    std::size_t joined = 0;
+    while (reports[joined].records_total <= max_records + 10 * static_cast<int>(seed)) ++joined;
+    const double horizon = reports[joined].horizon;
+    const std::int64_t first = last_tick(horizon, h) + 1;
+    typename TestFixture::Run run(h, 30);
+    run.line.restart(reports[joined]);
+    EXPECT_EQ(run.line.now(), first);
+    run.to(far_ahead);
+    for (std::size_t i = joined + 1; i < reports.size(); ++i) {
+      run.line.receive(reports[i]);
+      run.to(random.chance(0.5) ? far_ahead : 0);
+    }
+    const auto taken = static_cast<std::size_t>(reports[joined].records_total);
+    EXPECT_EQ(difference(this->reference(h, std::span(events).subspan(taken), times.back(), first,
+                                         chi_after(events, taken)),
+                         run.settled),
+              "");
+    EXPECT_EQ(run.seen.front(), first);
+  }
+}
+
+// A machine's clock may start anywhere.
+TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
+  const double h = 1e-3;
+  for (const double t : {99.9995, 100.0005, 100.0015, 1e5, 1e7, 1.7e9}) {
+    typename TestFixture::Run run(h, 30);
+    run.line.restart(reports_at({t}, {}, 2).front());
+    EXPECT_EQ(run.line.now(), t < 100.001 ? 0 : last_tick(t, h) + 1) << t;
+    EXPECT_EQ(run.line.complete_to(t), t < 100.001);
+    EXPECT_FALSE(run.line.complete_to(t + 1.0));  // nobody has said so yet
+  }
+}
+
+// Nothing is known of what was in a long gap: it is not worth the time to run through.
+TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
+  const double h = 1e-2;
+  const auto report = [](std::int64_t total, double horizon) {
+    ContactMessage made;
+    made.contacts = 2;
+    made.records_total = total;
+    made.horizon = horizon;
+    return made;
+  };
+  typename TestFixture::Run run(h, 30);
+  run.line.restart(report(0, 1.0));
+  run.to(0);
+  EXPECT_FALSE(run.line.receive(report(3, 900.0)));
+  run.to(0);
+  EXPECT_EQ(run.line.handed_out(), 90000);
+  EXPECT_TRUE(run.line.receive(report(6, 2000.0)));
+  EXPECT_EQ(run.line.now(), 200001);
+  EXPECT_EQ(run.line.events().counts().lost_records, 6);
+  EXPECT_FALSE(run.line.receive(report(6, 9000.0)));  // nothing was lost
+  EXPECT_EQ(run.line.now(), 200001);
+}
+
+TYPED_TEST(TimeLineTest, GoesOnWhereAMachinesClockWasTurnedAheadAndStartsAgainWhereBack) {
+  const double h = 1e-2;
+  const auto report = [](double horizon, std::int64_t total) {
+    ContactMessage made;
+    made.contacts = 2;
+    made.horizon = horizon;
+    made.records_total = total;
+    made.closed = total > 0 ? 1 : 0;
+    return made;
+  };
+  typename TestFixture::Run run(h, 30);
+  run.line.restart(report(5.0, 0));
+  run.to(0);
+  EXPECT_FALSE(run.line.resume(report(30.0, 0)));
+  run.to(0);
+  EXPECT_EQ(run.line.handed_out(), 3000);
+  EXPECT_TRUE(run.line.complete_to(30.0));
+  EXPECT_TRUE(run.line.resume(report(10.0, 1)));
+  EXPECT_EQ(run.line.now(), 1001);
+  EXPECT_EQ(run.line.events().horizon(), 10.0);
+  EXPECT_FALSE(run.line.complete_to(10.5));
+  EXPECT_TRUE(run.line.resume(report(1e6, 1)));
+  EXPECT_TRUE(run.line.resume(report(1e6, 0)));
+  EXPECT_EQ(run.line.now(), 100'000'001);
+}
+
+TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
+  const double h = 1.0 / 64;
+  typename TestFixture::Run run(h, 40);
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    Random random(seed);
+    const auto events = random_events(random, 2, 50, seed % 2 == 0 ? 0.0 : 0.01, 0.02);
+    const double end = events.back().t + 0.01;
+    const auto reports = reports_at(event_and_heartbeat_times(events, 0.01, end), events, 2,
+                                    static_cast<std::int64_t>(seed));
+    run.settled = {};
+    run.seen.clear();
+    run.line.restart(reports.front());
+    run.to(far_ahead);
+    // Every other session is left before it has ended.
+    const std::size_t heard = seed % 2 == 1 ? reports.size() / 2 : reports.size();
+    for (std::size_t i = 1; i < heard; ++i) {
+      run.line.receive(reports[i]);
+      run.to(far_ahead);
+    }
+    EXPECT_EQ(run.seen.front(), 0);
+    EXPECT_EQ(difference(this->reference(h, events, reports[heard - 1].horizon), run.settled), "")
+        << "session " << seed;
+  }
+}
+
+TYPED_TEST(TimeLineTest, DoesNothingBeforeItsFirstStart) {
+  typename TestFixture::Run run(1e-2, 10);
+  run.to(far_ahead);
+  EXPECT_FALSE(run.line.started());
+  EXPECT_TRUE(run.seen.empty());
+  EXPECT_TRUE(run.settled.ticks.empty());
+}
+
+// More events than the time line keeps at a time: old ones are dropped on the way.
+TYPED_TEST(TimeLineTest, EventsThatAreNotNeededAnyMoreAreDroppedWithoutATrace) {
+  if (sanitized) GTEST_SKIP() << "slow";
+  Random random(9);
+  const double h = 1.0 / 16;
+  const auto events = random_events(random, 2, 80000, 0.0, h / 8);
+  const double end = events.back().t;
+  const auto reports = [&] {
+    std::vector<double> times;
+    for (double t = 0.0; t < end; t += 0.25) times.push_back(t);
+    times.push_back(end);
+    return reports_at(times, events, 2);
+  }();
+  typename TestFixture::Run run(h, 20);
+  run.line.restart(reports.front());
+  std::size_t most = 0;
+  for (const ContactMessage& report : reports) {
+    run.line.receive(report);
+    run.to(far_ahead);
+    most = std::max(most, run.line.events().events().size());
+  }
+  EXPECT_LE(most, 1U << 16U);
+  EXPECT_EQ(run.line.events().counts().events, static_cast<std::int64_t>(events.size()));
+  EXPECT_EQ(difference(this->reference(h, events, end), run.settled), "");
+}
+
+}  // namespace
+}  // namespace sprag

@@ -1,0 +1,185 @@
+#include "recording/continuity.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "sprag/detail/mechanics/scalars.h"
+
+namespace sprag {
+namespace {
+
+/// A master with a heartbeat of 10 ms.
+class ContinuityTest : public ::testing::Test {
+ protected:
+  using Verdict = Continuity::Verdict;
+
+  ContactMessage next() {
+    ContactMessage report;
+    report.sequence = ++number_;
+    report.records_total = number_ / 10;
+    report.speed = speed_;
+    monotonic_ += 10'000'000;
+    report.horizon = t_ += 0.01 * speed_;
+    return report;
+  }
+  Verdict hear(const ContactMessage& report) {
+    return continuity_.hear(report, {monotonic_, monotonic_ / 1000});
+  }
+  Verdict hear_next() { return hear(next()); }
+  void start(int messages) {
+    continuity_.restart(next(), {monotonic_, 0});
+    for (int i = 0; i < messages; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+  /// Messages until one is followed, and what that one was.
+  int refused(Verdict& last) {
+    int count = 0;
+    while ((last = hear_next()) == Verdict::odd && count < 100) ++count;
+    return count;
+  }
+
+  Continuity continuity_{1e-3};
+  std::int64_t number_ = 0, monotonic_ = 5'000'000'000;
+  double t_ = 0.0, speed_ = 2.0;
+};
+
+using Spoil = std::function<void(ContactMessage&)>;
+
+TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
+  for (const auto& [spoil, oddity] : std::initializer_list<std::pair<Spoil, Oddity>>{
+           {[](ContactMessage& r) { r.horizon += 30.0; }, Oddity::time},
+           {[](ContactMessage& r) { r.horizon = 1e300; }, Oddity::time},
+           {[](ContactMessage& r) { r.horizon = 0.0; }, Oddity::time},
+           {[](ContactMessage& r) { r.speed = 1e300; }, Oddity::speed},
+           {[](ContactMessage& r) { r.speed = infinity; }, Oddity::speed},
+           {[](ContactMessage& r) { r.sequence = std::int64_t{1} << 53; }, Oddity::number},
+           {[](ContactMessage& r) { r.records_total = std::int64_t{1} << 53; }, Oddity::records},
+           {[](ContactMessage& r) { r.records_total = 0; }, Oddity::records}}) {
+    start(2000);
+    ContactMessage odd = next();
+    spoil(odd);
+    EXPECT_EQ(hear(odd), Verdict::odd);
+    EXPECT_EQ(continuity_.oddity(), oddity);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+}
+
+TEST_F(ContinuityTest, WhatNoMessageCanHoldIsImpossible) {
+  ContactMessage report = next();
+  EXPECT_EQ(continuity_.impossible(report), Oddity::none);
+  report.speed = infinity;
+  report.horizon = 1.7e9;  // seconds since 1970
+  EXPECT_EQ(continuity_.impossible(report), Oddity::none);
+  report.horizon = 1e13;
+  EXPECT_EQ(continuity_.impossible(report), Oddity::time);
+  report = next();
+  report.speed = 1e300;
+  EXPECT_EQ(continuity_.impossible(report), Oddity::speed);
+  report = next();
+  report.sequence = std::int64_t{1} << 53;
+  EXPECT_EQ(continuity_.impossible(report), Oddity::number);
+  report = next();
+  report.records_total = std::int64_t{1} << 53;
+  EXPECT_EQ(continuity_.impossible(report), Oddity::records);
+}
+
+TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
+  for (const double step : {25.0, 1e7, -25.0, -1e6}) {
+    t_ = 2e6;
+    start(200);
+    t_ += step;
+    Verdict last;
+    EXPECT_EQ(refused(last), 2) << step;
+    EXPECT_EQ(last, Verdict::resumes);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+}
+
+// A step back that would be over within half a second is waited for; a longer one is followed.
+TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
+  for (const double step : {-3.0, -1.0, -9.0}) {
+    t_ = 100.0;
+    start(200);
+    t_ += step * speed_;
+    Verdict last;
+    EXPECT_EQ(refused(last), 2) << step;
+    EXPECT_EQ(last, Verdict::resumes);
+    EXPECT_EQ(continuity_.oddity(), Oddity::time);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+  t_ -= 0.2 * speed_;
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+}
+
+TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
+  start(200);
+  t_ += 3600.0 * speed_;
+  number_ += 360'000;
+  Verdict last;
+  EXPECT_EQ(refused(last), 2);
+  EXPECT_EQ(last, Verdict::resumes);
+}
+
+TEST_F(ContinuityTest, WhereTheFirstMessageWasOddTheOthersAreFollowed) {
+  for (const Spoil& spoil : std::initializer_list<Spoil>{
+           [](ContactMessage& r) { r.horizon = 1e6; },
+           [](ContactMessage& r) { r.sequence = std::int64_t{1} << 51; },
+           [](ContactMessage& r) { r.records_total = std::int64_t{1} << 51; },
+           [](ContactMessage& r) { r.speed = infinity; },
+           [](ContactMessage& r) {
+             r.horizon = 1e6;
+             r.sequence = r.records_total = std::int64_t{1} << 51;
+           }}) {
+    ContactMessage first = next();
+    spoil(first);
+    continuity_.restart(first, {monotonic_, 0});
+    Verdict last;
+    EXPECT_EQ(refused(last), 2);
+    EXPECT_EQ(last, Verdict::resumes);
+    EXPECT_EQ(hear_next(), Verdict::fits);
+  }
+}
+
+TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
+  start(10);
+  for (int i = 0; i < 100; ++i) {
+    number_ = 11;
+    const Verdict verdict = hear_next();
+    EXPECT_EQ(verdict, i == 0 ? Verdict::fits : Verdict::odd);
+    EXPECT_EQ(continuity_.oddity(), i == 0 ? Oddity::none : Oddity::number);
+  }
+}
+
+TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
+  start(100);
+  const ContactMessage late = next();
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  EXPECT_EQ(hear(late), Verdict::fits);
+  EXPECT_EQ(hear(late), Verdict::fits);
+  for (int i = 0; i < 5000; ++i) (void)next();
+  EXPECT_EQ(hear_next(), Verdict::fits);
+}
+
+TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
+  start(10);
+  monotonic_ += 3600'000'000'000;  // stopped, and goes on where it was
+  EXPECT_EQ(hear_next(), Verdict::fits);
+  speed_ = infinity;
+  t_ = 0.0;
+  ContactMessage report = next();
+  report.horizon = 1.0;
+  continuity_.restart(report, {monotonic_, 0});
+  for (double t = 2.0; t < 1e6; t *= 3.0) {
+    report = next();
+    report.horizon = t;
+    EXPECT_EQ(hear(report), Verdict::fits);
+  }
+  report = next();
+  report.horizon = 1.0;
+  EXPECT_EQ(hear(report), Verdict::odd);
+  EXPECT_EQ(continuity_.oddity(), Oddity::time);
+}
+
+}  // namespace
+}  // namespace sprag

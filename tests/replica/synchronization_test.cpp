@@ -1,0 +1,212 @@
+// Replica beside master: Theorem 1 and what the exact estimator promises on top of it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "sprag/detail/replica/moreau.h"
+#include "sprag/replica.h"
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+struct Case {
+  const char* scene;
+  double T;
+};
+void PrintTo(const Case& c, std::ostream* out) { *out << c.scene; }
+
+class Synchronization : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(Scenes, Synchronization,
+                         testing::Values(Case{"paper_beam", 100.0}, Case{"paper_beam_frame", 50.0},
+                                         Case{"paper_beam_chatter", 50.0},
+                                         Case{"paper_beam_as_printed", 50.0},
+                                         Case{"stiff_beam", 5.0}),
+                         [](const auto& parameter) { return std::string(parameter.param.scene); });
+
+TEST_P(Synchronization, ErrorEnergyNeverGrows) {
+  Pair<Replica> pair(shipped_scene(GetParam().scene), 1e-3);
+  const double V0 = pair.V();
+  double worst = 0.0;
+  double before = V0;
+  while (pair.t() < GetParam().T) {
+    pair.step();
+    worst = std::max(worst, pair.V() - before);
+    ASSERT_LE(pair.V(), before + 1e-13 * V0) << "t = " << pair.t();
+    before = pair.V();
+  }
+  std::cout << GetParam().scene << ": largest growth of V/V(0) in a tick " << worst / V0 << '\n';
+}
+
+// Ticks put right before and right after each event, so that nothing hides within a tick.
+TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
+  const Scene scene = shipped_scene(GetParam().scene);
+  const double T = std::min(GetParam().T, 15.0);
+  const std::vector<ContactEvent> events = events_of(scene, T);
+  Master master(scene.model, scene.master);
+  Replica replica(scene.model, 1e-7);
+  ErrorEnergy energy(scene.model);
+  Replica::State state;
+  const Eigen::Index f = scene.model.coordinates();
+  Eigen::VectorXd q_m(f), u_m(f), q_s(f), u_s(f);
+  std::vector<ContactEvent> ignored;
+  // A replica of another state at each event: where it is does not matter for the theorem.
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const std::int64_t k = last_tick(events[i].t, 1e-7);
+    if (i > 0 && last_tick(events[i - 1].t, 1e-7) + 2 >= k) continue;
+    if (i + 1 < events.size() && last_tick(events[i + 1].t, 1e-7) <= k + 1) continue;
+    master.advance(tick_instant(k, 1e-7), ignored);
+    const ContactSet chi = master.closed();
+    master.state(tick_instant(k, 1e-7), q_m, u_m);
+    replica.start({q_m + 0.3 * scene.replica.q, u_m + scene.replica.q}, k, chi, state);
+    replica.output(state, q_s, u_s);
+    const double before = energy(q_m, u_m, q_s, u_s)[0];
+    replica.tick(std::span(events).subspan(i, 1), state);
+    master.advance(tick_instant(k + 1, 1e-7), ignored);
+    master.state(tick_instant(k + 1, 1e-7), q_m, u_m);
+    replica.output(state, q_s, u_s);
+    EXPECT_LE(energy(q_m, u_m, q_s, u_s)[0], before * (1.0 + 1e-13)) << "t = " << events[i].t;
+  }
+}
+
+TEST(PaperBeam, ErrorEnergyStartsAndFallsAsInThePaper) {
+  Pair<Replica> pair(shipped_scene("paper_beam"), 1e-2);
+  EXPECT_NEAR(pair.V(), 0.4783533, 1e-7);
+  EXPECT_NEAR(pair.V_i[1], 0.2283533, 1e-7);
+  EXPECT_NEAR(pair.V_i[2], 0.125, 1e-12);
+  EXPECT_NEAR(pair.V_i[3], 0.125, 1e-12);
+  const double V3 = pair.V_i[3];
+  while (pair.k < 10000) pair.step();
+  EXPECT_NEAR(pair.V_i[3] / V3 / std::exp(-17.0), 1.0, 0.05);
+  while (pair.k < 40000) pair.step();
+  EXPECT_LT(pair.V(), 1e-27);
+  std::cout << "paper_beam: V(400) = " << pair.V() << '\n';
+}
+
+TEST(ExactStepper, StatesDoNotDependOnTheTick) {
+  for (const auto& [name, T] :
+       {std::pair("paper_beam", 100.0), std::pair("paper_beam_chatter", 40.0)}) {
+    const Scene scene = shipped_scene(name);
+    Pair<Replica> coarse(scene, 1e-1);
+    Pair<Replica> fine(scene, 1e-4);
+    double worst = 0.0;
+    while (coarse.t() < T) {
+      coarse.step();
+      for (int i = 0; i < 1000; ++i) fine.step();
+      worst = std::max({worst, (coarse.q_s - fine.q_s).cwiseAbs().maxCoeff(),
+                        (coarse.u_s - fine.u_s).cwiseAbs().maxCoeff()});
+    }
+    EXPECT_LE(worst, 1e-12) << name;
+    std::cout << name << ": h = 1e-1 and 1e-4 differ by " << worst << '\n';
+  }
+}
+
+TEST(ExactStepper, StaysWithTheMasterOnceItIsThere) {
+  for (const auto& [name, T] :
+       {std::pair("paper_beam_chatter", 100.0), std::pair("paper_beam_as_printed", 50.0),
+        std::pair("stiff_beam", 5.0)}) {
+    Scene scene = shipped_scene(name);
+    scene.replica = scene.master;
+    Pair<Replica> pair(scene, 1e-3);
+    double worst = 0.0;
+    while (pair.t() < T) {
+      pair.step();
+      worst = std::max(worst, pair.V());
+    }
+    EXPECT_LT(worst, 1e-22) << name;
+  }
+}
+
+TEST(ExactStepper, ItsStateIsAValue) {
+  const Scene scene = shipped_scene("paper_beam_chatter");
+  const std::vector<ContactEvent> events = events_of(scene, 20.0);
+  Replica replica(scene.model, 1e-2);
+  Replica::State saved;
+  const auto run = [&](Replica::State state) {
+    auto event = std::find_if(events.begin(), events.end(), [&](const ContactEvent& e) {
+      return at(e.t) - tick_instant(state.tick, 1e-2) > 0.0;
+    });
+    while (state.tick < 2000) {
+      const auto first = event;
+      while (event != events.end() && at(event->t) - tick_instant(state.tick + 1, 1e-2) <= 0.0) {
+        ++event;
+      }
+      replica.tick({first, event}, state);
+      if (state.tick == 837) saved = state;
+    }
+    return state;
+  };
+  Replica::State state;
+  replica.start(scene.replica, 0, 0, state);
+  const Replica::State first = run(state);
+  const Replica::State again = run(saved);
+  EXPECT_TRUE((first.motion.x.z == again.motion.x.z).all());
+  EXPECT_TRUE((first.motion.x.v == again.motion.x.v).all());
+}
+
+TEST(MoreauStepper, ErrorEnergyEndsOnAFloorThatFallsWithTheTick) {
+  const Scene scene = shipped_scene("paper_beam");
+  std::vector<double> log_h;
+  std::vector<double> log_V;
+  for (const double h : {1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4}) {
+    Pair<MoreauReplica> pair(scene, h);
+    while (pair.t() < 150.0) pair.step();
+    double sum = 0.0;
+    int count = 0;
+    while (pair.t() < 200.0) {
+      pair.step();
+      sum += std::log10(pair.V());
+      ++count;
+    }
+    log_h.push_back(std::log10(h));
+    log_V.push_back(sum / count);
+  }
+  const auto n = static_cast<double>(log_h.size());
+  double mean_h = 0.0;
+  double mean_V = 0.0;
+  for (std::size_t i = 0; i < log_h.size(); ++i) {
+    mean_h += log_h[i] / n;
+    mean_V += log_V[i] / n;
+  }
+  double covariance = 0.0;
+  double variance = 0.0;
+  for (std::size_t i = 0; i < log_h.size(); ++i) {
+    covariance += (log_h[i] - mean_h) * (log_V[i] - mean_V);
+    variance += (log_h[i] - mean_h) * (log_h[i] - mean_h);
+    std::cout << "moreau h = 1e" << log_h[i] << ": mean log10 V = " << log_V[i] << '\n';
+  }
+  const double slope = covariance / variance;
+  std::cout << "moreau: V floor falls with slope " << slope << '\n';
+  EXPECT_GT(slope, 1.0);
+  EXPECT_LT(slope, 3.0);
+}
+
+TEST(MoreauStepper, IsSecondOrderWithoutImpacts) {
+  Scene scene = shipped_scene("paper_beam");
+  const auto error = [&](double h) {
+    MoreauReplica moreau(scene.model, h);
+    Replica exact(scene.model, h);
+    MoreauReplica::State m;
+    Replica::State e;
+    moreau.start(scene.replica, 0, 0, m);
+    exact.start(scene.replica, 0, 0, e);
+    double worst = 0.0;
+    Eigen::VectorXd q_m(3), u_m(3), q_e(3), u_e(3);
+    for (int k = 0; k < static_cast<int>(std::lround(2.0 / h)); ++k) {
+      moreau.tick({}, m);
+      exact.tick({}, e);
+      moreau.output(m, q_m, u_m);
+      exact.output(e, q_e, u_e);
+      worst = std::max(worst, (q_m - q_e).norm());
+    }
+    return worst;
+  };
+  for (const double h : {2e-3, 1e-3, 5e-4, 2.5e-4}) {
+    EXPECT_NEAR(std::log2(error(h) / error(h / 2)), 2.0, 0.1) << "h = " << h;
+  }
+}
+
+}  // namespace
+}  // namespace sprag::test

@@ -1,0 +1,92 @@
+// The tracking estimator to be made like a replica in suites of estimators, and its belief.
+#pragma once
+
+#include "sprag/detail/filter/tracking_estimator.h"
+
+namespace sprag {
+
+class BothEstimator : public TrackingEstimator {
+ public:
+  BothEstimator(const Scene& scene, double h) : TrackingEstimator(scene, h, EstimatorKind::both) {}
+};
+
+class TimingEstimator : public TrackingEstimator {
+ public:
+  TimingEstimator(const Scene& scene, double h)
+      : TrackingEstimator(scene, h, EstimatorKind::timing) {}
+};
+
+/// A scene of which nothing is said but its model.
+inline Scene scene_of(const Model& model) {
+  Scene scene;
+  scene.model = model;
+  scene.replica.q = scene.replica.u = Eigen::VectorXd::Zero(model.coordinates());
+  scene.master = scene.replica;
+  scene.has_master = false;
+  return scene;
+}
+
+/// Event times jitter by a millisecond.
+class JitteringBoth : public TrackingEstimator {
+ public:
+  JitteringBoth(const Model& model, double h, double jitter = 1e-3)
+      : TrackingEstimator(with_jitter(model, jitter), h, EstimatorKind::both) {}
+
+ private:
+  static Scene with_jitter(const Model& model, double jitter) {
+    Scene scene = scene_of(model);
+    scene.jitter = jitter;
+    return scene;
+  }
+};
+
+/// The same with exact event times.
+class ExactBoth : public JitteringBoth {
+ public:
+  ExactBoth(const Model& model, double h) : JitteringBoth(model, h, 0.0) {}
+};
+
+/// Of a machine that may be off by 2 %. It makes its identifications itself, at once, unless
+/// `identifies` is false.
+class IdentifyingAdaptive : public TrackingEstimator {
+ public:
+  IdentifyingAdaptive(const Model& model, double h)
+      : TrackingEstimator(within(model), h, EstimatorKind::adaptive) {}
+
+  void tick(std::span<const ContactEvent> events, TrackingState& state) {
+    if (identifies) identify_now(*this, state, result_);
+    TrackingEstimator::tick(events, state);
+  }
+
+  bool identifies = true;
+
+ private:
+  static Scene within(const Model& model) {
+    Scene scene = scene_of(model);
+    scene.adaptation.within.setConstant(1, 0.02);
+    return scene;
+  }
+
+  AdaptationResult result_;
+};
+
+/// Standard deviations that are published of q, u and the gaps.
+inline void deviations(TrackingEstimator& estimator, const TrackingState& state, Eigen::VectorXd& q,
+                       Eigen::VectorXd& u, Eigen::VectorXd& gaps) {
+  Confidence confidence = estimator.no_confidence();
+  estimator.confidence(state, infinity, confidence);
+  q = confidence.sigma_q;
+  u = confidence.sigma_u;
+  gaps = confidence.sigma_g;
+}
+
+/// Covariance of (q, u) as if no report were late, 2f x 2f.
+inline Eigen::MatrixXd covariance(TrackingEstimator& estimator, const TrackingState& state) {
+  Belief belief;
+  estimator.belief(state, belief);
+  Eigen::MatrixXd S(2 * belief.q.size(), belief.columns);
+  S << belief.S_q, belief.S_u;
+  return S * S.transpose();
+}
+
+}  // namespace sprag
