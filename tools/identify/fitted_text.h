@@ -21,8 +21,8 @@ struct FittedText {
 /// \param given   text of the scene that was fitted
 /// \param begins  start of the replica [s]
 /// \param from    file of `given`
-/// \param to      file of the result. Paths of matrix files are written relative to it; matrices
-/// with fitted values are written in place.
+/// \param to      file of the result. Paths of matrix files are written relative to it;
+///                matrices with fitted values are written in place.
 /// \throws SceneError
 FittedText fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
                        double begins, const std::filesystem::path& from,

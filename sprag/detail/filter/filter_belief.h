@@ -54,8 +54,8 @@ struct FilterBelief {
   double log_left = 0.0;
   Eigen::VectorXd reported;  ///< per contact: time of its last report, -infinity before it [s]
   Eigen::VectorXd occurred;  ///< per contact: estimated time of its last event [s]
-  Eigen::VectorXd
-      rebound;  ///< per contact: speed after its last impact, 0 if it stayed closed or opened [m/s]
+  /// Per contact: speed after its last impact, 0 if it stayed closed or opened [m/s].
+  Eigen::VectorXd rebound;
   ImpactEstimate impact;
 
   /// False after events that contradict every motion of the machine.

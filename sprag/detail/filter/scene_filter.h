@@ -23,7 +23,7 @@ struct SceneFilter {
   /// For a scene with uncertain parameters.
   ///
   /// \param from_prior  true: the parameters have the prior of [parameters]; false: identification
-  ///                     gives their first estimate
+  ///                    gives their first estimate
   ///
   /// \throws ModelError  if the scene's damping couples the modes, or an unknown is unsupported
   SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);

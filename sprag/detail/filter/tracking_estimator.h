@@ -64,8 +64,8 @@ struct Silence {
   double next_look = 0.0;      ///< time of the next check for an overdue event [s]
   /// Contact whose event is overdue, -1: none; set by a check, cleared by received_at().
   int overdue = -1;
-  double overdue_since = 0.0;
-  double missing_from = 0.0;  ///< the overdue event counts as missing from this time [s]
+  double overdue_since = 0.0;  ///< time of the check that found it [s]
+  double missing_from = 0.0;   ///< the overdue event counts as missing from this time [s]
 };
 
 /// Track of the filter's estimate (track.h).
@@ -87,8 +87,8 @@ struct Track {
 
 /// The estimator's state. Copies do not allocate. Valid while its estimator lives.
 struct TrackingState {
-  std::int64_t tick = 0;
-  ContactSet chi = 0;
+  std::int64_t tick = 0;  ///< number of the present tick
+  ContactSet chi = 0;     ///< contacts closed by the events so far
   AnyReplica::State base;
   EventWindow window;
   BeliefRef belief;  ///< empty before the first accepted identification
@@ -110,8 +110,7 @@ class TrackingEstimator {
 
   /// \param h        interval of the ticks, > 0 [s]
   /// \param stepper  integration of a plain replica
-  /// \throws ModelError             also if the damping couples the modes and parameters are
-  /// uncertain
+  /// \throws ModelError             also if parameters are uncertain and the damping is not modal
   /// \throws std::invalid_argument  for an unknown key in scene.adaptation
   TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
                     StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});

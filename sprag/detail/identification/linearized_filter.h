@@ -5,11 +5,11 @@
 //   0 = g_k + w^T xi_k + J_k dtheta + gamma_k- e_k,   e_k ~ N(t_k - tau_k, sigma^2),
 //   xi_k+1 = Phi_k xi_k + (effect of e_k) + w_k,      cov w_k = drift times the flight,
 //
-// with the measured times t_k. The path is the fit's, or the path along the measured times, tau_k =
-// t_k. The first is nearer to a machine without model mismatch, the second to one that drifts away
-// from the model. The prior of xi and dtheta is diffuse, so the innovations nu_k with variances s_k
-// give the restricted likelihood (Patterson & Thompson 1971), ln L = -1/2 sum (ln s_k + nu_k^2 /
-// s_k).
+// with the measured times t_k. The path is the fit's, or the path along the measured times (tau_k
+// equal to t_k). The first is nearer to a machine without model mismatch, the second to one that
+// drifts away from the model. The prior of xi and dtheta is diffuse, so the innovations nu_k with
+// variances s_k give the restricted likelihood (Patterson & Thompson 1971), ln L = -1/2 sum (ln s_k
+// + nu_k^2 / s_k).
 #pragma once
 
 #include <Eigen/Core>
