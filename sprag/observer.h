@@ -78,6 +78,7 @@ class Observer {
   /// \brief Moves an observer.
   Observer(Observer&&) noexcept;
   /// \brief Moves an observer.
+  /// \return this observer.
   Observer& operator=(Observer&&) noexcept;
 
   /// \brief Takes an event of any time after the horizon, in any order.
