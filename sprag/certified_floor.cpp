@@ -34,7 +34,7 @@ CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent>
   Scene unknown_start = scene;
   unknown_start.uncertainty.resize(0);
   if (!why_no_bound(unknown_start).empty()) return floor;
-  // With the replica anywhere on its path.
+  // Largest over all states on the replica's path.
   const Dynamics dynamics(scene.model);
   const EnergyMetric metric(dynamics);
   const DissipationCap cap(metric, scene.tolerance);
