@@ -35,7 +35,7 @@ struct LogDamage {
 /// not distinguish damage from the end.
 class ChannelLogReader {
  public:
-  /// Throws InputError (mechanics/input_file.h) if the file cannot be opened.
+  /// Throws InputError (sprag/detail/files/input_file.h) if the file cannot be opened.
   explicit ChannelLogReader(const std::filesystem::path& file);
   explicit ChannelLogReader(InputFile file);
 

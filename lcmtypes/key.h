@@ -18,7 +18,7 @@ class Key {
   using Tag = std::array<std::uint8_t, tag_size>;
 
   /// Reads 64 hexadecimal digits; white space around them is allowed. Throws InputError
-  /// (mechanics/input_file.h).
+  /// (sprag/detail/files/input_file.h).
   explicit Key(const std::filesystem::path& file);
   explicit Key(const std::array<std::uint8_t, size>& bytes);
 
