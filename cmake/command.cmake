@@ -4,7 +4,7 @@ set(SPRAG_PROGRAM_TARGETS master_sim observer sync_logger check_scene import_eve
 if(TARGET view)
   list(APPEND SPRAG_PROGRAM_TARGETS view)
 endif()
-# One folder each for every configuration of a generator that builds several.
+# Multi-configuration generators have one folder per configuration.
 set(SPRAG_PROGRAM_FOLDERS)
 foreach(folder master_sim observer tools)
   list(APPEND SPRAG_PROGRAM_FOLDERS ${folder})

@@ -1,4 +1,4 @@
-// Independent pieces of work, by a few threads.
+// Runs independent tasks on several threads.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,9 @@
 
 namespace sprag {
 
-/// work(i) for i = 0, ..., count - 1, by as many threads, or by fewer where the system has no more
-/// of them. Throws what one of them throws, once all have ended.
+/// Calls work(i) for i = 0, ..., count - 1 on `threads` threads, or on fewer if the system has no
+/// more. After the first exception no further tasks start; the last exception is thrown when all
+/// threads have ended.
 template <typename Work>
 void in_parallel(int threads, int count, const Work& work) {
   std::atomic<int> next = 0;

@@ -26,7 +26,7 @@ constexpr timespec patience{15, 0};
 constexpr timespec patience{0, 900'000'000};
 #endif
 
-// A timer rather than a thread: a handler may set it, and it takes no stack.
+// A timer instead of a thread: a signal handler may start it, and it needs no stack.
 timer_t last_resort;
 bool has_last_resort = false;
 std::array<char, 160> message;
@@ -38,7 +38,7 @@ void end_here(int) {
 }
 
 void ask_to_stop(int) {
-  if (interrupted()) return;  // the first one counts
+  if (interrupted()) return;  // later signals do not restart the timer
   request_interrupt();
   const itimerspec once{{0, 0}, patience};
   if (has_last_resort) ::timer_settime(last_resort, 0, &once, nullptr);
@@ -47,7 +47,7 @@ void ask_to_stop(int) {
 void handle(int signal, void (*handler)(int)) {
   struct sigaction action {};
   action.sa_handler = handler;
-  action.sa_flags = SA_RESTART;  // poll() and sleeps return all the same
+  action.sa_flags = SA_RESTART;  // poll() and sleeps return nevertheless
   ::sigaction(signal, &action, nullptr);
 }
 
@@ -71,8 +71,8 @@ Signals::Signals(const std::string& program) {
   handle(SIGINT, ask_to_stop);
   handle(SIGTERM, ask_to_stop);
   if (!ignored(SIGHUP)) handle(SIGHUP, ask_to_stop);
-  std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write that fails, and is reported
-  std::signal(SIGXFSZ, SIG_IGN);  // so is a file at its limit (ulimit -f)
+  std::signal(SIGPIPE, SIG_IGN);  // writing to a closed pipe fails with an error, which is reported
+  std::signal(SIGXFSZ, SIG_IGN);  // the same at the size limit of files (ulimit -f)
 }
 
 Signals::~Signals() {

@@ -1,5 +1,5 @@
-// A request to stop, as a signal handler makes it, and what long computations ask between their
-// steps. There is one for the process.
+// A request to stop, set by a signal handler and checked by long computations between their steps.
+// There is one for the process.
 #pragma once
 
 #include <atomic>
@@ -7,8 +7,8 @@
 
 namespace sprag {
 
-/// A computation was broken off where it stood: what it works on is not to be used any more, what
-/// it has handed out before is right.
+/// Thrown when a computation stops early. The object it worked on must not be used any more;
+/// results returned before are valid.
 struct Interrupted : std::exception {
   const char* what() const noexcept override { return "interrupted"; }
 };
@@ -21,15 +21,15 @@ static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler")
 /// Safe in a signal handler.
 inline void request_interrupt() noexcept { detail::interrupt_requested = true; }
 
-/// Takes the request back.
+/// Withdraws the request.
 inline void clear_interrupt() noexcept { detail::interrupt_requested = false; }
 
 inline bool interrupted() noexcept {
   return detail::interrupt_requested.load(std::memory_order_relaxed);
 }
 
-/// Throws Interrupted if a stop was requested. Costs a load: call it at every step that takes more
-/// than some microseconds.
+/// Throws Interrupted if a stop was requested. It costs one load. Call it in every step that takes
+/// more than a few microseconds.
 inline void check_interrupt() {
   if (interrupted()) throw Interrupted();
 }
