@@ -5,7 +5,8 @@ import subprocess
 
 INK, MUTED = "#202020", "#707070"
 BAND = "#d8d8d8"
-# Okabe and Ito's palette, apart for who confuses red and green too; a darker shade of some.
+# Palette of Okabe and Ito, distinguishable with red-green colour blindness, and a darker shade of
+# some colours.
 BLACK, GREY = "#000000", "#7f7f7f"
 VERMILION, ORANGE, YELLOW = "#d55e00", "#e69f00", "#c9b800"
 BLUE, SKY, NAVY = "#0072b2", "#56b4e9", "#00395c"
@@ -13,7 +14,7 @@ GREEN, PINE = "#009e73", "#00513b"
 PURPLE, PLUM = "#cc79a7", "#7a3b63"
 BROWN = "#8c5a00"
 
-# One colour for an estimator in every chart, and in plot's picture of the demo.
+# An estimator has the same colour in every chart, and in plot's picture of the demo.
 ESTIMATORS = {"replica": VERMILION, "timing": PURPLE, "both": BLUE, "adaptive": GREEN,
               "Moreau replica": GREY}
 
@@ -31,7 +32,7 @@ def number(text):
 
 
 def plain(text):
-    """Text of data, which gnuplot's enhanced mode shows as it is and neither it nor a shell obeys."""
+    """Text of data, escaped so that neither gnuplot's enhanced mode nor a shell interprets it."""
     text = "".join(c if c.isprintable() else "?" for c in text).replace("`", "'")
     return text.replace("\\", "\\\\").replace("_", "\\\\_").replace('"', "'").replace("^", "\\\\^")
 
@@ -53,7 +54,7 @@ def draw(directory, name, width, height, body, suffixes=(".png",)):
             "set grid xtics ytics lt 1 lw 0.8 lc rgb '#dddddd'",
             "unset key",
         ]
-        # Through a pipe: gnuplot neither sees the file's name nor reports a full disk.
+        # Through a pipe, because gnuplot does not report a full disk.
         drawn = subprocess.run(["gnuplot", "-d"], input=("\n".join(script + body) + "\n").encode(),
                                stdout=subprocess.PIPE, check=True)
         picture.write_bytes(drawn.stdout)

@@ -15,8 +15,8 @@ double least_V(const Scene& machine, int impacts, double sigma) {
   const auto wanted = static_cast<std::size_t>(impacts);
   master.advance(at(1e5), events, wanted);
   events.resize(wanted);
-  // With exact times the most likely path is the machine's own; a filter that is linearized along
-  // it has the bound as its covariance, its prior being far wider.
+  // With exact times the most likely path is the machine's own. A filter linearized along it, with
+  // a far wider prior, has the Cramer-Rao bound as its covariance.
   IdentificationSettings settings;
   settings.unknowns = unknowns_to_adapt(machine);
   settings.jitter = sigma;

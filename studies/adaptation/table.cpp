@@ -119,7 +119,7 @@ void print_chart(const std::filesystem::path& scenes, std::uint64_t seed) {
       continue;
     }
     const Outcome outcome = run(read_scene(scenes / row.scene), row.trial, seed);
-    // The median of each half a unit: for a moment around an event that jitters, V is that of two
+    // The median of each half unit of time. Around a jittered event V is briefly that of two
     // machines on either side of an impact.
     constexpr std::size_t shown = 50;
     const auto& ticks = outcome.ticks;

@@ -21,7 +21,7 @@ double share(Random& draw, double least) {
   return (draw.uniform() < 0.5 ? -1.0 : 1.0) * draw.uniform(least, 1.0);
 }
 
-// The scene as it is told.
+// The scene that the observer receives.
 Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
   const MachineFamily family(machine, trial.only.empty()
                                           ? unknowns_to_adapt(machine)
@@ -152,9 +152,9 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   Confidence confidence = adaptive.no_confidence();
   AdaptationResult result;
-  std::vector<ContactEvent> passed, ahead;  // events, with the times that are reported
+  std::vector<ContactEvent> passed, ahead;  // events with their reported times
   Outcome outcome;
-  // Times jitter across ticks: the machine runs ahead by as much.
+  // Jittered times may cross ticks, so the machine runs ahead by six standard deviations.
   const double lead = 6.0 * trial.jitter + trial.tick;
   MovingMaster heard(machine, trial);
   const auto ticks = last_tick(trial.duration, trial.tick);
@@ -171,7 +171,7 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
         last = std::max(last, before);
         if (chi == 0) ahead.push_back({last, event.contact, ContactEventKind::pulse});
       }
-      // They keep their order.
+      // Reports keep their order.
       event.t = last = std::max(event.t + trial.jitter * draw.normal(), last);
       const bool contradicts =
           contains(chi, event.contact) != (event.kind == ContactEventKind::opens);

@@ -28,7 +28,7 @@ using namespace std::chrono_literals;
 
 constexpr std::int64_t millisecond = 1'000'000;
 
-/// A process that ends with this one.
+/// A process that is ended together with this one.
 class Child {
  public:
   template <typename Body>
@@ -54,7 +54,7 @@ class Child {
 
 using Payload = EncodedContacts;
 
-/// Sends every datagram back to where it came from.
+/// Sends every datagram back to its sender.
 void echo_udp(int socket) {
   ::signal(SIGTERM, SIG_DFL);
   Payload payload;
@@ -96,7 +96,7 @@ class UdpPing {
   UdpPing(const UdpPing&) = delete;
   UdpPing& operator=(const UdpPing&) = delete;
 
-  /// There and back [ns]; negative if nothing came back.
+  /// Round trip [ns]; negative if no reply came.
   std::int64_t measure() {
     const std::int64_t start = monotonic_now();
     ::sendto(near_, payload_.data(), payload_.size(), 0, reinterpret_cast<const sockaddr*>(&to_),
@@ -156,7 +156,7 @@ class LcmPing {
   int answers_ = 0;
 };
 
-/// Plays the machine: a contact that closes and opens, at speed 1.
+/// Simulates the machine: a contact that closes and opens, at speed 1.
 class Machine {
  public:
   Machine(const std::string& url, std::optional<Key> key, int contacts)
@@ -183,8 +183,8 @@ class Machine {
 
   bool heard() const { return received_; }
 
-  /// From the sending of an event to the first estimate that contains it [ns]; negative if none
-  /// came.
+  /// Time from the sending of an event to the first estimate that contains it [ns]; negative if
+  /// none came.
   std::int64_t measure() {
     bus_.handle(0ms);
     event_ = report_.horizon = now();

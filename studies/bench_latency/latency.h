@@ -1,6 +1,6 @@
-// Latency of an observer with a replica alone: from the sending of a contact event to the estimate
-// that contains it, beside a bare LCM ping and a bare UDP ping of the same size in the same run.
-// All three go there and back.
+// Latency of an observer with the replica: from the sending of a contact event to the estimate that
+// contains it. A bare LCM ping and a bare UDP ping of the same size are measured in the same run.
+// All three are round trips.
 #pragma once
 
 #include <cstdint>
@@ -33,12 +33,12 @@ struct Samples {
     }
   }
 
-  /// The value [us] that a share p of all does not exceed; 0 if there is none.
+  /// The quantile [us] for probability p; 0 without values.
   double us(double p) const;
 };
 
-/// Starts the observer and the two echoes, plays a machine of `contacts` contacts, and stops them
-/// all. Throws std::runtime_error where one of them does not work.
+/// Starts the observer and the two echoes, simulates a machine of `contacts` contacts, and stops
+/// all of them. Throws std::runtime_error if one of them fails.
 std::vector<Samples> measure(const Options& options, const CommonOptions& common, int contacts);
 
 }  // namespace sprag::bench_latency

@@ -1,4 +1,5 @@
-// bench_latency: how long an observer takes to show an event, beside bare LCM and UDP pings.
+// bench_latency: latency of an observer from event to estimate, compared with bare LCM and UDP
+// pings.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

@@ -1,6 +1,5 @@
 // Cost of the core: a tick of the replica, the master per unit of time and per impact, an event of
-// the estimators, a whole replay. The studies hold a tick against a loop written
-// by hand.
+// the estimators, a whole replay. The studies compare a tick with a loop written by hand.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -40,7 +39,7 @@ void free_tick(benchmark::State& run) {
 BENCHMARK(free_tick<Replica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 BENCHMARK(free_tick<MoreauReplica>)->Arg(3)->Arg(10)->Arg(100)->Arg(1000);
 
-// The same with q and u written out at every tick, as the observer publishes them.
+// The same with the output of q and u at every tick, as the observer publishes them.
 void free_tick_with_output(benchmark::State& run) {
   const Scene scene = studies::free_beam(static_cast<int>(run.range(0)));
   Replica replica(scene.model, tick);
@@ -61,7 +60,7 @@ class Filter : public TrackingEstimator {
   Filter(const Scene& scene, double h) : TrackingEstimator(scene, h, EstimatorKind::timing) {}
 };
 
-// Master alone, up to where double precision follows the true path.
+// The master alone, as long as double precision follows the true path.
 void master(benchmark::State& run, const char* name, double T) {
   const Scene scene = scene_of(name);
   std::vector<ContactEvent> events;
@@ -85,8 +84,8 @@ BENCHMARK_CAPTURE(master, paper_beam_frame, "paper_beam_frame", 60.0);
 BENCHMARK_CAPTURE(master, paper_beam_chatter, "paper_beam_chatter", 60.0);
 BENCHMARK_CAPTURE(master, stiff_beam, "stiff_beam", 5.0);
 
-// The events of 20 units of time, told over and over, with the flights between them: ticks are so
-// few that they cost nothing.
+// The events of 20 units of time, repeated, with the flights between them. The few ticks add no
+// measurable cost.
 template <Estimator E>
 void events(benchmark::State& run) {
   Scene scene = studies::paper_beam(static_cast<int>(run.range(0)));
@@ -123,8 +122,9 @@ BENCHMARK(events<Filter>)
 BENCHMARK(events<TrackingEstimator>)->Args({3, 100})->UseManualTime()->Iterations(200);
 BENCHMARK(free_tick<Filter>)->Arg(3)->Arg(10)->Arg(100);
 
-// What the filter says at a tick, deviations and all, as a row of its states takes: a chain of n
-// masses with a contact each, so that the modes are dense. Two matrices of n times 2 n are moved.
+// Output of the filter at a tick, with its standard deviations, as for a row of a states file. A
+// chain of n masses with a contact each makes the modes dense. Two matrices of n times 2 n are
+// moved.
 void row(benchmark::State& run) {
   const Eigen::Index n = run.range(0);
   Scene scene;
@@ -150,7 +150,7 @@ void row(benchmark::State& run) {
 }
 BENCHMARK(row)->Arg(3)->Arg(10)->Arg(30)->Arg(60);
 
-// 100 units of time of the observer's time line at h = 1e-3, all events known.
+// 100 units of time of the observer's time line at h = 1e-3, with all events known in advance.
 void replay(benchmark::State& run) {
   const Scene scene = scene_of("paper_beam");
   Master machine(scene.model, scene.master);

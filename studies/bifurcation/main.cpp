@@ -1,6 +1,6 @@
-// bifurcation_cost: what the bifurcation diagram of scenes/impact_oscillator costs by the exact
-// event-driven simulation and by RK4 with located events, measured in one run, with how far RK4's
-// points are off where the motion is periodic.
+// bifurcation_cost: cost of the bifurcation diagram of scenes/impact_oscillator by the exact
+// event-driven simulation and by RK4 with located events, in one run. Also the errors of RK4's
+// points where the motion is periodic.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -23,12 +23,12 @@ using sprag::work_precision::cpu_seconds;
 constexpr double first_frequency = 16.0, last_frequency = 76.0;  // [rad/s]
 constexpr int frequencies = 400, transient = 300, periods = 200;
 constexpr std::array steps_per_period{100, 200, 400, 800, 1600};
-// Chaotic points are those of another orbit after a while, whatever the method.
+// In chaos another method soon follows another orbit: points cannot be compared.
 constexpr double clearly_stable = -0.5;  // exponent [1/s]
 
 struct Cost {
   double seconds = 0.0;
-  std::vector<double> errors;  // of points, as a share of the largest
+  std::vector<double> errors;  // of points, over the largest magnitude
 };
 
 double share(std::vector<double> values, double of) {

@@ -21,7 +21,7 @@ using common::Random;
 
 constexpr double usual_periods = 120.0;
 constexpr double of_first_energy = 3.0;  // uncertainty over V(0)
-// Of random machines, in their usual duration.
+// Limits on the number of events of random machines.
 constexpr std::size_t fewest_events = 60;
 constexpr std::size_t most_events = 1500;
 constexpr std::ptrdiff_t fewest_chatters = 8;
@@ -62,7 +62,7 @@ std::string impact(Random& random) {
   return "[impact]\nrestitution = " + text(uniform(random, 0.3, 0.8)) + '\n';
 }
 
-// V(0) of a start of the replica that is off by a few times what the machine's own motion is.
+// A start of the replica whose error is a few times the machine's own motion.
 std::string starts(Random& random, const std::vector<double>& sizes) {
   std::vector<double> q_m, q_s;
   for (const double size : sizes) {
@@ -78,7 +78,7 @@ std::string beam_table(const Beam& beam) {
          text(beam.damping) + '\n';
 }
 
-// Of deflections, with as much energy in each mode.
+// Deflections with equal energy in each mode.
 std::vector<double> sizes(const Beam& beam) {
   std::vector<double> all;
   const Eigen::VectorXd K = stiffness(beam);
@@ -86,7 +86,8 @@ std::vector<double> sizes(const Beam& beam) {
   return all;
 }
 
-// Of an excitation or a force; each draw in a statement of its own, since operands have no order.
+// Keys of an excitation or a force. Each draw has its own statement, because C++ does not fix the
+// order of operands.
 std::string shaking(Random& random, double amplitude) {
   std::string keys = "amplitude = " + text(amplitude);
   keys += "\nfrequency = " + text(uniform(random, 3.0, 25.0));
@@ -122,7 +123,7 @@ std::string chain(Random& random, int f) {
   Eigen::MatrixXd K = M;
   for (int i = 0; i < f; ++i) {
     M(i, i) = log_uniform(random, 0.5, 2.0);
-    // A spring and a dashpot to the mass before, the first to the wall.
+    // A spring and a dashpot to the previous mass, for the first mass to the wall.
     const double k = log_uniform(random, 20.0, 400.0);
     const double c = log_uniform(random, 0.2, 2.0);
     for (const auto& [A, value] : {std::pair(&K, k), std::pair(&C, c)}) {
@@ -151,7 +152,7 @@ std::string random_chain(Random& random) {
   const double amplitude = log_uniform(random, 2.0, 10.0);
   scene += shaking(random, amplitude);
   scene += impact(random);
-  // Each at a mass of its own: with two on one they would be stops to both sides.
+  // Each contact has its own mass: two at one mass would be stops on both sides.
   for (int i = integer(random, 1, std::min(f, 3)); i > 0; --i) {
     const double sign = random.uniform() < 0.5 ? 1.0 : -1.0;
     scene += "[[contact]]\ndirection = " + unit_vector(f - i, sign, f);
@@ -160,7 +161,7 @@ std::string random_chain(Random& random) {
   return scene + starts(random, std::vector<double>(static_cast<std::size_t>(f), 0.03));
 }
 
-// Masses that are pressed against supports and shaken: contacts last.
+// Masses that are pressed against supports and shaken: contacts are sustained.
 std::string random_loaded_chain(Random& random) {
   const int f = integer(random, 2, 5);
   std::string scene = chain(random, f);
@@ -178,7 +179,7 @@ std::string random_loaded_chain(Random& random) {
   return scene + starts(random, std::vector<double>(static_cast<std::size_t>(f), 0.03));
 }
 
-// A beam that swings freely on a support at its rest: bursts of bounces, to the end.
+// A beam that swings freely on a support at its rest position: chatter until the end.
 std::string random_free_beam(Random& random) {
   Beam beam;
   beam.modes = integer(random, 3, 8);
@@ -189,7 +190,7 @@ std::string random_free_beam(Random& random) {
   return scene + starts(random, sizes(beam));
 }
 
-// Whether the master can start, and is hit again and again or chatters.
+// Whether the master can start, and is hit repeatedly or chatters.
 bool is_of_use(const Scene& scene, Kind kind) {
   const double T = usual_duration(scene.model);
   try {
@@ -250,7 +251,7 @@ std::vector<Scene> machines(const std::string& name) {
   std::vector<Scene> scenes;
   if (name.starts_with(of_modes)) {
     const std::uint64_t modes = number(name.substr(of_modes.size()), name);
-    // The start of the paper's beam is one of three modes.
+    // The start of the paper's beam has three modes only.
     if (modes < 3 || modes > 200) throw std::invalid_argument(name + ": must have 3 to 200 modes");
     const std::string file = SPRAG_SOURCE_DIR "/scenes/paper_beam.toml";
     const SceneValue value{"beam.modes", {static_cast<double>(modes)}};
@@ -287,7 +288,7 @@ std::string random_scene(Kind kind, std::uint64_t seed) {
     std::string scene = draw();
     try {
       if (is_of_use(parse_scene(scene, "random"), kind)) return scene;
-    } catch (const SceneError&) {  // it starts inside a support
+    } catch (const SceneError&) {  // the start is inside a support
     }
   }
 }
@@ -308,8 +309,8 @@ double usual_duration(const Model& model) {
 }
 
 double to_digits(double value, int digits) {
-  // A power of ten that is not below 1 is exact, and a quotient of it the number closest to what
-  // is meant.
+  // Powers of ten >= 1 are exact in double. The quotient by one is the double closest to the
+  // decimal number.
   const double power = std::floor(std::log10(value)) - digits + 1;
   const double scale = std::pow(10.0, std::abs(power));
   return power < 0.0 ? std::round(value * scale) / scale : scale * std::round(value / scale);

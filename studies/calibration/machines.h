@@ -9,14 +9,14 @@
 
 namespace sprag::calibration {
 
-/// The machines that are taken if none are named: twelve that are not the paper's beam.
+/// Default machines: twelve others than the paper's beam.
 std::vector<std::string> usual_machines();
 
-/// Reads a scene file; or makes "modes:N", scenes/paper_beam.toml with N modes, or a random machine
-/// that is hit, "random:SEED", or whose contacts chatter, "chatter:SEED", SEED >= 1. "random:1-40"
-/// are forty of them. Where the scene gives no uncertainty it gets three
-/// times the V(0) of its starts, shared by all modes. Throws SceneError, or std::invalid_argument
-/// if it makes no sense.
+/// Reads a scene file, or makes "modes:N", scenes/paper_beam.toml with N modes, or a random
+/// machine: "random:SEED", which is hit, or "chatter:SEED", which chatters, with SEED >= 1.
+/// "random:1-40" names forty machines. A scene without uncertainty gets three times the V(0) of its
+/// starts, shared equally by all modes. Throws SceneError, or std::invalid_argument for an invalid
+/// name.
 std::vector<Scene> machines(const std::string& name);
 
 enum class Kind {
@@ -26,14 +26,14 @@ enum class Kind {
               ///< against 1 to 3 and shaken
 };
 
-/// A scene file of a random machine whose contacts go on to be hit.
+/// A scene file of a random machine whose contacts are hit until the end.
 std::string random_scene(Kind kind, std::uint64_t seed);
 
-/// A duration in which a machine comes to its usual motion and shows it: 120 periods of its slowest
-/// mode or harmonic, to two digits. 0 if it has none.
+/// A duration that contains the transient and the long-run motion: 120 periods of the machine's
+/// slowest mode or harmonic, to two digits. 0 if it has none.
 double usual_duration(const Model& model);
 
-/// Rounded to so many decimal digits; value > 0.
+/// Rounded to `digits` decimal digits; value > 0.
 double to_digits(double value, int digits);
 
 /// The highest natural frequency [rad per unit of time].

@@ -1,4 +1,4 @@
-// calibration: holds the standard deviations that an estimator tells against its errors, on many
+// calibration: compares the standard deviations that an estimator claims with its errors, on many
 // machines, jitters and seeds.
 #include <CLI/CLI.hpp>
 #include <cstdio>

@@ -1,5 +1,5 @@
-// What a filter's standard deviations are held against: squares of errors over them, and what runs
-// of many seeds come to. Pure functions of numbers.
+// Statistics of a filter's calibration: normalized errors squared, and their summary over the runs
+// of many seeds. Pure functions of numbers.
 #pragma once
 
 #include <cstdint>
@@ -9,12 +9,12 @@
 
 namespace sprag::calibration {
 
-/// Errors over the standard deviations that go with them. Where these are right the mean square is
-/// 1, and 0.27 % lie beyond 3.
+/// Errors over their claimed standard deviations. For calibrated deviations the mean square is 1,
+/// and 0.27 % lie beyond 3.
 class NormalizedErrors {
  public:
-  /// A deviation of +infinity says that nothing is known: it is counted and else left out. An error
-  /// of nothing is right with any deviation.
+  /// A deviation of +infinity claims nothing: it is counted as unknown and otherwise left out. An
+  /// error of zero is consistent with any deviation.
   void add(double error, double deviation);
   void add(const NormalizedErrors& others);
 
@@ -31,20 +31,20 @@ class NormalizedErrors {
 
 /// One run of one seed.
 struct Trial {
-  // Of the second half of the run.
+  // Over the second half of the run.
   NormalizedErrors state;  ///< of q and u
   NormalizedErrors gaps;
   double V_replica = 0.0, V = 0.0;                  ///< medians
   double V_replica_largest = 0.0, V_largest = 0.0;  ///< +infinity: not a number
   double innovations = 0.0;                         ///< sum of their squares over their variances
   std::int64_t innovation_count = 0;
-  // Of all of it.
+  // Over the whole run.
   std::int64_t inconsistencies = 0;
   double from_filter = 0.0;  ///< share of the samples
-  double worse = 0.0;        ///< share in which V is more than 10 times the replica's
+  double worse = 0.0;  ///< share of the samples in which V is more than 10 times the replica's
 };
 
-/// What the trials of one machine and one jitter come to.
+/// Summary of the trials of one machine and one jitter.
 struct Summary {
   NormalizedErrors state, gaps;
   double deviation = 0.0;           ///< standard deviation of the mean square of `state`, by trials
@@ -57,12 +57,13 @@ struct Summary {
   double worse_largest = 0.0;  ///< of one trial
 };
 
-/// At least one trial.
+/// Requires at least one trial.
 Summary summarize(std::span<const Trial> trials);
 
-/// The bars that a calibrated filter clears, by name, where it does not: the mean square ("z2"),
-/// the share beyond 3 ("3s"), innovations ("J"), V against the replica's ("V", "Vmax"), numbers
-/// ("nan"). `omega_sigma`: highest natural frequency times jitter; without one V is at rounding.
+/// Names of the criteria of a calibrated filter that the summary does not meet: the mean square
+/// ("z2"), the share beyond 3 ("3s"), innovations ("J"), V against the replica's ("V", "Vmax"), not
+/// a number ("nan"). `omega_sigma`: highest natural frequency times jitter; without jitter V is at
+/// the rounding level.
 std::vector<std::string> missed_bars(const Summary& summary, double omega_sigma);
 
 }  // namespace sprag::calibration

@@ -28,7 +28,7 @@ constexpr double troubled_share = 0.1;
 constexpr double much_worse = 10.0;
 constexpr double rounding = 1e-20;  // of V, over V at the start
 
-// Draws that those of the disturbance do not depend on.
+// Seeds for draws that are independent of the disturbance's draws.
 std::uint64_t other_seed(int seed, int purpose) {
   return 1000000 * static_cast<std::uint64_t>(purpose) + static_cast<std::uint64_t>(seed);
 }
@@ -106,7 +106,7 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
 
 namespace {
 
-// A start that is off this one by what an estimate is told of it.
+// A random start: `start` plus an error with the covariance of `uncertainty`.
 State drawn(const State& start, const Uncertainty& uncertainty, common::Random& random) {
   const auto draw = [&](const Eigen::MatrixXd& S) {
     Eigen::VectorXd normal(S.cols());
@@ -128,7 +128,7 @@ bool is_inside(const Model& model, const Eigen::VectorXd& q) {
                      [&](const Contact& contact) { return gap(contact, q, 0.0) < 0.0; });
 }
 
-// A machine does not start inside its supports.
+// Draws again until the machine starts outside its supports.
 Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
   common::Random random(seed);
   const Uncertainty uncertainty = uncertainty_of(scene);
@@ -139,7 +139,7 @@ Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
   throw std::invalid_argument(scene.name + ": what is told of its start is inside the supports");
 }
 
-// One parameter off by 1 to 5 %, to either side; a phase by 0.01 to 0.05 rad.
+// One parameter off by 1 to 5 % with a random sign; a phase by 0.01 to 0.05 rad.
 Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
   common::Random random(seed);
   std::vector<Parameter> parameters = parameters_of(scene, 1.0);
@@ -216,13 +216,13 @@ std::vector<double> follow_replica(const Scene& told, const Scene& machine,
 
 namespace {
 
-// A machine and its run.
+// A machine and its simulated run.
 struct Path {
   Scene machine;
   Truth truth;
 };
 
-// One a seed, as long as `of_scene`.
+// One per seed, as long as `of_scene`.
 std::vector<Path> drawn_paths(const Scene& scene, const Truth& of_scene, Options options,
                               int seeds) {
   options.duration = of_scene.duration;

@@ -1,5 +1,5 @@
-// The calibration study: for a machine and a jitter, many runs of an estimator on the master's
-// jittered events, and what its errors are against the standard deviations that it tells.
+// The calibration study. For a machine and a jitter it runs an estimator many times on the master's
+// jittered events, and compares its errors with its claimed standard deviations.
 #pragma once
 
 #include <cstdint>
@@ -17,17 +17,17 @@
 
 namespace sprag::calibration {
 
-/// Where the estimate starts.
+/// Start of the estimate.
 enum class Start {
-  scene,   ///< where the scene says
-  prior,   ///< anew each seed: off the master's start by what the scene's uncertainty says
-  machine  ///< where the scene says, and the master off it by that, anew each seed: another path
+  scene,   ///< the start of the scene
+  prior,   ///< new for each seed: the master's start plus an error of the scene's uncertainty
+  machine  ///< start of the scene; a new master start for each seed, off by the scene's uncertainty
 };
 
-/// What befalls an estimator beside jitter.
+/// Disturbances of an estimator besides jitter.
 enum class Trouble {
   none,
-  spurious,  ///< as many more pulses as a tenth of the events
+  spurious,  ///< additional pulses, a tenth of the number of events
   missing,   ///< a tenth of the events is lost
   mixed,     ///< both
   wrong      ///< one parameter of the model, another each seed, is off by 1 to 5 %
@@ -35,16 +35,16 @@ enum class Trouble {
 
 struct Options {
   int seeds = 200;        ///< 1, 2, ...; a fifth of them for machines of more than 40 coordinates
-  double duration = 0.0;  ///< 0: usual_duration(), but no more than 2500 events
+  double duration = 0.0;  ///< 0: usual_duration(), limited to 2500 events
   double tick = 0.0;      ///< 0: a twenty-thousandth of the duration, to one digit
-  int samples = 800;      ///< of the errors, in all of the duration
+  int samples = 800;      ///< of the errors, over the whole duration
   Start start = Start::scene;
   Trouble trouble = Trouble::none;
   TrackThresholds thresholds;
   int threads = 2;
 };
 
-/// A master's run, and its states at sampled ticks.
+/// A run of the master, and its states at sampled ticks.
 struct Truth {
   std::vector<ContactEvent> events;
   double duration = 0.0, tick = 0.0;
@@ -52,12 +52,12 @@ struct Truth {
   Eigen::MatrixXd q, u;     ///< a column each sample, sample 0 at tick `stride`
 };
 
-/// Throws SimulationError, or std::invalid_argument for a machine without a usual duration if none
-/// is given.
+/// Throws SimulationError, or std::invalid_argument if no duration is given and the machine has no
+/// usual duration.
 Truth simulate(const Scene& scene, const Options& options);
 
-/// A started estimator through all ticks of `truth`, told the events as they arrive; on_tick(k) at
-/// ticks with events, on_sample(sample) at sampled ones.
+/// Runs a started estimator through all ticks of `truth`, with the events as they arrive. Calls
+/// on_tick(k) at ticks with events and on_sample(sample) at sampled ticks.
 template <Estimator E, typename OnTick, typename OnSample>
 void run(E& estimator, typename E::State& state, std::span<const ContactEvent> events,
          const Truth& truth, const OnTick& on_tick, const OnSample& on_sample) {
@@ -72,8 +72,8 @@ void run(E& estimator, typename E::State& state, std::span<const ContactEvent> e
   }
 }
 
-/// One run: `told` is the machine as the estimator knows it, with the jitter and the start that it
-/// is told; `events` as they arrive.
+/// One run. `told` is the scene of the estimator, with its specified jitter and start; `events` are
+/// in order of arrival.
 Trial follow(EstimatorKind estimator, const TrackThresholds& thresholds, const Scene& told,
              const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica);
@@ -92,11 +92,11 @@ struct Row {
   std::size_t events = 0;
   int seeds = 0;
   Summary summary;
-  std::vector<std::string> missed;  ///< bars; none are held against runs in trouble
+  std::vector<std::string> missed;  ///< criteria not met; none for runs with a disturbance
 };
 
-/// A row for each jitter and estimator, handed out as soon as it is known. Throws as simulate(),
-/// and std::invalid_argument where Start::machine finds no start outside the supports.
+/// A row for each jitter and estimator, passed on as soon as it is complete. Throws as simulate(),
+/// and std::invalid_argument if Start::machine finds no start outside the supports.
 void study(const Scene& scene, const std::vector<double>& jitters,
            const std::vector<EstimatorKind>& estimators, const Options& options,
            const std::function<void(const Row&)>& on_row);

@@ -21,7 +21,7 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-// Names and values come from one list, so that they cannot part.
+// One list for names and values keeps them consistent.
 template <typename Field>
 void visit(const Row& row, const Field& field) {
   const Summary& of = row.summary;

@@ -1,4 +1,4 @@
-// Rows of the calibration study as a table for people, CSV and JSON.
+// Rows of the calibration study as a readable table, CSV and JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -8,7 +8,7 @@
 
 namespace sprag::calibration {
 
-/// Takes "NAME=VALUE", VALUE > 0. Returns what is wrong with it; empty: nothing, and it is set.
+/// Sets "NAME=VALUE", VALUE > 0. Returns an error message, or an empty string on success.
 std::string set_threshold(std::string_view given, TrackThresholds& thresholds);
 
 }  // namespace sprag::calibration

@@ -1,4 +1,4 @@
-// Disturbed events (tools/study/disturbance.h) with the draws of these studies.
+// Disturbed events (tools/study/disturbance.h) with the random draws of these studies.
 #pragma once
 
 #include "studies/common/random.h"
@@ -8,7 +8,7 @@ namespace sprag::common {
 
 using study::Disturbance;
 
-/// The events as they arrive up to `end`, disturbed with draws of `seed`.
+/// The events in order of arrival up to `end`, disturbed with draws of `seed`.
 inline std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                          const Disturbance& disturbance, int contacts, double end,
                                          std::uint64_t seed) {

@@ -1,11 +1,11 @@
-// A machine on a clock that starts later: a master's own time begins at 0.
+// A machine on a clock that starts later, because a master's own time begins at 0.
 #pragma once
 
 #include "sprag/model.h"
 
 namespace sprag::common {
 
-/// The same machine where t is counted from `begin` on.
+/// The same machine with t counted from `begin`.
 inline Model later(Model model, double begin) {
   const auto shift = [&](Harmonic& harmonic) { harmonic.phase += harmonic.frequency * begin; };
   for (Force& force : model.forces) shift(force.harmonic);

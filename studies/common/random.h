@@ -18,10 +18,10 @@ class Random {
 
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
 
-  /// Of mean 1.
+  /// With mean 1.
   double exponential() { return -std::log1p(-uniform()); }
 
-  /// Of mean 0 and variance 1.
+  /// With mean 0 and variance 1.
   double normal() {
     const double radius = std::sqrt(2.0 * exponential());
     return radius * std::cos(2.0 * std::numbers::pi * uniform());

@@ -35,7 +35,7 @@ void BeliefColumns::move(const Flow& flow, double tau, Belief& belief) {
 }
 
 void BeliefColumns::merge(Belief& belief) {
-  constexpr double least_norm = 1e-140;  // its square is a number
+  constexpr double least_norm = 1e-140;  // its square does not underflow
   const Eigen::Index f = belief.q.size();
   const Eigen::Index c = belief.columns;
   const Eigen::Index n = 2 * f;
@@ -48,7 +48,7 @@ void BeliefColumns::merge(Belief& belief) {
     const double norm = x.norm();
     if (!(norm > least_norm)) continue;
     const double head = x[0] > 0.0 ? -norm : norm;
-    x[0] -= head;  // the reflection's vector, in place
+    x[0] -= head;  // the Householder vector, in place
     const double factor = 2.0 / x.squaredNorm();
     for (Eigen::Index j = k + 1; j < n; ++j) {
       auto y = R.col(j).tail(c - k);

@@ -1,4 +1,4 @@
-// Columns of a square root of the covariance of (q, u), moved by a flow and merged.
+// Columns of a square root of the covariance of (q, u): flow over a time, and merging.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,22 +9,22 @@
 
 namespace sprag::studies {
 
-/// The covariance of a start; the mean stays.
+/// Sets the covariance of a start; the mean does not change.
 void set_start(const Uncertainty& uncertainty, Belief& belief);
 
-/// Moves and merges the columns of beliefs of one machine: nothing but scratch, so that neither
-/// allocates.
+/// Moves and merges the columns of beliefs of one machine. It owns only scratch memory, so that its
+/// functions do not allocate.
 class BeliefColumns {
  public:
   BeliefColumns() = default;
-  /// For up to `columns` columns; `free` is the machine's free flight, f its coordinates.
+  /// For up to `columns` columns. `free` is the machine's free flight, f its number of coordinates.
   BeliefColumns(const Flow& free, Eigen::Index f, Eigen::Index columns);
 
-  /// S on this flow for tau; nothing where tau is not positive. The mean stays.
+  /// Moves S on this flow for tau; does nothing for tau <= 0. The mean does not change.
   void move(const Flow& flow, double tau, Belief& belief);
 
-  /// Householder reflections of S^T leave P = S S^T as it is and, of more than 4 f columns, all but
-  /// 2 f zero.
+  /// Householder reflections of S^T keep P = S S^T. Of more than 4 f columns they make all but 2 f
+  /// zero.
   void merge(Belief& belief);
 
  private:

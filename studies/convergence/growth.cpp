@@ -10,8 +10,8 @@ namespace {
 
 constexpr double h = 1e-3;
 
-// Supports under the beam at m places. Without loss at impacts nothing comes to rest on them: the
-// figures are those of impacts alone.
+// Supports under the beam at m places. Impacts without loss leave no contact at rest, so the
+// figures measure impacts only.
 void add_supports(int n, int m, Model& model) {
   const Beam beam{n, 1.0, 1.0, 1.0, 0.17};
   for (int i = 1; i <= m; ++i) {
@@ -22,8 +22,8 @@ void add_supports(int n, int m, Model& model) {
 
 double ns_per_tick(const Model& model) {
   Replica replica(model, h);
-  // On the heap, as a time line's: where a stack begins is another in every process, and a few ns
-  // hang on it.
+  // On the heap, as in a time line. The address of a stack differs between processes, which changes
+  // the time by a few ns.
   const auto memory = std::make_unique<Replica::State>();
   Replica::State& state = *memory;
   const int n = static_cast<int>(model.coordinates());
@@ -47,7 +47,7 @@ double us_per_impact(const Model& model) {
   return 1e6 * seconds / static_cast<double>(impacts);
 }
 
-// One exact rotation a mode, the gap, its sign: nothing else.
+// Minimal tick: one exact rotation per mode, the gap, its sign.
 double ns_per_least_tick(int n) {
   const Replica replica(free_beam(n).model, h);
   const TickTable table(replica.flows()[0].oscillators(), h);
@@ -55,7 +55,7 @@ double ns_per_least_tick(int n) {
   const auto size = static_cast<std::size_t>(n);
   std::vector<double> zz(size), zv(size), vz(size), vv(size), z(size, 0.01), v(size, 0.01);
   for (std::size_t i = 0; i < size; ++i) {
-    const auto k = static_cast<Eigen::Index>(i) + 1;  // behind the excitation's oscillator
+    const auto k = static_cast<Eigen::Index>(i) + 1;  // after the excitation's oscillator
     zz[i] = table.zz[k];
     zv[i] = table.zv[k];
     vz[i] = table.vz[k];
@@ -100,9 +100,9 @@ void growth(Table& table) {
   }
 }
 
-// By turns, so that a slow minute of a shared machine does not fall on one of the two alone; and
-// in other places of memory, on which small loops depend (loads and stores that are 4096
-// bytes apart wait for each other).
+// Alternating, so that a slow minute of a shared machine affects both. Also at different memory
+// addresses, which matter for small loops: a load waits for an earlier store at an address that
+// differs by a multiple of 4096 bytes.
 void limit(Table& table) {
   constexpr std::size_t turns = 9;
   for (const int n : {3, 10, 100, 1000}) {

@@ -1,4 +1,4 @@
-// convergence: the figures behind the charts that compare Sprag with itself.
+// convergence: computes the figures of the charts that compare Sprag's own estimators and costs.
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>

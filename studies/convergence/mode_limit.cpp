@@ -19,7 +19,7 @@ constexpr int samples = 16;  // of P in a flight
 
 struct Cluster {
   double begin, end;
-  VectorXd state = {};    // q_n and u_n as it begins
+  VectorXd state = {};    // q_n and u_n at its begin
   double left_out = 0.0;  // r [m]
   double impulse = 0.0;   // on the kept modes [N s]
 };
@@ -37,7 +37,7 @@ std::vector<Cluster> clusters(const std::vector<ContactEvent>& events, double ap
   return found;
 }
 
-// Runs the master through the clusters, for what the kept modes do in each.
+// Runs the master through the clusters and records the kept modes in each.
 void measure(const ModalMachine& machine, const ModalMachine& part, std::vector<Cluster>& found) {
   const Index n = part.model.coordinates();
   const Index f = machine.model.coordinates();
@@ -56,7 +56,7 @@ void measure(const ModalMachine& machine, const ModalMachine& part, std::vector<
   Motion motion;
   VectorXd q_free(n), u_free(n);
   for (Cluster& cluster : found) {
-    // Before the first impact: from the end of the cluster before it.
+    // Before the first impact: from the end of the previous cluster.
     Motion flight;
     whole_flows[0].enter(q, u, at(last), no_gaps, flight);
     whole_flows[0].propagate(flight, at(cluster.begin), flight);
@@ -106,7 +106,7 @@ double mode_limit(const ModalMachine& machine, const std::vector<ContactEvent>& 
       clusters(events, std::numbers::pi / std::sqrt(model.K(n, n) / model.M(n, n)));
   measure(machine, part, found);
 
-  // Lambda = k^T (q_n, u_n) + what the phase of the support says + eta.
+  // Lambda = k^T (q_n, u_n) + a function of the support's phase + eta.
   const auto count = static_cast<Index>(found.size());
   const Harmonic& support = part.model.contacts[0].motion;
   MatrixXd known(count, 2 * n + 3);

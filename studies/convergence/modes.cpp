@@ -15,7 +15,7 @@ namespace {
 
 constexpr int all_modes = 40;
 constexpr double T = 100.0;
-constexpr double settled = 80.0;  // errors are taken from here on
+constexpr double settled = 80.0;  // errors count from here on
 constexpr double h = 1e-3;
 constexpr double zeta = 0.01;
 constexpr std::array kept_modes{1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 30, 35};
@@ -81,8 +81,8 @@ void follow(const ModalMachine& whole, const Truth& truth, const Reduction& redu
              1e9 * seconds / static_cast<double>(ticks)});
 }
 
-// What n modes would show if they were right and the others at rest, and what of it can be reached
-// where what is left out is as good as noise to them.
+// Two limits: the error of n exact modes with the omitted modes at rest, and the least error if the
+// omitted modes act on the kept modes like noise.
 void add_limits(const ModalMachine& whole, const Truth& truth, int n, const char* damping,
                 bool noise, Table& table) {
   const Eigen::Index rest = whole.model.coordinates() - n;
@@ -102,7 +102,7 @@ void add_limits(const ModalMachine& whole, const Truth& truth, int n, const char
 
 Scene damped(const std::string& damping) {
   Scene scene = paper_beam(all_modes);
-  scene.uncertainty.resize(0);  // of three modes
+  scene.uncertainty.resize(0);  // it is given for three modes
   if (damping == "uniform") return scene;
   const Eigen::VectorXd omega =
       scene.model.K.diagonal().cwiseQuotient(scene.model.M.diagonal()).cwiseSqrt();
@@ -127,7 +127,8 @@ void modes(Table& table) {
       });
       follow(whole, truth, *plain, damping, "plain", table);
       follow(whole, truth, all.front(), damping, "corrected", table);
-      // Damped in proportion to stiffness, what is left out follows the contact: no noise at all.
+      // With stiffness-proportional damping the omitted modes follow the contact force: they are no
+      // noise.
       add_limits(whole, truth, n, damping, std::string_view(damping) != "stiffness", table);
     }
   }

@@ -17,12 +17,12 @@ namespace {
 
 constexpr double T = 100.0;
 constexpr std::array spans{20.0, T};
-// V is the median of samples so far apart before the end of a span [s].
+// V is the median of samples at this distance before the end of a span [s].
 constexpr double sample = 0.1, window = 2.0;
 
 using Events = std::vector<ContactEvent>;
 
-// Each event at the tick that ends its interval, as a program without sub-tick events sees it.
+// Moves each event to the tick that ends its interval, like a program without sub-tick events.
 Events snapped(const Events& events, double h) {
   Events late = events;
   for (ContactEvent& event : late) {
@@ -35,7 +35,7 @@ Events snapped(const Events& events, double h) {
 
 using States = std::array<std::vector<State>, spans.size()>;
 
-// The ticks at whose end a state is kept: those of the last two units before each span's end.
+// The ticks whose states are kept: those of the last two units of time before each span's end.
 template <typename Keep>
 void keep_ends(std::int64_t k, double h, const Keep& keep) {
   const double t = static_cast<double>(k) * h;
@@ -66,8 +66,8 @@ void replay(const Scene& scene, const Events& events, double h, States* ends, Ki
   }
 }
 
-// A replica that does what the master does instead of what a clutch does: at a pulse
-// u+ = u- - (1 + epsilon) M^-1 w G^-1 gamma-, whatever the sign of gamma-. One contact, pulses.
+// A replica with the master's impact map instead of the clutch: at a pulse
+// u+ = u- - (1 + epsilon) M^-1 w G^-1 gamma-, for either sign of gamma-. One contact, pulses.
 void copy_impact_map(const Scene& scene, const Events& events, double h, States* ends) {
   const Flows flows(scene.model);
   const Flow& flow = flows[0];
@@ -95,7 +95,7 @@ void copy_impact_map(const Scene& scene, const Events& events, double h, States*
   }
 }
 
-// What the machine itself does there.
+// The machine's own states at those ticks.
 States true_ends(const Scene& scene, double h) {
   Master master(scene.model, scene.master);
   Events ignored;

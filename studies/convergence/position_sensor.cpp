@@ -1,7 +1,7 @@
-// How good a position sensor is worth a contact switch: a salted Kalman filter (Kong, Payne, Zhu
-// and Johnson 2024) that measures the gap at a fixed rate, beside the timing filter that knows
-// nothing but when contacts close. Both know the machine exactly and begin where the scene's
-// replica does.
+// Accuracy of a position sensor that is worth a contact switch: a salted Kalman filter (Kong,
+// Payne, Zhu and Johnson 2024) that measures the gap at a fixed rate, compared with the timing
+// filter, which receives only closing times. Both know the machine exactly and start at the scene's
+// replica.
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
@@ -25,18 +25,18 @@ namespace {
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr int seeds = 5;
 constexpr double truth_every = 1e-3;  // [s]; also the faster sensor's
-constexpr double shown_every = 0.01;  // V of the timing filter is looked at so often [s]
+constexpr double shown_every = 0.01;  // interval of V of the timing filter [s]
 
-// One contact. Between measurements the estimate flies and impacts as the machine does; at an
-// impact of the mean the covariance is carried over by the saltation matrix
+// One contact. Between measurements the estimate follows the machine's flight and impacts. At an
+// impact of the mean the saltation matrix transforms the covariance:
 //
 //   D R + (F+ - D R F- - R') Dg / gamma-,
 //
 // R the impact law, R' its derivative with respect to time, F the flow on either side, g the gap.
 class SaltedKalmanFilter {
  public:
-  // `drift`: variance that each coordinate's velocity gains a unit of time, so that the filter
-  // stays open for what a linearization about the wrong impact has made of it.
+  // `drift`: variance that each coordinate's velocity gains per unit of time. It covers the error
+  // of a linearization about a wrong impact.
   SaltedKalmanFilter(const Scene& scene, double drift)
       : model_(scene.model),
         flows_(scene.model),
@@ -54,7 +54,7 @@ class SaltedKalmanFilter {
   }
 
   void advance(double t) {
-    // What chatters without end between two measurements is let be until the next.
+    // An endless chatter between two measurements is cut off until the next measurement.
     int impacts = 0;
     while (t_ < t) {
       const bool watched = impacts < most_impacts;
@@ -62,7 +62,7 @@ class SaltedKalmanFilter {
       const double gap = value(free_.gap(0), motion_);
       const double gamma = value(free_.gap_velocity(0), motion_);
       if (gap <= 0.0 && gamma < 0.0 && watched) {
-        // A measurement has put the mean into the support.
+        // A measurement has moved the mean into the support.
         impact(gamma);
         ++impacts;
         continue;
@@ -247,7 +247,7 @@ void position_sensor(Table& table) {
     Scene scene = read_scene(std::string(SPRAG_SOURCE_DIR "/scenes/") + name + ".toml");
     const Truth truth = simulate(scene, T);
     measure(table, scene, truth, "of the scene");
-    // A Kalman filter is local: it may begin where linearizing is good.
+    // A Kalman filter is local: it starts within the range of its linearization.
     scene.replica = scene.master;
     scene.replica.q *= 1.001;
     scene.uncertainty.setConstant(1e-6);

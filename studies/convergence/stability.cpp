@@ -13,7 +13,7 @@ using work_precision::Task;
 
 struct Case {
   int modes;
-  double horizon;  // the more modes, the sooner chaos takes over
+  double horizon;  // with more modes chaos takes over sooner
 };
 constexpr Case cases[] = {{3, 10.0}, {10, 4.0}, {20, 1.0}, {40, 1.0}};
 constexpr double just_before = 1e-9;

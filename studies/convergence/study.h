@@ -34,17 +34,17 @@ class Table {
   OutputFile out_;
 };
 
-/// V after 20 and 100 units of time on the paper's beam, and what a unit of time costs, for
+/// V after 20 and 100 units of time on the paper's beam, and the cost of a unit of time, over
 /// estimators and ticks, with exact events and with jitter.
 void observer(Table& table);
 inline constexpr const char* observer_columns = "method,jitter,tick,V20,V100,cpu_us_per_time";
 
-/// V of a salted Kalman filter with a position sensor, and of the timing filter, by their noise.
+/// V of a salted Kalman filter with a position sensor, and of the timing filter, over their noise.
 void position_sensor(Table& table);
 inline constexpr const char* position_sensor_columns = "scene,start,what,rate_hz,sigma,V";
 
-/// A 40-mode master with three kinds of damping observed with fewer modes: alone, with the
-/// correction that its events choose, and what is possible at best.
+/// A 40-mode master with three kinds of damping, observed with fewer modes: without correction,
+/// with the correction that its events choose, and the lower limit.
 void modes(Table& table);
 inline constexpr const char* modes_columns =
     "damping,method,correction,modes,coordinates,V_kept,tip_rms,ns_per_tick";
@@ -53,27 +53,27 @@ inline constexpr const char* modes_columns =
 void growth(Table& table);
 inline constexpr const char* growth_columns = "what,against,count,value";
 
-/// ns per tick beside a hand-written minimal loop, by turns.
+/// ns per tick compared with a minimal loop written by hand, measured alternately.
 void limit(Table& table);
 inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
 
-/// ns per tick and replica: eight in a sweep, and one after the other, by turns.
+/// ns per tick and replica: eight in a sweep, and one after the other, measured alternately.
 void sweep(Table& table);
 inline constexpr const char* sweep_columns = "modes,impacts,h,turn,sweep_ns,single_ns";
 
 /// us per run of a study's replica, on the paper's beam over 100 units of time: eight runs side by
-/// side, and one after the other, by turns.
+/// side, and one after the other, measured alternately.
 void side_by_side(Table& table);
 inline constexpr const char* side_by_side_columns = "modes,tick,turn,together_us,alone_us";
 
-/// Which method finds what on the paper's beam with more and more modes.
+/// Missed and spurious impacts of each method on the paper's beam with more and more modes.
 void stability(Table& table);
 inline constexpr const char* stability_columns = "method,modes,step,result,found,impacts";
 
-/// The paper's beam with other than three modes.
+/// The paper's beam with another number of modes than three.
 Scene paper_beam(int modes);
-/// The same in free flight: without its contact, so that the flow of a thousand locked modes need
-/// not be built.
+/// The same in free flight, without its contact. This saves building the flow of a thousand locked
+/// modes.
 Scene free_beam(int modes);
 
 /// Shortest CPU time [s] of run(), repeated for about `seconds`.

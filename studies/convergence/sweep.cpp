@@ -15,7 +15,7 @@ namespace {
 constexpr double T = 20.0;
 constexpr int turns = 9;
 
-// Every tick as another program would do it, with the events that fall into it.
+// Every tick as in another program, with the events of its interval.
 void run_alone(const ReplicaSweep::Run& run, double h, Replica& replica, Replica::State& state) {
   std::span<const ContactEvent> left = run.events;
   replica.start(run.start, 0, 0, state);
@@ -27,8 +27,8 @@ void run_alone(const ReplicaSweep::Run& run, double h, Replica& replica, Replica
   }
 }
 
-// Eight replicas with parameters and starts of their own, with the events of their masters or in
-// free flight.
+// Eight replicas with their own parameters and starts, with the events of their masters or in free
+// flight.
 void measure(int modes, bool impacts, double h, Table& table) {
   const std::int64_t ticks = std::llround(T / h);
   std::vector<std::vector<ContactEvent>> events(ReplicaSweep::lanes);
@@ -62,7 +62,7 @@ void measure(int modes, bool impacts, double h, Table& table) {
 void sweep(Table& table) {
   for (const int modes : {3, 10}) {
     measure(modes, false, 1e-3, table);
-    // How much of it impacts are depends on the tick.
+    // The tick determines the share of the impacts in the cost.
     for (const double h : {1e-3, 1e-4}) measure(modes, true, h, table);
   }
 }

@@ -33,8 +33,8 @@ double worst_error(const MachineFamily& family, const Eigen::VectorXd& values,
   return worst;
 }
 
-// From the values of the scene on the first impacts, then on windows that grow to all: the search
-// without its grid.
+// The search without its grid: from the values of the scene on the first impacts, then on growing
+// windows up to all impacts.
 PathFit growing_windows(const MachineFamily& family, const Stretches& all) {
   Projection projection(family);
   std::size_t size = first_window(family, projection);
@@ -48,7 +48,7 @@ PathFit growing_windows(const MachineFamily& family, const Stretches& all) {
   return fit;
 }
 
-// From the values of the scene, all impacts at once.
+// From the values of the scene on all impacts at once.
 PathFit whole_record(const MachineFamily& family, const Stretches& all) {
   Projection projection(family);
   projection.take(all);
@@ -87,8 +87,8 @@ void write_basin(const Scene& scene, const std::filesystem::path& file, std::uin
   }
 }
 
-// Root mean squares of errors, in sigmas of the Cramer-Rao bound at the truth: of the maximum of
-// the likelihood, and of the least squares of gaps that the search ends with.
+// Root mean square errors of the maximum of the likelihood, and of the least squares of gaps at the
+// end of the search, relative to sigma of the Cramer-Rao bound at the truth.
 void write_bound(const Scene& scene, const std::filesystem::path& file, std::uint64_t first_seed) {
   constexpr int runs = 40;
   std::ofstream out = opened(file);
@@ -127,7 +127,7 @@ void write_bound(const Scene& scene, const std::filesystem::path& file, std::uin
       const double bound = jitter * std::sqrt(unit(at, at));
       out << jitter << ',' << good << ',' << unknowns[k].key << ',' << bound << ','
           << std::sqrt(squares[at] / good) << ',';
-      // Of phases and clearances the search has no value yet.
+      // The search has no values of phases and clearances yet.
       if (!unknowns[k].linear()) out << std::sqrt(squares_of_gaps[at] / good);
       out << '\n';
     }

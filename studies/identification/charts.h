@@ -1,5 +1,5 @@
-// What the charts of docs/measurements/identification.md show, as CSV files: how far off a scene
-// may be for its parameters to be found, and how near to the least possible errors they come.
+// Data of the charts of docs/measurements/identification.md as CSV files: the largest parameter
+// errors of a scene that identification corrects, and its errors relative to the Cramer-Rao bound.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 namespace sprag::identification_study {
 
 /// Writes basin.csv and bound.csv to `directory`, from runs of scenes/paper_beam.toml with seeds
-/// from `first_seed` on. Throws SceneError where the scene cannot be read, and std::runtime_error
-/// where a file cannot be written.
+/// from `first_seed` on. Throws SceneError if the scene cannot be read, and std::runtime_error if a
+/// file cannot be written.
 void write_chart_data(const std::filesystem::path& scenes, const std::filesystem::path& directory,
                       std::uint64_t first_seed);
 

@@ -15,7 +15,7 @@ std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, doub
   common::Random draw(seed);
   Scene drifting = scene;
   drifting.drift = 1.0;
-  // Half of the energy would be in positions: all of it in velocities is the same a little later.
+  // The kick puts all energy into velocities; half of it is in positions a little later.
   const Eigen::MatrixXd kick = std::sqrt(2.0) * uncertainty_of(drifting).drift_u;
   std::vector<ContactEvent> events;
   State state = scene.master;

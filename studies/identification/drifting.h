@@ -1,5 +1,5 @@
-// A machine that departs from its model as [replica] drift says: between impacts it is pushed at
-// random, which adds that energy to its error in a unit of time, the same to each of its modes.
+// A machine that departs from its model by the drift of [replica]: random velocity kicks between
+// impacts add that energy to its error per unit of time, equally in each mode.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace sprag::identification_study {
 
-/// Its events up to `end`, with normal errors of standard deviation `jitter` [s]. It is pushed
-/// every `push` of a unit of time at which no contact is closed.
+/// Its events up to `end`, with normal errors of standard deviation `jitter` [s]. The kicks come
+/// every `push` units of time if no contact is closed.
 std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, double jitter,
                                           double end, double push, std::uint64_t seed);
 

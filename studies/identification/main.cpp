@@ -1,5 +1,5 @@
-// identification: repeats the trials of docs/measurements/identification.md, or makes what its
-// charts show.
+// identification: repeats the trials of docs/measurements/identification.md, or computes the data
+// of its charts.
 #include <cstdio>
 #include <cstdlib>
 #include <exception>

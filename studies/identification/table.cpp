@@ -20,7 +20,7 @@ struct Row {
   Trial trial;
   int runs;
   int wanted;
-  int modes = 0;  ///< of the beam, in place of the scene's 3; 0: as the scene has it
+  int modes = 0;  ///< of the beam, instead of the scene's 3; 0: those of the scene
 };
 
 Scene scene_of(const std::filesystem::path& file, int modes) {
@@ -29,7 +29,7 @@ Scene scene_of(const std::filesystem::path& file, int modes) {
   std::string text{std::istreambuf_iterator<char>(in), {}};
   const std::string three = "modes = 3";
   text.replace(text.find(three), three.size(), "modes = " + std::to_string(modes));
-  // Its replica has three modes' start.
+  // The start of its replica has three modes.
   return parse_scene(text.substr(0, text.find("[replica]")), file.string());
 }
 
@@ -146,7 +146,7 @@ const Row rows[] = {
      10,
      8},
 };
-// A drift that is simulated, and what is made of it: the jitter is not given.
+// A simulated drift and its estimate; the jitter is not given.
 void print_drifts(const std::filesystem::path& scenes, std::uint64_t first_seed) {
   constexpr int runs = 20;
   constexpr double jitter = 1e-4, end = 60.0, push = 0.05;

@@ -18,7 +18,7 @@ void limit(const Unknown& unknown, double& value) {
   if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
 }
 
-// Another machine of the family, which is hit often enough and never held.
+// Another machine of the family, with enough impacts and without sustained contacts.
 std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const Scene& scene,
                                                                          const Trial& trial,
                                                                          Random& draw) {
@@ -87,7 +87,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
   const Scene& machine = drawn->first;
   std::vector<ContactEvent>& events = asked.events;
   const double end = drawn->second.back().t;
-  // No switch reports anything before what it did earlier.
+  // Each contact's reports keep their order.
   std::vector<double> last(scene.model.contacts.size());
   for (ContactEvent event : drawn->second) {
     if (draw.uniform() < trial.lost) {
@@ -113,7 +113,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
   for (std::size_t k = 0; k < keys.size(); ++k) {
     double& value = wrong[static_cast<Eigen::Index>(k)];
     if (of_machine.unknowns()[k].linear()) {
-      // Phases and clearances need no guess, and get none.
+      // Phases and clearances need no initial guess.
       value += of_machine.unknowns()[k].unit_step;
       continue;
     }
@@ -132,11 +132,12 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
     if (settings.unknowns[k].kind == Kind::damping && trial.damping_off > 0.0) {
       settings.unknowns[k].within = 2.0 * trial.damping_off;
     }
-    // A factor on the scene's own matrix: what makes the scene the machine.
+    // The unknown is a factor on the scene's own matrix; its true value makes the scene's matrix
+    // the machine's.
     const auto i = static_cast<Eigen::Index>(k);
     const bool factor = keys[k] == "system.K" || keys[k] == "system.C";
     if (factor) asked.truth[i] /= wrong[i];
-    // A shift of all phases of a general system.
+    // The unknown is a shift of all phases of a general system.
     if (!nominal.beam && keys[k] == "excitation.phase") asked.truth[i] -= wrong[i];
   }
   if (trial.jitter_given) settings.jitter = trial.jitter;

@@ -1,8 +1,8 @@
 // SUNDIALS CVODE (Hindmarsh et al., "SUNDIALS: Suite of nonlinear and differential/algebraic
 // equation solvers", ACM Trans. Math. Softw. 31, 2005): Adams-Moulton with fixed-point iteration,
 // or BDF with Newton's method and a dense Jacobian by differences. CVODE's own root finding ends a
-// step at the first event; what happens there is ContactPhases' (event_loop.h), and CVODE starts
-// anew.
+// step at the first event. ContactPhases (event_loop.h) computes the state after the event, and
+// CVODE restarts.
 #include <cvode/cvode.h>
 #include <nvector/nvector_serial.h>
 #include <sundials/sundials_context.h>

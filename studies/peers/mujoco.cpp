@@ -1,9 +1,9 @@
 // Drives MuJoCo (DeepMind, 2.2.2), Euler integrator: a body on a slide joint for each coordinate,
 // joint stiffness and damping from K and C, a fixed tendon w^T q with a lower limit for each
 // contact, f(t) applied to the joints, in coordinates in which the supports rest.
-// MuJoCo has no restitution. A limit asks for the acceleration -b r' - k r of the tendon and only
+// MuJoCo has no restitution. A limit requests the acceleration -b r' - k r of the tendon and only
 // pushes: b = (1 + epsilon) / h turns r' into -epsilon r' in the one step that finds it inside the
-// limit, which is Newton's law. What comes to rest inside is pushed out by k; k adds to the
+// limit, which is Newton's law. k pushes a resting contact out of the limit; it adds to the
 // rebound, so it is small.
 #include <mujoco/mujoco.h>
 
@@ -24,14 +24,14 @@
 namespace sprag::work_precision {
 namespace {
 
-constexpr double impedance = 0.9999;  // the largest that MuJoCo takes
+constexpr double impedance = 0.9999;  // the largest value that MuJoCo accepts
 constexpr double push_out = 1e-5;     // k h^2
 constexpr double far_away = 1e9;      // upper limit of a tendon [m]
 
 [[noreturn]] void fail(const char* message) { throw std::runtime_error(message); }
 void ignore(const char*) {}
 
-/// MuJoCo's own handlers exit, and write a log file.
+/// MuJoCo's own handlers exit the process and write a log file.
 class Handlers {
  public:
   Handlers() : error_(mju_user_error), warning_(mju_user_warning) {
@@ -125,7 +125,7 @@ void simulate(const Task& task, double h, Outcome& outcome) {
     std::copy_n(force.data(), f, data->qfrc_applied);
     mj_step(model.get(), data.get());
     outcome.steps = k + 1;
-    // MuJoCo starts anew, with a warning, from what it cannot go on with.
+    // After a divergence MuJoCo resets its state, with a warning.
     for (const int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC}) {
       if (data->warning[warning].number > 0) throw std::runtime_error("diverged");
     }

@@ -1,4 +1,4 @@
-// Other programs, driven: each function is a Method::run (tools/work_precision/method.h).
+// Programs of other projects: each function is a Method::run (studies/work_precision/method.h).
 #pragma once
 
 #include "studies/work_precision/method.h"

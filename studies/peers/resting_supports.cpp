@@ -20,8 +20,8 @@ RestingSupports::RestingSupports(const Model& model) : model_(model) {
   const Eigen::Index m = static_cast<Eigen::Index>(model.contacts.size());
   Eigen::MatrixXd W(model.coordinates(), m);
   for (Eigen::Index i = 0; i < m; ++i) W.col(i) = model.contacts[static_cast<std::size_t>(i)].w;
-  // r is the static deflection that follows the supports, which leaves fast modes nearly alone;
-  // where the machine can drift, the least motion in the norm of M.
+  // r is the static deflection that follows the supports, which hardly excites fast modes. If the
+  // machine has rigid-body modes, r is the least motion in the norm of M.
   Eigen::LLT<Eigen::MatrixXd> factor(model.K);
   if (factor.info() != Eigen::Success) factor.compute(model.M);
   const Eigen::MatrixXd deflections = factor.solve(W);

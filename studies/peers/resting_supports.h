@@ -1,5 +1,5 @@
 // The machine in coordinates in which its supports rest: x = q + r(t) with W^T r(t) = s(t), for
-// programs whose contacts cannot move. What the supports did, r does as a force.
+// programs whose contacts cannot move. The motion of the supports becomes a force on x.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,11 +11,10 @@ namespace sprag::work_precision {
 
 class RestingSupports {
  public:
-  /// Throws ModelError where the supports' motions contradict each other: W^T r = s has no
-  /// solution.
+  /// Throws ModelError if the supports' motions are inconsistent: W^T r = s has no solution.
   explicit RestingSupports(const Model& model);
 
-  /// The machine of x: the same M, C, K, w and c, more forces, no motion.
+  /// The machine of x: the same M, C, K, w and c, additional forces, no support motion.
   const Model& model() const { return model_; }
 
   State into(const State& start) const;  ///< (q, u) at t = 0 to (x, x')

@@ -1,9 +1,10 @@
 // Drives Siconos' C++ kernel (INRIA, 4.4.0): its time-stepping schemes of Moreau-Jean and of
 // Bilbao, and its event-driven scheme on ODEPACK's LSODAR. Contacts are LagrangianLinearTIR with
-// NewtonImpactNSL: where only one contact is closed at a time that is Poisson's law as well.
-// Moreau-Jean and the event-driven scheme run in coordinates in which the supports rest: the latter
-// refuses moving ones in sustained contact. Bilbao's scheme has no forces: the machine's forced
-// motion is taken out of q and rides, with the supports, on free oscillators too heavy to be moved.
+// NewtonImpactNSL: with at most one closed contact this is Poisson's law as well. Moreau-Jean and
+// the event-driven scheme run in coordinates in which the supports rest, because the latter refuses
+// moving supports in sustained contact. Bilbao's scheme has no forces. The machine's forced motion
+// is subtracted from q and represented, with the supports, by free oscillators that are too heavy
+// to be moved.
 #include <dlfcn.h>
 
 #include <algorithm>
@@ -20,8 +21,8 @@
 
 class NonSmoothLaw;
 
-// Siconos' headers instantiate this constructor, and Boost writes it with
-// std::allocator::construct, which C++20 does not have any more.
+// Siconos' headers instantiate this constructor. Boost implements it with
+// std::allocator::construct, which C++20 has removed.
 template <>
 inline boost::numeric::ublas::unbounded_array<std::shared_ptr<NonSmoothLaw>>::unbounded_array(
     size_type size, const std::allocator<std::shared_ptr<NonSmoothLaw>>& allocator)
@@ -40,14 +41,14 @@ extern "C" void xsetf_(int* flag);  // ODEPACK: 0 switches messages off
 namespace sprag::work_precision {
 namespace {
 
-/// Keeps the libraries from writing to std::cout, and OpenBLAS from starting threads.
+/// Suppresses the libraries' output to std::cout, and OpenBLAS's threads.
 class Quiet {
  public:
   Quiet() : cout_(std::cout.rdbuf(nullptr)) {
     int off = 0;
     xsetf_(&off);
     using SetThreads = void (*)(int);
-    // The environment variable is read when the library is loaded: too late here.
+    // OpenBLAS reads its environment variable when the library is loaded: too late here.
     if (void* set = dlsym(RTLD_DEFAULT, "openblas_set_num_threads")) {
       reinterpret_cast<SetThreads>(set)(1);
     }
@@ -84,7 +85,7 @@ void copy(const SiconosVector& from, Eigen::Ref<Eigen::VectorXd> to) {
   for (Eigen::Index i = 0; i < to.size(); ++i) to[i] = from(static_cast<unsigned>(i));
 }
 
-/// A linear machine with f(t); its supports rest.
+/// A linear machine with f(t), in coordinates in which its supports rest.
 class ForcedMachine : public LagrangianLinearTIDS {
  public:
   ForcedMachine(const Model& model, const State& start)
@@ -122,8 +123,8 @@ std::shared_ptr<Interaction> contact(const Eigen::VectorXd& w, double clearance,
       std::make_shared<LagrangianLinearTIR>(matrix(w.transpose()), c));
 }
 
-/// The impulses of one step or event: which contacts they close, and whether Newton's law gives
-/// them as the scene's law does.
+/// The impulses of one step or event: which contacts close, and whether Newton's law and the
+/// scene's law agree on them.
 class Impulses {
  public:
   Impulses(const Model& model, std::vector<std::shared_ptr<Interaction>> contacts)
@@ -131,14 +132,14 @@ class Impulses {
         contacts_(std::move(contacts)),
         pushed_(contacts_.size(), false) {}
 
-  /// Of all but the resting contacts, which any impulse would otherwise seem to close.
+  /// Clears all but the resting contacts. Their next impulse would otherwise count as a closing.
   void forget(const InteractionsGraph& resting) {
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
       pushed_[i] = resting.is_vertex(contacts_[i]);
     }
   }
 
-  /// False if `active` contacts are several and Poisson's law may differ.
+  /// False if several contacts are active and Poisson's law may give another result.
   bool record(double t, std::size_t active, Outcome& outcome) {
     bool any = false;
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
@@ -158,7 +159,7 @@ class Impulses {
 
 constexpr const char* poisson_needed = "Poisson's law for several contacts at once";
 
-/// Siconos shouts.
+/// Removes Siconos' exclamation marks.
 std::string plain(std::string message) {
   return message.erase(message.find_last_not_of(" !.\n") + 1);
 }
@@ -292,8 +293,8 @@ class ForcedMotion {
     }
   }
 
-  /// The contact's share of the forced motion: the constant one, and w's entries of the
-  /// oscillators.
+  /// The contact's share of the forced motion: returns the constant part and sets w's entries of
+  /// the oscillators.
   double gap(const Contact& c, Eigen::VectorXd& w) const {
     Eigen::Index i = model_.coordinates();
     for (std::size_t k = 0; k < frequencies_.size(); ++k) {
@@ -311,7 +312,8 @@ class ForcedMotion {
   }
 
  private:
-  // sqrt of the oscillators' mass: an impulse moves them by 1e-16 of what it moves the machine.
+  // Amplitude of the oscillators, sqrt of their mass: an impulse moves them by 1e-16 of the
+  // machine's motion.
   static constexpr double heavy = 1e8;
 
   void add(const Harmonic& harmonic) {
@@ -349,7 +351,7 @@ class Backward {
 
 constexpr int max_lsodar_steps = 1'000'000;
 constexpr int max_standstill = 1000;
-// Without samples: with a single one up to the horizon Siconos loses an impact.
+// Without samples: with a single sample, at the horizon, Siconos misses an impact.
 constexpr double intervals = 40;
 
 }  // namespace
@@ -394,7 +396,7 @@ void run_siconos_bilbao(const Task& task, double setting, Outcome& outcome) {
     const Eigen::Index f = model.coordinates();
     const Eigen::Index n = f + forced.oscillators();
 
-    // The scheme wants unit masses, and its velocity is (q_k - q_(k-1)) / h.
+    // The scheme requires unit masses, and its velocity is (q_k - q_(k-1)) / h.
     const Eigen::VectorXd root = model.M.diagonal().cwiseSqrt();
     Eigen::VectorXd z(n), v(n);
     Eigen::VectorXd stiffness(n), damping = Eigen::VectorXd::Zero(n);

@@ -1,5 +1,5 @@
-// posterior: the timing filter beside the exact posterior of the state, given when impacts were
-// reported.
+// posterior: compares the timing filter with the exact posterior of the state, given the reported
+// times of the impacts.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <nlohmann/json.hpp>

@@ -13,16 +13,17 @@ namespace {
 
 constexpr int most_iterations = 20;
 constexpr int most_halvings = 8;
-constexpr double largest_difference = 0.05;  // for derivatives, in deviations of what is believed
+constexpr double largest_difference = 0.05;  // for derivatives, in prior standard deviations
 constexpr double least_difference = 1e-6;
-constexpr double converged = 1e-4;   // in deviations of what is told
-constexpr double best_stride = 2.4;  // of a walk in many dimensions, over their root
-// A walk that stands still, or whose halves tell other means, by so many deviations, tells nothing.
+constexpr double converged = 1e-4;   // in standard deviations
+constexpr double best_stride = 2.4;  // of a random walk in n dimensions, times sqrt(n)
+// The result is rejected if fewer steps are accepted, or if the means of the halves differ by more
+// standard deviations.
 constexpr double least_accepted = 0.1;
 constexpr double most_apart = 0.5;
 
-// As a function of y = R^-T (x - m), n = 2 f entries: minus twice its logarithm is a sum of
-// squares, those of y last.
+// The posterior as a function of y = R^-T (x - m), n = 2 f entries: minus twice its logarithm is a
+// sum of squares, the last of which are those of y.
 class Density {
  public:
   Density(const Flows& flows, const Window& window, double jitter)
@@ -37,7 +38,7 @@ class Density {
     return window_.root.transpose().triangularView<Eigen::Lower>().solve(window_.x - window_.mean);
   }
 
-  // False where the density is nothing. `end`: the state there.
+  // False where the density is zero. `end`: the state at the window's end.
   bool residuals(const Eigen::VectorXd& y, Eigen::VectorXd& r, Eigen::VectorXd* end = nullptr) {
     const Eigen::Index f = n() / 2;
     const Eigen::VectorXd x = window_.mean + window_.root.transpose() * y;
@@ -62,7 +63,7 @@ class Density {
     return true;
   }
 
-  // By differences that are small enough for the events to stay the same.
+  // By central differences, small enough for the sequence of events to stay the same.
   bool derivatives(const Eigen::VectorXd& y, Eigen::MatrixXd& J) {
     for (double step = largest_difference; step > least_difference; step *= 0.1) {
       if (derivatives(y, step, J)) return true;
@@ -91,8 +92,8 @@ class Density {
   std::vector<ContactEvent> events_;
 };
 
-// The top, from the truth on, and a root of the covariance about it (Gauss-Newton). False where
-// there is none.
+// Maximum of the density, searched from the true state, and a root of the covariance about it
+// (Gauss-Newton). False if there is none.
 bool find_top(Density& density, Eigen::VectorXd& y, Eigen::MatrixXd& root) {
   const Eigen::Index n = density.n();
   Eigen::VectorXd r(density.size()), other(density.size());
@@ -137,7 +138,7 @@ std::optional<Moments> moments(const Flows& flows, const Window& window, double 
   const int first_counted = steps / 4;
   const int counted = steps - first_counted;
   int accepted = 0;
-  // Sums of what differs from the first, by halves: sigma may be far below the state.
+  // Sums of differences from the first draw, by halves, because sigma may be far below the state.
   const Eigen::VectorXd first = end;
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(n, 2);
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(n);

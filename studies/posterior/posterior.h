@@ -1,13 +1,13 @@
-// The exact posterior of a machine's state, given when its impacts were reported: what a filter
-// that is right would know. With a Gaussian N(m, R^T R) for the state x at the begin of a window,
-// and impacts in it reported at t_k with t_k - t_k(x) ~ N(0, sigma^2), t_k(x) those of the master
-// from x on, x has the density
+// The exact posterior of a machine's state, given the reported times of its impacts: the belief of
+// an exact filter. With a Gaussian N(m, R^T R) for the state x at the begin of a window, and
+// impacts in it reported at t_k with t_k - t_k(x) ~ N(0, sigma^2), t_k(x) those of the master from
+// x on, x has the density
 //
 //   p(x) ~ exp(-|R^-T (x - m)|^2 / 2 - sum_k (t_k - t_k(x))^2 / (2 sigma^2)),
 //
-// nothing where the master's impacts are others. A random walk (Metropolis 1953) draws from it;
-// each draw is carried on to the window's end by the master. From the begin on there is no
-// Gaussian, no linearization and no code of the filter in it.
+// where the master has the same sequence of impacts, and zero elsewhere. A random walk (Metropolis
+// 1953) draws from it; the master propagates each draw to the window's end. After the begin the
+// computation uses no Gaussian, no linearization and no code of the filter.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,7 +21,7 @@
 namespace sprag::posterior {
 
 struct Window {
-  double begin, end;  ///< [s]; no contact is held at the begin
+  double begin, end;  ///< [s]; no contact is closed at the begin
   // Of (q, u) at the begin, 2 f entries.
   Eigen::VectorXd x;                 ///< the true state
   Eigen::VectorXd mean;              ///< m
@@ -33,12 +33,12 @@ struct Window {
 /// Of (q, u) at the window's end, 2 f entries each.
 struct Moments {
   Eigen::VectorXd mean, deviation;
-  double accepted = 0.0;  ///< share of the steps that count
+  double accepted = 0.0;  ///< share of accepted steps
 };
 
-/// By a walk of `steps` steps, the first quarter of which only finds its way, with draws of `seed`.
-/// None where the master's events are others even from the true state on, or close to it, and where
-/// the walk does not settle. jitter > 0 [s].
+/// By a random walk of `steps` steps, whose first quarter is discarded, with draws of `seed`. Empty
+/// if the master's event sequence differs at or near the true state, and if the walk does not
+/// converge. jitter > 0 [s].
 std::optional<Moments> moments(const Flows& flows, const Window& window, double jitter, int steps,
                                std::uint64_t seed);
 

@@ -18,11 +18,11 @@
 namespace sprag::posterior {
 namespace {
 
-constexpr double away = 6.0;  // of sigma: before and behind it a report may be late
-// And of events that are closer to each other the later ones are: reports keep their order.
+constexpr double away = 6.0;  // of sigma: reports may deviate this far from their events
+// Below this distance reports could change places, but they keep their order.
 constexpr double apart = 4.0;
 
-// Where a window may begin: what the filter believes there, with so many events before.
+// A possible begin of a window: the filter's belief there, and the number of events before.
 struct Begin {
   double t;
   Eigen::VectorXd mean;
@@ -31,7 +31,7 @@ struct Begin {
   std::size_t events;
 };
 
-// What happened, and when that was reported.
+// True events and their reports.
 struct Recording {
   std::span<const ContactEvent> events, reports;
   double jitter;
@@ -43,7 +43,8 @@ bool is_near_an_event(const Recording& of, double t) {
   });
 }
 
-// The last window to `end`, before which `last` events were, with at least so many of them in it.
+// The latest window that ends at `end`, after `last` events, and contains at least `impacts` of
+// them.
 std::optional<Window> window_to(double end, std::size_t last, std::size_t impacts,
                                 const std::vector<Begin>& begins, const Recording& of) {
   const auto begin = std::find_if(begins.rbegin(), begins.rend(),

@@ -25,7 +25,7 @@ double uniform(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random() >> 11U) * 0x1p-53);
 }
 
-// The two contacts of the example that tells the laws apart.
+// The two contacts of the example in which the impact laws differ.
 ContactMatrix coupled_contacts() {
   ContactMatrix G(2, 2);
   G << 1.0, -0.8, -0.8, 1.0;
@@ -64,7 +64,7 @@ struct PaperBeam {
   State master, replica;
 };
 
-// Master and replica side by side; `sample(t, V, replica state)` at every tick.
+// Runs master and replica in parallel; calls `sample(t, V, replica state)` at every tick.
 template <typename Sample>
 void synchronize(const Model& model, const State& master_start, const State& replica_start,
                  double h, double T, Sample&& sample) {
@@ -128,7 +128,7 @@ std::vector<Curve> unlike_restitution(int pairs) {
       double largest = 0.0;
       for (int i = 0; i < pairs; ++i) {
         const auto draw = [&] {
-          // One after the other: compilers differ in the order of arguments.
+          // In separate statements: the evaluation order of arguments is unspecified.
           const double first = uniform(random, -1.0, 1.0);
           const double second = uniform(random, -1.0, 1.0);
           return Vector2d(first, second);
@@ -238,7 +238,7 @@ std::vector<Curve> missed_touches(int scenes) {
       flow.propagate(start, at(t), here);
       return value(signal, here);
     };
-    // The deepest minimum inside (0, T), to rounding.
+    // The deepest minimum inside (0, T), to rounding accuracy.
     double lowest = phi(0.0);
     double at_lowest = 0.0;
     for (int k = 1; k <= samples; ++k) {
@@ -267,7 +267,7 @@ std::vector<Curve> missed_touches(int scenes) {
     if (!search.found() || search.tau() > low) ++missed_by_search;
     for (std::size_t j = 0; j < ticks.size(); ++j) {
       bool seen = false;
-      // The touch is shorter than 0.1: only the ticks around its middle can see it.
+      // The contact is shorter than 0.1, so that only ticks around its middle can detect it.
       const auto middle = static_cast<int>(low / ticks[j]);
       const auto around = static_cast<int>(0.1 / ticks[j]) + 1;
       for (int d = 0; d <= around && !seen; ++d) {

@@ -1,5 +1,5 @@
-// Where methods for impacting machines fail, each failing variant beside what Sprag does instead.
-// The failing variants live here alone, to be shown and tested; no program uses them.
+// Failures of methods for impacting machines, each compared with the result of Sprag. Only this
+// study and its tests use the failing variants; no program does.
 #pragma once
 
 #include <cstdint>
@@ -32,21 +32,21 @@ double newton_criterion(double difference);
 /// V [J] against t [s] on the paper's beam, with its damping and with C = 0.
 std::vector<Curve> no_damping(double T);
 
-/// V [J] against t [s] where the master is held in contact until it is let go: V stalls, then
-/// falls; the third curve is the static remainder 1/2 |c|_K^2 of (17) while the contact lasts.
+/// V [J] against t [s] with the master held in contact until its release: V stalls, then falls. The
+/// third curve is the static remainder 1/2 |c|_K^2 of (17) during the contact.
 std::vector<Curve> persistent_contact(double T);
 
-/// Number of events against t [s] of the bouncing ball: bounces without end before the accumulation
-/// point (at most `limit` are listed), and completed.
+/// Number of events against t [s] of the bouncing ball: infinitely many impacts before the
+/// accumulation point (at most `limit` are listed), and with completed chatter.
 std::vector<Curve> event_storm(int limit);
 
-/// Share missed of the grazing touches of `scenes` random motions of three modes, 1e-9 to 1e-2
-/// deep, against the tick [s]: by a sign check at the ticks, and by the event search. Fixed seed.
+/// Share of missed grazing contacts of `scenes` random motions of three modes, 1e-9 to 1e-2 deep,
+/// against the tick [s]: by a sign check at the ticks, and by the event search. Fixed seed.
 std::vector<Curve> missed_touches(int scenes);
 
 /// Work [J] of the contact's impulse in one Moreau-Jean step of a unit mass pressed on a stop, gap
-/// <= 0, against gamma_k [m/s]: with the contact active by its gap alone, and only while it
-/// approaches.
+/// <= 0, against gamma_k [m/s]: with the contact active by its gap alone, and active only during
+/// the approach.
 std::vector<Curve> gap_activation();
 
 /// log10 of the energy of one undamped oscillator against steps at omega h = 2.1: explicit Euler,

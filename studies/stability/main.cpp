@@ -11,7 +11,7 @@ namespace {
 
 using sprag::stability::Curve;
 
-// One file a curve: FOLDER/NAME_1.csv, FOLDER/NAME_2.csv, ...
+// One file per curve: FOLDER/NAME_1.csv, FOLDER/NAME_2.csv, ...
 bool write(const std::filesystem::path& folder, const std::string& name,
            const std::vector<Curve>& curves) {
   int number = 0;

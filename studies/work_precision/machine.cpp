@@ -60,7 +60,8 @@ void Machine::force(double t, Eigen::VectorXd& f) const {
 void Machine::accelerate(double t, const double* q, const double* u, double* a) const {
   const Eigen::Index n = f();
   if (diagonal_) {
-    // Plain loops: for a few coordinates Eigen's dynamic sizes cost more than the arithmetic.
+    // Plain loops: for a few coordinates the overhead of Eigen's dynamic sizes exceeds the
+    // arithmetic.
     const double* constant = constant_acceleration_.data();
     const double* c = c_over_m_.data();
     const double* k = k_over_m_.data();

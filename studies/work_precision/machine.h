@@ -1,6 +1,6 @@
-// The equation of motion as the general-purpose methods see it: accelerations from (t, q, u), gaps,
-// and the impact law. Diagonal machines (a beam in its modes) take O(f) throughout, so that no
-// method pays for matrices it does not need.
+// The equation of motion for the general-purpose methods: accelerations from (t, q, u), gaps, and
+// the impact law. Diagonal machines (a beam in its modes) cost O(f), so that no method pays for
+// unused matrix entries.
 #pragma once
 
 #include <vector>
@@ -13,7 +13,7 @@ namespace sprag::work_precision {
 
 class Machine {
  public:
-  /// Throws ModelError where M is not positive definite.
+  /// Throws ModelError if M is not positive definite.
   explicit Machine(const Model& model);
 
   Eigen::Index f() const { return model_.coordinates(); }
@@ -27,11 +27,11 @@ class Machine {
   /// f(t), f entries. One cosine for each different frequency and phase.
   void force(double t, Eigen::VectorXd& f) const;
 
-  /// u' = M^-1 (f(t) - C u - K q). q, u, a have f entries and lie apart.
+  /// u' = M^-1 (f(t) - C u - K q). q, u, a have f entries and do not overlap.
   void accelerate(double t, const double* q, const double* u, double* a) const;
 
-  /// The same with the contacts `locked` held at gamma' = 0; lambda gets their forces [N], in order
-  /// of the contacts. False, and a meaningless, where their directions are dependent.
+  /// The same with gamma' = 0 at the contacts `locked`. lambda receives their forces [N], in order
+  /// of the contacts. Returns false, with undefined a, if their directions are linearly dependent.
   bool accelerate_locked(double t, const double* q, const double* u, ContactSet locked, double* a,
                          ContactVector& lambda) const;
 
@@ -41,8 +41,8 @@ class Machine {
   /// s_i''(t) [m/s^2].
   double support_acceleration(int contact, double t) const;
 
-  /// Impact of the contacts `closed` with restitution epsilon (m entries): u becomes u+. False, and
-  /// u untouched, where directions are dependent.
+  /// Impact of the contacts `closed` with restitution epsilon (m entries): u becomes u+. Returns
+  /// false, with u unchanged, if directions are linearly dependent.
   bool impact(double t, ContactSet closed, const std::vector<double>& epsilon, double* u) const;
 
  private:

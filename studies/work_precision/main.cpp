@@ -1,5 +1,4 @@
-// work_precision: what accuracy each method buys with how much work, on scenes whose motion is
-// known.
+// work_precision: accuracy against cost of each method, on scenes with a known motion.
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
@@ -14,7 +13,7 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   sprag::work_precision::Options options;
   options.limits.stop = sprag::stop_requested;
-  // Chaos does not change what a unit of time costs, only what can be said of its errors.
+  // Chaos changes the errors, but not the cost per unit of time.
   options.limits.timed_span = 20.0;
   sprag::add_common_options(app, common);
   app.add_option("--scene", options.scenes, "Only these scenes")->type_name("NAME");

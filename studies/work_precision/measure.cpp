@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// The child sends its figures anew after each run, in one write that pipes do not split.
+// The child sends all its figures again after each run, in one write that is atomic on pipes.
 struct Message {
   Figures figures;
   bool last = false;
@@ -85,7 +85,7 @@ class Child {
     prepare(task_, outcome_);
   }
 
-  /// Runs once and returns the CPU time in seconds; a failure goes into the message.
+  /// Runs once and returns the CPU time in seconds; a failure is noted in the message.
   double run() {
     const double before = cpu_seconds();
     try {
@@ -112,12 +112,12 @@ class Child {
   bool accuracy_runs() {
     Figures& figures = message_.figures;
     prepare_run(reference_.sample_step);
-    // The first run finds memory that no earlier one has left behind.
+    // Returns free memory to the system, so that the first run starts from the same state.
     malloc_trim(0);
     const bool known = reset_peak_memory();
     const double before = process_status("RssAnon");
     run();
-    // What is left of the peak without the code that was touched, which all share.
+    // RssFile is subtracted: the pages of code are shared by all methods.
     if (known) {
       figures.memory_kb =
           std::max(process_status("VmHWM") - process_status("RssFile") - before, 0.0);
@@ -180,7 +180,8 @@ struct Pipe {
 };
 
 [[noreturn]] void live(Child& child, int words) {
-  // Libraries write where they like and some dump core: their words are the reason of a failure.
+  // Output of libraries, on any stream, is collected as the reason of a failure; core dumps are
+  // off.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const rlimit none{0, 0};
   setrlimit(RLIMIT_CORE, &none);
@@ -189,10 +190,10 @@ struct Pipe {
   dup2(words, STDOUT_FILENO);
   dup2(words, STDERR_FILENO);
   child.work();
-  _exit(EXIT_SUCCESS);  // exit() would run what the parent has registered
+  _exit(EXIT_SUCCESS);  // exit() would run the parent's exit handlers
 }
 
-/// The last line of what a child wrote.
+/// The last line of a child's output.
 std::string last_line(std::string_view words) {
   const auto end = words.find_last_not_of(" \n\r\t");
   if (end == std::string_view::npos) return {};
@@ -206,7 +207,8 @@ struct Reports {
   std::string words;
 };
 
-/// Reads until the child closes its pipes or its time is up; `unheard` if nothing comes.
+/// Reads until the child closes its pipes or its time is up. Without any message the result is
+/// `undetected`.
 Reports listen(int messages, int words, const Figures& undetected, const Limits& limits) {
   constexpr std::size_t kept_words = 4096;
   Reports reports;
@@ -280,7 +282,7 @@ Measurement measure(const Method& method, double setting, const Model& model, co
                     const Reference& reference, const Limits& limits) {
   Pipe messages;
   Pipe words;
-  std::fflush(nullptr);  // a child that exits would write what is still in the buffers again
+  std::fflush(nullptr);  // otherwise a child that exits would write the buffered output again
   const pid_t pid = fork();
   if (pid < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (pid == 0) {
@@ -289,7 +291,7 @@ Measurement measure(const Method& method, double setting, const Model& model, co
   }
   messages.close_end(1);
   words.close_end(1);
-  Figures undetected;  // all impacts are missed
+  Figures undetected;  // with all impacts missed
   undetected.impacts = score(reference.impacts, {}, reference.horizon);
   undetected.early_impacts = score(reference.impacts, {}, reference.early);
   const Reports reports = listen(messages.ends[0], words.ends[0], undetected, limits);

@@ -8,7 +8,8 @@ namespace sprag::work_precision {
 Eigen::Index Task::samples() const {
   if (!(sample_step > 0.0)) return 0;
   auto last = static_cast<Eigen::Index>(std::floor(horizon / sample_step));
-  // The quotient is rounded: the last sample is the last whose time, as rounded, is in reach.
+  // The quotient is rounded: the last sample is the last one whose rounded time does not exceed the
+  // horizon.
   while (sample_time(last + 1) <= horizon) ++last;
   while (last > 0 && sample_time(last) > horizon) --last;
   return last + 1;

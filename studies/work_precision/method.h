@@ -1,5 +1,5 @@
-// What every method of the comparison takes and gives. One method is one file in methods/ (or in
-// ../peers/) and one row of the table in methods.cpp.
+// Input and output of every method of the comparison. Each method has a file in methods/ (or in
+// ../peers/) and a row of the table in methods.cpp.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,19 +17,18 @@ struct Task {
   Model model;
   State start;
   double horizon = 0.0;
-  /// q and u are wanted at k sample_step, k = 0, 1, ... (post-event), or not at all if 0: time is
-  /// measured without.
+  /// q and u are requested at k sample_step, k = 0, 1, ... (after events); 0: no samples, as in the
+  /// timed runs.
   double sample_step = 0.0;
 
   Eigen::Index samples() const;
   double sample_time(Eigen::Index k) const { return static_cast<double>(k) * sample_step; }
 };
 
-/// What a run found and what it took. Whatever was reached stays when a run fails.
+/// Result and cost of a run. A failed run keeps the results up to its failure.
 struct Outcome {
-  /// Times of the impacts, in order: closings of a contact that was open, as the method sees them
-  /// (a time-stepping method: the end of the step in which a contact that was open gets an
-  /// impulse).
+  /// Times of the impacts, in order: closings of an open contact as the method sees them. For a
+  /// time-stepping method this is the end of the step in which an open contact gets an impulse.
   std::vector<double> impacts;
   /// f x samples(); columns that were not reached are NaN.
   Eigen::MatrixXd q, u;
@@ -45,13 +44,13 @@ void prepare(const Task& task, Outcome& outcome);
 enum class Kind { ours, rival, peer };
 
 struct Method {
-  const char* name;  ///< as written in the charts
+  const char* name;  ///< as in the charts
   Kind kind;
   int order;         ///< nominal order in free flight; 0: exact
-  const char* knob;  ///< what `settings` are: "step [s]", "tolerance", "stiffness [N/m]"
+  const char* knob;  ///< meaning of `settings`: "step [s]", "tolerance", "stiffness [N/m]"
   std::vector<double> settings;
-  const char* abilities;  ///< one line: what it can and cannot do
-  /// Fills outcome, which is prepared. Does not throw: a failure is part of the outcome.
+  const char* abilities;  ///< one line: abilities and limits
+  /// Fills the prepared outcome. Does not throw: a failure is part of the outcome.
   void (*run)(const Task& task, double setting, Outcome& outcome);
 };
 

@@ -16,7 +16,7 @@ const Settings& steps() {
   return all;
 }
 
-// Only methods that optional packages bring have a tolerance.
+// Only methods of optional packages have a tolerance.
 [[maybe_unused]] const Settings& tolerances() {
   static const Settings all{1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12};
   return all;

@@ -16,9 +16,9 @@ struct Source {
 };
 
 const std::array<Source, 6>& sources() {
-  // As far as a method that only rounds is still far better than 1e-6. Errors grow by 10^(0.2 t) or
-  // less in the scenes of three modes, but by 10^(2.3 t) in two_stops_beam and by 10^(3 t) in
-  // stiff_beam.
+  // Times up to which a method with rounding errors only is far better than 1e-6. Errors grow by at
+  // most 10^(0.2 t) in the scenes of three modes, but by 10^(2.3 t) in two_stops_beam and by 10^(3
+  // t) in stiff_beam.
   static const std::array<Source, 6> all{{{"paper_beam", "A_n3_c0", 20.0, 5.0},
                                           {"paper_beam_chatter", "B_n3_c0.0125", 20.0, 5.0},
                                           {"paper_beam_frame", "D_n3_s0_c0.005", 20.0, 5.0},

@@ -47,7 +47,7 @@ Json row(const std::string& scene, const Method& method, double setting,
           {"reason", measurement.failure}};
 }
 
-// CSV here has no quotes.
+// The fields of this CSV need no quotes.
 std::string plain(std::string text) {
   std::replace(text.begin(), text.end(), ',', ';');
   std::replace_if(

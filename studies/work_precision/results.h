@@ -1,5 +1,5 @@
 // The rows of the comparison as files: a CSV that grows row by row, and JSON with the same rows,
-// the machine they were measured on and what each method can do.
+// the machine of the measurements and the abilities of each method.
 #pragma once
 
 #include <filesystem>
@@ -21,8 +21,8 @@ class Results {
   /// std::runtime_error if they cannot be written, as add() does.
   explicit Results(const std::filesystem::path& directory);
 
-  /// Adds a row; both files are complete when it returns. Figures that are not known are empty
-  /// fields in the CSV and null in JSON.
+  /// Adds a row; both files are complete when it returns. Unknown figures are empty fields in the
+  /// CSV and null in JSON.
   void add(const std::string& scene, const Method& method, double setting,
            const Measurement& measurement);
 

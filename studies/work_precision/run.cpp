@@ -10,7 +10,7 @@
 namespace sprag::work_precision {
 namespace {
 
-/// Which of `all` the user asked for, in the order of `all`; all if none.
+/// The requested names of `all`, in the order of `all`; all of them if none is requested.
 std::vector<std::string> chosen(const std::vector<std::string>& asked,
                                 const std::vector<std::string>& all, const std::string& option) {
   for (const std::string& name : asked) {
@@ -38,8 +38,8 @@ struct Row {
   Measurement measurement;
 };
 
-// Every row twice, unless it is dear: a machine that is shared has slow minutes, and the rows of a
-// scene are to be compared with each other.
+// Every row is measured twice unless it is expensive. A shared machine has slow minutes, and the
+// rows of a scene are compared with each other.
 constexpr double dear = 2e4;  // CPU us per unit of time
 
 void time_again(Row& row, const Options& options, const Scene& scene, const Reference& truth) {

@@ -1,4 +1,4 @@
-// One run of work_precision: every chosen method at its settings on every chosen scene.
+// One run of work_precision: the chosen methods at their settings on the chosen scenes.
 #pragma once
 
 #include <cstddef>
@@ -16,12 +16,12 @@ struct Options {
   std::filesystem::path reference_directory = SPRAG_SOURCE_DIR "/tests/reference";
   std::filesystem::path out = ".";
   Limits limits;
-  bool quick = false;  ///< two settings a method, short timing
+  bool quick = false;  ///< two settings per method, short timing
 };
 
-/// Writes work_precision.csv and work_precision.json into `out` as it goes, and says on stderr
-/// what it does. Returns the number of rows. Throws UsageError for a name that is not known and
-/// SceneError for a scene that cannot be read.
+/// Writes work_precision.csv and work_precision.json into `out` row by row, and reports progress on
+/// stderr. Returns the number of rows. Throws UsageError for an unknown name and SceneError for a
+/// scene that cannot be read.
 std::size_t run(Options options);
 
 }  // namespace sprag::work_precision

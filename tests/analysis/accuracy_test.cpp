@@ -1,4 +1,4 @@
-// How many modes an observer needs, by machines of which that is known.
+// Number of modes that an observer needs, on machines with a known answer.
 #include "sprag/detail/analysis/accuracy.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,8 @@ TEST(Accuracy, IsTheFewestModesThatStayWithinTheTolerance) {
   EXPECT_LT(before, 5);
 }
 
-// A mode at a node of the contact, at rest and not driven, does not move: nothing is lost with it.
+// A mode with a node at the contact, at rest and without force, does not move: omitting it loses
+// nothing.
 TEST(Accuracy, AModeThatNothingMovesIsNotNeeded) {
   Scene scene = shipped_scene("impact_oscillator");
   Model& model = scene.model;
@@ -57,7 +58,7 @@ TEST(Accuracy, DampingThatCouplesTheModesIsRefused) {
   EXPECT_THROW(find_accuracy(shipped_scene("non_proportional"), 1e-3, 10.0, limits), ModelError);
 }
 
-// The machine in its modes has the same contact events.
+// The machine in modal coordinates has the same contact events.
 TEST(ModalMachine, MovesAsTheMachineDoes) {
   const Scene scene = shipped_scene("lab_rig");
   const ModalMachine machine = modal_machine(scene);

@@ -1,4 +1,4 @@
-// Quantiles do what they say.
+// Quantiles of samples.
 #include "sprag/detail/analysis/quantile.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// What a machine does in the long run, by machines of which it is known in closed form, and by
-// differences of the master.
+// Long-run motion of machines, compared with closed forms and with finite differences of the
+// master.
 #include "sprag/detail/analysis/recurrence.h"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ Scene ball_on_table(double A, double Omega, double epsilon) {
   return scene;
 }
 
-// A mass between a spring, a dashpot and a stop, driven.
+// A driven mass on a spring and a dashpot, with a stop.
 Scene oscillator(double frequency) {
   Scene scene = shipped_scene("impact_oscillator");
   for (Force& force : scene.model.forces) force.harmonic.frequency = frequency;
@@ -73,7 +73,7 @@ State moved(State state, const Eigen::VectorXd& q, const Eigen::VectorXd& u, dou
   return state;
 }
 
-// Of both sides: what becomes of the difference (q, u), by differences of the master.
+// Central difference quotient of the master for an initial difference (q, u).
 struct Quotient {
   Eigen::VectorXd q, u;
   bool regular = false;
@@ -111,7 +111,7 @@ TEST(Variation, IsTheDerivativeOfTheMotion) {
     const Quotient coarse = quotient(flows, machine.start, 0.0, T, q, u, 1e-6);
     const Quotient fine = quotient(flows, machine.start, 0.0, T, q, u, 5e-7);
     if (!coarse.regular || !fine.regular) continue;
-    // What curvature leaves of a quotient.
+    // Error of the quotient by curvature.
     const double off = (coarse.u - fine.u).norm() + (coarse.q - fine.q).norm();
     const double size = fine.u.norm() + fine.q.norm();
     if (off > 1e-5 * (1.0 + size)) continue;
@@ -132,7 +132,7 @@ TEST(Variation, IsTheDerivativeOfTheMotion) {
   EXPECT_GT(held, 10);
 }
 
-// Bounces without end, then a sustained contact and its release.
+// Chatter, then a sustained contact and its release.
 TEST(Variation, GoesThroughAChatter) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const Flows flows(scene.model);
@@ -176,16 +176,16 @@ TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.impacts_per_period, 0.0);
   EXPECT_NEAR(found.lyapunov, -0.5 * scene.model.C(0, 0) / scene.model.M(0, 0), 1e-11);
-  // The same where nothing drives it, of a motion that has not settled: only turned slowly.
+  // The same without force, before the transient has decayed: only sampled at a lower rate.
   scene.model.forces.clear();
   const Flows flows(scene.model);
   Master master(flows, scene.master, 0.0, 0);
   std::vector<ContactEvent> events;
   master.advance(stroboscope_instant(0, 0.1), events);
   const double exponent = largest_exponent(master, 0.1, 0, 4000, events);
-  // Its length turns between those of the axes of an ellipse.
+  // The difference's length stays between the axes of an ellipse.
   EXPECT_NEAR(exponent, -0.4, std::log(2.0 * pi / 0.1 / 20.0) / (3600 * 0.1));
-  // Overdamped: the slow root.
+  // Overdamped: the exponent of the slow eigenvalue.
   scene.model.C(0, 0) = 50.0;
   const Recurrence slow = recurrence(
       scene.model, scene.master, {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
@@ -197,7 +197,8 @@ TEST(Recurrence, BallOnATableInClosedForm) {
   constexpr double epsilon = 0.8;
   constexpr double T = 2.0 * pi / Omega;
   constexpr double A = 1.5 * weight * pi * (1.0 - epsilon) / (1.0 + epsilon) / (Omega * Omega);
-  // At the impact, cos(Omega t) = (1 - eps) / (1 + eps) pi g / (A Omega^2), and u = g T / 2 behind.
+  // At the impact, cos(Omega t) = (1 - eps) / (1 + eps) pi g / (A Omega^2), and u = g T / 2 after
+  // it.
   const double phase =
       std::acos((1.0 - epsilon) / (1.0 + epsilon) * pi * weight / A / Omega / Omega);
   const double tau = T - phase / Omega;
@@ -213,11 +214,11 @@ TEST(Recurrence, BallOnATableInClosedForm) {
   EXPECT_EQ(found.impacts_per_period, 1.0);
   EXPECT_NEAR(found.attractor[0], point[0], 1e-10 * A);
   EXPECT_NEAR(found.attractor[1], point[1], 1e-10 * u);
-  // Its multipliers are complex, their product is the impact's determinant epsilon^2.
+  // Its multipliers are complex; their product is the impact's determinant epsilon^2.
   EXPECT_NEAR(found.lyapunov, std::log(epsilon) / T, 1e-9 / T);
 }
 
-// With the impacts at the very instants of the stroboscope.
+// With impacts exactly at the instants of the stroboscope.
 TEST(Recurrence, ShippedOscillatorIsHitOncePerPeriod) {
   const Scene scene = shipped_scene("impact_oscillator");
   const Recurrence found =
@@ -231,7 +232,7 @@ TEST(Recurrence, ShippedOscillatorIsHitOncePerPeriod) {
   EXPECT_GE(found.lyapunov, std::log(0.7) / T - 0.4 - 1e-9);
 }
 
-// det of the monodromy: epsilon^2 an impact, and what damping takes away.
+// det of the monodromy matrix: a factor epsilon^2 per impact, and the decay by damping.
 TEST(Recurrence, VolumeShrinksByRestitutionAndDamping) {
   const Scene scene = oscillator(25.0);
   const double T = 2.0 * pi / 25.0;
@@ -251,7 +252,7 @@ TEST(Recurrence, VolumeShrinksByRestitutionAndDamping) {
   EXPECT_GT(master.impacts() - impacts_before, 10);
 }
 
-// A chaotic orbit: the exponent by differences of the stroboscope's map, period by period.
+// A chaotic orbit: the exponent by differences of the stroboscopic map, period by period.
 TEST(Lyapunov, OfAChaoticOrbitIsThatOfThePoincareMap) {
   constexpr double Omega = 60.0;
   constexpr double T = 2.0 * pi / Omega;
@@ -264,7 +265,7 @@ TEST(Lyapunov, OfAChaoticOrbitIsThatOfThePoincareMap) {
   for (long k = 0; k <= first; ++k) master.advance(stroboscope_instant(k, T), events);
   const double exponent = largest_exponent(master, T, first, first + n, events);
 
-  // The points of the same orbit: another would be far away soon.
+  // The points must be on the same orbit, because other orbits diverge from it.
   Master again(flows, scene.master, 0.0, 0);
   Eigen::VectorXd d_q = Eigen::VectorXd::Constant(1, std::cos(1.0));
   Eigen::VectorXd d_u = Eigen::VectorXd::Constant(1, Omega * std::sin(1.0));
@@ -296,7 +297,7 @@ TEST(Lyapunov, SpectralRadius) {
   EXPECT_EQ(spectral_radius((Eigen::Matrix2d() << 0.0, 1.0, 0.0, 0.0).finished()), 0.0);
 }
 
-// A ball at rest on a table that does not throw it off has forgotten where it came from.
+// A ball at rest on a table that does not release it is independent of its start.
 TEST(Recurrence, AtRestEverythingIsForgotten) {
   const Scene scene = shipped_scene("bouncing_ball");
   const Recurrence found = recurrence(
@@ -343,7 +344,7 @@ TEST(Recurrence, FindsTheSmallestPeriodOfPoints) {
   for (int p = 1; p <= 12; ++p) {
     Simulation::Rows points(50, 2);
     for (int k = 0; k < 50; ++k) {
-      // The first half does not count.
+      // The first half is ignored as transient.
       const double off = k < 25 ? 1.0 / (k + 1) : 1e-9 * std::sin(k);
       points.row(k) << std::cos(2.0 * pi * k / p) + off, k % p;
     }

@@ -1,5 +1,5 @@
-// Machines in fewer modes: what the corrections are worth on a beam of 20 modes with three kinds of
-// damping, and what holds on any machine.
+// Machines in fewer modes: the effect of the corrections on a beam of 20 modes with three kinds of
+// damping, and properties on any machine.
 #include "sprag/reduction.h"
 
 #include <gtest/gtest.h>
@@ -51,7 +51,7 @@ std::vector<Index> first(int n) {
   return kept;
 }
 
-// The beam's master, and its state at the ticks that count.
+// The beam's master, and its states at the ticks after the transient.
 struct Truth {
   explicit Truth(Damping damping) : whole(modal_machine(beam_with(damping))) {
     Master master(whole.model, whole.master);
@@ -71,7 +71,7 @@ struct Truth {
 };
 
 struct Quality {
-  double V = 0.0;    // of the modes that are kept, median
+  double V = 0.0;    // of the kept modes, median
   double tip = 0.0;  // root mean square
 };
 
@@ -117,7 +117,7 @@ Reduction of_correction(const std::vector<Reduction>& all, std::string_view corr
 }
 
 // The largest growth of the distance of two replicas of a machine between ticks, as a share of the
-// distance at the start; they follow the same events from different states.
+// distance at the start. Both follow the same events, from different states.
 double growth_of_distance(const ModalMachine& machine, const std::vector<ContactEvent>& events,
                           double duration) {
   Replica replica(machine.model, h);
@@ -155,7 +155,8 @@ std::string name_of(const testing::TestParamInfo<Damping>& parameter) {
 INSTANTIATE_TEST_SUITE_P(Dampings, ReducedBeam,
                          testing::Values(Damping::uniform, Damping::zeta, Damping::kprop), name_of);
 
-// What a replica in fewer modes ends on, chosen by events alone, beside what was to be reached.
+// Final accuracy of a replica in fewer modes, chosen by events alone, against the expected
+// accuracy.
 TEST_P(ReducedBeam, EndsWhereItsCorrectionsBringIt) {
   const Truth truth(GetParam());
   for (const int n : {1, 3, 5, 8}) {
@@ -200,7 +201,7 @@ TEST_P(ReducedBeam, BringsTwoReplicasTogetherWithEveryCorrection) {
     EXPECT_LE(growth_of_distance(reduction.machine, truth.events, 40.0), 1e-13)
         << reduction.correction;
   }
-  // Anything in its range, and a little more, which does bring them apart.
+  // Any value within the range of the correction, and one beyond it that increases the distance.
   ModalMachine machine = reduced(truth.whole, first(2));
   for (const double share : {0.0, 0.2, 0.6, 1.0, 2.0 / 1.7}) {
     set_impulse_share(share, machine.model);
@@ -210,7 +211,7 @@ TEST_P(ReducedBeam, BringsTwoReplicasTogetherWithEveryCorrection) {
   EXPECT_GT(growth_of_distance(machine, truth.events, 2.0), 1e-6);
 }
 
-// A machine of 12 modes, not in these, shaken near its first one against two contacts.
+// A machine of 12 coupled coordinates, excited near its first mode against two contacts.
 Scene two_contacts(Random& random) {
   Scene scene;
   scene.name = "two_contacts";
@@ -275,7 +276,7 @@ TEST(StaticVectors, GiveTheContactsTheInertiaAndTheFlexibilityOfTheWholeMachine)
       EXPECT_EQ(error(seen(model, model.K), flexibility) < 1e-11, with_flexibility);
       EXPECT_TRUE(model.M.isDiagonal(0.0) && model.K.isDiagonal(0.0));
       EXPECT_EQ(model.C, model.C.transpose());
-      // C = a M + b K stays that.
+      // The form C = a M + b K is preserved.
       EXPECT_LT(error(model.C, 0.2 * model.M + 1e-3 * model.K), 1e-11);
     }
   }
@@ -289,7 +290,7 @@ TEST(StaticVectors, AllThatIsLeftOutIsTheWholeMachine) {
     const Scene scene = two_contacts(random);
     const ModalMachine machine = modal_machine(scene);
     const ModalMachine part = with_static_vectors(machine, first(6), std::array{0, 1, 2, 3});
-    ASSERT_EQ(part.model.coordinates(), 12);  // of 6 + 8: two depend on the others
+    ASSERT_EQ(part.model.coordinates(), 12);  // of 6 + 8: two are linearly dependent
     const std::vector<ContactEvent> expected = events_of(scene, periods(scene, 5));
     const std::vector<ContactEvent> events =
         events_of(reduced_scene(scene, part), periods(scene, 5));
@@ -299,7 +300,7 @@ TEST(StaticVectors, AllThatIsLeftOutIsTheWholeMachine) {
       EXPECT_NEAR(events[k].t, expected[k].t, 1e-7);
       EXPECT_EQ(events[k].contact, expected[k].contact);
     }
-    // Nor is it anything but a change of coordinates for the replica.
+    // For the replica, too, this is only a change of coordinates.
     const Followed followed{.events = expected, .start = &ModalMachine::master};
     EXPECT_LT(rms_gap(part, followed), 1e-9);
     EXPECT_GT(rms_gap(reduced(machine, first(6)), followed), 1e-6);
@@ -312,7 +313,7 @@ TEST(StaticVectors, WhatDependsOnOthersIsLeftOut) {
   scene.model.contacts[1].w = -2.0 * scene.model.contacts[0].w;
   const ModalMachine machine = modal_machine(scene);
   EXPECT_EQ(with_static_vectors(machine, first(3), std::array{0, 1}).model.coordinates(), 5);
-  // Nothing is left out.
+  // All modes are kept.
   EXPECT_EQ(with_static_vectors(machine, first(12), std::array{0, 1}).model.coordinates(), 12);
 }
 
@@ -350,8 +351,8 @@ TEST(ImpulseShare, StaysWhereItExpandsNoDistance) {
   EXPECT_LT(*model.contacts[0].replica_restitution, 1.0);
 }
 
-// Two contacts, a general system: the chosen one is no worse than the modes alone, and what is
-// written and read again chooses the same way.
+// A general system with two contacts: the chosen reduction is at least as good as the modes alone,
+// and a written and parsed scene leads to the same choice.
 TEST(ReducedSystem, FollowsTwoContactsBetterThanItsModesAlone) {
   constexpr std::uint64_t seed = 35;
   SCOPED_TRACE(seed);
@@ -370,7 +371,7 @@ TEST(ReducedSystem, FollowsTwoContactsBetterThanItsModesAlone) {
     const Scene part = reduced_scene(scene, all.front().machine);
     const Scene again = parse_scene(to_toml(part, description(scene, all.front())), "x.toml");
     const ModalMachine read = modal_machine(again);
-    if (again.model.C.isDiagonal(0.0)) {  // else its damping couples what it has as modes
+    if (again.model.C.isDiagonal(0.0)) {  // otherwise its damping couples its modes
       EXPECT_EQ(rms_gap(read, second_half(events)), all.front().rms);
     }
   }
@@ -390,7 +391,7 @@ TEST(ReductionChoice, AskingForMoreThanThereIsIsRefused) {
   EXPECT_NO_THROW(reduced_scene(blind, reduced(machine, {0, 1})));
 }
 
-// Bounces of a chatter hardly count, however many they are.
+// Impacts of a chatter carry little weight, however many there are.
 TEST(ReductionChoice, AClosingWeighsAsMuchAsTheTimeSinceTheOneBefore) {
   const ModalMachine machine = modal_machine(shipped_scene("paper_beam"));
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 8.0);
@@ -408,7 +409,7 @@ TEST(ReductionChoice, AClosingWeighsAsMuchAsTheTimeSinceTheOneBefore) {
   EXPECT_GT(squares, 1e-3);
 }
 
-// A recording that begins later, with a contact closed.
+// A recording that starts with a contact closed.
 TEST(ReductionChoice, EventsMayBeginLater) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const std::vector<ContactEvent> events = events_of(scene, 60.0);
@@ -417,7 +418,7 @@ TEST(ReductionChoice, EventsMayBeginLater) {
   std::size_t i = 0;
   while (chi == 0 || events[i].t < 20.0) chi = after(chi, events[i++]);
   Followed later = second_half(std::span(events).subspan(i), events[i - 1].t, chi);
-  // By then the replica has come to the machine.
+  // By then the replica has converged to the machine.
   later.counts = 55.0;
   EXPECT_LT(rms_gap(machine, later), 1e-3);
   later.closed = 0;

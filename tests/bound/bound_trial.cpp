@@ -76,7 +76,7 @@ Model true_machine(Random& random, const Scene& scene, bool corners) {
   return truth;
 }
 
-// A grid, and times on either side of each report and of each event.
+// A grid, and times on both sides of each report and of each event.
 std::vector<double> sample_times(const BoundCase& machine,
                                  const std::vector<ContactEvent>& reports) {
   const double delta = machine.scene.tolerance.time;
@@ -97,7 +97,7 @@ std::vector<double> sample_times(const BoundCase& machine,
   return times;
 }
 
-// What arrives of the reports, and the gap.
+// The received reports, and the gap between them.
 struct Received {
   std::vector<ContactEvent> reports;
   std::size_t before_gap = 0;
@@ -126,7 +126,7 @@ Received received(const BoundCase& machine, const std::vector<ContactEvent>& rep
   return all;
 }
 
-// The replica on its own, moved from time to time.
+// The replica alone, advanced in steps.
 class FollowedReplica {
  public:
   FollowedReplica(const BoundCase& machine, std::vector<ContactEvent> reports)
@@ -179,7 +179,7 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
     }
     const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u, scene.replica.q,
                                                scene.replica.u)[0];
-    // What rounding makes of machine and replica is no more than this.
+    // Upper limit of the rounding errors of machine and replica.
     const double rounding = 1e-26 * (1.0 + machine.start.u.dot(scene.model.M * machine.start.u) +
                                      machine.start.q.dot(scene.model.K * machine.start.q));
     scene.uncertainty = Eigen::VectorXd::Constant(
@@ -197,10 +197,10 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
       continue;
     }
     if (std::ssize(machine.events) > 2 * most_events) {
-      // Cut in the middle of a burst: that is a case too.
+      // A cut within a burst is a valid case.
       machine.events.resize(static_cast<std::size_t>(most_events));
       machine.end = machine.events.back().t;
-      // What happens at the end may be cut in two.
+      // The cut may separate simultaneous events at the end.
       while (!machine.events.empty() && machine.events.back().t == machine.end) {
         machine.events.pop_back();
       }
@@ -301,7 +301,7 @@ std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, 
   }
   if (pattern != ShiftPattern::greedy && pattern != ShiftPattern::optimized) return shifts;
   if (delta == 0.0) return shifts;
-  // Each in turn takes what makes the run worse: once, or until nothing changes.
+  // Each shift in turn takes the value that makes the run worse: once, or until no shift changes.
   const int sweeps = pattern == ShiftPattern::greedy ? 1 : 3;
   double worst = run_bound_case(machine, shifts, settings).worst;
   for (int sweep = 0; sweep < sweeps; ++sweep) {

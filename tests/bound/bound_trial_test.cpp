@@ -1,5 +1,5 @@
-// V <= B for machines and event times within the tolerances, and a bound whose terms are 10 %
-// smaller does not hold. SPRAG_BOUND_TRIALS sets how many trials (scripts/bound_trials).
+// V <= B for machines and event times within the tolerances; a bound with terms 10 % smaller is
+// violated. SPRAG_BOUND_TRIALS sets the number of trials (scripts/bound_trials).
 #include "tests/bound/bound_trial.h"
 
 #include <gtest/gtest.h>
@@ -66,7 +66,7 @@ struct Weakened {
   BoundSettings settings;
 };
 
-// The proof that these trials can fail.
+// Evidence that these trials can fail.
 TEST(BoundTrial, BreaksWeakenedTerms) {
   constexpr std::uint64_t seed = 5202;
   std::cout << "seed " << seed << '\n';
@@ -80,7 +80,7 @@ TEST(BoundTrial, BreaksWeakenedTerms) {
       BoundCase machine =
           random_bound_case(random, {.contacts = 1, .exact_start = true, .corners = true}, 8);
       const bool of_restitution = weakened.settings.factors.E < 1.0;
-      // One thing is off, so that nothing else covers what is missing.
+      // Only one quantity is off: others would cover the weakened term.
       Tolerance& tolerance = machine.scene.tolerance;
       tolerance = {};
       if (of_restitution) {

@@ -1,4 +1,4 @@
-// The bound B on the error energy V: it holds at every tick, and it is not void.
+// The bound B on the error energy V: it holds at every tick, and it is not much larger than V.
 #include "sprag/detail/bound/error_bound.h"
 
 #include <gtest/gtest.h>
@@ -52,7 +52,7 @@ TEST_P(BoundOfScene, HoldsAtEveryTick) {
             << ", B/B(0) " << pair.estimator.error_bound(pair.state, V0) / V0 << '\n';
 }
 
-// An error that nothing but free flight at its slowest takes away comes close to it.
+// An error that only the slowest decay of free flight reduces comes close to the bound.
 TEST(ErrorBound, IsNotVoidOnThePapersBeam) {
   Pair<Replica> pair(shipped_scene("paper_beam"), 1e-2);
   double closest = 0.0;
@@ -64,7 +64,7 @@ TEST(ErrorBound, IsNotVoidOnThePapersBeam) {
   EXPECT_GT(closest, 0.99);
 }
 
-/// A free motion of a machine, at rest.
+/// Free motion of a machine at rest.
 Motion at_rest(const Flows& flows, double t) {
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(flows.dynamics().coordinates());
   Motion motion;
@@ -83,7 +83,7 @@ TEST(ErrorBound, IsProportionalToTheStartAndKeepsRoundingApart) {
   EXPECT_NEAR(bound.bound(state, 0.0, at(0.0), false), 1e-20, 1e-30);
 }
 
-// The energy falls while nothing is heard.
+// The energy falls between events.
 TEST(ErrorBound, CountsTheFlightThatIsUnderWay) {
   for (const char* scene : {"paper_beam", "non_proportional"}) {
     const Flows flows(shipped_scene(scene).model);
@@ -111,7 +111,7 @@ TEST(ErrorBound, ContractionIsTheLargestSingularValueOfTheFlow) {
     for (int repetition = 0; repetition < repetitions(40); ++repetition) {
       Model model = random_machine(random, structure, random.integer(1, 5));
       const Eigen::Index f = model.coordinates();
-      if (f > 1 && random.chance(0.3)) {  // a rigid motion
+      if (f > 1 && random.chance(0.3)) {  // a rigid-body mode
         const Eigen::VectorXd w = random.vector(f);
         const Eigen::VectorXd Kw = model.K * w;
         if (w.dot(Kw) > 0.0) model.K -= Kw * Kw.transpose() / w.dot(Kw);
@@ -136,8 +136,9 @@ TEST(ErrorBound, ContractionIsTheLargestSingularValueOfTheFlow) {
   std::cout << "of dense machines at most " << loosest << " times sigma^2\n";
 }
 
-// A contact that closes to stay beside others that bounce is the one that can bring two machines
-// apart. What the bound adds covers it, and is no more than what the machines are apart.
+// A contact that closes and stays closed, together with others that bounce, can increase the
+// distance of two machines. The bound's additional term covers this, and is not larger than a
+// multiple of the distance.
 TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
   constexpr std::uint64_t seed = 62;
   std::cout << "seed " << seed << '\n';
@@ -163,7 +164,7 @@ TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
     ErrorBound bound(flows);
     const ContactMatrix of_all = of_contacts(G, all);
     for (int pair = 0; pair < 1000; ++pair) {
-      // Some were closed before: the master's rest, the replica's may part.
+      // Some contacts were closed before: those of the master rest, those of the replica may open.
       const ContactSet before = random.chance(0.5) ? bit(random.integer(0, m - 1)) : 0;
       ContactVector a(m), E(m), Lambda, a_plus, b_plus;
       ContactSet to_stay = 0;
@@ -178,7 +179,7 @@ TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
       for_each(all, [&](int i) {
         if (a_plus[i] < 1e-14 && (contains(before | to_stay, i))) chi |= bit(i);
       });
-      if (to_stay == 0 || (to_stay & ~chi) != 0) continue;  // not what a master does
+      if (to_stay == 0 || (to_stay & ~chi) != 0) continue;  // a master does not do this
       const double apart = random.chance(0.5) ? 1.0 : random.log_uniform(1e-6, 1e-1);
       Eigen::VectorXd gamma = a;
       for (int i = 0; i < m; ++i) {
@@ -213,8 +214,7 @@ TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
   EXPECT_GT(expanding, 0);
 }
 
-// Contacts that close together now and then, with chatter: no step of B upwards, and none that V
-// takes beyond it.
+// Contacts that are closed together at times, with chatter: neither B nor V exceeds the start.
 TEST(ErrorBound, DoesNotGrowOnTwoSupports) {
   Pair<Replica> pair(shipped_scene("two_supports_beam"), 1e-2);
   const double V0 = pair.V();
@@ -227,8 +227,8 @@ TEST(ErrorBound, DoesNotGrowOnTwoSupports) {
   EXPECT_LT(pair.estimator.error_bound(pair.state, V0), 0.6 * V0);
 }
 
-// Contacts that are completed together, of which the same impact throws one off: it has its own
-// restitution, in the master as in the replica.
+// Contacts whose chatters are completed together, and whose impact forces the release of one of
+// them. It has its own restitution, in the master and in the replica.
 TEST(ErrorBound, HoldsInAWedge) {
   for (const std::uint64_t seed : {11140, 20153, 27625}) {
     Random random(seed);

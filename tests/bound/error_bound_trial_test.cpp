@@ -1,5 +1,5 @@
-// B >= V at every tick, on random machines, as an observer hears of their events: late, in another
-// order, with gaps, and of one run of the master after another.
+// B >= V at every tick on random machines. The observer receives their events late, out of order
+// and with gaps, and of one run of the master after another.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ constexpr double trial_end = 5.0;
 constexpr double heartbeat = 0.02;
 constexpr std::size_t most_events = 20000;
 
-/// One run of a master: its events, and where it is at every tick.
+/// One run of a master: its events, and its state at every tick.
 struct Run {
   std::vector<ContactEvent> events;
   std::vector<State> truth;
@@ -55,8 +55,8 @@ struct Arriving {
   ContactMessage report;
 };
 
-/// Reports of a run that arrive after up to `delay`, in any order; none from `lost_from` to
-/// `lost_to`, and the later ones do not repeat what was in these.
+/// Reports of a run that arrive with a delay of up to `delay`, in any order. None arrives from
+/// `lost_from` to `lost_to`, and the later ones do not repeat the lost records.
 std::vector<Arriving> arrivals(Random& random, const Run& run, int contacts, double delay,
                                double lost_from, double lost_to, std::int64_t session) {
   std::vector<Arriving> all;
@@ -73,7 +73,7 @@ std::vector<Arriving> arrivals(Random& random, const Run& run, int contacts, dou
   return all;
 }
 
-/// What the bound said in a session.
+/// The bound over a session.
 struct Said {
   int finite = 0, infinite = 0;           // settled ticks
   double highest = 0.0, last = infinity;  // B / B(0)
@@ -88,7 +88,7 @@ class BoundFollower {
         energy_(model),
         state_(replica) {}
 
-  /// `hear`: how many of the arrivals, before the master dies.
+  /// `hear`: number of received arrivals, before the master ends.
   Said follow(const Run& run, const State& master, const State& replica,
               const std::vector<Arriving>& arriving, std::size_t hear) {
     Said said;
@@ -133,8 +133,8 @@ class BoundFollower {
   State state_;
 };
 
-/// What the flights of a run leave of an energy, at most: prod |exp(A tau)|^2. In contact nothing
-/// is said to fall.
+/// Share of an energy that remains after the flights of a run, at most: prod |exp(A tau)|^2.
+/// Contact phases count as no decay.
 double left_by_flights(const Run& run, const FlightNorm& norm) {
   double left = 1.0;
   double since = 0.0;
@@ -160,8 +160,8 @@ struct Totals {
   double fallen = 0.0, fallen_by_flights = 0.0;  // sums of log10, machines of one contact
 };
 
-/// Three runs of the master of a machine, the first one left before its end, the second with a gap;
-/// false if one of them comes to no end.
+/// Three runs of the master of a machine. The first ends early, the second has a gap. False if one
+/// of them makes no progress.
 bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
   const Model& model = machine.model;
   const auto m = static_cast<int>(model.contacts.size());
@@ -194,7 +194,7 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
       EXPECT_EQ(said.last, infinity);
       continue;
     }
-    if (said.infinite > 0) continue;  // heard of too late
+    if (said.infinite > 0) continue;  // a report came too late
     ++totals.whole;
     EXPECT_LT(said.highest, 1.5);
     totals.highest = std::max(totals.highest, said.highest);

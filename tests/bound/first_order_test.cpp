@@ -1,5 +1,5 @@
-// The set of first order: it contains what it is made of, it is much less than b alone, and both
-// hold; and what joint impacts expand.
+// The first-order set: it contains its elements, and it is much smaller than b alone. Both bounds
+// hold. Also the expansion by joint impacts.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,8 @@ Eigen::VectorXd in_energy(const EnergyMetric& metric, const Eigen::VectorXd& q,
   return x / std::sqrt(2.0);
 }
 
-// Segments that are added on the way, each with one of its ends, flown and struck as the ellipsoid.
+// Segments added during the run, each represented by one of its ends, moved by the same flights and
+// impacts as the ellipsoid.
 TEST(ErrorEllipsoid, ContainsEveryChoiceOfItsSegments) {
   constexpr std::uint64_t seed = 5220;
   std::cout << "seed " << seed << '\n';
@@ -57,7 +58,7 @@ TEST(ErrorEllipsoid, ContainsEveryChoiceOfItsSegments) {
       ellipsoid.impact(0, epsilon);
       ellipsoid.add(in_energy(metric, dq, du));
       for (int choice = 0; choice < choices; ++choice) {
-        // The difference of two motions with the same forces.
+        // The difference of two motions under the same forces.
         Eigen::VectorXd moved_q(f), moved_u(f), still_q(f), still_u(f);
         flows[0].enter(q.col(choice), u.col(choice), at(0.0), none, motion);
         flows[0].propagate(motion, at(tau), motion);
@@ -87,7 +88,7 @@ TEST(ErrorEllipsoid, ContainsEveryChoiceOfItsSegments) {
   EXPECT_GT(closest, 0.7);
 }
 
-// sqrt of the median B in the second half of a run with late reports, with the set and without.
+// sqrt of the median B in the second half of a run with late reports, with and without the set.
 struct Floors {
   double with = 0.0, without = 0.0, worst = 0.0;
 };
@@ -163,7 +164,7 @@ TEST(JointExpansion, CoversPairsOfStates) {
   EXPECT_GT(closest, 0.9);
 }
 
-// Numbers of records say that one impact alone was lost: B is far below that of an unknown gap.
+// Record numbers show that a single impact was lost: B is far below that of an unknown gap.
 TEST(LostImpact, CostsOneJump) {
   constexpr std::uint64_t seed = 5222;
   std::cout << "seed " << seed << '\n';
@@ -190,7 +191,7 @@ TEST(LostImpact, CostsOneJump) {
   EXPECT_GT(2 * less, all);
 }
 
-// Without an uncertainty of the start the forces limit what the machine can do.
+// Without an uncertainty of the start the forces limit the machine's motion.
 TEST(NoUncertainty, GivesAFiniteBoundWhereKAndCArePositive) {
   Scene scene = shipped_scene("paper_beam");
   scene.uncertainty.resize(0);

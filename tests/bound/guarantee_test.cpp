@@ -1,5 +1,5 @@
-// What observers say under tolerances: the bound, its half-widths, when it is known, and which
-// filter estimates it refutes.
+// Observers under tolerances: the bound, its half-widths, the time when it is known, and the filter
+// estimates that it refutes.
 #include "sprag/detail/bound/guarantee.h"
 
 #include <gtest/gtest.h>
@@ -43,7 +43,7 @@ TEST(Guarantee, ZeroTolerancesGiveTheExactBoundToTheLastBit) {
   const Estimates same = observe(zero, events, 20.0);
   EXPECT_EQ(exact.bound, same.bound);
   EXPECT_EQ(same.bound_q.cols(), 0);
-  // And a tolerance that is next to nothing gives nearly that.
+  // A negligible tolerance gives nearly the same bound.
   zero.tolerance.restitution = 1e-300;
   const Estimates nearly = observe(zero, events, 20.0);
   for (Eigen::Index k = 0; k < nearly.bound.size(); ++k) {
@@ -80,7 +80,7 @@ TEST(Guarantee, HoldsThroughAnObserverAndItsLengths) {
                               all.q.row(k).transpose(), all.u.row(k).transpose())[0];
       ASSERT_LE(V, all.bound[k]) << all.t[k];
     }
-    // Of the last ticks events may still be reported.
+    // Events of the last ticks may still be reported.
     EXPECT_EQ(all.t.size() - finite, 1);
     std::cout << "B at the end " << all.bound[all.t.size() - 3] << ", half-width of the gap "
               << all.bound_gap(all.t.size() - 3, 0) << '\n';
@@ -99,7 +99,7 @@ TEST(Guarantee, WaitsForEventsThatMayStillBeReported) {
   EXPECT_LE(settled.back().t, 1.0 - delta + 1e-12);
   for (const Estimate& estimate : settled) EXPECT_TRUE(std::isfinite(estimate.bound));
   EXPECT_EQ(observer.at(1.2).bound, infinity);
-  // With an end they all settle, and the last say that nothing is known.
+  // With an end all ticks settle, and the last ones have an infinite bound.
   observer.set_end(1.0);
   const std::vector<Estimate> rest = observer.settle();
   ASSERT_FALSE(rest.empty());
@@ -107,7 +107,7 @@ TEST(Guarantee, WaitsForEventsThatMayStillBeReported) {
   EXPECT_EQ(rest.back().bound, infinity);
 }
 
-// Events are lost: the numbers say so, and the bound is finite all the same, and falls again.
+// Events are lost, which their record numbers show. The bound stays finite and falls again.
 TEST(Guarantee, IsFiniteAfterAGap) {
   Scene scene = tolerant_beam(1e-5);
   scene.model.C *= 3.0;
@@ -174,7 +174,7 @@ TEST(Guarantee, ContradictionNeedsBothBandsToMiss) {
   EXPECT_FALSE(says(100.0, infinity, 1.0));
 }
 
-// A filter that is sure and wrong is shown no longer; its sigma is not claimed.
+// An overconfident filter is no longer shown, and its sigma is no longer claimed.
 TEST(Guarantee, ShowsTheReplicaWhereAFilterIsFalse) {
   const Scene scene = tolerant_beam(1e-4);
   Flows flows(scene.model);
@@ -208,7 +208,7 @@ TEST(Guarantee, ShowsTheReplicaWhereAFilterIsFalse) {
   EXPECT_EQ(confidence.refutations, 1);
 }
 
-// |c^T q| of all q with the energy B is largest at the half-width.
+// Among all q with the energy B the largest |c^T q| is the half-width.
 TEST(HalfWidths, AreAttained) {
   constexpr std::uint64_t seed = 5211;
   std::cout << "seed " << seed << '\n';

@@ -1,4 +1,4 @@
-"""`view` and its page, as a browser, and who is none, meet them."""
+"""`view` and its page: requests of a browser and of other clients."""
 
 import json
 import os
@@ -38,7 +38,7 @@ class GatewayTest(LiveCase):
                 self.assertEqual(ask(address, host=host)[0], 403)
         self.assertIn(ask(address, host=False)[0], (400, 403))
         here = f"127.0.0.1:{port}"
-        self.assertIn(ask(address, headers=[f"Host: {here}"])[0], (400, 403))  # a second one
+        self.assertIn(ask(address, headers=[f"Host: {here}"])[0], (400, 403))  # a second Host header
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
             with self.subTest(method=method):
                 status, headers, _ = ask(address, method)
@@ -73,8 +73,8 @@ class GatewayTest(LiveCase):
                 try:
                     connection.sendall(rubbish)
                 except OSError:
-                    pass  # refused before all of it was there
-        # What is no message of the page changes nothing; what is too long ends the stream.
+                    pass  # refused before the request was complete
+        # An invalid message of the page has no effect; a too long one ends the stream.
         stream = open_stream(view.address)
         for text in ("", "{", "[]", "null", '{"seen":"x"}', '{"seen":-1}', '{"seen":1e300}', '{"view":3}',
                      '{"view":{"from":1,"to":0}}', '{"view":{"from":"a","to":null}}',
@@ -90,7 +90,7 @@ class GatewayTest(LiveCase):
                     pass
             except OSError:
                 pass
-        with open_stream(view.address) as stream:  # not masked, and of a length that cannot be
+        with open_stream(view.address) as stream:  # not masked, with an invalid length
             stream.sendall(bytes([0x81, 127]) + b"\xff" * 8)
         self.assertIsNone(view.poll(), view.said())
         self.assertEqual(ask(view.address)[0], 200)
@@ -103,7 +103,7 @@ class GatewayTest(LiveCase):
         read = bytearray()
 
         def take(seconds):
-            """Reads and acknowledges everything; how many bytes came."""
+            """Reads and acknowledges everything; returns the number of bytes."""
             end = time.monotonic() + seconds
             before = len(read)
             while time.monotonic() < end:
@@ -118,7 +118,7 @@ class GatewayTest(LiveCase):
         take(1.0)
         before = resident_kb(view)
         slow = [open_stream(view.address, receive_buffer=4096) for _ in range(8)]
-        # Half of them ask for ever more, and take nothing.
+        # Half of the clients keep requesting, and read nothing.
         for _ in range(100):
             for stream in slow[::2]:
                 stream.sendall(text_message('{"seen":999999999,"view":{"window":20,"pixels":4000}}'))
@@ -139,7 +139,7 @@ class GatewayTest(LiveCase):
         self.assertLess(time.monotonic() - began, 5.0)
         with open(self.file("view.json")) as report:
             self.assertEqual(json.load(report)["clients"], 1)
-        # The port is free again, and two cannot have it.
+        # The port is free again, and two views cannot share it.
         second = self.start_view(http="127.0.0.1:{}".format(view.address[1]))
         third = self.start("VIEW", scene(), "--http", "127.0.0.1:{}".format(view.address[1]))
         self.assertEqual(third.wait(10), 1)
@@ -147,7 +147,7 @@ class GatewayTest(LiveCase):
         self.assertIsNone(second.poll())
 
 
-# Pixels of the curves' chart as translucent as the band of 2 sigma.
+# Number of pixels in the curves' chart with the transparency of the band of 2 sigma.
 BAND = """[...document.querySelectorAll('#curve-chart canvas')].reduce((sum, canvas) => {
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   return sum + pixels.filter((value, i) => i % 4 === 3 && Math.abs(value - 64) < 3).length;
@@ -160,7 +160,7 @@ class PageTest(BrowserCase):
         self.assertEqual(page.complaints(), [])
 
     def check(self, shown, settled, now, energies):
-        """What the page shows is in the recording, to the last digit."""
+        """The page shows the values of the recording, to the last digit."""
         if shown["tick"]:
             t, q = settled[int(shown["tick"])][-1]
             self.assertEqual(float(shown["t"]), t)
@@ -191,7 +191,7 @@ class PageTest(BrowserCase):
             self.check(shown, settled, now, energies)
         self.assertGreater(len({shown["tick"] for shown in samples}), 10)
         self.assertGreater(len({shown["vTick"] for shown in samples}), 10)
-        # The curves are thinned: what is left of V are values of V, and the extremes are among them.
+        # The curves are thinned: the remaining values of V occur in the recording, and the extremes are among them.
         by_time = {float(row["t"]): float(row["V"]) for row in rows(self.file("V.csv"))}
 
         def extremes_are_shown():
@@ -199,7 +199,7 @@ class PageTest(BrowserCase):
             inside = [value for t, value in by_time.items() if t >= page.js("sprag.curves.from")]
             return all(any(abs(v - value) <= 1e-5 * value for v in V) for value in (min(inside), max(inside)))
 
-        # Curves come less often than values: the last ones may be under way.
+        # Curves are sent less often than values: the last ones may be under way.
         wait_for("the extremes of V", extremes_are_shown)
         self.assertGreater(len(page.js("sprag.curves.energy.t")), 100)
         # Health.
@@ -279,13 +279,13 @@ class PageTest(BrowserCase):
         page.wait("the loss on the page", "document.getElementById('connection').dataset.state === 'lost'")
         before = page.js("sprag.frame.settled.tick")
         self.assertFalse(page.js("sprag.connected"))
-        time.sleep(0.7)  # an attempt that fails
+        time.sleep(0.7)  # a failed attempt to reconnect
         self.start_view(http="127.0.0.1:{}".format(view.address[1]))
         page.wait("the connection", "sprag.connected")
         page.wait("later estimates", "sprag.frame.settled && sprag.frame.settled.tick > arguments[0] + 200", before)
         page.wait("the curves", "sprag.curves.to > sprag.curves.from && sprag.curves.estimate.t.length > 20")
         self.assertEqual(page.js("document.getElementById('connection').dataset.state"), "connected")
-        # The observer goes, and comes back.
+        # The observer ends, and starts again.
         self.end(self.observer, signal.SIGKILL)
         page.wait("the observer's silence", "sprag.health.observer.age > 1.5")
         self.start("OBSERVER", scene(), "--tick", "0.005")
@@ -307,7 +307,7 @@ class PageTest(BrowserCase):
         page.wait("a window of 5 s", "Math.abs(sprag.curves.to - sprag.curves.from - 5) < 1e-9")
         page.wait("that follows", "sprag.curves.to > 6 && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9")
 
-        # Zoomed by the button and by the mouse: the window stays, the stream goes on.
+        # After zooming by the button and by the mouse the window stays, and the stream continues.
         page.click("zoom-in")
         page.wait("half of it", "Math.abs(sprag.curves.to - sprag.curves.from - 2.5) < 1e-9")
         self.assertEqual(page.js("document.getElementById('follow').getAttribute('aria-pressed')"), "false")
@@ -352,7 +352,8 @@ class PageTest(BrowserCase):
         self.expect_quiet(page)
 
     def watch_stops(self, page):
-        # At every picture: whether the list says so, and how much of the machine is in the colour of a contact.
+        # At every picture: the state of the list item, and the number of pixels of the machine in the colour of a
+        # contact.
         page.driver.execute_script("""
             const copy = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
             window.seen = [];
@@ -373,7 +374,7 @@ class PageTest(BrowserCase):
             look();""")
 
     def test_stops_light_up(self):
-        # A beam that only knocks, and a ball that comes to rest.
+        # A beam with pulses only, and a ball that comes to rest.
         view = self.start_view()
         page = self.open_page(view.address)
         self.watch_stops(page)

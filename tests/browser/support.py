@@ -1,5 +1,5 @@
-"""What the tests of `view` share: programs on a port of a test's own, plain HTTP and WebSockets, what a
-recording says, and Debian's chromium driven by Debian's python3-selenium."""
+"""Common parts of the tests of `view`: programs on a port of the test's own, plain HTTP and WebSockets, contents of a
+recording, and Debian's chromium driven by Debian's python3-selenium."""
 
 import base64
 import csv
@@ -19,7 +19,7 @@ from http.client import HTTPResponse
 from pathlib import Path
 
 SOURCE = Path(os.environ["SPRAG_SOURCE_DIR"])
-PATIENCE = 60.0  # s, for what has to come, also on a busy machine
+PATIENCE = 60.0  # s, for an event that must occur, also on a busy machine
 
 
 def scene(name="paper_beam"):
@@ -45,7 +45,7 @@ def wait_for(what, condition, patience=PATIENCE):
 
 
 def what_is_missing():
-    """Why no browser can be driven here; empty: nothing is missing."""
+    """The reason why no browser can be driven here; empty if there is none."""
     missing = [name for name in ("chromium", "chromedriver") if not shutil.which(name)]
     try:
         import selenium  # noqa: F401
@@ -57,7 +57,7 @@ def what_is_missing():
 
 
 class LiveCase(unittest.TestCase):
-    """Programs on an LCM port of the test's own, in a folder of its own."""
+    """Programs on an LCM port of the test's own, in its own folder."""
 
     def setUp(self):
         self.url = free_url()
@@ -69,7 +69,7 @@ class LiveCase(unittest.TestCase):
         return str(self.folder / name)
 
     def start(self, program, *arguments, bus=True):
-        """A process of the build tree; `said()` of it is its stderr so far."""
+        """A process of the build tree; `said()` is its stderr so far."""
         self.programs += 1
         log = self.folder / f"{self.programs}_{program.lower()}.err"
         command = [os.environ[program], *arguments, *(["--url", self.url] if bus else [])]
@@ -91,12 +91,12 @@ class LiveCase(unittest.TestCase):
             raise
 
     def start_listening(self, program, *arguments):
-        """An observer or a logger that hears the bus already."""
+        """An observer or a logger, returned as soon as it listens."""
         port = f":{int(self.url.split(':')[2].split('?')[0]):04X}"
         before = listeners(port)
         process = self.start(program, *arguments)
         since = time.monotonic()
-        # Its probe of multicast hears the port for a moment, too.
+        # During its probe of multicast it listens on the port, too.
         while time.monotonic() < since + 0.3:
             self.assertIsNone(process.poll(), process.said())
             if listeners(port) <= before:
@@ -128,10 +128,10 @@ class LiveCase(unittest.TestCase):
         self.master = self.start("MASTER_SIM", *common, "--speed", speed)
 
     def end_run(self):
-        """Waits for the end of a run that has one; then the recording is whole."""
+        """Waits for the end of a run with an end; then the recording is complete."""
         for process in (self.master, self.observer):
             self.assertEqual(process.wait(PATIENCE), 0, process.said())
-        time.sleep(0.3)  # what they said last is on its way
+        time.sleep(0.3)  # their last messages may be under way
         self.assertEqual(self.end(self.logger), 0, self.logger.said())
 
 
@@ -145,11 +145,11 @@ def resident_kb(process):
     return int(re.search(r"^VmRSS:\s+(\d+)", status, re.MULTILINE)[1])
 
 
-# ---- HTTP and WebSockets, by hand: clients that behave as no browser does ----
+# ---- HTTP and WebSockets by hand, for clients that do not behave like a browser ----
 
 
 def ask(address, method="GET", target="/", host=None, headers=()):
-    """An HTTP request; returns status, headers (names in small letters) and body."""
+    """An HTTP request; returns status, headers (names in lower case) and body."""
     lines = [f"{method} {target} HTTP/1.1", *headers, "Connection: close"]
     if host is not False:
         lines.insert(1, f"Host: {host or ':'.join(map(str, address))}")
@@ -162,7 +162,7 @@ def ask(address, method="GET", target="/", host=None, headers=()):
 
 
 def upgrade(origin):
-    """Headers that ask for the stream."""
+    """Headers that request the stream."""
     key = base64.b64encode(secrets.token_bytes(16)).decode()
     more = [f"Origin: {origin}"] if origin is not None else []
     return ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
@@ -170,7 +170,7 @@ def upgrade(origin):
 
 
 def open_stream(address, receive_buffer=None):
-    """A socket to the stream behind its handshake; nothing is read from it."""
+    """A socket to the stream after its handshake; nothing is read from it."""
     connection = socket.socket()
     if receive_buffer:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
@@ -191,7 +191,7 @@ def open_stream(address, receive_buffer=None):
 
 
 def text_message(text):
-    """A client's frame: masked, as the protocol wants it."""
+    """A client's frame, masked as the protocol requires."""
     data = text.encode()
     size = len(data)
     head = bytes([0x81])
@@ -205,7 +205,7 @@ def text_message(text):
     return head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data))
 
 
-# ---- what was recorded ----
+# ---- recordings ----
 
 
 def read_log(file):
@@ -234,7 +234,7 @@ def estimates(file, channel):
 
 
 def last_health(file):
-    """The counts of the last SPRAG_HEALTH, and what was refused."""
+    """The counts of the last SPRAG_HEALTH, and the refused messages."""
     message = [message for name, message in read_log(file) if name == "SPRAG_HEALTH"][-1]
     names = ("sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
              "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
@@ -290,7 +290,7 @@ class Page:
         return self.driver.execute_script(f"return ({expression});", *arguments)
 
     def wait(self, what, expression, *arguments):
-        """The first true value of a JavaScript expression; what it reads may not be there yet."""
+        """The first true value of a JavaScript expression, whose objects may not exist yet."""
         from selenium.common.exceptions import JavascriptException
 
         def value():
@@ -314,7 +314,7 @@ class Page:
         Select(self.driver.find_element("id", name)).select_by_value(value)
 
     def complaints(self):
-        """What the browser's console has said, but for chatter."""
+        """Messages of the browser's console, except routine ones."""
         self.said += self.driver.get_log("browser")
         return [entry["message"] for entry in self.said if entry["level"] in ("SEVERE", "WARNING")]
 
@@ -335,7 +335,7 @@ class BrowserCase(LiveCase):
 
 
 def main():
-    """Runs the named tests; exit code 77 with the reason, as GoogleTest says it, if they were skipped."""
+    """Runs the named tests; exit code 77, with the reason in GoogleTest's format, if they were skipped."""
     result = unittest.main(exit=False, verbosity=2).result
     if result.wasSuccessful() and result.skipped:
         print(f"{sys.argv[0]}:1: Skipped\n{result.skipped[0][1]}")

@@ -5,15 +5,15 @@ usage: documented_commands.py SOURCE PAGE BUILD    runs the blocks ```sh of PAGE
 
 The blocks of a page run one after the other in one folder, a copy of the tracked files of SOURCE in which
 build/ is the folder BUILD, each in a network of its own with a multicast route. A comment on the line before a
-block says what is special about it:
+block specifies exceptions:
 
 <!-- not run: REASON -->           it is left out
 <!-- run: exits with N -->         its exit code is N, not 0
-<!-- run: in parallel for N s -->  its commands run at once; SIGINT ends them after N s, all exit with 0
+<!-- run: in parallel for N s -->  its commands run in parallel; SIGINT ends them after N s, all exit with 0
 <!-- run: without a network -->    the network has neither a loopback interface nor a route
 
-A block ```text after a block is what that prints: its lines occur in the output in their order, whatever their
-numbers are; a line ... stands for any lines. Exit code 77: this host permits no network namespaces.
+A block ```text after a block is its expected output: its lines occur in the output in the same order, apart from
+numbers; a line ... stands for any lines. Exit code 77: this host permits no network namespaces.
 """
 
 import os
@@ -44,7 +44,7 @@ class Block:
     line: int  # of its first line, from 1
     language: str
     lines: list[str] = field(default_factory=list)
-    skip: str = ""  # why it is not run
+    skip: str = ""  # reason for not running it
     exit_code: int = 0
     parallel: float = 0.0  # [s]; 0: one command after the other
     network: bool = True
@@ -99,13 +99,13 @@ def parse(text: str, page: str) -> list[Block]:
 
 
 def commands(block: Block) -> list[str]:
-    """The commands of a block, one for each line, without comments alone."""
+    """The commands of a block, one per line, without lines that are comments."""
     joined = re.sub(r"\\\n\s*", "", block.text).split("\n")
     return [line for line in joined if line.strip() and not line.lstrip().startswith("#")]
 
 
 def expect_output(expected: Block, printed: str) -> None:
-    """Fails unless the lines of `expected` are in what was printed, in their order, numbers apart."""
+    """Fails unless the lines of `expected` occur in the output in the same order, apart from numbers."""
 
     def shape(line: str) -> str:
         return " ".join(NUMBER.sub("#", line).split())
@@ -114,7 +114,7 @@ def expect_output(expected: Block, printed: str) -> None:
     for offset, line in enumerate(expected.lines):
         if line.strip() in ("", "...", "…"):
             continue
-        if shape(line) not in rest:  # leaves the iterator after the line that it finds
+        if shape(line) not in rest:  # leaves the iterator after the found line
             raise Failure(f"{expected.page}:{expected.line + offset}: the block before does not print, or "
                           f"not here: {line}\nIt prints:\n{printed}")
 
@@ -144,12 +144,12 @@ def end(process: subprocess.Popen) -> None:
 
 
 def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
-    """Runs a block in `folder` and returns what it prints to stdout and stderr."""
+    """Runs a block in `folder` and returns its output on stdout and stderr."""
     environment = dict(os.environ, HOME=str(folder / "home"), LC_ALL="C.UTF-8")
     (folder / "home").mkdir(exist_ok=True)
     script = block.text
     if block.parallel > 0.0:
-        # Python starts the commands: those that a shell starts in the background ignore SIGINT.
+        # Python starts the commands, because a shell's background commands ignore SIGINT.
         script = f"exec {sys.executable} {Path(__file__).resolve()} --parallel {block.parallel} \"$@\""
     command = isolated(block, script)
     if block.parallel > 0.0:
@@ -174,7 +174,7 @@ def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
 
 
 def run_parallel(duration: float, texts: list[str]) -> int:
-    """Runs the commands at once, ends them by SIGINT after `duration` [s]; 0 if all exit with 0."""
+    """Runs the commands in parallel, ends them by SIGINT after `duration` [s]; 0 if all exit with 0."""
     processes = [subprocess.Popen([*SHELL, f"exec {text}"]) for text in texts]
     deadline = time.monotonic() + duration
     while time.monotonic() < deadline and any(process.poll() is None for process in processes):
@@ -193,7 +193,7 @@ def copy_checkout(source: Path, build: Path, folder: Path) -> None:
     listed = subprocess.run(["git", "-C", source, "ls-files", "-z"], capture_output=True, text=True)
     if listed.returncode == 0:
         names = [name for name in listed.stdout.split("\0") if name]
-    else:  # an archive of the sources
+    else:  # a source archive
         found = [path.relative_to(source) for path in source.rglob("*") if path.is_file()]
         names = [str(name) for name in found if not re.fullmatch(r"build.*|out|\.git", name.parts[0])]
     for name in names:
@@ -235,7 +235,7 @@ def pages_of(source: Path) -> list[str]:
 
 
 def check(page: str, text: str) -> list[Block]:
-    """The blocks of a page; fails where a command is written so that no test runs it."""
+    """The blocks of a page; fails if a command is not in a block that tests run."""
     for number, line in enumerate(text.split("\n"), start=1):
         if OLD_NAME.search(line):
             raise Failure(f"{page}:{number}: write build/sprag PROGRAM: {line.strip()}")

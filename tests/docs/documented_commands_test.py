@@ -1,4 +1,4 @@
-"""The test of documented commands fails where it must: wrong markers, commands that fail, hang or print else."""
+"""The test of documented commands detects wrong markers, and commands that fail, hang or print another output."""
 
 import tempfile
 import time

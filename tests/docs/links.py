@@ -20,7 +20,7 @@ QUESTION = re.compile(r".+\? #(\S+)")
 
 
 def without_code(text: str) -> str:
-    """The text without blocks of code, comments and code in lines; the lines keep their numbers."""
+    """The text without code blocks, comments and inline code; line numbers are preserved."""
 
     def blank(found: re.Match) -> str:
         return "\n" * found[0].count("\n")
@@ -31,7 +31,7 @@ def without_code(text: str) -> str:
 
 
 def anchors(text: str) -> set[str]:
-    """Those that GitHub makes of the headings."""
+    """The anchors that GitHub makes of the headings."""
     found: set[str] = set()
     text = re.sub(r"^( *)```.*?^ *```$", "", text, flags=re.M | re.S)
     for heading in re.findall(r"^#+ +(.*?) *$", text, flags=re.M):

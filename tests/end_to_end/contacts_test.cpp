@@ -1,4 +1,4 @@
-// A live observer of machines with contacts that depend on each other, and with very many.
+// A live observer of machines with dependent contacts, and with many contacts.
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ class ContactsTest : public EndToEnd, public testing::WithParamInterface<const c
  protected:
   Arguments estimator() const { return {"--estimator", GetParam()}; }
 
-  /// Plays `events` to a live observer, which must do as its replay of the same events does.
+  /// Sends `events` to a live observer, whose result must equal its replay of the same events.
   nlohmann::json observe(const std::string& machine, int contacts,
                          const std::vector<ContactEvent>& events, double end, std::string& err) {
     EventsWriter writer(file("events.csv"));
@@ -60,7 +60,7 @@ TEST_P(ContactsTest, ThatHoldEachOtherAreAnOrdinaryCase) {
       << err;
 }
 
-// Locked together they leave a mode that the force drives at its own frequency, undamped.
+// With both contacts locked, an undamped mode remains, and the force acts at its frequency.
 TEST_P(ContactsTest, ThatLeaveAResonanceAreHeld) {
   std::ofstream(file("resonant.toml")) << R"([system]
 M = [[1.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]
@@ -93,8 +93,8 @@ uncertainty = 1.0
   EXPECT_EQ(err.find("cannot be held together"), std::string::npos) << err;
 }
 
-// Locked together they leave a pair of modes with one shape, which have no exact flow. One of them
-// is not held, which is told.
+// With both contacts locked, a pair of modes with one shape remains, which has no exact flow. The
+// observer leaves one of them open and reports it.
 TEST_P(ContactsTest, ThatCannotBeHeldTogetherAreTold) {
   std::ofstream(file("defective.toml")) << R"([system]
 M = [[1.0,0.0,0.0,0.0],[0.0,1.0,0.0,0.0],[0.0,0.0,1.0,0.0],[0.0,0.0,0.0,1.0]]
@@ -128,7 +128,7 @@ uncertainty = 1.0
   }
 }
 
-/// A beam with so many modes and contacts.
+/// A beam with `contacts` contacts.
 std::string beam_with(int contacts) {
   std::ostringstream text;
   text << "[beam]\nmodes = " << contacts
@@ -142,7 +142,7 @@ std::string beam_with(int contacts) {
   return text.str();
 }
 
-/// CPU time [s] and largest resident memory [MB] of a process until now.
+/// CPU time [s] and largest resident memory [MB] of a process so far.
 std::pair<double, double> spent(const Process& process) {
   const std::string proc = "/proc/" + std::to_string(process.id()) + "/";
   std::istringstream stat(read_text(proc + "stat"));
@@ -165,7 +165,8 @@ TEST_P(ContactsTest, SixtyOfABeamWithSixtyModesCostLittleAtTheStart) {
   EXPECT_LE(spent(observer).second, 64.0);
 }
 
-// Sets of locked contacts that nobody has foreseen: built beside the loop, with the same result.
+// Sets of locked contacts without a prepared flow: the flow builder builds them beside the loop,
+// with the same result.
 TEST_P(ContactsTest, ManyInAnyCombinationDoAsTheReplay) {
   constexpr int contacts = sanitized ? 16 : 60;
   std::ofstream(file("many.toml")) << beam_with(contacts);

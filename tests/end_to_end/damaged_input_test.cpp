@@ -1,4 +1,4 @@
-// Damaged and contradictory recordings: what is readable counts, and it is said what is not.
+// Damaged and contradictory recordings: the readable part is used, and the damage is reported.
 #include <algorithm>
 #include <cstring>
 
@@ -47,7 +47,7 @@ class DamagedInputTest : public EndToEnd {
     return offsets;
   }
 
-  /// `damaged` is whole.lcmlog with damage from `begin` to before `end` that costs few messages.
+  /// `damaged` is whole.lcmlog with damage from `begin` to before `end` that affects few messages.
   void expect_left_out(std::size_t begin, std::size_t end, const std::string& damaged) {
     ASSERT_EQ(replay_file(file("whole.lcmlog")).code, 0);
     const std::string all = text("states.csv");
@@ -61,11 +61,11 @@ class DamagedInputTest : public EndToEnd {
     ASSERT_EQ(damage.size(), 1U);
     EXPECT_EQ(damage[0].value("from", std::size_t{0}), begin);
     EXPECT_EQ(damage[0].value("to", std::size_t{0}), end);
-    // Each message repeats what those before it have said.
+    // Each message repeats the records of those before it.
     EXPECT_TRUE(text("states.csv") == all);
   }
 
-  /// `damaged` is whole.lcmlog up to a cut in the record that begins at `offset`.
+  /// `damaged` is whole.lcmlog, cut in the record that begins at `offset`.
   void expect_used_up_to(std::size_t offset, const std::string& damaged) {
     const std::string whole = file("whole.lcmlog");
     ASSERT_EQ(replay_file(whole).code, 0);
@@ -79,7 +79,7 @@ class DamagedInputTest : public EndToEnd {
     EXPECT_GT(used.size(), all.size() / 4);
     EXPECT_LT(used.size(), all.size());
     EXPECT_TRUE(all.starts_with(used));
-    // Exactly what the records before give.
+    // The result equals that of the records before the cut.
     write_text(file("before.lcmlog"), damaged.substr(0, offset));
     EXPECT_EQ(replay_file(file("before.lcmlog")).code, 0);
     EXPECT_TRUE(text("states.csv") == used);
@@ -252,7 +252,7 @@ TEST_F(DamagedInputTest, ContradictoryEventsAreSkippedReportedAndCounted) {
   const std::vector<StateLine> actual = read_states_file(file("states.csv"));
   ASSERT_EQ(actual.size(), expected.size());
   for (std::size_t k = 0; k < actual.size(); ++k) ASSERT_EQ(actual[k].values, expected[k].values);
-  // What was skipped may have happened: nothing is guaranteed any longer.
+  // A skipped event may have occurred: the guarantee ends.
   EXPECT_TRUE(json("report.json")["confidence"]["bound"]["final"].is_null());
   ASSERT_EQ(json("report.json")["degraded"].size(), 1U);
   EXPECT_EQ(json("report.json")["degraded"][0]["from"], 0.0);

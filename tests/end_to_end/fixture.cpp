@@ -16,8 +16,8 @@ namespace sprag::test {
 
 namespace {
 
-// For what hangs, not for what is slow: some of these tests take five seconds of a machine that has
-// nothing else to do, and ten of them run at once.
+// Limits for a hang, not for slowness: some of these tests take five seconds on an idle machine,
+// and ten of them run in parallel.
 constexpr auto patience = sanitized ? 300s : 90s;
 constexpr unsigned alarm_seconds = sanitized ? 450 : 150;
 
@@ -81,7 +81,7 @@ std::size_t count_rows(const std::filesystem::path& file) {
 
 void EndToEnd::SetUp() {
   deadline_ = std::chrono::steady_clock::now() + patience;
-  ::alarm(alarm_seconds);  // the last resort; the programs die with this process
+  ::alarm(alarm_seconds);  // last resort: the programs end with this process
 }
 
 void EndToEnd::TearDown() {
@@ -105,8 +105,8 @@ Process& EndToEnd::start_command(const Arguments& command) {
   return *processes_.emplace_back(std::make_unique<Process>(command, directory_ / "", label));
 }
 
-// While the logger waits for a disk it writes nothing, and when it ends it leaves what waits: it is
-// to go to the disk at its end only.
+// While the logger waits for a disk it writes nothing, and at its end it drops its queue. So it
+// flushes to the disk only at its end.
 Process& EndToEnd::start_recorder(const std::string& log, const std::string& channels) {
   Process& recorder = start_command(
       {LCM_LOGGER, "--lcm-url=" + url_, "-q", "--flush-interval=1000000", "-c", channels, log});
@@ -116,7 +116,7 @@ Process& EndToEnd::start_recorder(const std::string& log, const std::string& cha
 }
 
 void EndToEnd::end_recorder(Process& recorder) {
-  std::this_thread::sleep_for(1s);  // what is still on its way on a busy machine
+  std::this_thread::sleep_for(1s);  // messages may still be under way on a busy machine
   recorder.signal(SIGINT);
   end_of(recorder);
 }

@@ -1,4 +1,4 @@
-// What the end-to-end tests share: a directory and a port of a test's own, the programs, and
+// Common parts of the end-to-end tests: a directory and a port of the test's own, the programs, and
 // the files that they write.
 #pragma once
 
@@ -24,10 +24,10 @@ using Arguments = std::vector<std::string>;
 
 Arguments operator+(Arguments left, const Arguments& right);
 
-/// Path of a scene that ships.
+/// Path of a shipped scene.
 std::string scene(const std::string& name);
 
-/// What a program that has ended left behind.
+/// Exit code and output of a program that has ended.
 struct Ended {
   int code = -1;
   std::string out, err;
@@ -61,7 +61,7 @@ class EndToEnd : public testing::Test {
   /// Starts any other program.
   Process& start_command(const Arguments& command);
 
-  /// The same, and waits for the end; fails the test if it does not come.
+  /// The same, and waits for the end; fails the test if the program does not end in time.
   Ended run(const std::string& program, const Arguments& arguments);
 
   /// Waits for a process that runs; fails the test if it does not end in time.
@@ -73,14 +73,14 @@ class EndToEnd : public testing::Test {
   /// Starts a master and returns once it is about to run.
   Process& start_master(const Arguments& arguments);
 
-  /// LCM's logger, which listens. What it has heard is in the file after end_recorder().
+  /// LCM's logger, after it has started to listen. After end_recorder() its file is complete.
   Process& start_recorder(const std::string& log, const std::string& channels = ".*");
   void end_recorder(Process& recorder);
 
   /// Waits until the master's progress on stderr has reached simulated time `t`.
   void wait_for_time(Process& master, double t);
 
-  /// As eventually(), within the time that the test has left.
+  /// As eventually(), within the remaining time of the test.
   template <class Condition>
   [[nodiscard]] bool in_time(const Condition& condition) {
     return eventually(condition, left());
@@ -92,7 +92,7 @@ class EndToEnd : public testing::Test {
   const std::string& url() const { return url_; }
   void set_url(const std::string& url) { url_ = url; }
 
-  /// The master's events and states without a network; returns the events file.
+  /// Events and states of the master without a network; returns the events file.
   std::string simulate(const std::string& scene_file, const std::string& duration,
                        const std::string& tick);
   /// The observer's settled ticks from a recording; returns the states file.

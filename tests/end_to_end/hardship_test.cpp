@@ -1,4 +1,4 @@
-// Processes that are stopped or killed, and a disk that is full.
+// Processes that are stopped or killed, and a full disk.
 #include <csignal>
 #include <cstdlib>
 #include <thread>
@@ -77,11 +77,12 @@ TEST_F(HardshipTest, AKilledLoggerHarmsNobody) {
   EXPECT_EQ(end_of(*master_).code, 0);
   EXPECT_EQ(end_of(*observer_).code, 0);
   expect_live_as_offline();
-  // What it had written is whole lines; its last second may be missing.
+  // The written lines are complete; the last second may be missing.
   EXPECT_GT(read_sync(file("sync.csv")).size(), 100U);
 }
 
-/// The command with `small` as a file system of 256 KiB, whose files are in `kept` afterwards.
+/// The command, with `small` as a file system of 256 KiB whose files are copied to `kept`
+/// afterwards.
 Arguments on_a_small_disk(const std::string& small, const std::string& kept,
                           const Arguments& command) {
   std::string line = "mkdir -p " + small + " " + kept + " && mount -t tmpfs -o size=256k tmpfs " +

@@ -1,4 +1,4 @@
-// SPRAG_HEALTH of a live observer, against the report of the same run.
+// SPRAG_HEALTH of a live observer against the report of the same run.
 #include <algorithm>
 #include <atomic>
 #include <csignal>
@@ -19,7 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 using enum Health::Master;
 
-/// Hears SPRAG_HEALTH in a thread of its own.
+/// Receives SPRAG_HEALTH in its own thread.
 class HealthListener {
  public:
   HealthListener(const std::string& url, std::optional<Key> key) : bus_(url, std::move(key)) {
@@ -36,7 +36,7 @@ class HealthListener {
   HealthListener(const HealthListener&) = delete;
   HealthListener& operator=(const HealthListener&) = delete;
 
-  /// All so far, each once: the last word is repeated.
+  /// All messages so far, each once: the last one is repeated.
   std::vector<Health> heard() const {
     const std::lock_guard lock(mutex_);
     std::vector<Health> all;
@@ -100,7 +100,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
   EXPECT_GE(before.period, 1.0);
   EXPECT_TRUE(before.refused.empty());
 
-  // Who has no key, another one, or another machine.
+  // Senders without a key, with another key, and with another machine.
   ContactMessage message;
   message.contacts = 3;
   EncodedContacts three;
@@ -157,7 +157,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
   EXPECT_EQ(last.unsent, messages["unsent"]);
   EXPECT_EQ(last.sessions, 1);
 
-  // What is said of single seconds adds up.
+  // The figures of single seconds add up to the total.
   double simulated = 0.0, longest_latency = 0.0, greatest_lateness = 0.0;
   std::int64_t latencies = 0;
   bool paced = false;
@@ -206,7 +206,7 @@ TEST_F(HealthTest, SaysWhetherTheMasterIsHeard) {
   const Health alone = listener.latest();
   EXPECT_EQ(alone.session, first);
   EXPECT_EQ(alone.estimate, Health::Estimate::replica);
-  // Nothing is late that nobody sends, and the estimate goes on.
+  // Without a master no message is late, and the estimate continues.
   EXPECT_TRUE(in_time([&] { return listener.latest().tick > alone.tick + 32; }));
   Process& next = start_master({scene("paper_beam"), "--duration", "6", "--speed", "3"});
   EXPECT_TRUE(comes_to(heard));

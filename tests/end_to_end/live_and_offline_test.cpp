@@ -1,4 +1,4 @@
-// A live run gives what the same events give offline.
+// A live run gives the same result as an offline run with the same events.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -19,7 +19,7 @@ namespace {
 class LiveAndOfflineTest : public EndToEnd {
  protected:
   /// Runs the three programs to `duration`; files live.csv, events.csv, sync.csv, run.lcmlog.
-  /// The observer may be told another scene than the master's.
+  /// The observer may have another scene than the master.
   void run_live(const std::string& scene_file, const std::string& duration, const std::string& tick,
                 const Arguments& of_observer, const Arguments& of_master = {},
                 const std::string& told = {}) {
@@ -36,7 +36,7 @@ class LiveAndOfflineTest : public EndToEnd {
         of_master);
     EXPECT_EQ(end_of(master).code, 0);
     EXPECT_EQ(end_of(observer).code, 0);
-    // Without truth the logger cannot know that the run is over.
+    // Without truth the logger cannot detect the end of the run.
     if (std::ranges::find(of_master, "--no-truth") != of_master.end()) logger.signal(SIGTERM);
     EXPECT_EQ(end_of(logger).code, 0);
   }
@@ -102,7 +102,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheTimingFilterEqualTheReplayBitForBit)
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "timing"});
 }
 
-// Unless told otherwise an observer runs both, and says all that they know.
+// By default an observer runs both estimators, and publishes all their quantities.
 TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBit) {
   expect_settled_ticks_as_in_replays("paper_beam", {});
   const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
@@ -112,7 +112,8 @@ TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBi
             "from_filter,inconsistencies,penetrating");
 }
 
-// The result of an identification counts from the same tick on, however long it takes.
+// The result of an identification takes effect at the same tick, however long the computation
+// takes.
 TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitForBit) {
   std::string wrong = read_text(scene("paper_beam"));
   for (const auto& [is, told] :
@@ -135,7 +136,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitFor
   EXPECT_EQ(adaptation.at("accepted").size(), 1U);
   EXPECT_NEAR(adaptation.at("parameters").at("impact.restitution").at("value").get<double>(), 0.7,
               1e-9);
-  // Where the parameters are right, so is the state.
+  // With correct parameters the state is correct, too.
   simulate(scene("paper_beam"), "40", "0.015625");
   EXPECT_EQ(run("sync_logger", {scene("paper_beam"), "--truth", file("truth.csv"), "--estimate",
                                 file("live.csv"), "--csv", file("offline.csv")})
@@ -148,7 +149,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfBothEqualTheReplayBitForBitThroughChatt
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {});
 }
 
-// The table of impacts too, and every row is on the bus.
+// The same for the table of impacts; every row is also on the bus.
 TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
   std::string wrong = read_text(scene("paper_beam"));
   const std::string damping = "damping = 0.17";
@@ -194,7 +195,7 @@ std::map<std::string, std::vector<double>> columns_of(const std::string& csv) {
   return columns;
 }
 
-// Quantities that the scene names say on the bus what they say in the file.
+// The named outputs of a scene are the same on the bus and in the file.
 TEST_F(LiveAndOfflineTest, SettledOutputsOnTheBusEqualTheStatesFile) {
   const std::string outputs = R"(
 [[output]]
@@ -248,7 +249,7 @@ quantity = "velocity"
   }
 }
 
-// Live the observer may predict once for all events that have settled.
+// A live observer may predict once for several settled events.
 TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
   const std::string ball = scene("bouncing_ball");
   const Arguments how{"--predict", "2", "--predictions"};
@@ -269,7 +270,7 @@ TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
       if (std::sscanf(row.c_str(), "%lf,%*f,%lf,1,%*[a-z],%lf", &made_at, &t, &sigma) != 3)
         continue;
       EXPECT_LT(made_at, t);
-      if (t + 4.0 * sigma > 3.5) continue;  // it may be behind the last event
+      if (t + 4.0 * sigma > 3.5) continue;  // it may be after the last event
       if (sigma < 1e-6) ++foreseen;
       EXPECT_TRUE(std::any_of(events.begin(), events.end(), [&](const ContactEvent& event) {
         return std::abs(event.t - t) < 4.0 * sigma + 1e-9;
@@ -282,7 +283,7 @@ TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
   EXPECT_NE(text("run.lcmlog").find("SPRAG_PREDICTION"), std::string::npos);
 }
 
-// What is known behind is known before as well.
+// Smoothing makes the estimate accurate from the first tick on.
 TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
   const std::string told = read_text(scene("paper_beam")) + "\n[events]\njitter = 1e-6\n";
   write_text(file("told.toml"), told);
@@ -300,7 +301,7 @@ TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
   EXPECT_GT(energy_at_the_start({}), 0.1);
   EXPECT_LT(energy_at_the_start({"--smooth"}), 1e-6);
   EXPECT_EQ(json("report.json").at("smoothed_ticks"), 201);
-  // A recording that lacks its beginning is not smoothed.
+  // A recording without its beginning is not smoothed.
   write_text(file("late.csv"), "t,contact,closed\n0.5,1,0\n");
   EXPECT_EQ(run("observer", {file("told.toml"), "--replay", file("late.csv"), "--smooth",
                              "--states", file("late_states.csv")})
@@ -309,7 +310,7 @@ TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
 }
 
 TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
-  // 0.1 and the others are a little more than they read, as doubles.
+  // As doubles 0.1 and the others are slightly larger than the decimal numbers.
   for (const auto& [tick, rows] :
        std::map<std::string, std::size_t>{{"0.1", 401}, {"0.02", 2001}, {"0.001", 40001}}) {
     simulate(scene("paper_beam"), "40", tick);

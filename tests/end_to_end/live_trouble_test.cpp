@@ -1,5 +1,5 @@
-// A live observer and a machine that does odd things: nothing ends, deafens or misleads it without
-// a word.
+// A live observer of an abnormal machine: it neither ends, nor stops listening, nor gives wrong
+// estimates without a message.
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -29,7 +29,7 @@ class LiveTroubleTest : public EndToEnd {
     return in_time([&] { return observer.err().find(words) != std::string::npos; });
   }
 
-  /// A recorder beside the observer; the live run must equal the replay of what it has heard.
+  /// A recorder beside the observer; the live run must equal the replay of the recording.
   void start_recorder() {
     recorder_ = &EndToEnd::start_recorder(file("run.lcmlog"), "SPRAG_CONTACTS");
   }
@@ -41,7 +41,7 @@ class LiveTroubleTest : public EndToEnd {
     EXPECT_TRUE(live == offline) << "live differs from the replay: " << difference(live, offline);
   }
 
-  /// The first line that two texts do not share.
+  /// The first line in which two texts differ.
   static std::string difference(const std::string& one, const std::string& other) {
     const auto [a, b] = std::ranges::mismatch(one, other);
     const auto line = [](const std::string& text, auto at) {
@@ -53,7 +53,7 @@ class LiveTroubleTest : public EndToEnd {
            " | " + line(other, b);
   }
 
-  /// Lets the observer hear everything, then ends it.
+  /// Waits until the observer has received everything, then ends it.
   Ended finish(Process& observer) {
     std::this_thread::sleep_for(300ms);
     observer.signal(SIGTERM);
@@ -68,7 +68,7 @@ TEST_F(LiveTroubleTest, SkippedEventsAreToldAtOnceAndCountAsAGap) {
   Process& observer = start_observer(scene("paper_beam"));
   PlayedMaster master(url(), 1);
   master.play_until(1.0);
-  master.add(std::vector<ContactEvent>{{0.9, 0, pulse}});  // not after the horizon it declared
+  master.add(std::vector<ContactEvent>{{0.9, 0, pulse}});  // before the declared watermark
   master.play_until(1.3);
   EXPECT_TRUE(says(observer, "event of contact 1 at t = 0.9 skipped: not after")) << observer.err();
   master.add(std::vector<ContactEvent>{{1.4, 0, closes}, {1.5, 0, pulse}});
@@ -121,7 +121,7 @@ TEST_F(LiveTroubleTest, WhatIsRefusedIsSaid) {
   bytes.resize(bytes.size() + Key::tag_size);
   (void)bus.publish(contacts_channel, bytes);
   EXPECT_TRUE(says(observer, "a signed one needs --key"));
-  // Its number stays.
+  // Its message number does not change.
   master.play_for(0.2);
   const std::int64_t number = master.last().sequence;
   const auto until = std::chrono::steady_clock::now() + 1500ms;
@@ -195,7 +195,7 @@ TEST_P(ClockStepTest, IsFollowedWithinASecondAndSaid) {
   const Ended ended = finish(observer);
   EXPECT_EQ(ended.code, 0);
   EXPECT_EQ(json("o.json")["messages"]["resumed"], 1);
-  EXPECT_LT(json("o.json")["unsettled_ticks"], 500);  // now has followed, too
+  EXPECT_LT(json("o.json")["unsettled_ticks"], 500);  // the present tick has followed, too
   EXPECT_EQ(json("o.json")["sessions"], 1);
   const std::string live = text("live.csv");
   const std::string last = live.substr(live.rfind('\n', live.size() - 2) + 1);
@@ -209,7 +209,7 @@ INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, -3.0
                                   std::to_string(std::abs(static_cast<int>(step.param)));
                          });
 
-// What comes after an odd message is heard as if it had not been.
+// The messages after an invalid one are received as if there had been none.
 TEST_F(LiveTroubleTest, OddMessagesDoNotTakeTheObserverWithThem) {
   const std::string events = simulate(scene("paper_beam"), "8", "0.1");
   const std::vector<ContactEvent> of_beam = read_events(events, 1).events;
@@ -255,7 +255,7 @@ TEST_F(LiveTroubleTest, TheEndOfARunIsNeitherSilenceNorMissedDeadlines) {
   EXPECT_LT(report["ticks_with_deadline"], 220);
 }
 
-/// Estimates that come over the bus.
+/// Estimates received over the bus.
 class AtOnceTest : public LiveTroubleTest {
  protected:
   void SetUp() override {

@@ -1,4 +1,4 @@
-// Prints a scene's contact events, `t contact kind` a line: built twice, with and without
+// Prints a scene's contact events, one line `t contact kind` each. Built twice, with and without
 // optimization.
 #include <cstdio>
 #include <cstdlib>

@@ -1,5 +1,5 @@
-// Master and observer with a bad network between them: a relay that loses, doubles, delays and
-// reorders by a seeded plan, and two hosts with a firewall that drops.
+// Master and observer with a bad network between them: a relay that loses, duplicates, delays and
+// reorders packets by a seeded plan, and two hosts with a firewall that drops packets.
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ void PrintTo(const Network& network, std::ostream* out) { *out << network.name; 
 /// truth.csv, o.json.
 class RelayedTest : public EndToEnd {
  protected:
-  /// Runs to the end and returns what the observer left behind.
+  /// Runs to the end and returns the observer's exit code and output.
   Ended run_through(const Arguments& plan, const Arguments& common, const Arguments& of_observer,
                     const Arguments& of_master) {
     const std::uint16_t near = free_port();
@@ -134,7 +134,7 @@ INSTANTIATE_TEST_SUITE_P(Estimators, TimingTest, testing::Values("timing", "both
 
 class BlackoutTest : public RelayedTest {};
 
-// Longer than what a message repeats: more than 120 records are lost for good.
+// An outage longer than the repeated records of a message: more than 120 records are lost.
 TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   const std::string machine = scene("paper_beam_chatter");
   const Ended ended =
@@ -145,7 +145,7 @@ TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   const nlohmann::json report = json("o.json");
   EXPECT_GT(report["lost_records"], 0);
   ASSERT_EQ(report["degraded"].size(), 1U);
-  EXPECT_TRUE(report["confidence"]["bound"]["final"].is_null());  // not given after that
+  EXPECT_TRUE(report["confidence"]["bound"]["final"].is_null());  // unknown after the gap
   const double from = report["degraded"][0]["from"];
   const double to = report["degraded"][0]["to"];
   EXPECT_GT(to, from);
@@ -159,7 +159,7 @@ TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
   EXPECT_LT(rows.back().v, 1e-2 * rows[after].v);
 }
 
-/// A pair of hosts joined by a cable; they go when this does.
+/// Two hosts joined by a cable; the destructor removes them.
 class TwoHosts {
  public:
   TwoHosts() {
@@ -192,7 +192,7 @@ class TwoHosts {
   TwoHosts& operator=(const TwoHosts&) = delete;
 
   std::string a, b;
-  std::string refused;  // the command that did not work
+  std::string refused;  // the failed command
 };
 
 class HostsTest : public EndToEnd {};
@@ -222,7 +222,8 @@ TEST_F(HostsTest, TwoHostsWithAFirewallThatDropsTenPercent) {
       << "live differs from the replay";
 }
 
-// ttl=0 means this host; liblcm would hear a packet that another host sends to the port.
+// ttl=0 means this host only, but liblcm would receive a packet that another host sends to the
+// port.
 TEST_F(HostsTest, WithTtlZeroAnotherHostIsNotHeard) {
   if (::geteuid() != 0) GTEST_SKIP() << "needs root for network namespaces";
   const TwoHosts hosts;

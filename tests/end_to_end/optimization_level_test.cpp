@@ -1,4 +1,4 @@
-// The compiler's optimization may move a rounding, never an event.
+// The compiler's optimization may change rounding errors, but never an event.
 #include <cmath>
 #include <sstream>
 #include <string_view>

@@ -1,4 +1,4 @@
-// No output of any program destroys one of its inputs, or another output.
+// No program's output overwrites one of its inputs or another output.
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -21,7 +21,7 @@ class OverwriteTest : public EndToEnd {
             read_text(rig_)};
   }
 
-  /// The two options name one file, by two names or by one.
+  /// Both options name the same file, by two names or by one.
   void expect_refused(const std::string& program, const Arguments& arguments,
                       const std::string& first, const std::string& second) {
     SCOPED_TRACE(program + ' ' + testing::PrintToString(arguments));
@@ -81,7 +81,7 @@ TEST_F(OverwriteTest, TheLoggerDestroysNothing) {
   const std::string out = file("out.csv");
   expect_refused("sync_logger", {beam_, "--csv", out, "--record", out}, "--csv", "--record");
   expect_refused("sync_logger", {beam_, "--record", key_, "--key", key_}, "--record", "--key");
-  // F_now.csv is written as well.
+  // The logger also writes F_now.csv.
   const std::string now = file("out_now.csv");
   expect_refused("sync_logger", {beam_, "--csv", out, "--now", "--record", now}, "--now",
                  "--record");
@@ -127,7 +127,7 @@ TEST_F(OverwriteTest, LinksHideNothing) {
   EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
 }
 
-// Matrices and vectors beside a scene are inputs as it is.
+// Matrix and vector files named in a scene are inputs, too.
 TEST_F(OverwriteTest, FilesThatASceneNamesAreInputs) {
   const std::string mass = "2,0\n0,1\n", start = "0.5\n0\n";
   std::filesystem::create_directory(file("rig"));
@@ -179,11 +179,11 @@ q = "q.csv"
   refused("identify", {log, rig, "--output", M}, "--output");
   refused("reduce", {log, rig, "--modes", "1", "--output", M}, "--output");
   refused("import_events", {rig_, rig, "--output", M}, "--output");
-  // Nothing else of the other outputs is opened.
+  // No other output file is opened before the refusal.
   refused("master_sim", simulated + Arguments{"--events", file("new.csv"), "--report", M},
           "--report");
   EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
-  // Whatever else is wrong with the scene, or the matrix.
+  // Also with another error in the scene or the matrix.
   write_text(rig, "nme = 1\n" + text);
   refused("check_scene", {rig, "--report", q}, "--report");
   write_text(rig, text);
@@ -191,7 +191,7 @@ q = "q.csv"
   expect_refused("check_scene", {rig, "--report", M}, "a file of SCENE", "--report");
   EXPECT_EQ(read_text(M), "2,0\n0,x\n");
   write_text(M, mass);
-  // A name is no file's.
+  // A scene's name is not the name of an output file.
   write_text(file("rig/rig.csv"), "");
   const Ended ended = run("master_sim", simulated + Arguments{"--states", file("rig/rig.csv")});
   EXPECT_EQ(ended.code, 0) << ended.err;

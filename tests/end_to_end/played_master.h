@@ -1,5 +1,5 @@
-// A machine that a test plays to a live observer: well-formed messages at a pace, from any time on,
-// and single ones that are spoilt.
+// A simulated machine for a live observer: well-formed messages at a pace, from any time on, and
+// single spoilt messages.
 #pragma once
 
 #include <chrono>
@@ -37,7 +37,7 @@ class PlayedMaster {
     return start_ + speed_ * std::chrono::duration<double>(Clock::now() - began_).count();
   }
 
-  /// Turns its clock by `step`.
+  /// Shifts its clock by `step`.
   void step_clock(double step) { start_ += step; }
 
   /// Events to come, times ascending.
@@ -56,7 +56,7 @@ class PlayedMaster {
   }
   void play_for(double duration) { play_until(now() + duration); }
 
-  /// One message, changed by spoil(report); what comes after is as if it had not been.
+  /// One message, changed by spoil(report); it does not affect later messages.
   template <typename Spoil>
   void send_spoilt(const Spoil& spoil) {
     ContactMessage report = last_;

@@ -1,4 +1,4 @@
-// Runs are recorded, replayed and played again, always with the same bits.
+// Runs are recorded, replayed and played back with the same bits.
 #include <sys/stat.h>
 
 #include <cmath>
@@ -54,13 +54,13 @@ TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
   }
 }
 
-// Without a file of states a replay looks at few ticks closely: only the share of ticks inside a
-// support, which all ticks make, is then not reported.
+// Without a states file a replay outputs few ticks. Only the share of ticks inside a support, which
+// needs all ticks, is then not reported.
 TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
   const std::string chatter = scene("paper_beam_chatter");
   simulate(chatter, "30", "0.1");
   for (const char* estimator : {"replica", "timing", "both"}) {
-    for (const char* duration : {"20", "40"}) {  // and behind the last event
+    for (const char* duration : {"20", "40"}) {  // and after the last event
       const auto reported = [&](const Arguments& more) {
         EXPECT_EQ(run("observer", Arguments{chatter, "--replay", file("events.csv"), "--tick",
                                             "0.001", "--duration", duration, "--estimator",
@@ -84,7 +84,7 @@ TEST_F(RecordingTest, EventsWrittenByAReplayAreThoseOfTheMaster) {
   EXPECT_EQ(text("used.csv"), read_text(events));
 }
 
-// An events file has no horizon: nobody says that nothing happened after its last event.
+// An events file has no watermark: the time after its last event may lack events.
 TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
   const std::string events = write_text(file("few.csv"), "t,contact,closed\n1.5,1,1\n1.5,1,0\n");
   const auto replayed = [&](const Arguments& more) {
@@ -98,8 +98,7 @@ TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
   EXPECT_FALSE(json("report.json").contains("runs_free_from"));
 }
 
-// Where no event comes any more nothing is known: sigma is infinite in the file, and who reads
-// states passes over it.
+// With missing events sigma is infinite in the file, and readers of states skip these rows.
 TEST_F(RecordingTest, AnInfiniteSigmaIsWrittenAndPassedOver) {
   simulate(beam_, "40", "0.1");
   const std::string all = text("events.csv");

@@ -1,4 +1,4 @@
-// Observers that join late, programs that die and come back.
+// Observers that join late, programs that end and restart.
 #include <algorithm>
 #include <csignal>
 
@@ -21,7 +21,7 @@ class RestartTest : public EndToEnd {
                                                               file("sync.json")});
   }
 
-  /// V of the rows from tick k on falls by the factor and more.
+  /// V of the rows from tick k on falls by at least the factor.
   void expect_convergence_from(std::int64_t k, double factor) {
     const std::vector<SyncLine> rows = read_sync(file("sync.csv"));
     const auto first = std::ranges::find_if(rows, [&](const SyncLine& row) { return row.k >= k; });

@@ -31,12 +31,12 @@ class SignalTest : public EndToEnd, public testing::WithParamInterface<int> {
     return ended;
   }
 
-  /// Waits until the program is at its long work.
+  /// Waits until the program is in its long computation.
   void expect_still_at_work(Process& process) {
     EXPECT_FALSE(eventually([&] { return !process.running(); }, sanitized ? 3s : 500ms));
   }
 
-  /// The paper's beam, whose excitation is so fast that its contact is searched for without end.
+  /// The paper's beam with an excitation so fast that the event search does not end.
   std::string endless_beam() {
     std::string text = read_text(scene("paper_beam"));
     const std::string frequency = "frequency = 9.5";
@@ -132,7 +132,7 @@ TEST_P(SignalTest, EndsAMasterInItsEventSearch) {
 }
 
 TEST_P(SignalTest, EndsAReplayInItsEventSearch) {
-  // A weight that rests, and is shaken too fast to say soon whether it ever lifts off.
+  // A resting weight, shaken so fast that the search for its release takes long.
   std::ofstream(file("weight.toml")) << R"(
 [system]
 M = [[1.0]]
@@ -170,7 +170,7 @@ TEST_P(SignalTest, EndsACheckOfAScene) {
   EXPECT_EQ(json("report.json").value("exit", -1), 1);
 }
 
-// Pulses at random.
+// Random pulses.
 std::string write_pulses(const std::string& file, int count) {
   std::mt19937_64 random(7);
   std::exponential_distribution<double> flight(1.0);

@@ -1,6 +1,6 @@
-// Strangers on the port: malformed packets, impossible messages, floods, a second master, and what
-// was recorded before. Nobody dies, every refusal is counted by its cause, the estimates are
-// unharmed.
+// Foreign senders on the port: malformed packets, impossible messages, floods, a second master, and
+// old recordings. No program ends, every refusal is counted by its cause, and the estimates do not
+// change.
 #include <atomic>
 #include <csignal>
 #include <fstream>
@@ -23,7 +23,7 @@ namespace {
 
 using namespace std::string_literals;
 
-/// Sends raw datagrams to a port, as anybody may.
+/// Sends raw datagrams to a port, as any host may.
 class Stranger {
  public:
   explicit Stranger(std::uint16_t port) : descriptor_(::socket(AF_INET, SOCK_DGRAM, 0)) {
@@ -140,7 +140,7 @@ TEST_F(StrangerTest, MalformedPacketsAndImpossibleMessagesAreCountedByCause) {
     contacts([](contacts_t& m) { m.contacts = 2; });
     contacts([](contacts_t& m) { m.speed = 0.0; });
     contacts([](contacts_t& m) { m.horizon = m.t[0] = 1e300; });
-    // Possible, but of another master than the one that is heard.
+    // Valid, but from another master than the followed one.
     contacts([](contacts_t& m) { m.speed = std::numeric_limits<double>::infinity(); });
     stranger_.send(truth_channel, bytes);
     stranger_.send(settled_channel, std::span(bytes).first(20));
@@ -185,7 +185,7 @@ TEST_F(StrangerTest, AHundredThousandRandomPacketsDoNoHarm) {
 
 TEST_F(StrangerTest, AFloodOfFiftyThousandPacketsASecondDoesNoHarm) {
   start_programs("90", "15");
-  // Who is heard first is followed first, whoever it is.
+  // The observer follows the first session that it receives.
   ASSERT_TRUE(
       in_time([&] { return observer_->err().find("observing from") != std::string::npos; }));
   const auto good = encoded(good_message(99));
@@ -228,7 +228,7 @@ class KeyTest : public StrangerTest {
 
 TEST_F(KeyTest, WithAKeyOnlyItsOwnersAreHeardAndNoRecordingOfThem) {
   const Arguments key{"--key", key_file("key", 'a')};
-  // A first run, recorded by the enemy.
+  // A first run, recorded by an attacker.
   Process& recorder = start_recorder(file("enemy.lcmlog"));
   Process& first = start_master(
       Arguments{scene("paper_beam"), "--duration", "20", "--tick", "0.015625", "--speed", "10"} +
@@ -266,7 +266,7 @@ TEST_F(KeyTest, TheLoggerRefusesARecordingOfItsOwnMaster) {
   EXPECT_EQ(end_of(recorder).code, 0);
   EXPECT_GT(read_sync(file("first.csv")).size(), 1000U);
 
-  // As it would be if it had been made a minute ago.
+  // The recording with time stamps of a minute ago.
   const Key secret{std::filesystem::path(file("key"))};
   ChannelLogReader reader(file("run.lcmlog"));
   ChannelLogWriter writer(file("old.lcmlog"));

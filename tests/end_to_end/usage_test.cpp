@@ -1,4 +1,4 @@
-// Bad usage, bad input and hosts that do not play along: exit codes and messages.
+// Invalid usage, invalid input and unsuitable hosts: exit codes and messages.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -103,7 +103,7 @@ TEST_F(UsageTest, TheMoreauStepperIsTheReplicas) {
             read_text(replay(beam_, events, more + replica + Arguments{"--stepper", "exact"})));
 }
 
-// With a standard file closed at its start a program does not write its messages into the first
+// With a standard stream closed at its start a program does not write its messages into the first
 // file that it opens.
 TEST_F(UsageTest, MessagesDoNotGoIntoOutputsWhereStandardFilesAreClosed) {
   const std::string events = simulate(beam_, "5", "0.1");
@@ -288,7 +288,7 @@ TEST_F(UsageTest, StandardOutputThatIsFullIsAFailure) {
   }
 }
 
-// Whatever a scene, its file, a column or an option is called.
+// With any name of a scene, its file, a column or an option.
 TEST_F(UsageTest, NoNameCarriesAnEscapeSequenceToATerminal) {
   const std::string events = simulate(beam_, "5", "0.1");
   const std::string escape = "\x1b]0;title\x07\x1b[31m\xc2\x9b\x7f\xff\xe2\x80\xae";

@@ -31,7 +31,7 @@ ContactMessage report_of(const Events& records, std::int64_t total, double horiz
   return report;
 }
 
-/// chi at the end of what a history holds, from `chi` before its first event.
+/// chi after the events of a history, from `chi` before its first event.
 ContactSet chi_of(const EventHistory& history, ContactSet chi = 0) {
   for (const ContactEvent& event : history.events()) chi = after(chi, event);
   return chi;
@@ -135,13 +135,13 @@ TEST(EventHistory, AfterAGapChiFollowsTheReport) {
         EXPECT_GT(event.t, 0.0);
         EXPECT_LE(event.t, 2.0);
       }
-      // and the next event finds it so
+      // and the next event agrees with chi
       EXPECT_TRUE(history.add(ContactEvent{3.0, 0, contains(closed, 0) ? opens : closes}));
     }
   }
 }
 
-// chi before the first carried record follows from `closed` and the records: none of them
+// chi before the first carried record follows from `closed` and the records. So none of the records
 // contradicts the master, whatever was lost.
 TEST(EventHistory, AfterAGapEveryCarriedRecordIsTaken) {
   EventHistory history = started();
@@ -191,7 +191,7 @@ TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
   }
 }
 
-// What is settled never changes, whoever says so.
+// Settled ticks never change, even if a master contradicts them.
 TEST(EventHistory, NothingIsMadeUpBeforeADeclaredHorizon) {
   EventHistory history = started();
   history.set_horizon(5.0);
@@ -276,15 +276,15 @@ TEST(EventHistory, WhatWasSkippedIsAGap) {
     EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
     return history;
   };
-  // Not after the horizon: settled ticks keep their word.
+  // Not after the watermark: settled ticks stay final.
   EventHistory late = complete_to(3.0, {{1.0, 0, closes}});
   late.add(ContactEvent{2.0, 1, pulse});
   EXPECT_EQ(late.complete_to(), 3.0);
-  // Backwards, before any horizon: from its own time.
+  // Backwards without a watermark: incomplete from its own time.
   EventHistory backwards = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
   backwards.add(ContactEvent{2.0, 1, pulse});
   EXPECT_EQ(backwards.complete_to(), 2.0);
-  // Contradicting: since the contact's last event.
+  // Contradicting: incomplete since the contact's last event.
   EventHistory again = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
   again.add(ContactEvent{5.0, 0, closes});
   EXPECT_EQ(again.complete_to(), 1.0);
@@ -301,8 +301,8 @@ TEST(EventHistory, WhatWasSkippedIsAGap) {
   EXPECT_EQ(beyond.complete_to(), infinity);
 }
 
-// The gap of an earlier session must not answer for a later one.
-// There is room for so many; more of them are part of the last.
+// The gap of an earlier session must not apply to a later session.
+// The number of gaps is limited; further gaps extend the last one.
 TEST(EventHistory, GapsBeyondAllCountsAreNotForgotten) {
   EventHistory history = started(1);
   constexpr int many = 5000;

@@ -14,7 +14,7 @@ namespace {
 
 using enum ContactEventKind;
 
-/// Reports of a master that looks at its clock now and then, `burst` events at a time on average.
+/// Reports of a master that polls its clock at intervals, with `burst` events per poll on average.
 std::vector<ContactMessage> send(const std::vector<ContactEvent>& events, int contacts, int burst,
                                  Random& random) {
   MessageBuilder builder(42, 1.0, contacts);
@@ -54,7 +54,7 @@ class ReportBuilderTest : public ::testing::TestWithParam<int> {
   }
 };
 
-// Records a look: fewer and more than one report can carry.
+// Records per poll: fewer and more than one report can carry.
 INSTANTIATE_TEST_SUITE_P(Bursts, ReportBuilderTest, ::testing::Values(1, 50, 200, 2000));
 
 TEST_P(ReportBuilderTest, EveryRecordIsNewOnceAndNumberedRight) {

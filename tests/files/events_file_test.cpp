@@ -66,7 +66,7 @@ TEST_F(EventsFileTest, RandomSequencesComeBackBitForBit) {
       if (random() % 3 != 0) t += std::generate_canonical<double, 53>(random);
       const int contact = static_cast<int>(random() % max_contacts);
       const auto kind = contains(chi, contact) ? opens : (random() % 2 != 0 ? pulse : closes);
-      // A contact that closes to stay and opens at the same instant is a pulse by definition.
+      // A contact that closes and opens at the same instant is a pulse by definition.
       if (kind == opens && !events.empty() && events.back().t == t) continue;
       events.push_back({t, contact, kind});
       chi = after(chi, events.back());
@@ -170,7 +170,7 @@ TEST_F(EventsFileTest, ASilenceOutOfProportionIsImplausible) {
   EXPECT_FALSE(read(at_once, 10).implausible);
   ASSERT_TRUE(read(epoch, 10).implausible);
   EXPECT_EQ(read(epoch, 10).implausible->problem.line, 2U);
-  // Of few rows hardly anything is known.
+  // A few rows are not enough evidence.
   EXPECT_FALSE(read("0,1,1\n1e9,1,0\n").implausible);
   EXPECT_FALSE(read("0.01,1,1\n50,1,0\n").implausible);
   EXPECT_TRUE(read("0.01,1,1\n1e3,1,0\n").implausible);

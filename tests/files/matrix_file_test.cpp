@@ -1,4 +1,4 @@
-// Matrices as numpy, scipy and MATLAB write them, and scenes that take them.
+// Matrices as written by numpy, scipy and MATLAB, and scenes that use them.
 #include "sprag/detail/files/matrix_file.h"
 
 #include <gtest/gtest.h>
@@ -59,7 +59,7 @@ TEST_F(MatrixFile, MatrixMarketOfAllKindsThatAreReal) {
   EXPECT_EQ(read("%%MatrixMarket matrix coordinate real general\n3 3 8\n1 1 1\n1 1 1\n2 1 -1\n"
                  "1 2 -1\n2 2 3.5\n3 2 .25\n2 3 .25\n3 3 1\n",
                  "k.mtx"),
-            A);  // 1 1 twice: added
+            A);  // the duplicate entry 1 1 is added
   EXPECT_EQ(read("%%MatrixMarket matrix array real symmetric\n% by mmwrite\n3 3\n2\n-1\n0\n3.5\n"
                  "0.25\n1\n",
                  "k.mtx"),
@@ -189,7 +189,7 @@ TEST_F(SceneOfFiles, NamesAreKeptValidInAnotherFolder) {
             with_files());
 }
 
-// A random structure on a shaken base, and the same with every force and motion written out.
+// A random structure on a shaken base, and the same with every force and motion written explicitly.
 TEST(ShakenFrame, IsTheMachineWithItsForcesWrittenOut) {
   Random random(20261123);
   std::size_t events = 0;

@@ -1,4 +1,4 @@
-// [parameters] of a scene: read, refused and written.
+// [parameters] of a scene: read, rejected and written.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -59,7 +59,7 @@ consider = true
   EXPECT_EQ(parameters.consider, (std::vector<bool>{true, false}));
 }
 
-// Headers, dotted keys, quoted keys and inline tables say the same.
+// Headers, dotted keys, quoted keys and inline tables are equivalent.
 TEST(ParametersTable, TakesAllFormsOfAKey) {
   for (const char* text : {"[parameters.contact.1.position]\nsigma = 0.5\n",
                            "[parameters]\ncontact = { 1 = { position = { sigma = 0.5 } } }\n",
@@ -172,7 +172,7 @@ TEST(ParametersTable, NamesOnlyParametersThatAFilterCanFollow) {
             std::string::npos);
 }
 
-// S S^T is the covariance, of singular correlations as well.
+// S S^T is the covariance, also for singular correlations.
 TEST(ParametersTable, RootOfCovariance) {
   for (const double correlation : {0.0, 0.4, -0.999999, -1.0, 1.0}) {
     ParameterUncertainty parameters;
@@ -210,7 +210,7 @@ consider = false
           .starts_with("[parameters]\n# why\nsystem.K = { sigma = 0.017, consider = true }\n"));
 }
 
-// Its keys are the beam's, and the scene that is written is a system.
+// Its keys are the beam's, but the written scene is a system.
 TEST(ParametersTable, IsNotWrittenOfABeam) {
   const std::string text = to_toml(parse(beam_with("beam.damping = { sigma = 0.1 }")));
   EXPECT_EQ(text.find("[parameters]"), std::string::npos);

@@ -55,7 +55,7 @@ TEST(SceneErrors, PlaceAndMessageCanBeRead) {
   }
 }
 
-// toml++ 3.3 has an assertion that this trips.
+// This input violates an assertion of toml++ 3.3.
 TEST(SceneErrors, SyntaxErrorsDoNotAbort) {
   EXPECT_EQ(error_of("[^]"),
             "x.toml:1:2: Error while parsing key: expected bare key starting character or "
@@ -377,7 +377,7 @@ TEST(SceneErrors, MatricesMustFitAndBeDefinite) {
                   "supported: between impacts the motion would grow without bound)"}});
 }
 
-// toml++ follows nested tables by recursion.
+// toml++ parses nested tables recursively.
 TEST(SceneErrors, NestingIsRefusedBeforeItTakesTheStack) {
   const auto repeated = [](const std::string& text, int count) {
     std::string all;
@@ -398,7 +398,8 @@ TEST(SceneErrors, NestingIsRefusedBeforeItTakesTheStack) {
   }
   EXPECT_EQ(error_of("x = " + repeated("[", 33)),
             "x.toml:1:37: brackets are nested more than 32 deep; must be at most 32");
-  // Strings and comments count for nothing; many numbers and tables neither.
+  // Brackets in strings and comments are not counted; neither is a large number of numbers and
+  // tables.
   const std::string harmless = "name = \"" + repeated("[a.", 500) + "\" # " + repeated("{.", 500) +
                                "\n" + std::string(beam_text);
   EXPECT_EQ(error_of(harmless), "no error");
@@ -441,7 +442,7 @@ TEST(SceneErrors, MasterMustNotStartInsideASupport) {
   EXPECT_TRUE(parse(inside + "penetration = \"release\"\n").release_penetration);
   EXPECT_EQ(error_of(inside + "penetration = \"refuse\"\n"), error_of(inside));
   EXPECT_EQ(error_of(replaced(inside, "q = [0.5]", "q = [0.25]")), "no error");
-  // Without [master] nobody says that it starts at 0.
+  // Without [master] the machine's start is unknown, and not 0.
   const Scene without =
       parse(replaced(replaced(inside, "[master]\nu = [1]\nq = [0.5]\n", ""), "0.25", "-0.25"));
   EXPECT_FALSE(without.has_master);

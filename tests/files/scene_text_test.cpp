@@ -80,7 +80,7 @@ TEST(SceneText, ManyAtOnce) {
 }
 
 TEST(SceneText, ATableGoesWithAllThatIsInIt) {
-  // What is marked goes.
+  // The marked lines are removed.
   constexpr const char* text = R"(name = "x"
 parameters.beam.damping = { sigma = 1 } # goes
  "parameters" . a = [ # goes

@@ -1,4 +1,4 @@
-// Two small scenes that are right, and what tests do to them to make them wrong.
+// Two small valid scenes, and changes that make them invalid.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// A scene that is written and read again is the same scene, bit for bit.
+// A scene that is written and parsed again is the same scene, bit for bit.
 #include "sprag/detail/files/scene_writer.h"
 
 #include <gtest/gtest.h>
@@ -33,7 +33,7 @@ void add(Bits& bits, const Harmonic& harmonic) {
   add(bits, harmonic.phase);
 }
 
-// All that a scene says of its machine, its starts and its events.
+// The whole content of a scene about its machine, its starts and its events.
 Bits bits_of(const Scene& scene) {
   Bits bits;
   const Model& model = scene.model;
@@ -138,7 +138,7 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
   }
 }
 
-// The replica of the scene that was read does the same, bit for bit.
+// The replica of the parsed scene gives the same states, bit for bit.
 TEST(SceneWriter, TheReplicaIsTheSame) {
   for (const char* name : {"paper_beam_chatter", "two_stops_beam", "non_proportional"}) {
     Scene scene = test::shipped_scene(name);

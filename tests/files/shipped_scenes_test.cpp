@@ -1,4 +1,4 @@
-// Scenes are found by their names, in the installation that a program belongs to and nowhere else.
+// Scenes are found by name in the program's own installation, and only there.
 #include "sprag/detail/files/shipped_scenes.h"
 
 #include <gtest/gtest.h>

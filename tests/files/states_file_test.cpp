@@ -77,7 +77,7 @@ TEST(StatesFileTest, MoreColumnsAreWrittenAndPassedOver) {
   EXPECT_EQ(row.q, q);
   EXPECT_FALSE(reader.next(row));
   EXPECT_FALSE(reader.damage());
-  // A row that lacks one of them is cut short.
+  // A row with a missing field is an incomplete last row.
   StatesReader cut(write_text(file, "k,t,q1,u1,B,sigma_q1\n0,0,2,2,inf\n"));
   EXPECT_FALSE(cut.next(row));
   EXPECT_TRUE(cut.damage());

@@ -1,5 +1,5 @@
-// The timing filter where what comes does not fit: starts that are told too small an uncertainty,
-// openings that are lost, events that cannot be.
+// The timing filter under inconsistent input: priors that are too narrow, missed openings,
+// impossible events.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,13 +20,12 @@
 namespace sprag {
 namespace {
 
-/// Of ticks at which deviations are told: how many, and at how many of them a q is off by more than
-/// five.
+/// Ticks with a claimed sigma, and those of them at which a coordinate is off by more than 5 sigma.
 struct Told {
   std::int64_t ticks = 0, wrong = 0;
 };
 
-/// A drawn machine, and a start of the estimate that is off its own.
+/// A random machine, and a start of the estimate that differs from the machine's.
 Scene drawn_scene(Random& random) {
   const ImpactingMachine machine = random_impacting_machine(random);
   Scene scene;
@@ -38,7 +37,8 @@ Scene drawn_scene(Random& random) {
   return scene;
 }
 
-/// Runs to tick `last` and counts from tick `first` on. Whether deviations are told at the end.
+/// Runs to tick `last` and counts from tick `first` on. Returns whether sigma is claimed at the
+/// end.
 template <typename Spoil>
 bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, Told& told) {
   const Eigen::Index f = run.truth.q.size();
@@ -54,8 +54,8 @@ bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, Told& t
   return sigma_q.allFinite();
 }
 
-// The start is off by more than the scene admits. What then cannot be ends what is known, and the
-// filter finds the state from the events behind it.
+// The start is further off than the prior admits. Gate failures reset the filter, which then finds
+// the state from the later events.
 TEST(EventFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
   Scene scene =
       read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/filter/machines/s005.toml");
@@ -72,8 +72,8 @@ TEST(EventFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
   EXPECT_LT(largest, 1e-10);
 }
 
-// Far too small, on machines that are drawn: what comes at once does not fit, so each start is
-// wider than the last, until one holds the machine possible.
+// Far too narrow priors on random machines: the first innovations fail the gate. Each reset
+// inflates the prior further, until it admits the machine.
 TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
   constexpr double h = 0.01;
   for (const double jitter : {0.0, 1e-5}) {
@@ -101,13 +101,13 @@ TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
               << wrong << " told wrong\n";
     EXPECT_GT(machines, 0);
     EXPECT_GE(found, jitter > 0.0 ? machines - machines / 10 : machines);
-    // One of 24, of 43 impacts and a motion that grows ten-thousandfold, is 6 sigma off.
+    // One of 24 machines, with 43 impacts and an error growth by 10^4, is off by 6 sigma.
     EXPECT_LE(wrong, 1);
   }
 }
 
-// Told nothing of the start, in units in which energies are a million times larger: what the scene
-// tells of the machine is enough to hold its own start possible.
+// No prior, in units in which energies are a million times larger: the prior derived from the
+// scene's machine is wide enough for the machine's own start.
 TEST(EventFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
   const Units units{10, 0, 0};
   const auto as_they_are = [](std::vector<ContactEvent>&) {};
@@ -127,8 +127,8 @@ TEST(EventFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
   EXPECT_EQ(told.wrong, 0);
 }
 
-// No event comes any more, of drawn machines and of a ball on a spring that is soft for its weight:
-// whoever tells a deviation of a gap does not tell a gap that is below zero by far more.
+// Without further events, on random machines and on a ball on a spring that is soft for its weight.
+// A filter that claims a sigma of a gap does not estimate a gap far below zero.
 TEST(EventFilter, IsNotSureOfAStateInsideASupport) {
   std::vector<Scene> scenes;
   for (const double stiffness : {0.0, 1e-8, 1e-4, 1.0}) {
@@ -162,9 +162,9 @@ TEST(EventFilter, IsNotSureOfAStateInsideASupport) {
   EXPECT_EQ(wrong, 0);
 }
 
-// Where nothing tells how large a motion is, one that is small enough fits all events, and every
-// innovation. Drawn machines that nothing moves but their own state: with their own events nothing
-// is said against them, and with a tenth of those lost hardly a state is told that is wrong.
+// With an unobservable scale a sufficiently small motion fits all events, and every innovation is
+// small. On random machines without external force the filter reports no inconsistency with the
+// machine's own events. With a tenth of them lost, it claims a wrong state at few ticks.
 TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
   constexpr double h = 0.01;
   constexpr double lost_share = 0.1;
@@ -184,7 +184,7 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
         contact.motion = {};
       }
       scene.master = scene.replica = machine.start;
-      // It does not start inside a support: from one that it is inside of it is put in front of it.
+      // The start must be outside the supports: a start inside a support is mirrored at it.
       for (int pass = 0; pass < 20; ++pass) {
         for (const Contact& contact : scene.model.contacts) {
           scene.master.q -= 2.0 * std::min(gap(contact, scene.master.q, 0.0), 0.0) * contact.w;
@@ -209,13 +209,13 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
               << told.wrong << " of " << told.ticks << " ticks beyond 5 sigma\n";
     EXPECT_GT(machines, 0);
     EXPECT_EQ(doubted > 0, share > 0.0);
-    // It takes an event to find out.
+    // An inconsistency is detected at the next event.
     EXPECT_LE(told.wrong, share > 0.0 ? told.ticks / 40 : 0);
   }
 }
 
-// Of a contact that is held, too: the force that would have to pull says that it has opened. With
-// exact times, on a machine that is pressed down and lifted; one opening is not told.
+// The same for a closed contact: its force would have to pull, so it must have opened. With exact
+// times, on a machine that is pressed down and lifted; one opening is not reported.
 TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
   const Scene scene = cached_scene("paper_beam_chatter.toml");
   constexpr double h = 0.01;
@@ -247,8 +247,7 @@ TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
   EXPECT_EQ(sigma_q[0], infinity);
 }
 
-// An event that cannot be, by what is believed, is left out; a second one is the end of that
-// belief, however sure it was.
+// A first impossible event is rejected; a second one resets the filter, however small its sigma.
 TEST(EventFilter, EventsThatCannotBeEndWhatIsKnown) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.jitter = 1e-4;

@@ -22,7 +22,7 @@
 namespace sprag {
 namespace {
 
-// 2 f unknowns, one equation an impact.
+// 2 f unknowns, one equation per impact.
 TEST(EventFilter, KnowsThePapersBeamAfterSixImpacts) {
   const Scene& scene = cached_scene("paper_beam.toml");
   Pursuit run(scene, 1e-2);
@@ -58,7 +58,7 @@ TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
 }
 
 // A ball that lies on its table from the start on is a measurement like any other, with exact times
-// and with jitter; only where the scene lets machines start inside is nothing known until it opens.
+// and with jitter. If the scene admits starts inside a support, no sigma is claimed until it opens.
 TEST(EventFilter, WhatIsClosedFromTheStartOnRests) {
   Scene scene = cached_scene("table_tennis_ball.toml");
   const std::vector<ContactEvent> events = {{0.0, 0, ContactEventKind::closes}};
@@ -85,7 +85,7 @@ TEST(EventFilter, WhatIsClosedFromTheStartOnRests) {
   }
 }
 
-// In a time line: events that come late, one by one, and rollbacks for no reason.
+// In a time line: late events, one by one, and rollbacks without a late event.
 TEST(EventFilter, RollbacksDoNotShow) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
     const Scene& scene = cached_scene(std::string(name) + ".toml");
@@ -106,8 +106,8 @@ TEST(EventFilter, RollbacksDoNotShow) {
   }
 }
 
-// What is told as deviation is what the error is, with event times that jitter: after a few impacts
-// and after dozens.
+// The claimed sigma matches the errors, with jittered event times: after a few impacts and after
+// dozens.
 TEST(EventFilter, IsCalibrated) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const Eigen::Index f = scene.model.coordinates();
@@ -147,8 +147,8 @@ TEST(EventFilter, IsCalibrated) {
   }
 }
 
-// Prior and noise told, it is ahead of the replica at every t: medians of many starts out of the
-// prior, as either may be lucky.
+// With the correct prior and jitter it is more accurate than the replica at every t. Medians over
+// many starts from the prior, because a single run may favour either.
 TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
   const Scene& scene = cached_scene("paper_beam.toml");
   constexpr int runs = 50;
@@ -199,8 +199,8 @@ TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
   }
 }
 
-// Events by the hundred thousand: with exact times, where the covariance is at rounding, and with
-// jitter, where only around an event, when it may have happened or not, much is unknown.
+// Hundreds of thousands of events. With exact times the covariance is at the rounding level. With
+// jitter, the uncertainty is large only around an event that may or may not have happened.
 TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
   Scene scene = cached_scene("paper_beam.toml");
   for (const double sigma : {0.0, 1e-3}) {
@@ -236,14 +236,14 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
     std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
               << ", largest V " << worst << " in " << run.impacts << " events, "
               << run.state.inconsistencies << " silences\n";
-    // At the end of a thorough run t is 6e5, and doubles are 1e-10 apart: the filter takes times as
-    // known to 16 of that.
+    // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart: the filter assumes a
+    // rounding error of times of a sixteenth of that spacing.
     EXPECT_LT(worst, sigma == 0.0 ? 1e-14 : 1e-2);
   }
 }
 
-// However long jitter is against the fastest mode, what is said stays a number, and is not believed
-// for more than it is: V stays below what the covariance expects of it.
+// For any jitter relative to the fastest mode the estimate stays finite and is not overconfident: V
+// stays below the expectation of the covariance.
 TEST(EventFilter, BearsAnyOmegaSigma) {
   for (const auto& [name, sigma] :
        {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
@@ -268,10 +268,9 @@ TEST(EventFilter, BearsAnyOmegaSigma) {
   }
 }
 
-// Of 60 modes the uncertainty of a start allows the fast ones as much energy as the others, and the
-// beam has next to none in them. Times that are known well are told for no more than they say
-// then: with the whole flux as weight of velocities the mean square of the errors over their
-// variances rose to 3 and more.
+// With 60 modes the prior allows the fast ones the same energy as the others, but the beam has
+// almost none in them. Accurate times must not be overweighted then. With the whole flux as weight
+// of velocities NEES rose to 3 and more.
 TEST(EventFilter, IsNotSureOfSpeedsThatAStartOnlyAllows) {
   std::string text = test::read_text(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   text.replace(text.find("modes = 3"), 9, "modes = 60");
@@ -321,8 +320,8 @@ Scene shaken_mass(double frequency) {
   return scene;
 }
 
-// At and near resonance as anywhere: a machine that is known exactly and settles on a stable orbit
-// is known ever better, whatever the jitter.
+// At and near resonance as elsewhere: the error of an exactly known machine on a stable orbit tends
+// to zero, for any jitter.
 TEST(EventFilter, ForgetsJitterAtResonanceToo) {
   for (const double frequency : {1.0, 1.0 + 1e-9, 1.001, 1.1}) {
     const Scene scene = shaken_mass(frequency);
@@ -340,9 +339,8 @@ TEST(EventFilter, ForgetsJitterAtResonanceToo) {
   }
 }
 
-// Known ever better, but not better than rounding allows: what doubles make of event times has the
-// last word. Steps between hypotheses that are far above it once moved the mean by up to 46
-// of its deviations.
+// sigma decreases, but not below the rounding error of event times. Hypotheses with a spacing far
+// above it once moved the mean by up to 46 sigma.
 TEST(EventFilter, IsNotSurerThanRoundingAllows) {
   Scene rig = cached_scene("lab_rig.toml");
   rig.jitter = 1e-3;
@@ -378,8 +376,9 @@ TEST(EventFilter, IsNotSurerThanRoundingAllows) {
   }
 }
 
-// A contact that is held for less than its reports jitter moves the estimate to the support
-// statically: moved in the metric of M, each would have multiplied the energy in the fastest modes.
+// A contact that stays closed for less than the jitter of its reports moves the estimate to the
+// support statically. A move in the metric of M would have multiplied the energy in the fastest
+// modes.
 TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   Scene scene = cached_scene("stiff_beam.toml");
   scene.jitter = 1e-2;  // 38 periods of the fastest mode over 2 pi
@@ -405,8 +404,8 @@ TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   EXPECT_LT(largest, 0.2 * at_start);
 }
 
-// A ball whose bounces come ever faster, each reported late: those that have not been heard of may
-// be many, and none of them is left out of what is published.
+// A ball whose impacts come ever faster, each reported late. Many of them may be unreported, and
+// the published estimate accounts for all of them.
 TEST(EventFilter, ExpectsMoreThanOneUnheardBounce) {
   Scene scene = cached_scene("bouncing_ball.toml");
   scene.model.contacts[0].restitution = 0.5;
@@ -440,7 +439,7 @@ TEST(EventFilter, ExpectsMoreThanOneUnheardBounce) {
   EXPECT_LT(worst, 4.0);
 }
 
-// What the model lacks is known to the filter: its covariance does not close.
+// The drift represents model mismatch: the covariance does not converge to zero.
 TEST(EventFilter, DriftKeepsTheCovarianceOpen) {
   Scene scene = cached_scene("paper_beam.toml");
   const auto trace = [&] {
@@ -459,7 +458,7 @@ TEST(EventFilter, DriftKeepsTheCovarianceOpen) {
   EXPECT_NEAR(more / little, 100.0, 20.0);
 }
 
-// Two contacts that close at one instant: whether both take an impulse is for the law to say.
+// Two contacts that close at one instant: the impact law determines whether both take an impulse.
 TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
   Model model;
   model.M = Eigen::Matrix2d::Identity();
@@ -479,10 +478,10 @@ TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
     filter.apply(both, state);
     return state;
   };
-  // gamma- = (-1, -0.3): both are struck, and leave by their restitutions.
+  // gamma- = (-1, -0.3): both have an impact and leave by their restitutions.
   const TrackingState plain = after_impact({-1.0, -1.8333333333333333});
   EXPECT_LT(covariance(filter, plain).trace(), 10.0 * small * small);
-  // gamma- = (-1, 0.3): the second takes its impulse from the first one's, so says Poisson.
+  // gamma- = (-1, 0.3): by Poisson's law the second takes its impulse from that of the first.
   const TrackingState pushed = after_impact({-1.0, -0.8333333333333333});
   Eigen::VectorXd q(2), u(2);
   filter.output(pushed, q, u);

@@ -1,5 +1,5 @@
-// With exact events of the scene's own machine and a start that is the machine's own, nothing is
-// amiss: neither the filter alone nor the one beside a replica reports an inconsistency.
+// With exact events of the scene's own machine and the machine's own start, neither the filter
+// alone nor the one beside a replica reports an inconsistency.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -52,7 +52,8 @@ TEST(ExactStarts, OfTheShippedBouncingBallIsNeverInconsistent) {
   }
 }
 
-// Five pendulums of one frequency that touch: a start that is not quite the machine's.
+// Five pendulums of one frequency that touch; the start of the estimate differs slightly from the
+// machine's.
 TEST(ExactStarts, OfPendulumsThatTouchIsNeverInconsistent) {
   Scene scene;
   constexpr Eigen::Index n = 5;

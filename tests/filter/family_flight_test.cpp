@@ -17,7 +17,7 @@ using test::shipped_scene;
 
 class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 
-// The machine's own path, with all that drives it, and back again.
+// The machine's own path with all its forces, forwards and backwards.
 TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
   const Scene scene = shipped_scene(GetParam());
   const MachineFamily family(scene, unknowns_to_adapt(scene));
@@ -44,7 +44,7 @@ TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
   EXPECT_LT((flight.x() - start).cwiseAbs().maxCoeff(), 1e-9 * there.cwiseAbs().maxCoeff());
 }
 
-// Through an impact, against differences of whole flights.
+// Derivatives through an impact, compared with difference quotients of whole flights.
 TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   constexpr std::uint64_t seed = 20261123;
   SCOPED_TRACE(seed);
@@ -58,7 +58,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   x += 0.1 * x.cwiseAbs().maxCoeff() * random.vector(2 * n);
   c = 0.01 * random.vector(P);
   const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
-  // To an impact, and the same instant after it for all.
+  // To an impact, and from it to the same instant for all.
   const auto after = [&](FamilyFlight& of, const Eigen::VectorXd& from, const Eigen::VectorXd& with,
                          double delay) {
     of.set(with, true);
@@ -86,7 +86,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   const Eigen::VectorXd of_x = difference(dx, no_c, 0.0);
   flight.carry(dx);
   flight.carry_through(dx);
-  // On from after the impact.
+  // Continues after the impact.
   flight.fly(struck, t + tau, later, 0);
   const Eigen::MatrixXd by_c_later = flight.by_unknowns();
   flight.carry(dx);
@@ -103,7 +103,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   }
 }
 
-// Closed for a while, between the end of a chatter and the next opening.
+// A sustained contact, between the end of a chatter and the next opening.
 TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
   for (const char* name : {"paper_beam_chatter", "two_stops_beam", "steel_ruler"}) {
     SCOPED_TRACE(name);
@@ -136,7 +136,7 @@ TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
     flight.set(c, true);
     flight.fly(start, from, to - from, bit(closing->contact));
     EXPECT_LT((flight.x() - end).norm(), 1e-10 * end.norm()) << flight.x().transpose();
-    // Deviations.
+    // Differences of states.
     Eigen::VectorXd dx = Eigen::VectorXd::LinSpaced(start.size(), 0.5, 1.0) * start.norm();
     moved.set(c, false);
     moved.fly(start + 1e-3 * dx, from, to - from, bit(closing->contact));
@@ -168,7 +168,7 @@ TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   const Eigen::MatrixXd after = belief.S * belief.S.transpose();
   EXPECT_TRUE(after.topLeftCorner(n2, n2).isApprox(9.0 * Eigen::MatrixXd::Identity(n2, n2)));
   EXPECT_TRUE(after.topRightCorner(n2, P).isZero(1e-12));
-  // What they have walked in four units is added.
+  // The covariance of a walk over four units of time is added.
   const Eigen::MatrixXd walked = 0.36 * Eigen::MatrixXd::Identity(P, P);
   EXPECT_TRUE(after.bottomRightCorner(P, P).isApprox(before.bottomRightCorner(P, P) + walked));
   EXPECT_EQ(belief.z.head(n2), Eigen::VectorXd::Ones(n2));

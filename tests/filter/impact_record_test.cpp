@@ -15,7 +15,7 @@
 namespace sprag {
 namespace {
 
-// What the exact master says of each event, from its states on either side and its locked flow.
+// Data of each event by the exact master, from its states on both sides and its locked flow.
 struct TrueImpact {
   ContactEvent event;
   double before = 0.0, after = 0.0, impulse = 0.0;
@@ -35,7 +35,7 @@ std::vector<TrueImpact> true_impacts(const Scene& scene, double end) {
   double now = 0.0;
   for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
     const double t = of_one.front().t;
-    // Forces since the last instant.
+    // Forces since the previous instant.
     const ContactSet closed = master.closed();
     const Flow* flow = closed != 0 ? master.flows().find(closed) : nullptr;
     const int samples = 2000;
@@ -77,7 +77,7 @@ std::vector<TrueImpact> true_impacts(const Scene& scene, double end) {
       impact.event = event;
       impact.before = gap_velocity(contact, u, t);
       impact.after = gap_velocity(contact, u_after, t);
-      // One contact alone is struck: M (u+ - u-) = w Lambda.
+      // An impact of a single contact: M (u+ - u-) = w Lambda.
       const Eigen::VectorXd momentum = scene.model.M * (u_after - u);
       impact.impulse = contact.w.dot(momentum) / contact.w.squaredNorm();
       if (event.kind == ContactEventKind::closes) {
@@ -113,7 +113,7 @@ void expect_near(double value, double truth, double scale, const char* what, dou
 
 class ImpactsOfExactEvents : public testing::TestWithParam<const char*> {};
 
-// After the filter has locked its rows are the master's own impacts and forces.
+// After the filter has converged its rows equal the master's own impacts and forces.
 TEST_P(ImpactsOfExactEvents, AreTheMasters) {
   Scene scene = cached_scene(GetParam());
   const double end = 12.0;
@@ -163,7 +163,7 @@ INSTANTIATE_TEST_SUITE_P(Machines, ImpactsOfExactEvents,
                                          "two_stops_beam.toml", "steel_ruler.toml",
                                          "impact_oscillator.toml", "non_proportional.toml"));
 
-// Times that jitter; what follows so fast that its order could be lost is off by the same.
+// Jittered times; events whose order could be lost share one error.
 std::vector<ContactEvent> late_in_order(std::vector<ContactEvent> events, double sigma,
                                         std::mt19937_64& engine) {
   std::normal_distribution<double> normal;
@@ -213,12 +213,12 @@ TEST(ImpactRecord, WithMoreausStepperThereIsNone) {
 struct ImpactTrial {
   const char* scene;
   double sigma;
-  double low, high;  // of the mean square
+  double low, high;  // of NEES
 };
 
 class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 
-// Errors against the deviations that are told, over runs with times of their own.
+// Errors against the claimed sigma, over runs with independent jitter.
 TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   const ImpactTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
@@ -229,7 +229,7 @@ TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   for (const TrueImpact& impact : truth) exact.push_back(impact.event);
   double squares[5] = {};
   int rows = 0, releases = 0;
-  // On a stable orbit all rows of a run are off by the same deviations.
+  // On a stable orbit all rows of a run share the same errors, so many runs are needed.
   for (int seed = 1; seed <= 100; ++seed) {
     std::mt19937_64 engine(static_cast<unsigned>(seed));
     const auto events = late_in_order(exact, of.sigma, engine);
@@ -242,7 +242,7 @@ TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
     for (std::size_t i = truth.size() / 3; i < truth.size(); ++i) {
       const ImpactRecord& record = records[i];
       if (record.contact != truth[i].event.contact || record.kind != truth[i].event.kind) continue;
-      // Impacts that are not told apart say little, and their deviations are wide.
+      // Impacts that cannot be distinguished determine little, and their sigma is large.
       const double apart = 8.0 * of.sigma;
       const bool alone = truth[i].event.t - truth[i - 1].event.t > apart &&
                          (i + 1 == truth.size() || truth[i + 1].event.t - truth[i].event.t > apart);

@@ -1,5 +1,5 @@
-// Events that no machine could have: impossible, contradictory, of contacts that hold each other.
-// Whatever they are, an estimator goes on and publishes numbers, live and offline the same.
+// Event sequences that no machine could have: impossible, contradictory, of dependent contacts. For
+// all of them an estimator continues and publishes finite numbers, live and offline the same.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,12 +20,12 @@ namespace sprag {
 namespace {
 
 constexpr int machines = 500;
-// Two of its contacts stick and throw each other off, again and again.
+// Two of its contacts stick and force the release of each other, repeatedly.
 constexpr int throws_off_for_ever = 2687;
 constexpr int files_of_a_machine = 20;
 constexpr double run_end = 2.0;
 
-/// One to four coordinates and contacts, whose directions often depend on each other.
+/// One to four coordinates and contacts, often with dependent directions.
 Scene random_scene(Random& random) {
   Scene scene;
   const int f = random.integer(1, 4);
@@ -56,7 +56,7 @@ Scene random_scene(Random& random) {
   return scene;
 }
 
-/// In order of time; nothing else is right about them.
+/// Mostly in order of time, otherwise arbitrary.
 std::vector<ContactEvent> any_events(Random& random, int contacts) {
   std::vector<ContactEvent> events;
   const double spacing = random.log_uniform(1e-3, 0.3);
@@ -72,7 +72,7 @@ std::vector<ContactEvent> any_events(Random& random, int contacts) {
   return events;
 }
 
-/// Empty if all that is published is a number; infinity is one where nothing is known.
+/// Empty if no published number is NaN. Infinity is valid without a claim.
 template <Estimator E>
 std::string not_a_number(E& estimator, const typename E::State& state, Confidence& confidence,
                          Eigen::VectorXd& q, Eigen::VectorXd& u) {

@@ -1,5 +1,5 @@
-// Machines with several contacts that chatter to rest within the jitter of the event times: what is
-// claimed of the state holds. Drawn by scripts/false_certainty.
+// Machines with several contacts whose chatter ends within the jitter of the event times: the
+// claimed sigma of the state holds. Drawn by scripts/false_certainty.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 namespace sprag {
 namespace {
 
-// Each event is late by a normal deviation; those of one contact keep their order.
+// Each event has a normal error; each contact's events keep their order.
 std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, const Scene& scene,
                                    std::mt19937_64& engine) {
   std::normal_distribution<double> normal;
@@ -80,7 +80,7 @@ TEST_P(JitteredChatter, IsNotFalselyCertain) {
   }
   std::cout << GetParam() << ", seeds 1 to 3: " << wrong << " of " << told
             << " values beyond 5 sigma\n";
-  EXPECT_GT(told, 3 * ticks * f);  // half of them at least
+  EXPECT_GT(told, 3 * ticks * f);  // claims at half of them at least
   EXPECT_LT(static_cast<double>(wrong), 0.01 * static_cast<double>(told));
 }
 

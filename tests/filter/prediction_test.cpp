@@ -20,7 +20,7 @@ Belief certain(const Eigen::VectorXd& q, const Eigen::VectorXd& u) {
 
 bool is_closing(const PredictedEvent& event) { return event.kind != ContactEventKind::opens; }
 
-// on_event(i, estimator, state) at the tick after event number i, the last one of its tick.
+// on_event(i, estimator, state) at the tick after event i, if it is the last event of its tick.
 template <typename OnEvent>
 void follow(TrackingEstimator& estimator, const Scene& scene, std::span<const ContactEvent> events,
             double end, const OnEvent& on_event) {
@@ -37,7 +37,7 @@ void follow(TrackingEstimator& estimator, const Scene& scene, std::span<const Co
 
 struct Ahead {
   const char* scene;
-  double ahead;  // some ten events: roundings grow with each
+  double ahead;  // about ten events: rounding errors grow with each
 };
 
 class ExactPredictions : public testing::TestWithParam<Ahead> {};
@@ -82,7 +82,7 @@ INSTANTIATE_TEST_SUITE_P(Machines, ExactPredictions,
 
 class LearntPredictions : public testing::TestWithParam<const char*> {};
 
-// From a filter that has learnt the state from exact events.
+// From a filter that has converged with exact events.
 TEST_P(LearntPredictions, AreTheMasters) {
   const Scene& scene = cached_scene(GetParam());
   const double end = 6.0;
@@ -167,7 +167,7 @@ INSTANTIATE_TEST_SUITE_P(Machines, PredictionsFromJitteringEvents,
                                          PredictionTrial{"non_proportional.toml", 1e-3, 15.0,
                                                          4.0}));
 
-// One mass 1 under a constant force, a support at each of `directions` with its clearance.
+// A mass of 1 under a constant force, with a support at each of `directions` with its clearance.
 Model mass(double force, std::vector<std::pair<double, double>> supports, double restitution) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(1, 1);
@@ -191,7 +191,7 @@ Belief about(double q, double u, double sigma_q, double sigma_u) {
   return belief;
 }
 
-// On a shaken table that it rests on and is thrown off again.
+// A mass on a shaken table, which alternately rests and is thrown off.
 TEST(Prediction, AContactThatIsClosedOpensInTime) {
   Scene scene;
   scene.model = mass(-1.0, {{1.0, 0.0}}, 0.5);
@@ -208,7 +208,7 @@ TEST(Prediction, AContactThatIsClosedOpensInTime) {
     master.state(at(t), q, u);
     if (master.closed() != 0) {
       ++closed;
-      // Who knows that it is closed need not know where it is.
+      // For a contact known to be closed the exact position is not needed.
       q[0] += 1e-9;
       u[0] += 1e-9;
     }
@@ -227,8 +227,8 @@ TEST(Prediction, AContactThatIsClosedOpensInTime) {
   EXPECT_GT(opens, 10);
 }
 
-// From rest at height h: t_rest = sqrt(2 h / g) (1 + epsilon) / (1 - epsilon), with sigma_h of h
-// off by t_rest sigma_h / (2 h), through all its bounces.
+// From rest at height h: t_rest = sqrt(2 h / g) (1 + epsilon) / (1 - epsilon). sigma_h of h leads
+// to t_rest sigma_h / (2 h), through all impacts.
 TEST(Prediction, ABallRestsAtItsTime) {
   const double g = 9.81, epsilon = 0.6, height = 0.8, sigma = 0.004, start = 0.5;
   const Predictor predictor(mass(-g, {{1.0, 0.0}}, epsilon));
@@ -247,18 +247,18 @@ TEST(Prediction, ABallRestsAtItsTime) {
 TEST(Prediction, EndsWhereItMayBeAnotherContact) {
   const Predictor predictor(mass(0.0, {{1.0, 1.0}, {-1.0, 1.0}}, 1.0));
   EXPECT_EQ(predictor.predict(0.0, 0, about(0.0, 1.0, 0.01, 0.0), 4.5).events.size(), 2U);
-  // Slow against what is known of its velocity: either support may be next.
+  // Its velocity is small compared with its sigma: either support may be next.
   const Prediction either = predictor.predict(0.0, 0, about(0.0, 0.3, 0.0, 0.2), 10.0);
   EXPECT_TRUE(either.events.empty());
   EXPECT_EQ(either.certain_until, 0.0);
-  // Each impact is less certain than the one before.
+  // sigma grows with each impact.
   const Prediction some = predictor.predict(0.0, 0, about(0.0, 1.0, 0.0, 0.05), 200.0);
   EXPECT_GT(some.events.size(), 1U);
   EXPECT_LT(some.certain_until, 200.0);
   for (const PredictedEvent& event : some.events) EXPECT_GE(event.sigma, 0.049 * event.t);
 }
 
-// Two supports form a blunt wedge: when it is hit is known, and on which side it is not.
+// Two supports form a blunt wedge: the time of the impact is known, but not its side.
 TEST(Prediction, EndsWhereTheContactIsNotKnownThoughTheTimeIs) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(2, 2);
@@ -292,7 +292,7 @@ TEST(Prediction, EndsWhereTheTimeIsAShareOfTheInterval) {
 }
 
 TEST(Prediction, EndsWhereAnImpactMayNotBe) {
-  // Thrown up against a ceiling that it may just miss.
+  // Thrown up against a ceiling that it may miss.
   const Predictor predictor(mass(-1.0, {{-1.0, 0.49}}, 0.5));
   for (const double u : {1.0, 0.97}) {
     const Prediction prediction = predictor.predict(0.0, 0, about(0.0, u, 0.0, 0.02), 1.2);
@@ -308,7 +308,7 @@ TEST(Prediction, NothingIsClaimedInsideASupport) {
   const Prediction inside = predictor.predict(1.0, 0, about(-0.1, -1.0, 0.01, 0.0), 3.0);
   EXPECT_TRUE(inside.events.empty());
   EXPECT_EQ(inside.certain_until, 1.0);
-  // Its impact has just been taken, for a little too early.
+  // Its impact has just been processed, at a slightly too early time.
   const Prediction leaving = predictor.predict(1.0, 0, about(-1e-4, 1.0, 1e-4, 0.0), 2.5);
   ASSERT_FALSE(leaving.events.empty());
   EXPECT_NEAR(leaving.events[0].t, 1.0 + 1.0 + std::sqrt(1.0 - 2e-4), 1e-12);

@@ -18,7 +18,7 @@ struct SmoothingTrial {
   double sigma;
   double duration;
   double least_gain;   // filtered rms over smoothed rms
-  double least_share;  // of the ticks that are smoothed
+  double least_share;  // of smoothed ticks
   double drift = 0.0;
   unsigned seeds = 6;
   double misfit = 1.0;
@@ -29,7 +29,7 @@ std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, un
   std::normal_distribution<double> normal;
   double late = 0.0, last = -1.0;
   for (ContactEvent& event : events) {
-    // What follows so fast that its order could be lost is off by the same.
+    // Events whose order could be lost share one error.
     if (event.t - last > 6.0 * sigma) late = sigma * normal(engine);
     last = event.t;
     event.t = std::max(event.t + late, 1e-9);
@@ -39,7 +39,7 @@ std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, un
 
 class SmoothedPath : public testing::TestWithParam<SmoothingTrial> {};
 
-// Against the exact master, over runs with times of their own.
+// Compared with the exact master, over runs with independent jitter.
 TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
   const SmoothingTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
@@ -119,11 +119,12 @@ INSTANTIATE_TEST_SUITE_P(
                     SmoothingTrial{"steel_ruler.toml", 1e-5, 5.0, 3.0, 0.1},
                     SmoothingTrial{"non_proportional.toml", 1e-4, 60.0, 3.0, 0.9},
                     SmoothingTrial{"paper_beam_frame.toml", 1e-4, 60.0, 3.0, 0.95},
-                    // The machine does not drift: deviations are too wide then, also those of the
+                    // The machine does not drift, so that sigma is too large, also that of the
                     // innovations (misfit 0.63).
                     SmoothingTrial{"paper_beam.toml", 1e-4, 60.0, 3.0, 0.95, 1e-8, 6, 0.65}));
 
-// Through its weights an output is as sure as the state is, on impacts and between them.
+// The sigma of an output follows from the state's covariance by its weights, at impacts and between
+// them.
 TEST(Smoother, OutputsAreSureAsTheStateIs) {
   for (const char* name : {"paper_beam.toml", "two_stops_beam.toml"}) {
     Scene scene = cached_scene(name);
@@ -169,7 +170,7 @@ TEST(Smoother, RefusesExactTimesAndScalesThatNothingSets) {
   EXPECT_THROW(smooth(scene, {}, 0.01, 10, none), SmoothingError);
 }
 
-// Times that no path has: nothing is smoothed, and nothing is claimed.
+// Times that no path has: nothing is smoothed and no sigma is claimed.
 TEST(Smoother, EventsThatDoNotFitAreNotSmoothed) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.jitter = 1e-4;

@@ -1,5 +1,5 @@
-// Replica and timing filter side by side: which is believed, and what is said of events that do not
-// fit.
+// Replica and timing filter side by side: the choice between them, and the reports of inconsistent
+// events.
 #include "sprag/detail/filter/tracking_estimator.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ namespace {
 constexpr double tick_of_both = 1e-2;
 constexpr double length = 100.0;
 
-/// Events as a sensor reports them: edges of one contact stay in order.
+/// Events in the order of a sensor's reports: each contact's edges stay in order.
 std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
                                    std::mt19937_64& engine) {
   std::normal_distribution<double> normal;
@@ -34,11 +34,11 @@ std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigm
   return events;
 }
 
-/// What befell an estimate of the paper's beam.
+/// Results of an estimate of the paper's beam.
 struct Outcome {
   double log_replica = 0.0, log_filter = 0.0, log_both = 0.0;  // means of log10 V from t = 10 on
   double worse = 0.0;    // share of that time in which V is above 10 times the replica's
-  double trusted = 0.0;  // share of the time
+  double trusted = 0.0;  // share of the time with a confirmed track
   std::int64_t inconsistencies = 0;
   std::vector<Inconsistency> first;
 };
@@ -97,8 +97,8 @@ void print(const char* what, const Outcome& o) {
             << " inconsistencies\n";
 }
 
-// With exact events, and right noise, nothing is found fault with, and the estimate is the
-// filter's.
+// With exact events, and with the correct jitter, no inconsistency is reported, and the estimate is
+// the filter's.
 TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
   for (const char* name :
        {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
@@ -109,8 +109,8 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
     EXPECT_EQ(o.inconsistencies, 0) << name;
     EXPECT_LE(o.log_both, -20.0) << name;
   }
-  // Where the longest jitter lets shallow impacts follow each other, a belief is now and then sure
-  // of the wrong place: in one run of 300 of these.
+  // With the longest jitter and shallow impacts in succession, the filter is occasionally
+  // overconfident: in one run of 300.
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
     std::mt19937_64 engine(11);
     const Scene& scene = cached_scene("paper_beam.toml");
@@ -132,7 +132,7 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
   }
 }
 
-/// The replica's start is off by `off` in each coordinate and velocity, and told to be off by
+/// The replica's start is off by `off` in each coordinate and velocity; the specified sigma is
 /// `sigma`.
 Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
   Scene told = scene;
@@ -143,8 +143,8 @@ Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
   return told;
 }
 
-/// Machines that are hit often enough to be found, to the end, and not so often that reports of a
-/// millisecond's jitter pile up.
+/// Machines with enough impacts, until the end, for the filter to converge, and few enough that
+/// reports with a jitter of 1 ms do not overlap.
 std::vector<Scene> drawn_machines(int count, Random& random) {
   std::vector<Scene> scenes;
   while (std::ssize(scenes) < count) {
@@ -159,7 +159,7 @@ std::vector<Scene> drawn_machines(int count, Random& random) {
   return scenes;
 }
 
-// Events of one contact that are less than 6 sigma behind those of another one.
+// Number of events less than 6 sigma after an event of another contact.
 int count_close(const std::vector<ContactEvent>& events, double sigma) {
   int close = 0;
   for (std::size_t i = 1; i < events.size(); ++i) {
@@ -169,9 +169,9 @@ int count_close(const std::vector<ContactEvent>& events, double sigma) {
   return close;
 }
 
-// A start that is known far better than jitter lets a filter know the machine later: that it then
-// expects more error than at the start is no reason to give it up. It may be lost where contacts
-// act on each other within the jitter; what is shown then is no worse than the replica.
+// The prior is much narrower than the steady state under jitter. The filter then expects a larger
+// error than at the start, which is no reason to lose the track. The track may be lost if contacts
+// interact within the jitter; the published estimate is then no worse than the replica.
 TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
   Random random(3);
   std::mt19937_64 engine(3);
@@ -191,8 +191,8 @@ TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
   EXPECT_GE(better, machines - machines / 10);
 }
 
-// The replica comes to where the filter can start, and does so however sure the scene is of
-// another start. With jitter, not where contacts act on each other within it.
+// The replica converges until the filter can start from it, however narrow a wrong prior is. With
+// jitter this excludes contacts that interact within it.
 TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
   Random random(5);
   std::mt19937_64 engine(5);
@@ -231,19 +231,19 @@ TEST(TrackingEstimator, NamesASpuriousAndAMissingEvent) {
   print("one missing event", without);
   ASSERT_GE(without.first.size(), 1U);
   EXPECT_EQ(without.first[0].suspicion, Suspicion::missing_event);
-  // Not only at the next event, but when the gap has closed beyond doubt.
+  // Detected before the next event, as soon as the overdue impact is beyond doubt.
   EXPECT_GT(without.first[0].t, events[60].t);
   EXPECT_LT(without.first[0].t, events[61].t);
 
-  // Both are over soon.
+  // The track recovers soon in both cases.
   for (const Outcome* o : {&with, &without}) {
     EXPECT_LE(o->inconsistencies, 3);
     EXPECT_GT(o->trusted, 0.7);
   }
 }
 
-// A ball whose drag and restitution are not quite the model's is where the model has it, but for a
-// small share of each flight: the impacts are its own.
+// A ball whose drag and restitution differ slightly from the model's is off by a small share of
+// each flight: its impacts are not spurious.
 TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
   constexpr std::uint64_t seed = 5;
   std::cout << "seed " << seed << '\n';
@@ -291,7 +291,7 @@ TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
 struct Mismatch {
   const char* name;
   double jitter_given, jitter;
-  double restitution, damping;  // factors of what is told
+  double restitution, damping;  // factors of the specified values
 };
 void PrintTo(const Mismatch& m, std::ostream* out) { *out << m.name; }
 
@@ -307,7 +307,7 @@ INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
                                          Mismatch{"jitter_ten_times", 1e-4, 1e-3, 1.0, 1.0}),
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
-// A replica of a wrong model stays on a floor, a filter of a wrong model can be anywhere.
+// The error of a replica with a wrong model is bounded, that of a filter with a wrong model is not.
 TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   const Mismatch& mismatch = GetParam();
   const Scene& scene = cached_scene("paper_beam.toml");
@@ -362,8 +362,6 @@ TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
   }
 }
 
-// Events that contradict nothing, of machines that did not make them: several contacts at an
-// instant, and one contact that opens, closes and opens again within one.
 // A beam that swings freely on its support is hit at the same times at any amplitude.
 TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
@@ -402,6 +400,8 @@ TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) 
   EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
 }
 
+// Consistent event sequences of other machines: several contacts at an instant, and one contact
+// that opens, closes and opens again within one.
 TEST(TrackingEstimator, BearsAnyEvents) {
   constexpr std::uint64_t seed = 31;
   std::cout << "seed " << seed << '\n';
@@ -430,7 +430,7 @@ TEST(TrackingEstimator, BearsAnyEvents) {
   }
 }
 
-// In a time line: events that come late, one by one, and rollbacks for no reason.
+// In a time line: late events, one by one, and rollbacks without a late event.
 TEST(TrackingEstimator, RollbacksDoNotShow) {
   const Scene& scene = cached_scene("paper_beam.toml");
   std::mt19937_64 engine(3);

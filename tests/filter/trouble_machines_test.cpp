@@ -1,5 +1,5 @@
-// Machines that chatter, some with several contacts at once: with exact events and the right model
-// the filter comes closer to the state, does not give it up again, and is not certain of another.
+// Machines that chatter, some with several contacts at once. With exact events and the right model
+// the filter converges to the state, keeps its track, and is not overconfident about a wrong state.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,8 +16,8 @@
 namespace sprag {
 namespace {
 
-// `told_of_start`: the uncertainty of its start is three times V(0); else the scene says nothing of
-// it.
+// `reported_start`: the scene specifies an uncertainty of the start of three times V(0); otherwise
+// none.
 void expect_not_taken_for_another(const std::string& name, bool reported_start) {
   Scene scene = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/filter/machines" /
                            (name + ".toml"));

@@ -1,6 +1,5 @@
-// Claimed standard deviations against true errors where the parameters of the machine are
-// uncertain: machines whose parameters are drawn from the scene's [parameters], event times with
-// jitter.
+// Claimed sigma against true errors with uncertain parameters: machines with parameters drawn from
+// the scene's [parameters], and jittered event times.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,7 +24,7 @@ namespace {
 using test::shipped_scene;
 
 constexpr std::int64_t ticks = 800;
-constexpr std::int64_t first_tick = 120;  // by then the start's uncertainty is gone
+constexpr std::int64_t first_tick = 120;  // the start no longer matters
 
 double normal(Random& random) {
   double sum = -6.0;
@@ -33,7 +32,7 @@ double normal(Random& random) {
   return sum;
 }
 
-// A driven machine of `f` modes between two stops: M, K random, C = a M + b K.
+// A driven machine of `f` coordinates between two stops: M, K random, C = a M + b K.
 Scene random_rattle(Random& random, Eigen::Index f, double share) {
   Scene scene;
   Model& model = scene.model;
@@ -74,7 +73,7 @@ ParameterUncertainty uncertain_restitution(double sigma) {
           {false}};
 }
 
-// A machine as the scene's [parameters] draw it.
+// A machine drawn from the scene's [parameters].
 struct Drawn {
   Scene machine;
   Eigen::VectorXd values;
@@ -99,7 +98,7 @@ Drawn draw(const Scene& scene, Random& random, double duration) {
     master.advance(tick_instant(k, drawn.h), drawn.events);
     master.state(tick_instant(k, drawn.h), drawn.q.col(k), drawn.u.col(k));
   }
-  // Reports of one contact stay in their order.
+  // Each contact's reports stay in order.
   for (int contact = 0; contact < family.contacts(); ++contact) {
     std::vector<double> times;
     for (ContactEvent& event : drawn.events) {
@@ -118,7 +117,7 @@ Drawn draw(const Scene& scene, Random& random, double duration) {
   return drawn;
 }
 
-// Errors over claimed standard deviations, of ticks that claim any.
+// Errors over claimed sigma, of ticks with a claim.
 struct Claims {
   double squares = 0.0;
   std::int64_t count = 0, beyond_five = 0, samples = 0;
@@ -145,7 +144,7 @@ struct Claims {
   }
 };
 
-// The estimator through the ticks 1 to `last`; visit(k) after each.
+// Runs the estimator through the ticks 1 to `last`; calls visit(k) after each.
 template <typename Visit>
 void run(TrackingEstimator& estimator, const Scene& scene, const Drawn& drawn, std::int64_t last,
          TrackingState& state, Visit visit) {
@@ -199,7 +198,7 @@ TEST_P(UncertainParameters, SigmaIsTheErrorsWhereTheyAreEstimated) {
     const Drawn drawn = draw(scene, random, 25.0);
     ASSERT_GT(drawn.events.size(), 30U);
     observe(scene, drawn, estimated);
-    // The trial can fail: parameters that are taken as exact.
+    // Evidence that the trial can fail: parameters treated as exact.
     scene.parameters = {};
     observe(scene, drawn, exact);
   }
@@ -267,7 +266,7 @@ TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
   EXPECT_LT(smoothed.median(), 0.9 * filtered.state.median());
 }
 
-// Impacts that hardly close, bursts and sustained contact: smoothing converges there as well.
+// Grazing impacts, bursts and sustained contacts: smoothing converges there, too.
 TEST(UncertainParametersOf, SmoothedChatter) {
   constexpr std::uint64_t seed = 28;
   std::cout << "seed " << seed << '\n';
@@ -294,7 +293,7 @@ TEST(UncertainParametersOf, SmoothedChatter) {
   EXPECT_LT(smoothed.share_beyond(), 2e-3);
 }
 
-// Late reports: the time line goes back, and settles the same.
+// Late reports: the time line rolls back and settles the same estimates.
 TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   constexpr std::uint64_t seed = 24;
   Random random(seed);
@@ -334,10 +333,10 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   const std::vector<double> replayed = settled(0);
   EXPECT_GT(replayed.size(), 5000U);
   EXPECT_EQ(settled(8), replayed);
-  EXPECT_EQ(settled(40), replayed);  // further than the history
+  EXPECT_EQ(settled(40), replayed);  // a rollback beyond the history
 }
 
-// The library's observer does not ignore the uncertainty.
+// The library's observer uses the uncertainty.
 TEST(UncertainParametersOf, TheLibrarysObserver) {
   Random random(25);
   Scene scene = random_rattle(random, 1, 1e-3);
@@ -350,7 +349,7 @@ TEST(UncertainParametersOf, TheLibrarysObserver) {
   EXPECT_TRUE(estimates.sigma_q.allFinite());
 }
 
-// Impact records claim the time of an impact and its velocities with their deviations.
+// Impact records claim sigma of the time of an impact and of its velocities.
 TEST(UncertainParametersOf, ImpactRecords) {
   constexpr std::uint64_t seed = 27;
   std::cout << "seed " << seed << '\n';
@@ -396,7 +395,7 @@ TEST(UncertainParametersOf, ImpactRecords) {
   EXPECT_LT(velocities.mean(), 2.0);
 }
 
-// Events are as far from their predictions as the claimed sigma says.
+// The differences between events and their predictions match the claimed sigma.
 TEST(UncertainParametersOf, Predictions) {
   constexpr std::uint64_t seed = 26;
   std::cout << "seed " << seed << '\n';

@@ -1,5 +1,5 @@
-// A machine in other units is the same machine, bit for bit: nothing in master or estimators may
-// have a size of its own.
+// A machine in other units gives the same results, bit for bit: neither master nor estimators may
+// contain a constant with a unit.
 #include "tests/support/units.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@
 namespace sprag {
 namespace {
 
-// mm, us, mg and the like, up and down.
+// Changes of units like mm, us and mg, in both directions.
 constexpr std::array changes{Units{10, 0, 0},  Units{0, 7, 0},    Units{0, 0, 20},
                              Units{0, 0, -27}, Units{-9, -12, 5}, Units{20, 31, -11}};
 
@@ -31,7 +31,7 @@ std::string name_of(const Units& units) {
          ", time 2^" + std::to_string(units.time);
 }
 
-// Events and states of a run, as numbers of the old units.
+// Events and states of a run, as numbers in the original units.
 struct Run {
   std::vector<ContactEvent> events;
   std::vector<Eigen::VectorXd> q, u;
@@ -127,8 +127,8 @@ std::size_t check(const Scene& scene, double T) {
       SCOPED_TRACE("replica");
       expect_same(replica, run_stepper<Replica>(scene, master.events, T, units));
     }
-    // Its roots of M are the same in units of even powers; where times jitter it takes logarithms,
-    // which are the same up to rounding only.
+    // Roots of M scale exactly only for even powers. With jitter the filter takes logarithms, which
+    // scale up to rounding only.
     if (units.mass % 2 == 0 && scene.jitter == 0.0) {
       SCOPED_TRACE("timing filter");
       expect_same(filter, run_stepper<TimingEstimator>(scene, master.events, T, units));
@@ -178,8 +178,8 @@ TEST_P(RandomInOtherUnits, AreTheSameBitForBit) {
 INSTANTIATE_TEST_SUITE_P(All, RandomInOtherUnits, testing::Range<std::size_t>(0, structures.size()),
                          [](const auto& of) { return std::string(structure_names[of.param]); });
 
-// An oscillator of 1e8 rad per unit of time beside a stop, read from a scene without chatter_time:
-// it strikes at full speed and bounces, as it does at 1 rad.
+// An oscillator of 1e8 rad per unit of time against a stop, read from a scene without chatter_time.
+// It hits the stop at full speed and bounces, like one of 1 rad.
 TEST(Units, AFastMachineBouncesAsASlowOneDoes) {
   const auto text = [](double w) {
     std::ostringstream out;

@@ -1,4 +1,4 @@
-// What fuzzing has found, and the seeds it starts from, once more; and random changes of them.
+// Repeats the findings of fuzzing and its seeds, and random changes of them.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// libFuzzer's entrance to one target: SPRAG_FUZZ_TARGET.
+// libFuzzer's entry point to one target: SPRAG_FUZZ_TARGET.
 #include "tests/fuzz/targets.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -33,7 +33,7 @@ void require(bool condition, const char* what) {
   std::abort();
 }
 
-/// A file in memory that has a path.
+/// A file in memory with a path.
 class MemoryFile {
  public:
   explicit MemoryFile(Input content = {}) : descriptor_(::memfd_create("fuzz", 0)) {
@@ -52,7 +52,7 @@ class MemoryFile {
   int descriptor_;
 };
 
-/// Takes values off the front of the input; zeros when it is used up.
+/// Takes values from the front of the input; zeros after its end.
 class Reader {
  public:
   explicit Reader(Input input) : rest_(input) {}
@@ -84,7 +84,7 @@ class Reader {
   Input rest_;
 };
 
-/// A report with the right hash and anything in its fields.
+/// A report with the right hash and arbitrary fields.
 EncodedContacts report_of(Reader& reader) {
   ContactMessage report;
   report.session = reader.value<std::uint8_t>() % 3;

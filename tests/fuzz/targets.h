@@ -1,6 +1,6 @@
-// What is fed with anything at all: everything that reads what others have written. A target must
-// come back from every input, without an exception and within the bounds of its memory, and stops
-// the process where a promise of the reader is broken.
+// Fuzzing targets: every reader of foreign input. A target must return for every input, without an
+// exception and within its memory limits. It aborts the process if the reader violates a
+// postcondition.
 #pragma once
 
 #include <array>

@@ -34,7 +34,7 @@ Scene wrong_beam() {
   return family.with(values);
 }
 
-// At t = 96.3 it chatters and stays closed for a while.
+// At t = 96.3 the contact chatters and stays closed for a while.
 TEST(TrackingEstimator, SevenWrongParametersAndExactTimes) {
   const Trial trial{.duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
@@ -58,11 +58,10 @@ TEST(TrackingEstimator, SevenWrongParametersAndTimesThatJitter) {
             << outcome.floor(60.0, &Tick::V_replica) << '\n';
   ASSERT_EQ(outcome.accepted.size(), 1U);
   EXPECT_LT(outcome.floor(60.0), 2e-8);
-  EXPECT_LT(outcome.floor(100.0), 1e-7);  // behind the chatter
+  EXPECT_LT(outcome.floor(100.0), 1e-7);  // after the chatter
   EXPECT_EQ(outcome.inconsistencies, 0);
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
-  // What it says of its error holds, but for ticks of which it is not known on which side of an
-  // impact they lie.
+  // The claimed energy of its error holds, except at ticks whose side of an impact is uncertain.
   double ratio = 0.0;
   int count = 0;
   for (const auto& tick : outcome.ticks) {
@@ -93,7 +92,7 @@ TEST(TrackingEstimator, ParametersThatMoveAreFollowed) {
   }
 }
 
-// Events that say little: it waits for more.
+// Uninformative events: the estimator waits for more.
 TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
   const Trial trial{.jitter = 1e-3, .duration = 60.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1002);
@@ -103,7 +102,7 @@ TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
-// They are noticed one at a time, and cost next to nothing.
+// Lost events are detected one at a time, with little effect.
 TEST(TrackingEstimator, LostEventsAreNoReasonToGiveUp) {
   const Trial trial{.lost = 0.02, .jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 6);
@@ -142,7 +141,7 @@ TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
   EXPECT_GE(confidence.parameters.accepted, 0.0);
 }
 
-// Ticks are the same whether results are there at once, or late and the time line has to go back.
+// The ticks are the same with immediate results and with late results and rollbacks.
 TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
   const Scene scene = wrong_beam();
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 30.0);
@@ -169,7 +168,7 @@ TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
         line.release();
         due = -1;
       }
-      // The next ticks are looked at ahead.
+      // Provisional ticks ahead.
       line.run(
           k + 5, [](const auto&) {},
           [&](const TrackingState& state) {
@@ -189,17 +188,17 @@ TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
             return true;
           });
     }
-    EXPECT_GT(line.rollbacks().rollbacks, 10);  // late events as well
+    EXPECT_GT(line.rollbacks().rollbacks, 10);  // for late events as well
     return rows;
   };
   const std::vector<Row> at_once = rows_of(0, 1);
   ASSERT_EQ(at_once.size(), 1501U);
   EXPECT_EQ(at_once.back().back(), 1.0);
   EXPECT_EQ(rows_of(40, 100), at_once);
-  EXPECT_EQ(rows_of(300, 16), at_once);  // longer than the history
+  EXPECT_EQ(rows_of(300, 16), at_once);  // later than the history
 }
 
-// A machine that becomes another one is not explained by walks: it is identified anew.
+// A walk does not explain a jump of a parameter: the machine is identified again.
 TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
   const Scene scene = wrong_beam();
   std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
@@ -235,8 +234,7 @@ TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
   EXPECT_GT(confidence.parameters.accepted, 40.0);
 }
 
-// An observer that is started while the machine runs: the first event it knows lies before its
-// tick.
+// An observer started while the machine runs: its first event lies before its tick.
 TEST(TrackingEstimator, MayJoinLate) {
   const Scene scene = wrong_beam(), machine = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(machine, 60.0);

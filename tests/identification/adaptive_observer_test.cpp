@@ -17,7 +17,7 @@ using test::shipped_scene;
 
 constexpr double tick_length = 0.05, duration = 24.0;
 
-/// The paper's beam, told a damping and a restitution that are not its own.
+/// The paper's beam with a wrong damping and restitution.
 Scene wrong_scene() {
   Scene scene = shipped_scene("paper_beam");
   scene.adaptation.free = {"impact.restitution", "beam.damping"};
@@ -34,7 +34,7 @@ struct Row {
   bool operator==(const Row&) const = default;
 };
 
-// Events tick by tick, and identifications at once.
+// Events tick by tick, with immediate results of identification.
 std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEvent>& events) {
   TrackingEstimator estimator(scene, tick_length, EstimatorKind::adaptive);
   TrackingState state;
@@ -62,7 +62,7 @@ std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEven
 
 Row row_of(const Estimate& of) { return {of.tick, of.q, of.u, of.parameters.values, of.of_filter}; }
 
-// Events in any order, some ahead of the horizon, with looks ahead in between.
+// Events in any order, some after the watermark, with provisional estimates in between.
 TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
   const Scene scene = wrong_scene(), machine = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(machine, duration);
@@ -94,7 +94,7 @@ TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
   ASSERT_EQ(settled.size(), expected.size());
   for (std::size_t k = 0; k < settled.size(); ++k) ASSERT_EQ(settled[k], expected[k]) << k;
 
-  // It is on the machine, and says with what.
+  // The estimate has converged to the machine and gives its parameters.
   const Estimate now = observer.at(duration + 1.0);
   Master master(machine.model, machine.master);
   std::vector<ContactEvent> passed;

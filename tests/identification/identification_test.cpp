@@ -51,15 +51,15 @@ TEST(Identification, SigmasAreHonest) {
   std::cout << "seeds 1 to " << runs << ": " << inside << " of " << values
             << " within 1.96 sigma\n";
   if (!sanitized) {
-    // Values of one run are correlated, so that these are some 30 independent ones.
+    // The values of one run are correlated: there are about 30 independent ones.
     EXPECT_GT(inside, 0.85 * values);
     EXPECT_LT(inside, values);
   }
 }
 
-// The last bounces of a chatter are nearer to each other than their times are known, and come all
-// at one time where a report waits for the one before it. A path through these times is 2.7
-// deviations off in these parameters (mean square 7), and seems to drift.
+// The last impacts of a chatter are closer than the error of their times, and coincide if a report
+// waits for the previous one. A path through these times is 2.7 sigma off in these parameters (NEES
+// 7), and seems to drift.
 TEST(Identification, SigmasAreHonestBehindChatter) {
   constexpr double jitter = 1e-4;
   const Scene scene = shipped_scene("two_stops_beam");
@@ -101,7 +101,7 @@ TEST(Identification, SigmasAreHonestBehindChatter) {
     }
     std::cout << '\n';
   }
-  // One may be refused, none may be wrong.
+  // One run may be refused, but none may claim a wrong value.
   EXPECT_GE(values, 3 * (runs - runs / 5));
   if (!sanitized) {
     EXPECT_LT(squares, 2.0 * values);
@@ -144,7 +144,7 @@ std::vector<ContactEvent> jittered_events(const Scene& scene, double duration, u
   return events;
 }
 
-// The usual parameters are known to 3 %.
+// The default parameters are known to 3 %.
 Identification mended(const Scene& scene, const std::vector<ContactEvent>& events) {
   IdentificationSettings settings;
   settings.unknowns = unknowns_named(scene, usual_keys(scene));
@@ -153,8 +153,8 @@ Identification mended(const Scene& scene, const std::vector<ContactEvent>& event
   return identify(scene, events, settings);
 }
 
-// The path is followed backward as well: before the first impacts in a row that are as they were,
-// some events were lost, the very first among them, and others never were.
+// The path is also followed backwards: some of the first events are missing, including the very
+// first, and others are spurious.
 TEST(Identification, TheFrontOfARecordIsMended) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
@@ -180,7 +180,7 @@ TEST(Identification, TheFrontOfARecordIsMended) {
   EXPECT_EQ(found.start_t, 0.0);
 }
 
-// No 22 impacts in a row are left, with which a search begins elsewhere.
+// Fewer than the 22 consecutive impacts with which a search starts otherwise.
 TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
@@ -193,8 +193,8 @@ TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
   EXPECT_EQ(found.missing.size(), 2U);
 }
 
-// No piece between lost events tells the machine alone, some of them together do; several events in
-// a row were lost as well.
+// No piece between lost events determines the machine, but several of them together do. Several
+// consecutive events are lost as well.
 TEST(Identification, ShortPiecesTellAMachineTogether) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
@@ -208,8 +208,8 @@ TEST(Identification, ShortPiecesTellAMachineTogether) {
   EXPECT_EQ(found.missing.size(), lost.size());
 }
 
-// In these records an impact that hardly touches lies on the way backward: small errors of the path
-// move its time far.
+// In these records the backward path contains a grazing impact, whose time is sensitive to small
+// errors of the path.
 TEST(Identification, SlowImpactsAreNotTakenForLostOnes) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
@@ -222,8 +222,8 @@ TEST(Identification, SlowImpactsAreNotTakenForLostOnes) {
   }
 }
 
-// Of five modes a path may seem to leave nothing that passes through the support at every fifth
-// impact: the search goes on.
+// With five modes a path with zero residuals may pass through the support at every fifth impact:
+// the search must continue.
 TEST(Identification, APathHitFromInsideEndsNoSearch) {
   std::ifstream in(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -248,7 +248,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, IdentificationOfScenes,
                          testing::Values("lab_rig", "two_stops_beam", "non_proportional",
                                          "paper_beam_chatter", "steel_ruler"));
 
-// A release is two equations for the start that follows.
+// A release gives two equations for the start of the next stretch.
 TEST(Identification, ReleasesOfSustainedContactsCount) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   IdentificationSettings settings;
@@ -263,13 +263,14 @@ TEST(Identification, ReleasesOfSustainedContactsCount) {
   }
   EXPECT_GE(releases, 3);
   EXPECT_EQ(found.freedom, found.impacts - states);
-  // 43 impacts, more than half of them bounces: without the release they tell too little.
+  // 43 impacts, more than half of them from chatter: without the release they do not determine the
+  // parameters.
   const Trial trial{.off = 0.1};
   EXPECT_TRUE(run(scene, trial, 5004).right(trial));
 }
 
-// Through a chatter's end and the contact that is held behind it the state goes on: no stretch
-// begins anew, so that less is unknown.
+// The path continues through the end of a chatter and the following sustained contact. No stretch
+// starts anew, so that there are fewer unknowns.
 TEST(Identification, ThePathIsFollowedThroughHeldContacts) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution"}));
@@ -295,8 +296,8 @@ TEST(Identification, ThePathIsFollowedThroughHeldContacts) {
   EXPECT_LT(through.unknowns[0].sigma, 0.5 * between.unknowns[0].sigma);
 }
 
-// Twenty modes, of which no stretch between held contacts has twice as many impacts; and contacts
-// that are hit while others are held.
+// Twenty modes, of which no stretch between sustained contacts has twice as many impacts; and
+// impacts of one contact during a sustained contact of another.
 TEST(Identification, RecordsOfWhichMostIsHeldContacts) {
   struct Wrong {
     const char* scene;
@@ -328,7 +329,7 @@ TEST(Identification, RecordsOfWhichMostIsHeldContacts) {
   }
 }
 
-// Of a single mass a release tells all of the start.
+// For a single mass a release determines the whole start.
 TEST(Identification, ABallOnAShakenTable) {
   const Scene scene = test::ball("0.01", "restitution = 0.3",
                                  "motion = { amplitude = 0.04, frequency = 18.0, phase = 0.4 }\n"
@@ -347,8 +348,8 @@ TEST(Identification, ABallOnAShakenTable) {
   EXPECT_NEAR(found.unknowns[0].value, 0.3, 1e-9);
 }
 
-// Of bounces of a chatter alone a path may be any, also one that is inside: 12 of the first ones
-// here.
+// A chatter alone does not determine the path, which may even lie inside the support; here its
+// first 12 impacts are left out.
 TEST(Identification, WhatTellsNothingOfItsOwnStartIsLeftOut) {
   const Scene scene = shipped_scene("two_stops_beam");
   IdentificationSettings settings;
@@ -364,7 +365,7 @@ TEST(Identification, WhatTellsNothingOfItsOwnStartIsLeftOut) {
   EXPECT_NEAR(found.scatter, 1e-5, 2e-6);
 }
 
-// With the true scale of time as well: an entry of K and one of C, by matrix exponentials.
+// With the true scale of time as well: one entry of K and one of C, by matrix exponentials.
 TEST(Identification, SingleEntriesOfMatrices) {
   const Scene scene = shipped_scene("lab_rig");
   const Trial trial{
@@ -373,7 +374,7 @@ TEST(Identification, SingleEntriesOfMatrices) {
   EXPECT_TRUE(outcome.right(trial)) << outcome.worst;
 }
 
-// A shaken frame and a force of another frequency, two contacts with restitutions of their own.
+// A shaken frame and a force of another frequency, and two contacts with different restitutions.
 constexpr const char* two_frequencies = R"(
 [system]
 M = [[1.0, 0.0], [0.0, 0.7]]
@@ -403,8 +404,8 @@ q = [0.0, 0.1]
 [replica]
 )";
 
-// A machine of the family is that of its own scene, and what stands for several numbers that
-// differ is found from its events like one number.
+// A machine of the family equals that of its own scene. A common factor of several different
+// numbers is identified like a single number.
 TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
   const Scene scene = parse_scene(two_frequencies, "two_frequencies.toml");
   const struct {
@@ -422,7 +423,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
     const Machine a = family.at(value), b = alone.at(alone.nominal());
     EXPECT_LT((a.jump - b.jump).norm(), 1e-13) << of.key;
     EXPECT_LT((a.frequencies - b.frequencies).norm(), 1e-13) << of.key;
-    // Of each group the motion in steady state, however it is told from its amplitude.
+    // The steady-state motion of each group, independent of how its amplitude is represented.
     const Eigen::VectorXd x = family.inputs(value), y = alone.inputs(alone.nominal());
     for (Eigen::Index g = 0; g < a.groups(); ++g) {
       const std::complex<double> of_a(x[2 * g], x[2 * g + 1]), of_b(y[2 * g], y[2 * g + 1]);
@@ -437,7 +438,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
     EXPECT_TRUE(found.fits()) << of.key << ' ' << static_cast<int>(found.problem);
     EXPECT_NEAR(found.unknowns[0].value, of.value, 1e-8) << of.key;
   }
-  // Recorded minus true times.
+  // Reported minus true times.
   auto events = events_of(scene, 30.0);
   for (ContactEvent& event : events) event.t += 0.02;
   IdentificationSettings settings;
@@ -449,7 +450,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
 }
 
 TEST(Identification, WhatTheEventsCannotTellIsSaid) {
-  // One impact a period: the same times for ever.
+  // One impact per period: the intervals are constant.
   const Scene scene = shipped_scene("impact_oscillator");
   IdentificationSettings settings;
   settings.unknowns = unknowns_named(scene, usual_keys(scene));
@@ -541,7 +542,7 @@ TEST(Identification, AMeasuredBall) {
   EXPECT_FALSE(found.unknowns[2].determined);
   EXPECT_GT(std::abs(found.unknowns[0].correlation), 0.98);
   EXPECT_NEAR(found.jitter, 6e-4, 1e-4);
-  // Beside a drag a restitution that depends on the speed cannot be told; a drift can.
+  // With an unknown drag a speed-dependent restitution is not identifiable; a drift of it is.
   const auto beside_drag = estimate_restitution_trend(scene, found);
   ASSERT_TRUE(beside_drag);
   EXPECT_FALSE(beside_drag->found());

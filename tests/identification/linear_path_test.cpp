@@ -61,7 +61,8 @@ struct PathOf {
 const Stretches some_impacts = {
     {0.2, {{0.5, 0, true, 0}, {1.1, 0, true, 1}, {1.25, 0, true, 2}, {2.0, 0, true, 3}}}};
 
-// Modes, and coupled oscillators with the same matrices: an entry of K is sought, at its value.
+// By modes, and by coupled oscillators with the same matrices: an entry of K is an unknown, at its
+// true value.
 TEST(LinearPath, IsTheSameByModesAndByMatrixExponentials) {
   Scene scene = test::shipped_scene("lab_rig");
   scene.model.forces.push_back({Eigen::Vector2d(0.3, -1.0), 2.5, {}});
@@ -104,7 +105,7 @@ TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePath) {
   }
 }
 
-// The free part of the motion of a state.
+// The free part of the motion from a state.
 Eigen::VectorXd free_part(const MachineFamily& family, const State& state, double t) {
   const Machine machine = family.at(family.nominal());
   const Eigen::VectorXd inputs = family.inputs(family.nominal());
@@ -121,7 +122,8 @@ Eigen::VectorXd free_part(const MachineFamily& family, const State& state, doubl
   return x;
 }
 
-// Coupled damping, two contacts, a constant force that presses both masses to shaken supports.
+// Coupled damping, two contacts, and a constant force that presses both masses onto shaken
+// supports.
 constexpr const char* pressed = R"(
 [system]
 M = [[1.0, 0.2], [0.2, 0.6]]
@@ -177,8 +179,8 @@ const std::pair<const char*, double> with_held_contacts[] = {
     {"steel_ruler", 6.0},         {"pressed", 12.0},
 };
 
-// From the master's own start the path is at gap zero at every impact, while contacts close to
-// stay, chatter, are held and open in between.
+// From the master's own start the path has zero gap at every impact, with sustained contacts,
+// chatter and openings in between.
 TEST(LinearPath, IsTheMastersWhileContactsAreHeld) {
   int holding = 0;
   for (const auto& [name, duration] : with_held_contacts) {
@@ -228,7 +230,7 @@ TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePathWhileContactsAreHeld) {
   }
 }
 
-// The master's own events are impacts of the path that begins where it does.
+// The master's events are impacts of the path from the same start.
 TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
   const Scene scene = test::shipped_scene("paper_beam");
   const auto events = test::events_of(scene, 10.0);
@@ -249,7 +251,7 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
     flight.hit(0, next->t, u);
     t = next->t;
   }
-  // And back, each impact undone.
+  // Backwards, with each impact undone.
   for (std::size_t k = 8; k-- > 0;) {
     flight.undo_hit(0, t, u);
     EXPECT_LT(flight.gap_velocity(0, u, t), 0.0);

@@ -22,7 +22,7 @@ RecordSettings record_of(double close) {
   return record;
 }
 
-// The machine's own state there has neither a gap nor a gap velocity.
+// At a release the machine's own state has neither a gap nor a gap velocity.
 TEST(Record, AStretchBeginsWithTheReleaseOfASustainedContact) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const auto events = events_of(scene, 40.0);
@@ -64,7 +64,7 @@ TEST(Record, AStretchBeginsWithTheReleaseOfASustainedContact) {
   EXPECT_GE(releases, 3);
 }
 
-// Its gap opens while it moves.
+// Its gap opens with a velocity.
 TEST(Record, AMachineThatStartsInsideIsNoRelease) {
   const Scene scene = shipped_scene("paper_beam_as_printed");
   const auto events = events_of(scene, 20.0);
@@ -72,7 +72,7 @@ TEST(Record, AMachineThatStartsInsideIsNoRelease) {
   for (const Stretch& stretch : cut(events, record_of(1e-3), 4)) EXPECT_EQ(stretch.closed, 0U);
 }
 
-// No path leads through a gap, and what lies in it counts for nothing.
+// The path is interrupted at a gap, and events within it are ignored.
 TEST(Record, IsCutAtAGap) {
   using Kind = ContactEventKind;
   std::vector<ContactEvent> events;
@@ -100,8 +100,8 @@ TEST(Record, IsCutAtAGap) {
   EXPECT_EQ(times({{0.5, 30.0}}), Times{});
   EXPECT_EQ(times({{0.5, 4.5}}), Times{part(5, 20)});
 
-  // Closed behind it since nobody knows when: the machine may be inside, and flies from where it
-  // opens.
+  // The contact has been closed since an unknown time in the gap. The machine may be inside the
+  // support, and its flight starts at the opening.
   events[9].kind = Kind::closes;
   events[10].kind = Kind::opens;
   RecordSettings record = record_of(1e-3);
@@ -126,7 +126,7 @@ TEST(EventGaps, ThatMeetBecomeOne) {
   EXPECT_EQ(gaps, (Gaps{{0, 10}}));
 }
 
-// Another contact's impact may have opened it.
+// The impact of another contact may have opened it.
 TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
   using Kind = ContactEventKind;
   std::vector<ContactEvent> events = {{1.0, 0, Kind::closes}, {1.5, 0, Kind::opens}};
@@ -137,7 +137,7 @@ TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
   EXPECT_EQ(closed(), 0U);
 }
 
-// A sensor that reports one event for all bounces of a chatter, and one that reports each.
+// A sensor that reports one event per chatter, and one that reports each impact.
 TEST(RecordChecks, MergedBouncesAreThoseOfTheSensor) {
   for (const char* name : {"paper_beam_chatter", "steel_ruler"}) {
     const Scene scene = shipped_scene(name);

@@ -12,7 +12,7 @@
 namespace sprag {
 namespace {
 
-// Bounces with epsilon(v) = epsilon + trend v, in closed form.
+// Impacts with epsilon(v) = epsilon + trend v, in closed form.
 std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed) {
   common::Random draw(seed);
   std::vector<ContactEvent> events;
@@ -56,7 +56,7 @@ TEST(RestitutionTrend, IsFoundOfTheRightSize) {
       const Found of = found_of(trend, told, seed);
       ASSERT_TRUE(of.trend);
       EXPECT_TRUE(of.trend->found());
-      // It is not taken for a drift.
+      // The trend is not mistaken for a drift.
       ASSERT_TRUE(of.drift);
       EXPECT_GT(of.trend->gain, of.drift->gain);
       EXPECT_NEAR(of.trend->trend, trend, 4.0 * of.trend->sigma);

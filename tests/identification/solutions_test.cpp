@@ -1,4 +1,4 @@
-// What an identification claims, held against drawn machines of which the truth is known.
+// Claims of identification on random machines with known parameters.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -35,7 +35,7 @@ class Draw {
   std::mt19937_64 engine_;
 };
 
-// A machine, what is sought of it, and how far the scene may be off.
+// A machine, its unknowns, and the admissible errors of the scene.
 struct Machine {
   std::string kind;
   Scene scene;
@@ -79,7 +79,7 @@ Machine drawn_rattle(Draw& draw) {
   return {"rattle", std::move(parsed), std::move(keys), 4.0, 90};
 }
 
-// Nothing sets the size of its motion.
+// The scale of its motion is unobservable.
 Machine drawn_without_scale(Draw& draw) {
   const std::string scene = "[system]\nM = [[1.0]]\nC = [[" + text(draw.uniform(0.02, 0.1)) +
                             "]]\nK = [[" + text(draw.uniform(50.0, 500.0)) +
@@ -88,7 +88,7 @@ Machine drawn_without_scale(Draw& draw) {
   return {"no scale", parse_scene(scene, "no_scale.toml"), {"system.K"}, 20.0, 20};
 }
 
-// The scene of a user: the sought parameters are off by up to `share`, phases by up to a radian.
+// The scene of a user: the unknowns are off by up to `share`, phases by up to a radian.
 Scene off(const Machine& machine, double share, Draw& draw) {
   const MachineFamily family(machine.scene, unknowns_named(machine.scene, machine.keys));
   Eigen::VectorXd values = family.nominal();
@@ -122,14 +122,14 @@ double usual_flight(const std::vector<ContactEvent>& events) {
   return (events.back().t - events.front().t) / static_cast<double>(events.size());
 }
 
-// The largest error of a determined value in its own deviations; 0 where it is rounding.
+// The largest error of a determined value in its claimed sigma; 0 for rounding errors.
 double worst_error(const Machine& machine, const Scene& scene, const Identification& found) {
   double worst = 0.0;
   for (const FittedUnknown& fitted : found.unknowns) {
     if (!fitted.determined) continue;
     const Unknown as_truth = unknown_of(machine.scene, fitted.unknown.key);
     double truth = as_truth.nominal;
-    // A factor on a matrix: the ratio of the machine's to the scene's.
+    // A factor on a matrix: the ratio of the machine's matrix to the scene's.
     if (fitted.unknown.key == "system.C") truth = machine.scene.model.C(0, 0) / scene.model.C(0, 0);
     if (fitted.unknown.key == "system.K") truth = machine.scene.model.K(0, 0) / scene.model.K(0, 0);
     const double error = std::abs(error_of(fitted.unknown, fitted.value, truth));
@@ -178,7 +178,8 @@ TEST(Solutions, NoValueIsFarFromTheMachine) {
   EXPECT_GE(accepted, 0.9 * trials);
 }
 
-// Its flights are known: near an integer multiple of its neighbours an interval hides a bounce.
+// Its flights are known: an interval near an integer multiple of its neighbours contains a missed
+// impact.
 TEST(Solutions, ALostBounceIsFoundWithAnyJitter) {
   const unsigned seed = 21;
   Draw draw(seed);
@@ -214,7 +215,7 @@ TEST(Solutions, ALostBounceIsFoundWithAnyJitter) {
   EXPECT_EQ(found_lost, trials);
 }
 
-// A machine of another kind is none of the family: it is refused, or nothing is claimed.
+// A machine outside the family: the fit is refused, or claims nothing.
 TEST(Solutions, AWrongMachineIsRefused) {
   const unsigned seed = 22;
   Draw draw(seed);
@@ -233,21 +234,21 @@ TEST(Solutions, AWrongMachineIsRefused) {
     std::cout << kind << " accepted, scatter " << found.scatter << '\n';
   };
   for (int i = 0; i < repetitions(6); ++i) {
-    // Times on a clock that is 1 % fast, the frequency being held.
+    // Times of a clock that is 1 % fast, with the frequency fixed.
     const Machine rattle = drawn_rattle(draw);
     auto events = recorded(rattle, 0.0, draw);
     for (ContactEvent& event : events) event.t *= 1.01;
     std::vector<std::string> keys = rattle.keys;
     std::erase(keys, "excitation.frequency");
     attempt(rattle.scene, keys, 0.05, events, "clock");
-    // A restitution that is held 3 % off.
+    // A restitution fixed with an error of 3 %.
     Scene wrong = rattle.scene;
     for (Contact& contact : wrong.model.contacts) contact.restitution *= 1.03;
     keys = rattle.keys;
     std::erase(keys, "impact.restitution");
     attempt(wrong, keys, 0.05, recorded(rattle, 0.0, draw), "restitution");
   }
-  // Damping of another kind, and a mode too few.
+  // Another kind of damping, and one mode too few.
   const Scene three = shipped_scene("paper_beam");
   const auto keys = identification_study::usual_keys(three);
   for (const char* with : {"modes = 3\ndamping_ratio = 0.04", "modes = 4\ndamping = 0.17"}) {
@@ -264,7 +265,7 @@ TEST(Solutions, AWrongMachineIsRefused) {
   EXPECT_EQ(accepted, 0);
 }
 
-// The drag is 0, the end of what is possible: a limit to one side.
+// The drag is 0, the limit of its range: a one-sided interval.
 TEST(Solutions, AnOptimumAtABoundIsOneSided) {
   const Scene machine =
       test::ball("0.0", "law = \"newton\"\nrestitution = 0.9483", "[master]\nq = [0.2]\n");
@@ -294,13 +295,13 @@ TEST(Solutions, AnOptimumAtABoundIsOneSided) {
   std::cout << "seeds 1 to " << runs << ": " << at_bound << " at the bound, " << covered
             << " intervals contain it\n";
   if (sanitized) return;
-  // Half of the optima would be beyond it.
+  // Half of the unconstrained optima would be beyond the limit.
   EXPECT_GE(at_bound, 4);
   EXPECT_LE(at_bound, 16);
   EXPECT_GE(covered, 17);
 }
 
-// A ball that bounces once a period: many machines do.
+// A ball with one impact per period: many machines have the same events.
 TEST(Solutions, ALockedOrbitDeterminesHardlyAnything) {
   const Scene scene = test::ball("0.0", "law = \"newton\"\nrestitution = 0.5",
                                  "motion = { amplitude = 0.0035, frequency = 60.0, phase = "
@@ -323,7 +324,7 @@ TEST(Solutions, ALockedOrbitDeterminesHardlyAnything) {
   }
 }
 
-// A motion that is large enough makes any periodic record; no force sets its scale.
+// A sufficiently large motion fits any periodic record, because no force sets its scale.
 TEST(Solutions, AMotionWithoutAScaleIsNoFit) {
   const Scene beam = shipped_scene("paper_beam");
   std::vector<ContactEvent> events;
@@ -336,7 +337,7 @@ TEST(Solutions, AMotionWithoutAScaleIsNoFit) {
   for (const FittedUnknown& fitted : found.unknowns) EXPECT_FALSE(fitted.determined);
 }
 
-// Each bounce has a restitution of its own.
+// Each impact has a different restitution.
 TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
   double squares = 0.0;
   int values = 0;
@@ -369,7 +370,7 @@ TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
   EXPECT_GT(squares, 0.2 * values);
 }
 
-// The motion keeps its size where nothing sets it.
+// The motion keeps its scale if the scale is unobservable.
 TEST(Solutions, AMachineWithoutAScaleKeepsItsMotion) {
   Draw draw(5);
   const Machine machine = drawn_without_scale(draw);

@@ -1,4 +1,4 @@
-// The bounds message against LCM's own codec, and what is refused.
+// The bounds message compared with LCM's own codec, and rejected messages.
 #include "lcmtypes/bounds_codec.h"
 
 #include <gtest/gtest.h>

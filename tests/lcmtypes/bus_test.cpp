@@ -35,7 +35,7 @@ Bus::Handler collect(std::vector<Message>& messages) {
   };
 }
 
-/// Handles until `count` messages are there; false once nothing has come for half a minute.
+/// Handles messages until `count` have arrived; false after half a minute without one.
 bool handle_until(Bus& bus, const std::vector<Message>& messages, std::size_t count) {
   for (int silence = 0; messages.size() < count && silence < 30;)
     silence = bus.handle(1s) > 0 ? 0 : silence + 1;
@@ -49,7 +49,7 @@ std::vector<std::uint8_t> numbered(int i, std::size_t size) {
   return data;
 }
 
-/// Sends a raw datagram to the port, as anybody may.
+/// Sends a raw datagram to the port, as any host may.
 void send_raw(std::uint16_t port, const std::string& packet) {
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in group{};
@@ -135,13 +135,13 @@ TEST(BusTest, MalformedPacketsAreDroppedAndCounted) {
   std::vector<Message> received;
   bus.subscribe(contacts_channel, collect(received));
   send_raw(port, "LC");
-  send_raw(port, "LC02\0\0\0\0"s);  // no channel at all
+  send_raw(port, "LC02\0\0\0\0"s);  // no channel
   send_raw(port, std::string(100, '\0'));
-  send_raw(port, "LC02\0\0\0\1SPRAG_CONTACTS"s);            // a name without an end
+  send_raw(port, "LC02\0\0\0\1SPRAG_CONTACTS"s);            // an unterminated name
   send_raw(port, "LC02\0\0\0\1"s + std::string(200, 'x'));  // a name longer than LCM's limit
   send_raw(port, "ABCD\0\0\0\1SPRAG_CONTACTS\0data"s);      // another protocol
   send_raw(port, std::string(60000, '\xff'));
-  // Fragments, whole and with offsets beyond the message.
+  // Fragments, complete ones and with offsets beyond the message.
   for (const char offset : {'\0', '\x7f', '\xff'}) {
     send_raw(port,
              "LC03\0\0\0\1\0\0\0\x10"s + std::string(4, offset) + "\0\0\0\2SPRAG_CONTACTS\0data"s);
@@ -158,7 +158,7 @@ TEST(BusTest, MalformedPacketsAreDroppedAndCounted) {
   EXPECT_EQ(count(PacketFault::none), 1);
 }
 
-// liblcm hears every group of a port.
+// liblcm receives every group of a port.
 TEST(BusTest, GroupsOnOnePortKeepRunsApart) {
   const std::string port = std::to_string(test::free_port());
   Bus one("udpm://239.255.76.67:" + port + "?ttl=0");
@@ -174,7 +174,7 @@ TEST(BusTest, GroupsOnOnePortKeepRunsApart) {
   EXPECT_EQ(received_by_other, (std::vector<Message>{{"A", numbered(1, 3)}}));
 }
 
-// A buffer far too small for what is sent: the kernel says how much it dropped.
+// A buffer far too small for the datagrams: the kernel reports the number of dropped ones.
 TEST(BusTest, DatagramsThatTheKernelDropsAreCounted) {
   const std::string url = test::udp_url();
   Bus sender(url), receiver(url + "&recv_buf_size=20000");
@@ -184,7 +184,7 @@ TEST(BusTest, DatagramsThatTheKernelDropsAreCounted) {
   while (receiver.handle(100ms) > 0) {
   }
   EXPECT_LT(received.size(), 200U);
-  // At once, and not with the next datagram, which may never come.
+  // At once, without waiting for another datagram, which may never come.
   EXPECT_EQ(receiver.counts().overflowed, 200 - static_cast<std::int64_t>(received.size()));
 }
 
@@ -200,7 +200,7 @@ TEST(BusTest, AHandlerKnowsTheSendersApart) {
   EXPECT_NE(senders[0], 0U);
 }
 
-// A program that does not share the port, as most servers do not.
+// A program that does not share the port, like most servers.
 TEST(BusTest, APortInUseIsSaidAndNoRouteIsMissed) {
   const std::uint16_t port = test::free_port();
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
@@ -318,8 +318,8 @@ TEST(BusTest, LcmLoggerRecordsWhatIsPublished) {
   for (const Message& message : recorded()) EXPECT_EQ(message.data, numbered(1, 100));
 }
 
-/// Runs `check` in a network namespace of its own, without lo and without routes, and returns what
-/// it returns; nothing where namespaces are not permitted.
+/// Runs `check` in a separate network namespace, without lo and without routes, and returns its
+/// result; empty if namespaces are not permitted.
 std::optional<int> in_new_network(int (*check)()) {
   constexpr int not_permitted = 99;
   const auto user = std::to_string(::getuid());

@@ -53,7 +53,7 @@ class ChannelLogTest : public testing::Test {
     return found.empty() ? LogDamage{} : found.front();
   }
 
-  /// Random records, and where each begins; behind the last one, the file's size.
+  /// Random records, and the begin of each; the last entry is the file's size.
   std::string random_log(std::mt19937_64& random, std::vector<ChannelRecord>& records,
                          std::vector<std::size_t>& starts) {
     const auto file = directory_ / "random.lcmlog";
@@ -196,14 +196,14 @@ TEST_F(ChannelLogTest, AbsurdLengthsAreNotBelieved) {
     EXPECT_TRUE(with(20, length).starts_with("channel length"));
   for (const auto length : {"\xff\xff\xff\xff"sv, "\x80\0\0\0"sv, "\x7f\xff\xff\xff"sv})
     EXPECT_TRUE(with(24, length).starts_with("data length"));
-  EXPECT_EQ(with(24, "\x10\0\0\0"sv), "truncated record");  // 256 MiB: possible, not there
-  // Possible and there, but past the next record.
+  EXPECT_EQ(with(24, "\x10\0\0\0"sv), "truncated record");  // 256 MiB, beyond the file
+  // A valid length within the file, but beyond the next record.
   for (const auto length : {"\0\0\0\x05"sv, "\0\0\0\x10"sv, "\0\0\0\x20"sv})
     EXPECT_EQ(with(24, length), "wrong length");
 }
 
 TEST_F(ChannelLogTest, ASyncWordInAMessageDoesNotMislead) {
-  // A head of a record that would fit, in the message of a record whose own head is damaged.
+  // A valid head of a record inside the message of a record whose own head is damaged.
   const std::string head = three_records().substr(0, head_size + 6);
   const std::string data = "abc" + head + "defghijklm" + head.substr(0, 4) + "n";
   ChannelLogWriter writer(directory_ / "nested.lcmlog");
@@ -250,7 +250,7 @@ TEST_F(ChannelLogTest, StrayBytesCostNoMoreThanTheyCover) {
           << (reader.damages().empty() ? 0 : reader.damages()[0].begin) << " to "
           << (reader.damages().empty() ? 0 : reader.damages()[0].end);
     }
-    EXPECT_LE(read.size(), untouched + 1) << trial;  // one may be damaged in its data alone
+    EXPECT_LE(read.size(), untouched + 1) << trial;  // one may be damaged in its data only
     const auto& damages = reader.damages();
     ASSERT_LE(damages.size(), 1U) << trial;
     if (damages.empty()) continue;

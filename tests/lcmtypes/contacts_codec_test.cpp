@@ -18,7 +18,7 @@ using enum ContactEventKind;
 
 constexpr double quiet_nan = std::numeric_limits<double>::quiet_NaN();
 
-// LCM's header, the channel's name with its end, the message.
+// LCM's header, the channel's name with its terminator, the message.
 static_assert(8 + sizeof "SPRAG_CONTACTS" + contacts_message_size < 1400);
 
 ContactMessage random_report(std::mt19937_64& random) {
@@ -55,7 +55,7 @@ void expect_equal(const ContactMessage& a, const ContactMessage& b) {
   EXPECT_TRUE(std::equal(a.record.begin(), a.record.begin() + a.records, b.record.begin()));
 }
 
-/// The report as LCM's generated code has it.
+/// The report in LCM's generated type.
 contacts_t to_lcm(const ContactMessage& report) {
   contacts_t message{};
   message.session = report.session;

@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 
 using enum ContactEventKind;
 
-/// Hears what is published.
+/// Receives the published messages.
 class Ear {
  public:
   explicit Ear(const std::string& url, std::optional<Key> key = std::nullopt) : bus_(url, key) {
@@ -33,13 +33,13 @@ class Ear {
                    });
   }
 
-  /// Whether so many reports have come, in the end.
+  /// Whether `count` reports have arrived in the end.
   bool hears(std::size_t count) {
     for (int silence = 0; reports.size() < count && silence < 30;)
       silence = bus_.handle(1s) > 0 ? 0 : silence + 1;
     return reports.size() >= count;
   }
-  /// Hears until nothing comes any more.
+  /// Receives until no more messages arrive.
   void hear_all() {
     while (bus_.handle(500ms) > 0) continue;
   }
@@ -61,7 +61,7 @@ TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
   std::this_thread::sleep_for(50ms);
   publisher.set_horizon(0.6);
   ASSERT_TRUE(ear.hears(1));
-  const ContactMessage& report = ear.reports.front();  // nothing was said before
+  const ContactMessage& report = ear.reports.front();  // the first message
   EXPECT_EQ(report.session, publisher.session());
   EXPECT_EQ(report.contacts, 2);
   EXPECT_EQ(report.horizon, 0.6);

@@ -181,7 +181,7 @@ TEST(HealthCodec, WrongTypeAndWrongLengthAreRefused) {
   Health health;
   ASSERT_EQ(decode(bytes, health), Refusal::none);
   for (std::size_t size = 0; size < bytes.size(); ++size) {
-    // Of its own, so that reading behind its end is seen.
+    // In a separate allocation, so that a sanitizer detects reading past its end.
     const std::vector<std::uint8_t> cut(bytes.begin(),
                                         bytes.begin() + static_cast<std::ptrdiff_t>(size));
     ASSERT_EQ(decode(cut, health), Refusal::truncated) << size;

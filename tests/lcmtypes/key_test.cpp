@@ -45,7 +45,7 @@ TEST(KeyTest, VerifiesItsOwnTagAndNoOtherBit) {
   }
 }
 
-// A byte cannot move between the channel's name and the message.
+// The boundary between channel name and message is authenticated.
 TEST(KeyTest, TheNameIsKeptApartFromTheMessage) {
   const Key key = key_of_ones();
   EXPECT_NE(key.tag("AB", Bytes{'C'}), key.tag("A", Bytes{'B', 'C'}));
@@ -60,7 +60,7 @@ std::string hexadecimal(std::span<const std::uint8_t> bytes) {
   return text;
 }
 
-// What a program of somebody else's is written by.
+// The reference for programs of other authors.
 TEST(KeyTest, TheTestVectorOfTheDocumentationIsRight) {
   const std::string page = test::read_text(SPRAG_SOURCE_DIR "/docs/reference/messages.md");
   std::array<std::uint8_t, Key::size> bytes{};

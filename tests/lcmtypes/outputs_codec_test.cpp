@@ -47,7 +47,7 @@ TEST(OutputsCodec, LcmReadsWhatIsWritten) {
     EXPECT_EQ(own.outputs.values, read.value);
     EXPECT_EQ(own.outputs.sigmas, read.sigma);
   }
-  // Without a filter nothing is known.
+  // Without a filter sigma is unknown.
   sample.confidence.sigma_outputs.resize(0);
   const auto message = encode_outputs(sample, true, outputs, buffer);
   outputs_t read;
@@ -70,7 +70,7 @@ TEST(OutputsCodec, WhatCannotBeIsRefused) {
   std::vector<std::uint8_t> longer = good;
   longer.push_back(0);
   EXPECT_EQ(decode(longer, read), Refusal::oversized);
-  constexpr std::size_t count = 42, name = 46;  // where n and the length of the first name stand
+  constexpr std::size_t count = 42, name = 46;  // offsets of n and of the length of the first name
   const auto with = [&](std::size_t at, std::initializer_list<std::uint8_t> bytes) {
     std::vector<std::uint8_t> changed = good;
     std::copy(bytes.begin(), bytes.end(), changed.begin() + static_cast<std::ptrdiff_t>(at));

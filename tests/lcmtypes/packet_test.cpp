@@ -50,7 +50,7 @@ TEST(Packet, WhatIsNotOneIsRefusedByCause) {
   EXPECT_EQ(fault_of("LC02\0\0\0\0"s + std::string(64, 'x') + "\0data"s), PacketFault::no_channel);
 }
 
-// Under a sanitizer a step outside shows.
+// A sanitizer detects an access out of bounds.
 TEST(Packet, RandomBytesStayWithinTheirBounds) {
   Random random(1);
   int read_well = 0;

@@ -1,4 +1,4 @@
-// Control characters and what is no UTF-8 become escapes; all other text stays as it is.
+// Control characters and invalid UTF-8 become escapes; all other text stays unchanged.
 #include "command_line/printable.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 namespace sprag {
 namespace {
 
-/// No byte that a terminal obeys, and UTF-8, as another implementation sees it.
+/// Valid UTF-8 without control bytes, by an independent implementation.
 void expect_printable(const std::string& text, const std::string& of) {
   for (const char c : text) {
     EXPECT_FALSE(static_cast<unsigned char>(c) < 0x20 || c == '\x7f') << testing::PrintToString(of);

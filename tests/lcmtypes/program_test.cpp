@@ -122,7 +122,7 @@ TEST(ProgramTest, ExceptionsBecomeExitCodesAndMessages) {
   expect(1, throwing<std::runtime_error>("what happened"));
 }
 
-// A name in an error makes no line of its own; the two lines that mend a route do.
+// A name in an error does not start a new line; only the two lines that repair a route do.
 TEST(ProgramTest, NamesInErrorsAreEscaped) {
   TestProgram program;
   program.run = throwing<InputError>("a\ntester: all is well\x1b[31m: No such file");
@@ -184,7 +184,7 @@ TEST(ProgramTest, AnInterruptedProgramHasFailedUnlessItRunsUntilASignal) {
 }
 
 TEST(ProgramTest, SignalsSetTheStopFlag) {
-  std::signal(SIGHUP, SIG_DFL);  // also where the tests run under nohup
+  std::signal(SIGHUP, SIG_DFL);  // even if the tests run under nohup
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     TestProgram program;
     program.run = [signal](nlohmann::ordered_json&) {

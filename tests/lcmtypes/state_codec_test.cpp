@@ -248,7 +248,7 @@ TEST(StateCodecTest, ImpossibleValuesAreRefusedWithTheirCause) {
     spoil(bad.confidence);
     return refusal(bad);
   };
-  // Where nothing is known.
+  // Without a claim.
   EXPECT_EQ(spoilt([](Confidence& c) {
               for (auto* sigma : {&c.sigma_q, &c.sigma_u, &c.sigma_g}) sigma->setConstant(infinity);
               c.filter.deviation = infinity;

@@ -1,4 +1,4 @@
-// Records that are lost for good: the run says so, goes on, and converges.
+// Permanently lost records: the run reports them, continues and converges.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -20,7 +20,7 @@ struct Lossy {
   int repeats;
 };
 
-/// V at every settled tick of an observer that hears nothing for a while.
+/// V at every settled tick of an observer that receives nothing for a while.
 template <Estimator E>
 std::vector<double> error_energy(const Scene& scene, double h, const Lossy& lossy,
                                  EventCounts& counts, std::vector<DegradedInterval>& degraded) {
@@ -74,7 +74,7 @@ TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 template <Estimator E>
 void expect_convergence(const char* name, double lost_from, double lost_to) {
   const Scene& scene = cached_scene(name);
-  // Moreau's own error is first order in h: its V levels off.
+  // The time-stepping error is of first order in h: V reaches a floor.
   constexpr bool exact = !std::is_same_v<E, MoreauReplica>;
   const double h = exact ? 1e-2 : 1e-3;
   EventCounts counts;

@@ -1,5 +1,5 @@
-// The observer as a library: events in any order, late ones, estimates for now, and the same bits
-// as a time line that is told everything in time.
+// The observer as a library: events in any order, late events, provisional estimates, and the same
+// bits as a time line that receives every event in time.
 #include "sprag/observer.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ std::vector<ContactEvent> events_of(const Scene& scene) {
   return simulate(scene.model, scene.master, duration, 0.0).events;
 }
 
-// Events of one instant are told in their order.
+// Events of one instant keep their order.
 std::vector<ContactEvent> shuffled(const std::vector<ContactEvent>& events, std::uint64_t seed) {
   std::vector<std::vector<ContactEvent>> instants;
   for_each_instant(std::span(events), [&](std::span<const ContactEvent> of_one) {
@@ -109,7 +109,7 @@ TEST_P(ObserverTest, IsForNowWhatItWillBeWhenSettledIfAllHasCome) {
   const std::size_t half = events_.size() / 2;
   for (std::size_t i = 0; i < half; ++i) late.take(events_[i]);
   const double t = 0.5 * duration;
-  late.at(t);  // ahead without the rest, which comes late
+  late.at(t);  // ahead, without the later half of the events
   for (std::size_t i = half; i < events_.size(); ++i) late.take(events_[i]);
   for (const ContactEvent& event : events_) observer.take(event);
   const Estimate now = late.at(t);
@@ -120,7 +120,7 @@ TEST_P(ObserverTest, IsForNowWhatItWillBeWhenSettledIfAllHasCome) {
   const std::vector<Estimate> settled = observer.settle();
   EXPECT_TRUE(same(now, settled[static_cast<std::size_t>(now.tick)]));
   EXPECT_TRUE(same(further, settled[static_cast<std::size_t>(further.tick)]));
-  // From the middle, where half has settled.
+  // From the middle, with half of the ticks settled.
   late.set_horizon(t);
   late.settle();
   EXPECT_TRUE(same(late.at(duration), further));
@@ -201,7 +201,7 @@ TEST(Observer, RefusesSettingsThatMakeNoSense) {
   EXPECT_THROW(observe(scene, {}, -1.0), std::invalid_argument);
 }
 
-// The model in code is that of the scene file, to the bit.
+// The model built in code equals that of the scene file, bit for bit.
 TEST(BeamInCode, IsThatOfTheSceneFile) {
   const Scene scene = scene_of("paper_beam");
   const Harmonic shake{.amplitude = 0.03, .frequency = 9.5};

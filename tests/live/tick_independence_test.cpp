@@ -1,4 +1,4 @@
-// The estimate, what it says of itself and which event it blames do not depend on the tick.
+// The estimate, its sigma and the reported inconsistencies do not depend on the tick.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,9 +26,9 @@ struct Estimate {
 
 enum class Trouble { none, spurious, spurious_before, missing };
 
-// A tick's rounding is a billionth of the motion. A filter that starts again begins at the replica,
-// which has it: of a machine that is hardly observed, by chatter or by few events, the filter then
-// makes more of it, a share of its own sigma.
+// The rounding error of a tick is 1e-9 of the motion. A reset filter starts at the replica, which
+// contains this error. For a weakly observable machine, by chatter or by few events, the filter
+// amplifies it to a share of its sigma.
 struct Case {
   const char* name;
   const char* scene;
@@ -44,7 +44,7 @@ const Scene& scene_of(const Case& c) {
   return std::string(c.scene) == "coupled" ? coupled : cached_scene(c.scene);
 }
 
-/// At every `every`-th tick of h from the first one on.
+/// At every `every`-th tick of h.
 template <Estimator E>
 std::vector<Estimate> estimates(const Scene& scene, std::vector<ContactEvent> events, double h,
                                 std::int64_t every, double end) {
@@ -78,7 +78,7 @@ double largest(const std::vector<Estimate>& all, Eigen::VectorXd Estimate::*x) {
   return size;
 }
 
-/// Equal to within `limit` and a share of sigma, where they are numbers.
+/// Equal to within `limit` and a share of sigma, where finite.
 void expect_near(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double limit,
                  const Eigen::VectorXd& of_sigma, const char* what, std::size_t i) {
   for (Eigen::Index j = 0; j < a.size(); ++j) {
@@ -155,7 +155,8 @@ std::vector<ContactEvent> events_of(const Case& c, const Scene& scene, double ji
   for (ContactEvent& event : events) {
     last = event.t = std::max(last, event.t + jitter * normal(engine));
   }
-  // Late enough for the filter to know the machine; before the longest pause, so that it matters.
+  // Late enough for the filter to have converged; before the longest pause, so that the event
+  // matters.
   std::size_t chosen = events.size() / 3;
   for (std::size_t i = chosen; i + 1 < events.size(); ++i) {
     const double pause = events[i + 1].t - events[i].t;
@@ -168,7 +169,7 @@ std::vector<ContactEvent> events_of(const Case& c, const Scene& scene, double ji
   if (c.trouble == Trouble::spurious) {
     events.insert(at_chosen + 1, {between, 0, ContactEventKind::pulse});
   }
-  // 20 ms before a good one, both within a coarse tick.
+  // 20 ms before a true event, both within a coarse tick.
   if (c.trouble == Trouble::spurious_before) {
     constexpr double before = 0.02;
     const double tick = fine_in_coarse * fine;
@@ -189,7 +190,7 @@ TEST_P(TickIndependence, OfBoth) {
                               c.share_after_restart);
 }
 
-// Alone it says only that an event has not come.
+// The filter alone detects only missing events.
 TEST_P(TickIndependence, OfTheTimingFilter) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);

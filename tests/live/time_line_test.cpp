@@ -19,7 +19,7 @@ namespace {
 
 using enum ContactEventKind;
 
-/// A target: as far ahead of what is settled as a run goes.
+/// A target as far ahead of the settled ticks as a run allows.
 constexpr std::int64_t far_ahead = std::numeric_limits<std::int64_t>::max() / 2;
 constexpr auto ignore = [](const auto&) {};
 
@@ -36,7 +36,7 @@ Model two_contacts() {
 template <typename E>
 class TimeLineTest : public ::testing::Test {
  protected:
-  /// A time line of the two-contact beam and what it hands out.
+  /// A time line of the two-contact beam and its output.
   struct Run {
     explicit Run(double h, std::int64_t history, const Model& model = two_contacts())
         : estimator(model, h),
@@ -69,7 +69,7 @@ class TimeLineTest : public ::testing::Test {
     return offline<E>(two_contacts(), start(), h, events, end, first, chi);
   }
 
-  /// Events one by one, all ahead of what is settled, `target` after each.
+  /// Events one by one, all after the settled ticks, with `target` after each.
   static Recording one_by_one(double h, const std::vector<ContactEvent>& events, double end,
                               std::int64_t target, RollbackCounts* counts = nullptr) {
     Run run(h, 100);
@@ -117,8 +117,8 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
   }
 }
 
-// The smallest case: both events fall into tick 1, and the second arrives when the first has
-// already been run through.
+// The smallest case: both events fall into tick 1, and the second arrives after tick 1 has been
+// integrated.
 TYPED_TEST(TimeLineTest, GoingBackTakesTheTicksEarlierEventsAgain) {
   const std::vector<ContactEvent> events{{0.25, 0, pulse}, {0.5, 1, pulse}};
   typename TestFixture::Run run(1.0, 10);
@@ -185,7 +185,7 @@ TYPED_TEST(TimeLineTest, AnEventAtATickBelongsToIt) {
   }
 }
 
-// k h is no double then: the tick's exact time decides, and the horizon is read the same way.
+// k h is not always a double. The tick's exact time decides, also for the watermark.
 TYPED_TEST(TimeLineTest, AnEventNextToATickBelongsToTheFirstTickNotBeforeIt) {
   const double h = 1e-3;
   for (std::int64_t k = 1; k < 200; ++k) {
@@ -250,8 +250,8 @@ TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
             "");
 }
 
-// Of what is passed over nothing is missed: motion, and what note() says, of a machine whose
-// contacts close for a while, pulse and chatter.
+// Skipped ticks lose nothing: neither motion nor notes of note(). The machine has sustained
+// contacts, pulses and chatter.
 TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
   const auto said = [](const Replica& replica, const ReplicaState& state) {
     Confidence confidence;
@@ -312,7 +312,7 @@ TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
   }
 }
 
-// Ticks that are not kept any more are computed once more from the last settled one.
+// Ticks beyond the history are integrated again from the last settled tick.
 TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
   for (const std::int64_t history : {1, 2, 7, 100}) {
     for (std::uint64_t seed = 1; seed <= 10; ++seed) {
@@ -345,7 +345,7 @@ TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
   }
 }
 
-// GGPO's SyncTest: what a rollback does must not be seen.
+// GGPO's SyncTest: a rollback has no visible effect.
 TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
   const Scene& scene = cached_scene("paper_beam_chatter.toml");
   const double h = 1e-2;
@@ -474,7 +474,7 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenTheFirstReportDoesNotCarryEver
   }
 }
 
-// A machine's clock may start anywhere.
+// A machine's clock may start at any time.
 TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
   const double h = 1e-3;
   for (const double t : {99.9995, 100.0005, 100.0015, 1e5, 1e7, 1.7e9}) {
@@ -482,11 +482,11 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
     run.line.restart(reports_at({t}, {}, 2).front());
     EXPECT_EQ(run.line.now(), t < 100.001 ? 0 : last_tick(t, h) + 1) << t;
     EXPECT_EQ(run.line.complete_to(t), t < 100.001);
-    EXPECT_FALSE(run.line.complete_to(t + 1.0));  // nobody has said so yet
+    EXPECT_FALSE(run.line.complete_to(t + 1.0));  // the watermark is not there yet
   }
 }
 
-// Nothing is known of what was in a long gap: it is not worth the time to run through.
+// Events in a long gap are unknown, so that integrating through it is pointless.
 TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
   const double h = 1e-2;
   const auto report = [](std::int64_t total, double horizon) {
@@ -505,7 +505,7 @@ TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
   EXPECT_TRUE(run.line.receive(report(6, 2000.0)));
   EXPECT_EQ(run.line.now(), 200001);
   EXPECT_EQ(run.line.events().counts().lost_records, 6);
-  EXPECT_FALSE(run.line.receive(report(6, 9000.0)));  // nothing was lost
+  EXPECT_FALSE(run.line.receive(report(6, 9000.0)));  // no record was lost
   EXPECT_EQ(run.line.now(), 200001);
 }
 
@@ -548,7 +548,7 @@ TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
     run.seen.clear();
     run.line.restart(reports.front());
     run.to(far_ahead);
-    // Every other session is left before it has ended.
+    // Every other session is replaced before its end.
     const std::size_t heard = seed % 2 == 1 ? reports.size() / 2 : reports.size();
     for (std::size_t i = 1; i < heard; ++i) {
       run.line.receive(reports[i]);
@@ -568,7 +568,7 @@ TYPED_TEST(TimeLineTest, DoesNothingBeforeItsFirstStart) {
   EXPECT_TRUE(run.settled.ticks.empty());
 }
 
-// More events than the time line keeps at a time: old ones are dropped on the way.
+// More events than the time line keeps: old ones are dropped during the run.
 TYPED_TEST(TimeLineTest, EventsThatAreNotNeededAnyMoreAreDroppedWithoutATrace) {
   if (sanitized) GTEST_SKIP() << "slow";
   Random random(9);

@@ -26,7 +26,7 @@ constexpr ModeValue mode_values[] = {
 
 struct ShapeValue {
   int i;
-  double xi;  // as a double, exactly
+  double xi;  // exact as a double
   long double v;
 };
 constexpr ShapeValue shape_values[] = {

@@ -23,7 +23,7 @@ using bernstein::Piece;
 
 constexpr std::size_t top = degree;
 
-// In extended precision: what the polynomial is, next to what doubles make of it.
+// The exact value of the polynomial, in extended precision.
 long double horner(const Coefficients& a, double s) {
   long double value = 0.0L;
   for (std::size_t j = top + 1; j-- > 0;) value = value * s + a[j];
@@ -60,7 +60,7 @@ Coefficients random_coefficients(Random& random) {
   return c;
 }
 
-// Positive at 0 and, with some luck, for a while; or never below zero.
+// Positive at 0, often for a while; some are never negative.
 Coefficients random_falling(Random& random) {
   Coefficients b = random_coefficients(random);
   const double low = random.uniform(-1.0, 0.2) * largest(b);
@@ -80,7 +80,7 @@ Product random_product(Random& random) {
   std::array<long double, top + 1> a{1.0L};
   std::size_t n = 0;
   double first = infinity;
-  // From the highest power down: the lower ones are still the old.
+  // From the highest power down, because the lower coefficients must still be the old ones.
   const auto multiply = [&](long double c1, long double c2) {
     for (std::size_t j = top + 1; j-- > 0;) {
       if (j >= 1) a[j] += c1 * a[j - 1];
@@ -195,8 +195,8 @@ TEST_F(Bernstein, CutLeavesTheRightPart) {
   }
 }
 
-// Second differences say how far the control points are from the polynomial; those of a part of
-// length s are means of those of the whole, times s^2.
+// Second differences bound the distance of the control points from the polynomial. Those of a part
+// of length s are means of those of the whole, times s^2.
 TEST_F(Bernstein, SubdivisionConvergesWithTheSquareOfTheLength) {
   for (int i = 0; i < repetitions(2000); ++i) {
     Piece left{random_coefficients(random_), 0.0, 1.0};
@@ -208,7 +208,7 @@ TEST_F(Bernstein, SubdivisionConvergesWithTheSquareOfTheLength) {
     ASSERT_LE(largest_second_difference(left.b), s * s * whole + rounding);
     ASSERT_LE(largest_second_difference(right.b), (1.0 - s) * (1.0 - s) * whole + rounding);
   }
-  // By halves, towards any point: the control points close on the polynomial there.
+  // By bisection towards any point: the control points converge to the polynomial there.
   for (int i = 0; i < repetitions(200); ++i) {
     const Coefficients b = random_coefficients(random_);
     Piece piece{b, 0.0, 1.0};
@@ -225,7 +225,7 @@ TEST_F(Bernstein, SubdivisionConvergesWithTheSquareOfTheLength) {
   }
 }
 
-// The hull is that of all segments from a control point above zero to one below behind it.
+// The hull consists of all segments from a positive control point to a later negative one.
 TEST_F(Bernstein, HullCrossesZeroWhereTheFirstSegmentDoes) {
   int crossings = 0;
   for (int i = 0; i < repetitions(20000); ++i) {
@@ -262,7 +262,7 @@ TEST_F(Bernstein, AStraightLineCrossesZeroWhereItsHullDoes) {
   }
 }
 
-// Nothing is said to be positive that is not, and what is found is a root or nearly one.
+// No part with a root is certified as positive, and the result is a root or close to one.
 TEST_F(Bernstein, FirstRootBoundsTheFirstRootOfAnyCoefficients) {
   int none = 0;
   int some = 0;
@@ -292,7 +292,7 @@ TEST_F(Bernstein, FirstRootIsBeforeTheFirstRootOfAProduct) {
     const double rounding = 64.0 * machine_epsilon * largest(product.b);
     ++(product.first == infinity ? none : some);
     if (root > product.first) {
-      // By no more than rounded coefficients move it.
+      // Within the effect of rounded coefficients.
       ASSERT_NEAR(root, product.first, 1e-6) << i;
       ASSERT_NEAR(static_cast<double>(de_casteljau(product.b, root)), 0.0, rounding) << i;
     }
@@ -336,7 +336,7 @@ TEST_F(Bernstein, ANegativeCoefficientAloneIsNoRoot) {
 }
 
 TEST_F(Bernstein, ATouchIsSeenAsFarAsItIsShallow) {
-  // (s - 1/2)^2 + d against 1/4 + d at the start: a percent of it is the limit.
+  // (s - 1/2)^2 + d relative to 1/4 + d at the start: one percent is the limit.
   for (const double d : {0.0, 1e-15, 1e-9, 1e-4}) {
     const double root = bernstein::first_root(bernstein::from_power({0.25 + d, -1.0, 1.0}));
     EXPECT_LE(root, 0.5) << d;
@@ -346,7 +346,7 @@ TEST_F(Bernstein, ATouchIsSeenAsFarAsItIsShallow) {
 }
 
 TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
-  // What is zero at 1 alone is positive before.
+  // With its only root at 1 it is positive before.
   EXPECT_EQ(bernstein::first_root(bernstein::from_power({1.0, -1.0})), infinity);
   const double last = bernstein::first_root(bernstein::from_power({1.0, -1.0 - 1e-12}));
   EXPECT_LE(last, 1.0);
@@ -360,7 +360,7 @@ TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
 }
 
 TEST_F(Bernstein, OfManyRootsTheFirstIsFound) {
-  // Chebyshev's polynomial T_7(1 - 2 s): all of its 7 roots are within.
+  // Chebyshev's polynomial T_7(1 - 2 s): all of its 7 roots are in (0, 1).
   const Coefficients b =
       bernstein::from_power({1.0, -98.0, 1568.0, -9408.0, 26880.0, -39424.0, 28672.0, -8192.0});
   const double first = (1.0 - std::cos(std::numbers::pi / 14.0)) / 2.0;

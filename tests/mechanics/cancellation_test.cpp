@@ -1,6 +1,6 @@
-// Where a static rest or a steady response is far beyond the motion: soft springs under weight, and
-// excitation at and near resonance, against 50 digits (tests/reference, scripts/reference_corners)
-// and against series of the equation of motion.
+// Static deflections or steady responses far larger than the motion: soft springs under weight, and
+// excitation at and near resonance. Compared with 50 digits (tests/reference,
+// scripts/reference_corners) and with series of the equation of motion.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -59,7 +59,7 @@ TEST(SoftSpring, ABallFallsAsLongAsItDoes) {
   std::cout << "impacts off by " << worst << " at most\n";
 }
 
-// The same ball on a slant: one of the two modes of matrices that are not diagonal.
+// The same ball on an incline, as one of the two modes of matrices that are not diagonal.
 TEST(SoftSpring, ABallFallsAsLongAsItDoesOnAnyPath) {
   const Eigen::Vector2d along(0.6, 0.8);
   const Eigen::Vector2d across(-0.8, 0.6);
@@ -75,7 +75,7 @@ TEST(SoftSpring, ABallFallsAsLongAsItDoesOnAnyPath) {
     model.contacts.front().w = along;
     scene.master = {0.9 * along, Eigen::Vector2d::Zero()};
     ASSERT_EQ(Flow(Dynamics(model), 0).path(), FlowPath::modal);
-    // Rounded beside the other mode's, K and C of this one are off by some 1e-16.
+    // Rounding relative to the other mode's K and C changes those of this mode by about 1e-16.
     expect_impacts(scene, row, 1e-12, worst);
   }
   std::cout << "impacts off by " << worst << " at most\n";
@@ -92,7 +92,7 @@ Model oscillator(double Omega, double damping) {
 
 const State pushed_off{Eigen::VectorXd::Constant(1, 0.3), Eigen::VectorXd::Constant(1, -0.2)};
 
-// What the largest response until t bears: roundings, and that of the phase.
+// Rounding error relative to the largest response until t, including that of the phase.
 double resonant_rounding(double damping, double t) {
   const double largest = 0.5 + 0.05 * std::min(t, damping > 0.0 ? 2.0 / damping : t);
   return machine_epsilon * largest * (8.0 + t);
@@ -138,7 +138,8 @@ TEST(NearResonance, TicksAreTheFlow) {
   }
 }
 
-// An undamped oscillator in exact resonance that swings up to a stop: q = t sin(t) / 20 from rest.
+// An undamped oscillator in exact resonance whose amplitude grows up to a stop: q = t sin(t) / 20
+// from rest.
 TEST(NearResonance, ASwingThatGrowsMeetsTheStop) {
   Model model = oscillator(1.0, 0.0);
   model.contacts.push_back({Eigen::VectorXd::Constant(1, -1.0), 2.0, {}, 0.0});
@@ -152,7 +153,8 @@ TEST(NearResonance, ASwingThatGrowsMeetsTheStop) {
   EXPECT_LT(t, 14.5 * 3.15);
 }
 
-// Two contacts reported closed leave a mode whose frequency is the excitation's: both are held.
+// With both contacts locked, the remaining mode has the frequency of the excitation: both stay
+// closed.
 TEST(NearResonance, ContactsThatLeaveAResonantModeAreHeld) {
   Model model;
   model.M = Eigen::Matrix3d::Identity();

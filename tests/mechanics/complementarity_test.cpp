@@ -1,5 +1,5 @@
 // The linear complementarity problem 0 <= x _|_ y = A x + b >= 0 by its residual, recomputed in
-// extended precision, and against every basis there is.
+// extended precision, and compared with all bases.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -24,7 +24,7 @@ struct Lcp {
   VectorXd b;
 };
 
-/// Of moderate condition but for the rows' and columns' scales, up to `spread` apart.
+/// Well conditioned apart from scales of rows and columns, which differ by up to `spread`.
 Lcp random_problem(Random& random, int n, double spread) {
   VectorXd scale(n);
   for (double& s : scale) s = random.log_uniform(1.0 / std::sqrt(spread), std::sqrt(spread));
@@ -36,7 +36,7 @@ Lcp random_problem(Random& random, int n, double spread) {
   return {0.5 * (A + A.transpose()), scale.cwiseProduct(b)};
 }
 
-/// Largest violation of the problem, each row relative to its own terms.
+/// Largest violation of the problem, each row relative to its terms.
 Real residual(const Lcp& problem, const VectorXd& x, const VectorXd& y) {
   const MatrixR A = problem.A.cast<Real>();
   const VectorR b = problem.b.cast<Real>();
@@ -52,7 +52,7 @@ Real residual(const Lcp& problem, const VectorXd& x, const VectorXd& y) {
   return worst;
 }
 
-/// x by trying all 2^n bases: the one whose x_B and y_N are positive, or nearest to it.
+/// x by trying all 2^n bases: the one with positive, or least negative, x_B and y_N.
 VectorR by_all_bases(const Lcp& problem) {
   const auto n = problem.b.size();
   const MatrixR A = problem.A.cast<Real>();
@@ -91,7 +91,8 @@ void check(const Lcp& problem, const std::string& where) {
   ASSERT_LE(static_cast<double>(residual(problem, x, y)), 1e-12);
   if (problem.b.size() > 6) return;
   const VectorR expected = by_all_bases(problem);
-  // Impulses of different units compare by what they do: |A_ii| x_i beside the row's terms.
+  // Impulses of different units are compared by their effect: |A_ii| x_i relative to the row's
+  // terms.
   for (Eigen::Index i = 0; i < x.size(); ++i) {
     const Real unit = std::sqrt(Real(problem.A(i, i)));
     Real size = 0;
@@ -143,7 +144,7 @@ TEST(Complementarity, OfNothingIsSolved) {
   EXPECT_EQ(x.size(), 0);
 }
 
-// Exactly zero y beside zero x, and rows that only rounding keeps from it.
+// Rows with x = 0 and y = 0, exactly or up to rounding.
 TEST(Complementarity, DegenerateRowsAreSolved) {
   const std::uint64_t seed = 104;
   Random random(seed);
@@ -160,9 +161,9 @@ TEST(Complementarity, DegenerateRowsAreSolved) {
   }
 }
 
-// Y. Fathi, Math. Program. 17 (1979): on A = L L^T, L unit lower triangular with twos below, b =
-// -1, the least-index rule needs 2^n - 1 pivots; turned round, fewer. The problem is as well
-// conditioned as any.
+// Y. Fathi, Math. Program. 17 (1979): on A = L L^T, L unit lower triangular with twos below the
+// diagonal, b = -1, the least-index rule needs 2^n - 1 pivots; in reverse order, fewer. The problem
+// is well conditioned.
 TEST(Complementarity, IsSolvedWhereTheLeastIndexRuleIsSlowest) {
   for (const int n : {2, 4, 8, 9, 10, 12}) {
     MatrixXd L = MatrixXd::Identity(n, n);
@@ -177,8 +178,8 @@ TEST(Complementarity, IsSolvedWhereTheLeastIndexRuleIsSlowest) {
   }
 }
 
-// All contacts of W are pressed, but W has dependent columns: many x solve the problem, and any one
-// of them would be a guess. Where no contact is pressed there is nothing to guess.
+// All contacts of W are pressed, but W has dependent columns. Many x solve the problem, and
+// choosing one of them would be arbitrary. If no contact is pressed, x = 0 is unique.
 void expect_dependent(const MatrixXd& W, const VectorXd& impulses, const std::string& where) {
   const MatrixXd A = W.transpose() * W;
   const VectorXd b = -(A * impulses);
@@ -221,8 +222,8 @@ TEST(DependentDirections, OfAnyNumberAreNoGuess) {
   }
 }
 
-// What a guess would do: the same two balls in one groove, listed in two orders, with unlike
-// restitution.
+// Effect of an arbitrary choice: the same two balls in one groove, listed in two orders, with
+// different restitutions.
 TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
   const ContactMatrix G = MatrixXd::Ones(2, 2);
   const ContactVector gamma_minus = VectorXd::Constant(2, -1.0);
@@ -238,8 +239,8 @@ TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
   }
 }
 
-// Directions that depend on each other, loads of all signs: y is the one solution whatever the
-// order, and those that carry are independent.
+// Dependent directions with loads of all signs: y is the unique solution in any order, and the
+// loaded contacts are independent.
 TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
   const std::uint64_t seed = 106;
   Random random(seed);
@@ -253,7 +254,7 @@ TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
       const int twin = random.integer(0, rank - 1);
       if (random.chance(0.7)) W.col(k) = (random.chance(0.5) ? -1.0 : 1.0) * W.col(twin);
     }
-    // All directions have a part along u0, so that some motion satisfies them all.
+    // All directions have a component along u0, so that some motion satisfies all constraints.
     const VectorXd u0 = random.vector(rank);
     for (int k = 0; k < n; ++k) {
       if (W.col(k).dot(u0) < 0.0) W.col(k) *= -1.0;
@@ -286,7 +287,7 @@ TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
   EXPECT_GT(dependent, repetitions(4000) / 3);
 }
 
-// Two opposite walls that approach: no motion satisfies both.
+// Two opposite walls that approach each other: no motion satisfies both constraints.
 TEST(DependentDirections, WhatNothingSatisfiesIsLeftOut) {
   ContactMatrix A(2, 2);
   A << 1.0, -1.0, -1.0, 1.0;

@@ -1,6 +1,6 @@
-// Machines driven into the corners between several contacts: time must go on, nothing may be
-// pressed in. What one contact stops throws another off, for ever shorter; each such sequence has
-// to be completed.
+// Machines driven into the corners between several contacts. Time must advance, and no gap may
+// become negative. Stopping one contact forces the release of another, for ever shorter flights;
+// each such sequence has to be completed.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -74,8 +74,8 @@ TEST(Corner, IsLeftInTimeWhateverTheMachine) {
   }
 }
 
-// Contact 1 is thrown off by every impact of contact 2 for less than the rest of a chatter, while
-// contact 2 rests only if contact 1 does: both have to be held.
+// Every impact of contact 2 forces the release of contact 1, for less than the rest of a chatter,
+// and contact 2 rests only if contact 1 does. Both have to stay closed.
 TEST(Corner, HoldsBothWhenEachThrowsTheOtherOff) {
   for (const auto& [first, second] : {std::pair(0.9, 0.2), std::pair(0.5, 0.5)}) {
     SCOPED_TRACE(first);
@@ -92,7 +92,8 @@ TEST(Corner, HoldsBothWhenEachThrowsTheOtherOff) {
   }
 }
 
-// Pressed against a stop, a contact without loss would bounce for ever; ended by rounding alone.
+// Pressed against a stop, a contact without loss would bounce infinitely often; only rounding ends
+// this.
 TEST(Corner, BouncesWithoutLossThatTimeCannotTellApartEnd) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(1, 1);

@@ -56,8 +56,8 @@ TEST(ErrorEnergyTest, PartsAreNonNegativeAndSumToTheQuadraticForm) {
   }
 }
 
-// A chain of masses that is held nowhere: however far apart two of them are, V sees what they are
-// not as rigid bodies.
+// A chain of masses without a support: V measures their relative displacements, however far apart
+// two of them are.
 TEST(ErrorEnergyTest, RigidMotionsHaveNoEnergyOfPosition) {
   const Eigen::Index n = 50;
   Eigen::MatrixXd K = Eigen::MatrixXd::Zero(n, n);

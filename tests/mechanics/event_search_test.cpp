@@ -66,7 +66,7 @@ TEST(EventSearch, FindsTheFirstRootOfAStiffBeamsSignalsAndNoOther) {
     const Eigen::Index f = scene.model.coordinates();
     const Eigen::ArrayXd w = scene.model.K.diagonal().array().sqrt();
     State state{random.vector(f), random.vector(f)};
-    // The share of the fast modes, which the search does not always evaluate, varies.
+    // Varies the share of the fast modes, which the search does not always evaluate.
     const double fall = random.uniform(0.3, 1.5);
     state.u.array() *= w.pow(-fall);
     state.q.array() *= w.pow(-fall - 1.0);
@@ -80,7 +80,7 @@ TEST(EventSearch, FindsTheFirstRootOfAStiffBeamsSignalsAndNoOther) {
             << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
 }
 
-// Signals whose least value within T is in the open, moved so that it is just below or above zero.
+// Signals with an interior minimum within T, shifted so that it is just below or above zero.
 struct Graze {
   Problem problem;
   double least, where, size;
@@ -90,7 +90,7 @@ std::optional<Graze> random_graze(Random& random, double T, double h) {
   Problem problem = random_problem(random, 20.0);
   const Scan seen = scan(problem, T, h, infinity, false);
   if (seen.at_least < 0.2 * T || seen.at_least > T - h) return std::nullopt;
-  // The parabola of the touch is wider than roundings but narrower than a sample.
+  // The parabola of the minimum is wider than rounding errors but narrower than a sample.
   const double curvature =
       (problem.slope(seen.at_least + 1e-4 * h) - problem.slope(seen.at_least - 1e-4 * h)) /
       (2e-4 * h);
@@ -117,7 +117,7 @@ TEST(EventSearch, FindsTouchesOfAnyDepthBetweenSamples) {
       ++touches;
       const Found found = search(problem, 1.5);
       ASSERT_TRUE(found.tau) << "missed a touch at " << graze->where;
-      // Another minimum, nearly as deep, may come first.
+      // Another minimum, nearly as deep, may come earlier.
       EXPECT_LE(*found.tau, graze->where);
       EXPECT_LE(std::abs(problem.phi(*found.tau)), problem.rounding(*found.tau));
     }
@@ -150,7 +150,7 @@ TEST(EventSearch, ReportsNoTouchWhereThereIsNone) {
   EXPECT_GT(misses, repetitions(1500));
 }
 
-// 1 - depth + cos(w t) - 1: the first touch of the undamped cosine, in closed form.
+// 1 - depth + cos(w t) - 1: the first root of the undamped cosine, in closed form.
 TEST(EventSearch, TouchesOfACosineAreWhereTheyShouldBe) {
   for (const double w : {0.1, 1.0, 37.0, 4000.0}) {
     Model model;
@@ -170,7 +170,7 @@ TEST(EventSearch, TouchesOfACosineAreWhereTheyShouldBe) {
       ASSERT_TRUE(touch.tau);
       const long double half_width = 2 * std::asin(std::sqrt(0.5L * exact_depth));
       const auto expected = static_cast<double>((3.14159265358979323846L - half_width) / w);
-      // phi is known to 1e-15, its slope is w sqrt(2 depth).
+      // phi has an error of 1e-15 and the slope w sqrt(2 depth).
       EXPECT_NEAR(*touch.tau, expected, (2e-15 / std::sqrt(2 * exact_depth) + 2e-15) / w);
 
       problem.signal.constant = 1.0 + depth;
@@ -182,7 +182,7 @@ TEST(EventSearch, TouchesOfACosineAreWhereTheyShouldBe) {
 }
 
 // phi, phi', ... vanish at the start by construction, up to the given order: an impact that has
-// just happened (1), a contact at rest that opens (2), one released by its force (3).
+// just occurred (1), a resting contact that opens (2), one released by its force (3).
 class SearchFromZero : public testing::TestWithParam<int> {};
 
 TEST_P(SearchFromZero, FindsTheFirstRootAfterTheStart) {
@@ -207,7 +207,7 @@ TEST_P(SearchFromZero, FindsTheFirstRootAfterTheStart) {
       state.u -= contact.w * (gap_velocity(contact, state.u, t) / contact.w.squaredNorm());
     }
     if (order >= 3) {
-      // A constant force along w takes the acceleration away.
+      // A constant force along w cancels the acceleration.
       Eigen::VectorXd force = -model.C * state.u - model.K * state.q;
       force += model.forces[0].direction *
                (model.forces[0].constant + value(model.forces[0].harmonic, t));
@@ -222,7 +222,8 @@ TEST_P(SearchFromZero, FindsTheFirstRootAfterTheStart) {
     problem.enter(state, t);
     problem.signal = problem.flow->gap(0);
     shift_to(problem, 0.0);
-    // The sign of the leading derivative, by the value a little later; it must stand out.
+    // The sign of the leading derivative, by the value a little later, which must be clearly
+    // nonzero.
     const double h = 1e-3;
     const double soon = problem.phi(h);
     if (std::abs(soon) < 1e-3 * std::pow(h, order) * problem.magnitude(*problem.start)) continue;
@@ -235,7 +236,7 @@ TEST_P(SearchFromZero, FindsTheFirstRootAfterTheStart) {
       EXPECT_GT(*found.tau, h) << "the start itself is no root";
     }
     check_first_root(problem, found, 1.5, h, tally);
-    // A signal that goes below zero from the start falls at once.
+    // A signal that is negative right after the start falls at once.
     problem.sign = -problem.sign;
     const Found at_once = search(problem, 1.5, order);
     ASSERT_TRUE(at_once.tau);
@@ -277,7 +278,7 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
     ASSERT_NEAR(static_cast<double>(*found.tau / expected), 1.0,
                 4 * machine_epsilon * static_cast<double>(1 + 1e-3L / expected))
         << "g " << g << " height " << height << " v " << v;
-    // From the ground: order 1.
+    // From the support: order 1.
     problem.enter({Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, std::abs(v))}, 0.0);
     const Found flight = search(problem, 1e9, 1);
     ASSERT_TRUE(flight.tau);
@@ -287,8 +288,8 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
   }
 }
 
-// A start hardly off the ground at speed: phi(0) is nothing against where the flight goes. A search
-// that stands still would never return, so it runs in a process of its own.
+// A start just above the support at high speed: phi(0) is negligible relative to the flight. A
+// search without progress would never return, so it runs in a separate process.
 TEST(EventSearchDeathTest, AFlightThatStartsJustAboveTheGroundEndsToo) {
   struct Flight {
     double height, v, g;
@@ -312,7 +313,7 @@ TEST(EventSearchDeathTest, AFlightThatStartsJustAboveTheGroundEndsToo) {
   }
 }
 
-// A ball over a shaking table, and one that sinks through a viscous fluid onto it.
+// A ball over a shaking table, and one that sinks onto it through a viscous fluid.
 TEST(EventSearch, FallsOntoAMovingTableAreFound) {
   Tally tally;
   for (int i = 0; i < repetitions(1000); ++i) {
@@ -333,7 +334,7 @@ TEST(EventSearch, FallsOntoAMovingTableAreFound) {
 }
 
 TEST(EventSearch, NothingToFallIsCertifiedForEver) {
-  // Without gravity, upwards or at rest above the ground.
+  // Without gravity, moving upwards or at rest above the support.
   for (const double v : {0.0, 3.0}) {
     for (const double damping : {0.0, 0.3}) {
       Problem problem(ball(1.0, damping, 0.0));
@@ -386,7 +387,7 @@ TEST(EventSearch, WorkIsAFewExpansionsPerTurnAndEndsWhenTheMotionDies) {
     EXPECT_GT(search.certified(), 1e9) << "damping " << damping;
     EXPECT_LT(search.expansions(), 2000) << "damping " << damping;
   }
-  // A pure decay towards zero never gets there; it ends where doubles do.
+  // A pure decay towards zero never reaches it; the search ends at the least double.
   model.C(0, 0) = 2.0;
   model.contacts[0].clearance = 0.0;
   Problem problem(model);
@@ -427,7 +428,7 @@ TEST(EventSearch, TheRootDoesNotDependOnHowTheSearchIsCalled) {
       ASSERT_EQ(once.tau(), often.tau());
       ++found;
     }
-    // A search that is used again starts afresh.
+    // A search can be reused.
     often.begin(*problem.start, {&watch, 1});
     often.advance(3.0);
     ASSERT_EQ(once.certified(), often.certified());
@@ -490,7 +491,7 @@ TEST(EventSearch, SimultaneousWatchesAllFire) {
     Random random(seed);
     Problem problem = random_problem(random);
     shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(1e-2, 0.5));
-    // The same, a mirror image, a scaled one, and one that is later.
+    // The same signal, its mirror image, a scaled one, and a later one.
     Signal mirror = problem.signal;
     mirror.p = -mirror.p;
     mirror.r = -mirror.r;
@@ -510,7 +511,7 @@ TEST(EventSearch, SimultaneousWatchesAllFire) {
     search.begin(*problem.start, watches);
     search.advance(2.0);
     if (!search.found()) continue;
-    // A root as flat as a touch is not known well enough to be one instant.
+    // The time of a root with almost zero slope is not accurate enough to be one instant.
     const double slope = std::abs(problem.slope(search.tau()));
     if (slope * 1e-13 < problem.rounding(search.tau())) continue;
     EXPECT_TRUE(search.fires(0));

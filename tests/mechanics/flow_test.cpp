@@ -25,8 +25,8 @@ std::vector<int> members(ContactSet set) {
   return list;
 }
 
-// g and gamma at q and u. A support's phase Omega t is worth 1e-13 in double at t = 50, as much as
-// what is tested here; so in extended precision.
+// g and gamma at q and u, in extended precision: at t = 50 the rounding of a support's phase Omega
+// t in double contributes 1e-13, as much as the tested error.
 double exact_gap(const Contact& contact, const Eigen::VectorXd& q, long double t) {
   const Harmonic& s = contact.motion;
   return static_cast<double>(contact.w.cast<long double>().dot(q.cast<long double>()) +
@@ -43,7 +43,7 @@ void stop_contacts(const Model& model, const std::vector<int>& locked, double t,
   const auto l = static_cast<Eigen::Index>(locked.size());
   if (l == 0) return;
   Eigen::MatrixXd W(model.coordinates(), l);
-  for (int repeat = 0; repeat < 3; ++repeat) {  // to rounding
+  for (int repeat = 0; repeat < 3; ++repeat) {  // to rounding accuracy
     Eigen::VectorXd gamma(l);
     for (Eigen::Index i = 0; i < l; ++i) {
       const Contact& contact =
@@ -75,11 +75,11 @@ std::string structure_name(const testing::TestParamInfo<std::size_t>& structure)
   return structure_names[structure.param];
 }
 
-// A double eigenvalue without a second eigenvector is known to half the digits of the extended
-// precision that a flow's modes are computed in.
+// A double eigenvalue without a second eigenvector has half the digits of the extended precision in
+// which a flow's modes are computed.
 constexpr double defective = 1e-10;
 
-// Everything a flow promises, against an independent integration.
+// All properties of a flow, compared with an independent integration.
 void check_flow(const Model& model, ContactSet set, double t0, State start,
                 double tolerance = 1e-12) {
   const Dynamics dynamics(model);
@@ -137,7 +137,7 @@ void check_flow(const Model& model, ContactSet set, double t0, State start,
   }
 }
 
-// L = {}, {i} and {i, j}, as far as coordinates allow.
+// L = {}, {i} and {i, j}, as far as the number of coordinates allows.
 TEST_P(FlowOfAStructure, IsTheMotionOfTheEquationOfMotion) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
@@ -163,8 +163,8 @@ TEST_P(FlowOfAStructure, IsTheMotionOfTheEquationOfMotion) {
   }
 }
 
-// Springs and dampers so soft that the static rest lies up to 1e15 away. Not where C couples them:
-// complex modes tell two positions and two velocities apart by their slow decays alone.
+// Springs and dampers so soft that the static equilibrium is up to 1e15 away. Not with coupled C:
+// complex modes distinguish two positions and two velocities only by their slow decays.
 TEST_P(FlowOfAStructure, MovesRightOnSoftSpringsUnderWeight) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
@@ -190,7 +190,7 @@ TEST_P(FlowOfAStructure, MovesRightOnSoftSpringsUnderWeight) {
   }
 }
 
-// Driven at or near the frequency of one of its modes, with what damping it has or hardly any.
+// Driven at or near the frequency of one of its modes, with its own or almost no damping.
 TEST_P(FlowOfAStructure, MovesRightAtAndNearResonance) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
@@ -275,7 +275,7 @@ TEST(Flow, PiecesAddUpToTheWhole) {
   }
 }
 
-// In the middle of a long run, where the rounded product Omega t is off by 1e-13.
+// In the middle of a long run, where the rounded product Omega t has an error of 1e-13.
 TEST(Flow, PhasesOfTheExcitationKeepTheirDigitsLate) {
   Model model;
   model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
@@ -287,7 +287,7 @@ TEST(Flow, PhasesOfTheExcitationKeepTheirDigitsLate) {
   for (const std::int64_t k : {1L, 4000L, 123457L, 40000001L}) {
     const Instant t = tick_instant(k, 0.01);
     flow.set_phases(t, x);
-    // 80 bits hold the product of 9.7 and the instant to 1e-14 there.
+    // In 80 bits the product of 9.7 and the instant has an error of 1e-14 there.
     const long double phase = 9.7 * (static_cast<long double>(t.hi) + t.lo);
     EXPECT_NEAR(x.z[0], static_cast<double>(std::cos(phase)), 2e-15 + 1e-19 * std::abs(t.hi) * 10);
     EXPECT_NEAR(x.v[0], static_cast<double>(-9.7L * std::sin(phase)),
@@ -344,7 +344,7 @@ TEST(Flow, UndampedResonanceIsOrdinaryOnAllPaths) {
   modal.forces.push_back({Eigen::Vector2d(1, 0), 0.0, {1.0, 1.0, 0.3}});
   check_flow(modal, 0, 0.3, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)});
 
-  // One undamped mode beside two that C couples.
+  // One undamped mode and two modes that C couples.
   Model dense;
   dense.M = Eigen::Matrix3d::Identity();
   dense.C = (Eigen::Matrix3d() << 1.0, 0.5, 0.0, 0.5, 2.0, 0.0, 0.0, 0.0, 0.0).finished();
@@ -354,7 +354,7 @@ TEST(Flow, UndampedResonanceIsOrdinaryOnAllPaths) {
   EXPECT_EQ(Flow(Dynamics(dense), 0).path(), FlowPath::dense);
   check_flow(dense, 0, 0.3, {Eigen::Vector3d(0.1, 0.2, 0), Eigen::Vector3d(0.5, -0.3, 1)});
 
-  // Only where it is locked: the mount drives a mode at its own frequency.
+  // Resonance only with the contact locked: the support motion drives a mode at its own frequency.
   Model locked;
   locked.M = Eigen::Matrix2d::Identity();
   locked.C = Eigen::Matrix2d::Zero();
@@ -414,7 +414,7 @@ TEST(Flow, MassThatIsNotPositiveDefiniteIsRefused) {
   EXPECT_THROW(Dynamics{model}, ModelError);
 }
 
-// Machines that float: k = 0 is an ordinary case (design.md, section 2) on the dense path as well.
+// Machines with a rigid-body mode: k = 0 is an ordinary case on the dense path as well.
 TEST(Flow, AFloatingPairWithADamperOnOneOfThemFalls) {
   Model model = two_masses(0.0);
   model.C(0, 0) = 0.7;
@@ -437,8 +437,8 @@ TEST(Flow, AFloatingPairWithADamperOnOneOfThemDriftsUnforced) {
   check_flow(model, 0, 0.0, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)});
 }
 
-// C couples the modes of K, and s = -1 is a double root of
-// (s^2 + s + 1/2) (s^2 + 2 s + 3/2) - s^2 / 4: critical damping without a mode of its own.
+// C couples the modes of K, and s = -1 is a double root of (s^2 + s + 1/2) (s^2 + 2 s + 3/2) - s^2
+// / 4: critical damping without an eigenvector of its own.
 TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
   for (const double off : {0.0, 1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-3}) {
     SCOPED_TRACE(testing::Message() << "off the double root by " << off);
@@ -454,8 +454,8 @@ TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
   }
 }
 
-// det(s^2 + C s + K) = (s^2 + 0.2 s + 1)^2, and one complex vector for the two: t e^(st) is in the
-// motion, which is no oscillator's.
+// det(s^2 + C s + K) = (s^2 + 0.2 s + 1)^2, with one complex eigenvector for both factors: the
+// motion contains t e^(st), which oscillators do not represent.
 TEST(Flow, ADoubleComplexPairWithOneVectorIsRefusedAndItsNeighboursAreNot) {
   Model model;
   model.M = Eigen::Matrix2d::Identity();
@@ -470,7 +470,7 @@ TEST(Flow, ADoubleComplexPairWithOneVectorIsRefusedAndItsNeighboursAreNot) {
   }
 }
 
-// Two of one kind, not coupled with each other: every eigenvalue is double and has two vectors.
+// Two equal machines without coupling: every eigenvalue is double and has two eigenvectors.
 TEST(Flow, EqualMachinesSideBySideMoveAsOneAlone) {
   for (const Structure structure : {Structure::coupled, Structure::strongly_damped}) {
     const std::uint64_t seed = 81 + static_cast<std::uint64_t>(structure);
@@ -496,7 +496,7 @@ TEST(Flow, EqualMachinesSideBySideMoveAsOneAlone) {
   }
 }
 
-// Two rigid motions, damped and coupled by dampers to the ground from hardly to strongly; a weight
+// Two rigid-body modes, damped and coupled by dampers to the ground from weak to strong; a weight
 // on each mass.
 TEST(Flow, AFloatingPairInThePlaneFalls) {
   for (const double c : {1e-4, 0.01, 0.5, 5.0, 50.0}) {
@@ -519,8 +519,8 @@ TEST(Flow, AFloatingPairInThePlaneFalls) {
   }
 }
 
-// A state that does not fit the locked contacts moves by the static deflection that closes their
-// gaps: at right angles, in K, to all that leaves them closed.
+// A state inconsistent with the locked contacts is corrected by the static deflection that closes
+// their gaps. It is orthogonal, with respect to K, to all motions that keep them closed.
 TEST_P(FlowOfAStructure, ClosesGapsStatically) {
   for (int i = 0; i < repetitions(20); ++i) {
     const std::uint64_t seed = 60000 + 1000 * GetParam() + static_cast<std::uint64_t>(i);

@@ -1,6 +1,6 @@
-// Two machines that take the same impact from different velocities: whether it brings them apart.
-// Their distance is the kinetic energy of their difference, |gamma_A - gamma_B|_(G^-1) as far as an
-// impact changes it. All that convergence of the observer rests on at an impact is here.
+// Two machines with the same impact from different velocities: whether their distance grows. An
+// impact changes only the kinetic energy of their difference, |gamma_A - gamma_B|_(G^-1). The
+// observer's convergence at impacts rests on these tests.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ struct Machines {
 
   int contacts() const { return static_cast<int>(a.size()); }
 
-  /// Distance after the impact over the distance before.
+  /// Distance after the impact over distance before it.
   double ratio(ImpactLaw law) {
     a_plus = after(law, a);
     b_plus = after(law, b);
@@ -70,7 +70,7 @@ Machines random_machines(Random& random) {
   machines.G = random_G(random, n);
   machines.epsilon = Vector::Constant(n, random.uniform(0, 1));
   machines.a = random_velocities(random, n);
-  // Half of the pairs are near each other: the bound is about every direction, too.
+  // Half of the pairs are close: the bound holds for every direction of the difference, too.
   const double apart = random.chance(0.5) ? 1.0 : random.log_uniform(1e-3, 1.0);
   machines.b = (1.0 - apart) * machines.a + apart * random_velocities(random, n);
   return machines;
@@ -86,7 +86,7 @@ Machines unlike_machines(Random& random) {
 
 double smallest_eigenvalue(const Matrix& A) { return eigenvalues(A)[0]; }
 
-/// > 0: Newton's law is non-expansive. D = diag((1 - epsilon) / (1 + epsilon)).
+/// Positive: Newton's law is non-expansive. D = diag((1 - epsilon) / (1 + epsilon)).
 double newton_margin(const Machines& m) {
   const Vector D = (1.0 - m.epsilon.array()) / (1.0 + m.epsilon.array());
   return smallest_eigenvalue(D.asDiagonal() * m.G + m.G * D.asDiagonal());
@@ -124,7 +124,7 @@ TEST_P(CommonRestitution, NeverBringsTwoMachinesApart) {
         cases, largest);
 }
 
-// Without restitution losses a distance is kept: the bound above is no slack one.
+// With restitution 1 the distance is preserved: the bound is attained.
 TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) {
   Random random(202);
   int kept = 0;
@@ -135,7 +135,7 @@ TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) 
     const auto pressed = [&] { return Vector(random_velocities(random, n).cwiseAbs()); };
     machines.a = -machines.G * pressed();
     machines.b = -machines.G * pressed();
-    // Poisson stops a contact that separated before.
+    // Poisson's law stops a contact that separated before.
     const bool separates = machines.a.maxCoeff() > 0.0 || machines.b.maxCoeff() > 0.0;
     if (GetParam() == ImpactLaw::poisson && separates) continue;
     ++kept;
@@ -144,8 +144,8 @@ TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) 
   EXPECT_GT(kept, repetitions(1000) / 3);
 }
 
-// A replica's effective restitution: what it leaves of the approach is at most what it says, and
-// what does not approach goes on not to.
+// A replica's effective restitution: the remaining approach velocity is at most its share, and a
+// contact that does not approach before does not approach afterwards.
 TEST_P(CommonRestitution, NeverBringsTwoMachinesApartWhereItIsNegative) {
   const std::uint64_t seed = 206;
   Random random(seed);
@@ -159,7 +159,7 @@ TEST_P(CommonRestitution, NeverBringsTwoMachinesApartWhereItIsNegative) {
     ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
     const Vector remains = -machines.epsilon.cwiseProduct(machines.a.cwiseMin(0.0));
     ASSERT_GE((machines.a_plus - remains).minCoeff(), -rounding) << "case " << i;
-    // Both laws are the same one then.
+    // Both laws agree then.
     const Vector by_this_law = machines.a_plus;
     machines.ratio(GetParam() == ImpactLaw::newton ? ImpactLaw::poisson : ImpactLaw::newton);
     ASSERT_LE((machines.a_plus - by_this_law).norm(), rounding) << "case " << i;
@@ -184,12 +184,12 @@ TEST(NegativeRestitution, LeavesOneContactItsShareOfTheApproach) {
   }
 }
 
-/// Master and replica at one instant. Of the contacts that take part some have been closed before:
-/// the master's stay at gamma = 0, the replica's clutch holds gamma >= 0. The others close now: in
-/// the master they approach, in the replica they do anything.
+/// Master and replica at one instant. Some participating contacts were closed before: those of the
+/// master stay at gamma = 0, the replica's clutch holds gamma >= 0. The others close now: in the
+/// master they approach, in the replica they have any velocity.
 struct Clutch {
   Machines machines;   // a is the master, b the replica
-  ContactSet closing;  // the rest has been closed before
+  ContactSet closing;  // the others were closed before
 
   explicit Clutch(Random& random) : machines(random_machines(random)) {
     const int n = machines.contacts();
@@ -224,10 +224,10 @@ TEST(Clutches, APulseNeverBringsReplicaAndMasterApart) {
   print("pulse at closed clutches, Poisson", cases, largest);
 }
 
-// A contact that closes to stay after a chatter has gamma = 0 in the master, which then takes no
-// impulse; in the replica it takes restitution 0 beside the others' own. However unlike that makes
-// the restitution, an impact without gain of energy cannot lead away from a machine that takes
-// none.
+// A contact that stays closed after a chatter has gamma = 0 in the master, which then takes no
+// impulse. In the replica it takes restitution 0 while the others keep theirs. Although the
+// restitutions differ, an impact without energy gain cannot increase the distance from a machine
+// without an impulse.
 TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
   const std::uint64_t seed = 204;
   Random random(seed);
@@ -248,8 +248,8 @@ TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
   print("sustained closing, Poisson", cases, largest);
 }
 
-// Where two contacts close at once, one to stay and one in a pulse, the master takes an impulse
-// with unlike restitution, and Theorem 1's condition is not met.
+// If two contacts close at once, one permanently and one in a pulse, the master takes an impulse
+// with different restitutions. The condition of Theorem 1 is not met.
 TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
   const std::uint64_t seed = 205;
   Random random(seed);
@@ -264,7 +264,7 @@ TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
   EXPECT_GT(largest, 1.01);
 }
 
-// Newton's law may end an impact with gamma+ < 0 at a clutch that must not let gamma fall below 0.
+// By Newton's law an impact may end with gamma+ < 0 at a clutch, which must not admit gamma < 0.
 TEST(Clutches, NewtonLeavesClosedContactsApproaching) {
   Random random(206);
   const int cases = repetitions(10000);
@@ -296,8 +296,8 @@ TEST(UnlikeRestitution, NewtonKeepsTogetherWithinItsCriterion) {
   print("unlike restitution, Newton, DG + GD >= 0", cases, largest);
 }
 
-// Outside of it there always is a pair that it brings apart: all contacts pressed, gamma+ = -E
-// gamma-, the difference along the worst direction of |E gamma| / |gamma|.
+// Outside the criterion there is always a pair whose distance grows: all contacts pressed, gamma+ =
+// -E gamma-, the difference along the worst direction of |E gamma| / |gamma|.
 TEST(UnlikeRestitution, NewtonBringsApartOutsideItsCriterion) {
   Random random(208);
   const int cases = repetitions(10000);
@@ -359,7 +359,7 @@ TEST(UnlikeRestitution, PoissonCanBringApart) {
 // The smallest cases, by hand, epsilon = (0, 1), compressions Lambda_C > 0. With G_12 = -0.8 the
 // second contact's expansion pulls the first, whose nu leaves gamma+ = (0, 0.36 Lambda_C2). With
 // G_12 = 0.8 it does not, gamma+ = Lambda_C2 (0.8, 1), and compressions that differ by (-0.1, 0.08)
-// bring the machines from 0.06 to 0.08 apart.
+// increase the distance of the machines from 0.06 to 0.08.
 TEST(UnlikeRestitution, PoissonByHand) {
   Machines machines;
   machines.G.resize(2, 2);

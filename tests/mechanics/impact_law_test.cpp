@@ -1,5 +1,5 @@
-// The impact laws by numbers worked out by hand and by what must hold of every impact. How two
-// machines' distance changes is in impact_distance_test.cpp, the complementarity problem alone in
+// The impact laws by examples calculated by hand and by properties of every impact. The distance of
+// two machines is tested in impact_distance_test.cpp, the complementarity problem in
 // complementarity_test.cpp.
 #include "sprag/detail/mechanics/impact_law.h"
 
@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 
 constexpr ImpactLaw laws[] = {ImpactLaw::poisson, ImpactLaw::newton};
 
-/// What an impact does to a machine with mass M and closed contacts of directions W.
+/// Effect of an impact on a machine with mass M and closed contacts of directions W.
 struct Outcome {
   VectorXd Lambda, gamma_plus, u_plus;
 };
@@ -63,8 +63,8 @@ VectorXd numbers(std::initializer_list<double> list) {
 
 double distance(const VectorXd& a, const VectorXd& b) { return (a - b).cwiseAbs().maxCoeff(); }
 
-// G = [[1, -0.8], [-0.8, 1]], gamma- = (-1, 0.3): the second contact, separating by itself, is
-// pushed back by the impulse of the first.
+// G = [[1, -0.8], [-0.8, 1]], gamma- = (-1, 0.3): the second contact separates before, and the
+// impulse of the first pushes it back.
 class TwoContacts : public testing::TestWithParam<bool> {
  protected:
   void SetUp() override {
@@ -122,15 +122,15 @@ TEST_P(TwoContacts, UnlikeRestitution) {
   EXPECT_LE(distance(poisson.gamma_plus, numbers({0.532, 0.0})), 1e-14);
   EXPECT_LE(distance(poisson.Lambda, numbers({1.292 / 0.36, 0.6 / 0.36 + nu})), 1e-13);
 
-  // The other way round the second contact expands more than the first and leaves with 0.38.
+  // In the opposite case the second contact expands more than the first and leaves with 0.38.
   const Outcome turned = impact_on(ImpactLaw::poisson, M, W, numbers({0.0, 1.0}), u);
   const double nu_1 = 0.8 * 0.5 / 0.36;
   EXPECT_LE(distance(turned.gamma_plus, numbers({0.0, 0.5 / 0.36 - 0.8 * nu_1})), 1e-14);
   EXPECT_LE(distance(turned.Lambda, numbers({0.76 / 0.36 + nu_1, 1.0 / 0.36})), 1e-13);
 }
 
-// One elastic ball against two that touch: the impulse goes on through the second contact in the
-// expansion only as far as the balls do not pull.
+// An elastic ball hits two that touch: in the expansion the second contact transmits the impulse
+// only as far as the balls do not pull.
 TEST(ThreeBalls, LeaveAsOneAgainstTwo) {
   MatrixXd W(3, 2);
   W << -1, 0, 1, -1, 0, 1;
@@ -175,7 +175,7 @@ TEST(OneContact, WithoutMobilityHasNoAnswer) {
   }
 }
 
-/// A random machine at an impact, its numbers around 1.
+/// A random machine at an impact, with quantities around 1.
 struct Problem {
   explicit Problem(Random& random, int largest = 5) {
     const int n = random.integer(1, largest);
@@ -200,10 +200,10 @@ struct Problem {
   VectorXd u, epsilon;
 };
 
-// Impulses are as large as velocities over G's smallest eigenvalue.
+// Impulses are of the order of velocities over the smallest eigenvalue of G.
 double scale(const Outcome& out) { return 1.0 + out.Lambda.maxCoeff(); }
 
-// Both laws as inequalities, whoever solved them.
+// Both laws as inequalities, independent of the solver.
 TEST(Impact, SatisfiesItsLaw) {
   Random random(21);
   for (int i = 0; i < repetitions(20000); ++i) {
@@ -221,8 +221,8 @@ TEST(Impact, SatisfiesItsLaw) {
     const VectorXd kinematic = newton.gamma_plus + p.epsilon.cwiseProduct(gamma);
     ASSERT_GE(kinematic.minCoeff(), -1e-15);
     ASSERT_LE(kinematic.cwiseProduct(newton.Lambda).maxCoeff(), 1e-14 * scale(newton));
-    // Poisson's compression is Newton without restitution; the rest of the impulse is E Lambda_C
-    // and what non-penetration asks for.
+    // Poisson's compression is Newton's law without restitution. The rest of the impulse is E
+    // Lambda_C and the part nu that prevents penetration.
     const Outcome compression =
         impact_on(ImpactLaw::newton, p.G, VectorXd::Zero(p.contacts()), gamma);
     const VectorXd nu =
@@ -274,7 +274,7 @@ TEST(Impact, OfAContactThatSeparatesIsNone) {
   for (int i = 0; i < repetitions(5000); ++i) {
     Problem p(random);
     const VectorXd gamma = p.W.transpose() * p.u;
-    // All separate: nothing happens.
+    // All contacts separate: no impulse.
     const VectorXd separating = gamma.cwiseAbs() + VectorXd::Constant(p.contacts(), 0.01);
     for (const ImpactLaw law : laws) {
       const Outcome none = impact_on(law, p.G, p.epsilon, separating);
@@ -282,8 +282,8 @@ TEST(Impact, OfAContactThatSeparatesIsNone) {
       ASSERT_LE(distance(none.gamma_plus, separating), 4e-16 * (1.0 + separating.maxCoeff()));
     }
     if (p.contacts() == 1) continue;
-    // One separates faster than the others could turn it round: it takes no impulse, and the others
-    // do what they would do without it.
+    // One contact separates so fast that the others cannot reverse it. It takes no impulse, and the
+    // others behave as without it.
     VectorXd fast = gamma;
     fast[0] = 1e7;
     const Eigen::Index rest = p.contacts() - 1;
@@ -327,7 +327,7 @@ TEST(Impact, ScalesWithTheVelocities) {
     Problem p(random, 8);
     p.unlike(random);
     Problem faster = p;
-    // A power of two rounds alike, another factor nearly so.
+    // A power of two rounds equally, another factor nearly so.
     const bool binary = random.chance(0.5);
     const double factor = binary ? 0x1p40 : random.log_uniform(1e-9, 1e9);
     faster.u *= factor;
@@ -341,8 +341,8 @@ TEST(Impact, ScalesWithTheVelocities) {
   }
 }
 
-// The unit in which one contact measures its gap is free: w -> s w, gamma -> s gamma, Lambda ->
-// Lambda / s, and the motion is the same.
+// The unit of a contact's gap is arbitrary: w -> s w, gamma -> s gamma, Lambda -> Lambda / s, and
+// the motion is the same.
 TEST(Impact, DoesNotDependOnTheUnitOfAGap) {
   Random random(27);
   for (int i = 0; i < repetitions(10000); ++i) {

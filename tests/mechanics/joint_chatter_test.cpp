@@ -1,5 +1,5 @@
-// Contacts whose chatter accumulates jointly: what completes the chatter of one throws the other
-// off. Such a machine comes to its end, or to an error that says when and why.
+// Contacts with joint chatter: completing the chatter of one forces the release of the other. Such
+// a run reaches its end, or an error that gives time and reason.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -20,7 +20,7 @@ struct Machine {
 };
 
 /// A few masses on springs between two to four supports, some opposite to the first one and some
-/// shaken, with hardly any loss at an impact.
+/// shaken, with almost elastic impacts.
 Machine machine_between_supports(std::uint64_t seed) {
   Random random(seed);
   const int f = random.integer(2, 4);
@@ -55,7 +55,7 @@ Machine machine_between_supports(std::uint64_t seed) {
   return machine;
 }
 
-/// Whether it came to its end; an error must name the time, a contact and what to do.
+/// Whether the run reached its end. An error must contain the time, a contact and a remedy.
 bool ends(const Machine& machine, double T, std::size_t most) {
   Master master(machine.model, machine.start);
   std::vector<ContactEvent> events;
@@ -125,7 +125,8 @@ TEST(JointChatter, EveryMachineBetweenSupportsComesToAnEnd) {
   }
 }
 
-// A stop that moves onto the opposite one squeezes the mass: ever more impacts in ever less time.
+// A stop that moves towards the opposite one squeezes the mass: the rate of impacts grows without
+// limit.
 TEST(JointChatter, AMassThatTwoStopsSqueezeEndsWithAnError) {
   const std::string squeezed = R"([system]
 M = [[1.0]]

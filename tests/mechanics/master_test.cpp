@@ -1,4 +1,4 @@
-// The master by what must hold: closed forms, energy, non-penetration, symmetry.
+// The master by its properties: closed forms, energy, non-penetration, symmetry.
 #include "sprag/master.h"
 
 #include <gtest/gtest.h>
@@ -66,7 +66,8 @@ TEST(ThreeBallChain, HasOneSimultaneousImpact) {
   EXPECT_LE((u - Eigen::Vector3d(-1.0 / 3, 2.0 / 3, 2.0 / 3)).norm(), 1e-14);
 }
 
-// A block on two feet with a small moment of inertia: what stops one foot drives the other down.
+// A block on two feet with a small moment of inertia: an impulse on one foot accelerates the other
+// downwards.
 TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
   Model model;
   model.M = Eigen::Vector2d(1.0, 0.3).asDiagonal();
@@ -84,8 +85,8 @@ TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
   EXPECT_LE((u - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-14);
 }
 
-// A block that rocks on its two feet comes to rest on both: what one foot stops throws the other
-// off, for ever shorter.
+// A block that rocks on its two feet comes to rest on both: an impulse on one foot forces the
+// release of the other, for ever shorter flights.
 TEST(BlockOnTwoFeet, RocksToRest) {
   for (const double epsilon : {0.0, 0.5}) {
     Model model;
@@ -201,7 +202,8 @@ TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
   EXPECT_GT(opened, 0.1);
 }
 
-// Contacts that throw the machine to and fro are completed together, some of them closed already.
+// Contacts between which the machine bounces are completed together, with some of them closed
+// already.
 TEST(Wedge, WhatIsClosedDoesNotCloseAgain) {
   for (const std::uint64_t seed : {17519, 19121, 20020, 23047, 23604, 23636, 28178, 29878}) {
     Random random(seed);

@@ -22,8 +22,8 @@ struct Point {
   Real z, v;
 };
 
-// exp(A tau) (z, v, alpha) by scaling, Taylor and squaring: no case distinction, so that it is
-// right in the neighbourhood of critical damping as well.
+// exp(A tau) (z, v, alpha) by scaling, Taylor series and squaring. It has no case distinction, so
+// that it is accurate near critical damping as well.
 Point by_matrix_exponential(Real delta, Real kappa, Real tau, Point x, Real alpha) {
   using Matrix3 = Eigen::Matrix<Real, 3, 3>;
   const Real w = std::max({std::sqrt(kappa), delta, std::numeric_limits<Real>::min()});
@@ -44,7 +44,7 @@ Point by_matrix_exponential(Real delta, Real kappa, Real tau, Point x, Real alph
   return {y[0] / w, y[1]};
 }
 
-// The textbook's solution with two different eigenvalues; loses digits where they are close.
+// The textbook solution with two different eigenvalues; it loses digits if they are close.
 Point by_eigenvalues(Real delta, Real kappa, Real tau, Point x) {
   using Complex = std::complex<Real>;
   const Complex root = std::sqrt(Complex(delta * delta - kappa, 0));
@@ -72,8 +72,8 @@ Point propagate(double delta, double kappa, double alpha, double tau, Point x) {
   return {state.z[0], state.v[0]};
 }
 
-// Largest error of z and v in units of the roundings to expect: those of the state as it was, times
-// the phase that a rounding of kappa shifts.
+// Largest error of z and v in units of the expected rounding error: that of the initial state,
+// times the phase error by the rounding of kappa.
 double error_in_roundings(double delta, double kappa, double tau, Point start, Point computed,
                           Point truth) {
   const double w = std::sqrt(kappa);
@@ -178,7 +178,7 @@ TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
   }
 }
 
-// Few oscillators are moved from another table than many.
+// A small number of oscillators uses another table than a large one.
 TEST_P(OscillatorRegimes, TickTableMovesEachAsIfItWereAlone) {
   const std::uint64_t seed = 7005;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -332,7 +332,7 @@ TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
   }
 }
 
-// Back through many times of the decay, in one go and in short steps: what grows grows alike.
+// Backwards over many decay times, in one step and in short steps: growing terms grow equally.
 TEST(Oscillators, GoingBackFarUnderAForceIsGoingBackOften) {
   constexpr int steps = 256;
   for (const double delta : {0.5, 2.0, 3.5, 8.0, 16.0}) {
@@ -357,7 +357,7 @@ TEST(Oscillators, ABankMovesEachOscillatorAloneAndOnlyThoseAskedFor) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
   const Eigen::Index n = 12;
-  // Neighbours with equal damping, regimes mixed.
+  // Neighbours with equal damping, in mixed regimes.
   Eigen::ArrayXd delta(n);
   Eigen::ArrayXd kappa(n);
   Eigen::ArrayXd alpha = Eigen::ArrayXd::Zero(n);

@@ -1,5 +1,5 @@
-// Contacts that are closed together though their directions depend on each other: an ordinary case
-// for a replica. The motion is that of the machine without the redundant ones.
+// Closed contacts with dependent directions: an ordinary case for a replica. The motion is that of
+// the machine without the redundant ones.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -83,7 +83,7 @@ TEST(RedundantContacts, OfThreeSupportsUnderAPlateOneCarriesNothing) {
   EXPECT_EQ(with.state.refused_impacts, 0);
 }
 
-// The one that carried opens; the redundant one takes over.
+// The loaded contact opens; the redundant one takes over.
 TEST(RedundantContacts, TakeOverWhatOthersLetGo) {
   Model one = plate(false);
   one.contacts.erase(one.contacts.begin() + 1);
@@ -117,7 +117,7 @@ TEST(RedundantContacts, ADoubledContactIsOneContact) {
   EXPECT_GT(with.state.redundancy.closings, 0);
 }
 
-// Between two stops that are closed at once nothing moves, whichever of them is pressed.
+// Between two stops that are closed at once the mass does not move, with either of them loaded.
 TEST(RedundantContacts, OppositeStopsHoldInTurns) {
   Model model;
   model.M = model.K = Eigen::MatrixXd::Identity(1, 1);

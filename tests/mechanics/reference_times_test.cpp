@@ -1,4 +1,4 @@
-// The master against event times computed with 50 digits (tests/reference).
+// The master compared with event times of 50 digits (tests/reference).
 #include <gtest/gtest.h>
 
 #include <cctype>
@@ -42,7 +42,7 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.scene; }
 class ReferenceTimes : public testing::TestWithParam<Case> {
  protected:
   static constexpr double tolerance = 1e-11;
-  static constexpr double least_impact = 1e-4;  // of |gamma-|, where the scene chatters
+  static constexpr double least_impact = 1e-4;  // of |gamma-|, for scenes with chatter
 
   void SetUp() override {
     const Scene scene = shipped_scene(GetParam().scene);
@@ -82,7 +82,7 @@ TEST_P(ReferenceTimes, EveryImpactIsFoundAtItsTime) {
 
 TEST_P(ReferenceTimes, NoImpactIsInvented) {
   if (GetParam().chatters) {
-    // The files leave out the tail of a chatter, and so does the master, in another place.
+    // The files leave out the tail of a chatter, as does the master, but at another impact.
     const auto all = rows(std::string(GetParam().reference) + "_impacts");
     std::vector<double> times;
     for (const auto& row : all) times.push_back(row[1]);

@@ -1,6 +1,6 @@
-// The energy that a machine's motion may have, against what one coordinate has by hand. That both
-// scales change with the units, tests/filter/units_test.cpp shows: an estimator without a told
-// uncertainty starts from them.
+// The energy scale of a machine's motion, compared with the result by hand for one coordinate. An
+// estimator without a specified uncertainty starts from it. tests/filter/units_test.cpp shows that
+// it scales with the units.
 #include "sprag/detail/mechanics/scale.h"
 
 #include <gtest/gtest.h>
@@ -43,8 +43,8 @@ TEST(EnergyScale, OfAWeightIsThatOfTheRestOrOfTheFall) {
   EXPECT_DOUBLE_EQ(energy_scale(model, at_rest()), 4.0 * 0.3);
 }
 
-// The steady motion has the amplitude F / |k - m w^2 + i c w|, and more energy in the velocity
-// above the resonance.
+// The steady motion has the amplitude F / |k - m w^2 + i c w|; above the resonance its largest
+// energy is the kinetic energy.
 TEST(EnergyScale, OfAHarmonicForceIsThatOfTheSteadyMotion) {
   Model model = oscillator(k);
   constexpr double F = 3.0, w = 7.0;

@@ -1,5 +1,5 @@
-// Shipped scenes against closed forms, wave theory, and an integrator that shares nothing with the
-// library.
+// Shipped scenes compared with closed forms, with wave theory, and with an integrator that shares
+// no code with the library.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -17,12 +17,12 @@
 namespace sprag::test {
 namespace {
 
-// The machine with one contact by Runge-Kutta steps of fourth order in extended precision; where
-// the gap changes sign within a step the time is bisected, each trial one step from the same point.
+// The machine with one contact by fourth-order Runge-Kutta steps in extended precision. If the gap
+// changes its sign within a step, the time is bisected; each trial is one step from the same point.
 class RungeKutta {
  public:
   using Real = long double;
-  // No allocation for up to four coordinates: there are a million steps.
+  // No allocation for up to four coordinates, because there are a million steps.
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1, Eigen::ColMajor, 4, 1>;
   using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 4, 4>;
 
@@ -39,7 +39,7 @@ class RungeKutta {
     now_ = {start.q.cast<Real>(), start.u.cast<Real>(), 0};
   }
 
-  /// Times of the first impacts, by steps of h that start anew at each of them.
+  /// Times of the first impacts, by steps of h that restart at each of them.
   std::vector<double> impacts(std::size_t count, Real h) {
     std::vector<double> times;
     while (times.size() < count) {
@@ -235,8 +235,8 @@ double slope_of(const std::vector<double>& x, const std::vector<double>& y) {
   return ((X - X.mean()) * (Y - Y.mean())).sum() / (X - X.mean()).square().sum();
 }
 
-// The steady motion without impacts has the amplitude X. A stop that cuts mu off it is hit with the
-// velocity Omega sqrt(2 X mu - mu^2): the square root that makes grazing a bifurcation of its own.
+// The steady motion without impacts has the amplitude X. A stop at X - mu is hit with the velocity
+// Omega sqrt(2 X mu - mu^2): this square root is the singularity of grazing.
 TEST(ImpactOscillator, GrazingFollowsTheSquareRootLaw) {
   Scene scene = shipped_scene("impact_oscillator");
   const Oscillator oscillator(scene.model);
@@ -263,7 +263,7 @@ TEST(ImpactOscillator, GrazingFollowsTheSquareRootLaw) {
     const double jump = u[0] + X * Omega * std::sin(Omega * t);
     EXPECT_NEAR(jump / ((1.0 + oscillator.epsilon) * hit), 1.0, 1e-6);
 
-    // A quarter of a period later, where position and velocity have both felt it.
+    // A quarter of a period later, when the impact has changed both position and velocity.
     const double later = 1.5 * std::numbers::pi / Omega;
     master.advance(at(later), events);
     ASSERT_EQ(events.size(), 1U);
@@ -333,9 +333,9 @@ BarImpact bar_impact(int n) {
           energy / energy_before, events.size()};
 }
 
-// The front that comes back from the free end ends the contact. Dispersion of the mesh widens it
-// like n^(-2/3) L, and so the errors fall; by the first node's mass, which stops for good, 1 / 2n
-// of the energy goes.
+// The wave that returns from the free end ends the contact. Numerical dispersion widens its front
+// like n^(-2/3) L, which determines the order of the errors. The first node stops permanently, so
+// that its mass takes 1 / 2n of the energy.
 TEST(ElasticBar, ContactConvergesToThatOfWaveTheory) {
   const double duration = 2.0 * L / std::sqrt(E / rho);
   const double impulse = 2.0 * rho * S * L * speed;

@@ -1,4 +1,4 @@
-// The shipped scenes by what must hold for every machine, and what each of them is there to show.
+// The shipped scenes by properties of every machine, and by the purpose of each scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace sprag::test {
 namespace {
 
-// Of V / V(0): the bar alone needs 1e-13 of it, for a hundred modes of up to 1e6 rad/s.
+// Of V / V(0): the bar needs 1e-13, because of a hundred modes of up to 1e6 rad/s.
 constexpr double rounding = 1e-12;
 
 long count(const std::vector<ContactEvent>& events, int contact, ContactEventKind kind) {
@@ -117,7 +117,7 @@ TEST(TwoStopsBeam, HitsBothStops) {
 }
 
 // An impact of one contact: Lambda = -(1 + epsilon) gamma- / G, and the machine gains the energy
-// Lambda (gamma- + gamma+) / 2 - Lambda s', the work of Lambda on the mean velocity of the contact.
+// Lambda (gamma- + gamma+) / 2 - Lambda s', the work of Lambda by the mean velocity of the contact.
 TEST(TwoStopsBeam, EnergyBalancesAcrossImpacts) {
   const Scene scene = shipped_scene("two_stops_beam");
   const Model& model = scene.model;
@@ -219,7 +219,8 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
             << " at most\n";
 }
 
-// Shaken harder, the beam hits both supports within 1e-11 s and less: each impact must be shared.
+// With a larger excitation the beam hits both supports within 1e-11 s and less: each impact must
+// involve both.
 TEST(TwoSupportsBeam, ShakenHarderStaysOutsideAndSynchronizes) {
   for (const double amplitude : {0.02, 0.03, 0.05}) {
     Scene scene = shipped_scene("two_supports_beam");

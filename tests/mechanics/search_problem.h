@@ -1,5 +1,4 @@
-// Machines in free flight with one signal to search, and a dense scan that says where its first
-// root is.
+// Machines in free flight with one signal to search, and a dense scan for its first root.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -43,12 +42,12 @@ struct Problem {
   double phi(double tau) const { return sign * value(signal, moved(tau)); }
   double slope(double tau) const { return sign * rate(signal, moved(tau)); }
 
-  // Of the terms phi is the sum of.
+  // Sum of the magnitudes of phi's terms.
   double magnitude(const Motion& motion) const {
     return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
            (signal.r * motion.x.v).abs().sum();
   }
-  // What roundings make of phi(tau): of its terms, their phases, and of tau itself.
+  // Rounding error of phi(tau): that of its terms, their phases, and tau itself.
   double rounding(double tau) const {
     const Motion motion = moved(tau);
     const Eigen::ArrayXd phase = 1.0 + flow->oscillators().root_kappa() * tau;
@@ -62,8 +61,8 @@ struct Problem {
   }
 };
 
-// First time in (0, T] where phi is below -margin, by samples h apart; minima between two samples
-// are sought out. Also the least value met.
+// First time in (0, T] with phi below -margin, by samples at a distance h; minima between two
+// samples are located. Also the least value.
 struct Scan {
   double first = infinity;  // phi < -margin here
   double before = 0.0;      // and not yet here
@@ -163,8 +162,8 @@ inline Harmonic harmonic(Random& random, double fastest) {
   return {random.uniform(-1, 1), random.log_uniform(0.5, fastest), random.phase()};
 }
 
-// A gap, a gap velocity or a mixture of a machine with 1 to 6 modes; `resonant` ones are driven at
-// or near the frequency of one of them, which is hardly damped.
+// A gap, a gap velocity or a linear combination of both, of a machine with 1 to 6 modes. `resonant`
+// machines are driven at or near the frequency of a mode with almost no damping.
 inline Problem random_problem(Random& random, double fastest = 60.0, bool resonant = false) {
   const Eigen::Index f = random.integer(1, 6);
   Model model = diagonal_machine(random, f, 0.5, fastest);
@@ -209,7 +208,7 @@ inline Problem random_problem(Random& random, double fastest = 60.0, bool resona
 }
 
 inline void shift_to(Problem& problem, double phi_0) {
-  // Twice: the first time phi is rounded on the scale of the constant that goes.
+  // Twice, because the first time phi is rounded relative to the constant that cancels.
   for (int i = 0; i < 2; ++i) problem.signal.constant += problem.sign * (phi_0 - problem.phi(0.0));
 }
 
@@ -232,7 +231,8 @@ struct Tally {
   double worst_residual = 0.0;  // in units of Problem::rounding
 };
 
-// What is found is a root to rounding and falls, and the scan sees none before it.
+// The result is a root to rounding accuracy with a falling signal, and the scan finds none before
+// it.
 inline void check_first_root(const Problem& problem, const Found& found, double T, double h,
                              Tally& tally) {
   double margin = 0.0;
@@ -256,7 +256,7 @@ inline void check_first_root(const Problem& problem, const Found& found, double 
                        4.0 * machine_epsilon * (1.0 + root))
         << "missed one at " << root;
   }
-  // A fall: what comes next is below zero, but for a touch within rounding.
+  // A falling signal: the next values are below zero, except for a tangential root within rounding.
   const double ahead = 1e-3 * h;
   EXPECT_LE(problem.phi(tau + ahead), 2.0 * margin + ahead * ahead * 1e6) << "rises at " << tau;
 }

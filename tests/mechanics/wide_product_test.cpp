@@ -7,7 +7,8 @@
 namespace sprag {
 namespace {
 
-// Bit for bit the sums in their order, in blocks of larger matrices, whatever the sizes leave over.
+// Equal bit for bit to the sums in their order, for blocks of larger matrices and all remainders of
+// the sizes.
 TEST(WideProduct, IsTheSumsInTheirOrder) {
   Random random(3);
   for (const Eigen::Index m : {1, 7, 8, 9, 16, 23}) {

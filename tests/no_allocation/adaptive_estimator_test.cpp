@@ -1,5 +1,5 @@
-// An adaptive estimator's ticks: before a result, when it counts, with the joint filter, and
-// through contacts that stay closed.
+// An adaptive estimator's ticks: before a result, at a result, with the joint filter, and through
+// sustained contacts.
 #include <gtest/gtest.h>
 
 #include "sprag/detail/filter/tracking_estimator.h"

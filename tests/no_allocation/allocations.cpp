@@ -5,7 +5,7 @@
 
 namespace {
 
-// Without constructors: malloc is called before any of them.
+// Without constructors, because malloc is called before any of them.
 constinit thread_local bool counting = false;
 constinit thread_local long allocated = 0;
 
@@ -15,7 +15,7 @@ void note() {
 
 }  // namespace
 
-// glibc's own, under the names by which it offers them to replacements.
+// glibc's own functions, under the names that it provides for replacements.
 // NOLINTBEGIN(bugprone-reserved-identifier)
 extern "C" {
 void* __libc_malloc(std::size_t size) noexcept;

@@ -1,12 +1,13 @@
-// Counts what a thread allocates. The executable brings its own malloc and its relatives, through
-// which operator new, Eigen and the libraries go as well; they allocate as before and count while
-// the calling thread's switch is on. gtest's assertions allocate: count first, assert afterwards.
+// Counts the allocations of a thread. The executable replaces malloc and related functions, which
+// operator new, Eigen and the libraries use as well. The replacements allocate as before and count
+// while the calling thread's switch is on. gtest's assertions allocate: count first, assert
+// afterwards.
 #pragma once
 
 namespace sprag::test {
 
-/// From its construction to stop() or its end every allocation of this thread counts; giving memory
-/// back counts, too, since it takes as long. One at a time.
+/// Counts every allocation of this thread from its construction to stop() or its destruction.
+/// Deallocations count, too, since they take as long. Only one instance at a time.
 class CountAllocations {
  public:
   CountAllocations();
@@ -14,11 +15,11 @@ class CountAllocations {
   CountAllocations& operator=(const CountAllocations&) = delete;
   ~CountAllocations() { stop(); }
 
-  /// Returns the count; what comes after it does not count.
+  /// Ends counting and returns the count.
   long stop();
 };
 
-/// Of one call.
+/// The allocations of one call.
 template <typename Call>
 long allocations_of(Call&& call) {
   CountAllocations counting;

@@ -1,4 +1,4 @@
-// The counter itself: a count of zero says something only if every way to allocate is seen.
+// The counter itself: a count of zero is evidence only if every way to allocate is counted.
 #include "tests/no_allocation/allocations.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 namespace sprag::test {
 namespace {
 
-// An address that the compiler has to believe is used: it may leave out an allocation otherwise.
+// Makes the compiler assume that the address is used; otherwise it may omit an allocation.
 void* volatile seen = nullptr;
 
 TEST(CountAllocations, SeesAVector) {

@@ -1,4 +1,4 @@
-// The steppers' ticks, through everything that occurs in them.
+// The steppers' ticks, with all their cases.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 namespace sprag::test {
 namespace {
 
-/// A machine and what its contacts do.
+/// A machine and its contact events.
 struct Drive {
   Model model;
   State start;
@@ -44,7 +44,7 @@ Drive shipped(const std::string& name) {
   return drive;
 }
 
-/// Contacts that do anything: clutches lock and unlock by themselves, several at a time.
+/// Arbitrary contact events: clutches lock and unlock by themselves, several at a time.
 Drive random_drive(std::uint64_t seed, Structure structure, Eigen::Index f, int contacts) {
   Random random(seed);
   Drive drive;
@@ -62,14 +62,14 @@ ContactSet locked(const ReplicaState& state) { return state.motion.flow->locked(
 ContactSet locked(const MoreauState&) { return 0; }
 ContactSet locked(const TrackingState& state) { return state.belief ? state.belief->held : 0; }
 
-/// What a run has met, and what it has allocated.
+/// The cases that a run has covered, and its allocations.
 struct Met {
   long allocations = 0;
   long free_ticks = 0;     // no contact closed
   long clutch_ticks = 0;   // some closed, not all of them locked
   long locked_ticks = 0;   // one locked
   long several_ticks = 0;  // two or more locked
-  long switchings = 0;     // of the clutches by themselves
+  long switchings = 0;     // of clutches without an event
   long pulses = 0, closings = 0, openings = 0;
   double checksum = 0.0;
 };
@@ -125,7 +125,7 @@ TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
   }
 }
 
-/// A scene that lets the filter do all it can.
+/// A scene that uses all features of the filter.
 Scene uncertain(const char* name) {
   Scene scene = shipped_scene(name);
   scene.drift = 1e-6;
@@ -133,7 +133,7 @@ Scene uncertain(const char* name) {
   return scene;
 }
 
-// All locked sets of up to four contacts are foreseen, whatever the machine.
+// The flows of all locked sets of up to four contacts are prepared.
 TEST(EventFilterTick, NeverAllocates) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
     SCOPED_TRACE(name);
@@ -146,7 +146,7 @@ TEST(EventFilterTick, NeverAllocates) {
   }
 }
 
-// Through falling back to the replica and starting again, too.
+// Including the replica's estimate after a lost track, and resets.
 TEST(TrackingEstimatorTick, NeverAllocatesNorDoesItsConfidence) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
     SCOPED_TRACE(name);
@@ -205,7 +205,7 @@ TEST(ReplicaSweep, RunsWithoutAllocating) {
   EXPECT_EQ(sweep.state(0).tick, drive.ticks());
 }
 
-// Going back copies states: into one that has been used, and into a fresh one of the same replica.
+// A rollback copies states, into a used one and into a new one of the same replica.
 TEST(ReplicaState, CopiesDoNotAllocate) {
   const Drive drive = shipped("paper_beam_chatter");
   Replica replica(drive.model, drive.h);

@@ -1,4 +1,4 @@
-// What a message meets before and after the time line.
+// Processing of a message before and after the time line.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -54,7 +54,7 @@ TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
   EXPECT_EQ(file.events(), single);
 }
 
-// More masters than are remembered, and messages doubled, reordered and of the past.
+// More masters than the tracker remembers, and duplicated, reordered and old messages.
 TEST(SessionTracker, HearsWithoutAllocating) {
   SessionTracker tracker;
   ContactMessage report;
@@ -96,7 +96,7 @@ TEST(ContactsCodec, EncodesAndDecodesWithoutAllocating) {
   EXPECT_GE(refused, good);
 }
 
-// The type hash of generated code is made at its first use.
+// The type hash of generated code is computed at its first use.
 TEST(StateCodec, AllocatesOnlyTheFirstTime) {
   for (const Eigen::Index f : {1, 3, 200}) {
     EstimateSample sample;

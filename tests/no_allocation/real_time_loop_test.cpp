@@ -1,4 +1,4 @@
-// The real-time loop itself, from messages in its inbox to estimates and its status in the outbox.
+// The real-time loop, from messages in its inbox to estimates and status in the outbox.
 #include "observer/real_time_loop.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// The observer's time line in use: reports that arrive late, one after the other, and everything
-// that it hands out on its way through the queue to a message.
+// The observer's time line in use: late reports in succession, and its output through the queue to
+// a message.
 #include "sprag/detail/live/time_line.h"
 
 #include <gtest/gtest.h>
@@ -28,7 +28,7 @@ class TimeLineRun : public testing::Test {};
 using Estimators = testing::Types<Replica, MoreauReplica, BothEstimator, AnyReplica>;
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
-/// What comes over the wire: a report every 10 ms and at every event, encoded.
+/// The received messages: a report every 10 ms and at every event, encoded.
 std::vector<EncodedContacts> messages_of(std::span<const ContactEvent> events, int contacts,
                                          double end) {
   std::vector<EncodedContacts> messages;
@@ -39,7 +39,7 @@ std::vector<EncodedContacts> messages_of(std::span<const ContactEvent> events, i
   return messages;
 }
 
-/// The scene as it ships and, for who can do with it, with events that jitter.
+/// The shipped scene and, for estimators that use it, the same with jitter.
 template <Estimator E>
 std::vector<Scene> scenes(const char* name) {
   std::vector<Scene> all{cached_scene(name)};
@@ -96,7 +96,7 @@ void expect_no_allocation(const Scene& scene) {
       line.receive(report);
     }
     latency.add(arrival.monotonic - clock.local(report.horizon));
-    // Half a horizon's lag: now is 50 ticks ahead of what is known.
+    // A delay of half the history: the present is 50 ticks ahead of the watermark.
     line.run(last_tick(report.horizon, h) + 50, send, [&](const auto& state) {
       ++settled;
       return send(state);
@@ -124,8 +124,8 @@ TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
   }
 }
 
-// Events without end, so that the time line forgets old ones, and twenty times lost messages with
-// more records than the next ones repeat.
+// Endless events, so that the time line drops old ones, and twenty losses of more records than the
+// next messages repeat.
 TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   Random random(401);
   Scene scene = cached_scene("paper_beam.toml");
@@ -162,7 +162,7 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   EXPECT_GT(line.events().counts().lost_records, 100);
   EXPECT_GT(line.events().counts().made_up, 0);
   EXPECT_GT(most, 30000U);
-  EXPECT_LT(line.events().events().size(), 10000U);  // it has forgotten
+  EXPECT_LT(line.events().events().size(), 10000U);  // it has dropped old events
 }
 
 }  // namespace

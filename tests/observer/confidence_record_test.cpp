@@ -1,4 +1,4 @@
-// What a run says of its own error, to people and in the report.
+// A run's report of its own error, on stderr and in the report file.
 #include "observer/confidence_record.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ struct Said {
   nlohmann::ordered_json report;
 };
 
-/// Of a run that hears of `events` tick by tick.
+/// Report of a run that receives `events` tick by tick.
 template <Estimator E>
 Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double end) {
   E estimator(scene, 1e-2);
@@ -86,7 +86,7 @@ TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
   EXPECT_EQ(said.lines, "timing filter: did not fit 0 times\n");
 }
 
-// It says the same where it is wrong about the machine, and that its sigma is not to be had.
+// The same for a wrong model, and that no sigma is claimed.
 TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
   const Scene& scene = cached_scene("paper_beam.toml");
   Scene told = scene;
@@ -102,7 +102,7 @@ TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
             std::string::npos);
 }
 
-// Of a machine that nothing moves but its own state no event tells the scale again.
+// For a machine without external force no later event makes the scale observable again.
 TEST(ConfidenceRecord, TellsThatTheScaleIsLostForGood) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.model.forces.clear();

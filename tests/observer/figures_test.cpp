@@ -1,4 +1,4 @@
-// What a live observer's figures call normal.
+// Limits between normal and abnormal figures of a live observer.
 #include "observer/figures.h"
 
 #include <gtest/gtest.h>

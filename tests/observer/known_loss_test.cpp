@@ -1,4 +1,4 @@
-// What an observer says of events that do not fit where it knows that records were lost.
+// Reports of inconsistent events at a known loss of records.
 #include <gtest/gtest.h>
 
 #include <sstream>
@@ -11,8 +11,8 @@
 namespace sprag {
 namespace {
 
-/// What is said of a run whose messages between `from` and `to` are lost, and each repeats
-/// `repeats` records.
+/// Reports of a run whose messages between `from` and `to` are lost; each message repeats `repeats`
+/// records.
 struct LossyRun {
   std::vector<Inconsistency> found;
   std::string lines;
@@ -83,7 +83,7 @@ TEST(KnownLoss, IsTheCauseThatIsNamed) {
   }
 }
 
-// The second one while the filter is not believed again yet.
+// The second loss comes while the track is still tentative.
 TEST(KnownLoss, IsNamedAgainDuringTheProbation) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const LossyRun run =
@@ -98,7 +98,7 @@ TEST(KnownLoss, IsNamedAgainDuringTheProbation) {
   EXPECT_NE(run.lines.find("records before this event were lost"), std::string::npos) << run.lines;
 }
 
-// Without a gap in the numbers of the records an event that did not come is only supposed.
+// Without a gap in the record numbers a missing event is a suspicion only.
 TEST(KnownLoss, IsNotClaimedOfAnEventThatWasNeverReported) {
   const Scene& scene = cached_scene("paper_beam.toml");
   ObserverOptions options;
@@ -121,7 +121,7 @@ TEST(KnownLoss, IsNotClaimedOfAnEventThatWasNeverReported) {
   EXPECT_FALSE(sample.confidence.last.known_loss);
 }
 
-// One line for a tick, with how many there were.
+// One line per tick, with the number of inconsistencies.
 TEST(KnownLoss, SeveralInconsistenciesOfOneTickAreCounted) {
   Confidence confidence;
   confidence.has_filter = confidence.has_replica = true;

@@ -19,7 +19,7 @@ constexpr std::int64_t second = 1000 * millisecond;
 constexpr std::int64_t boot = 987'654'321 * second / 1000;  // local times do not start at zero
 constexpr double rounding = 1e-8;
 
-/// Wall clocks that do not agree: arrivals alone tell.
+/// Wall clocks are constant, so that only arrival times contain information.
 Arrival received_at(std::int64_t local) { return {local, 1'000'000'000'000'000}; }
 
 ContactMessage report_at(double horizon, double speed) {
@@ -29,7 +29,7 @@ ContactMessage report_at(double horizon, double speed) {
   return report;
 }
 
-/// A paced master 10 ms of local time apart, and delays of its messages.
+/// A paced master with a message every 10 ms of local time, and delays of its messages.
 struct Network {
   double speed;
   double offset = 0.0;  // simulated time at `boot`
@@ -72,7 +72,7 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
       const double behind = network.truth(now) - clock.simulated(now);
       const double limit = rounding * std::max(1.0, network.speed);
       EXPECT_GE(behind, -limit);
-      // The least delay of the last 2 s bounds it.
+      // The error is at most the least delay of the last 2 s.
       std::int64_t least = std::numeric_limits<std::int64_t>::max();
       for (const Transmission& past : heard) {
         if (past.at >= arrival.at - 2 * second) least = std::min(least, past.at - past.sent);
@@ -99,8 +99,8 @@ TEST(MasterClock, ASilentNetworkChangesNothing) {
   EXPECT_NEAR(clock.simulated(now), network.truth(now), 2e-3);
 }
 
-// The machine's clock is set back by 3 s, or by less than a tracker takes for a jump; messages
-// still come late and out of order.
+// The machine's clock is set back by 3 s, or by less than the tracker's limit of a jump; messages
+// still arrive late and out of order.
 TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
   for (const double step : {-3.0, -0.3, -0.05}) {
     SCOPED_TRACE(step);
@@ -136,7 +136,7 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
        arrivals(random, boot, boot + 5 * second, millisecond, 20 * millisecond)) {
     clock.observe(report_at(network.truth(arrival.sent), 2.0), received_at(arrival.at));
   }
-  // 7 s of local time in which the master does nothing and does not make up for it.
+  // The master stops for 7 s of local time and does not catch up.
   network.offset -= 2.0 * 7.0;
   const std::int64_t resumed = boot + 12 * second;
   for (const Transmission& arrival :
@@ -151,14 +151,14 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
 
 TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
   MasterClock clock;
-  // Says 1 simulated s a s and does 0.9.
+  // The master claims 1 simulated s per s and runs at 0.9.
   double worst = 0.0;
   for (std::int64_t local = 0; local < 20 * second; local += 10 * millisecond) {
     const double truth = 0.9e-9 * static_cast<double>(local);
     clock.observe(report_at(truth, 1.0), received_at(boot + local));
     worst = std::max(worst, clock.simulated(boot + local) - truth);
   }
-  EXPECT_LE(worst, 0.1 * 4.1);  // what is remembered is 4 s old at most
+  EXPECT_LE(worst, 0.1 * 4.1);  // remembered messages are 4 s old at most
 }
 
 TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
@@ -198,11 +198,11 @@ TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
 struct Clocks {
   const char* what;
   std::int64_t offset;  // of the master's wall clock [ns]
-  double ahead;         // of the master, that "now" may be [s]
+  double ahead;         // how far "now" may be ahead of the master [s]
   double behind;
 };
 
-// The master's wall clock is off by a constant; delays are 20 to 200 ms.
+// The master's wall clock has a constant error; delays are 20 to 200 ms.
 TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
   for (const Clocks& clocks :
        {Clocks{"agree", 0, 0.0, 0.0}, Clocks{"2 ms behind", -2 * millisecond, 0.002, -0.002},

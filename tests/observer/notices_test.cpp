@@ -60,7 +60,7 @@ TEST(Notices, TimesAreToldInFull) {
   EXPECT_NE(out.str().find("1700000000.25 and 1700000001.5"), std::string::npos) << out.str();
 }
 
-// The thread sanitizer looks on.
+// For the thread sanitizer.
 TEST(Notices, OneThreadRaisesAnotherTells) {
   Notices notices;
   std::ostringstream out;

@@ -49,7 +49,8 @@ TEST(SpscQueue, SlotsAreCopiesOfThePrototypeAndAreUsedInPlace) {
   EXPECT_EQ(queue.front(), first);
 }
 
-// Each value is written in two places, so that a slot read too early or overwritten too soon shows.
+// Each value is written twice, so that a slot that is read too early or overwritten too soon is
+// detected.
 TEST(SpscQueue, PassesAMillionValuesBetweenTwoThreadsInOrder) {
   const std::uint64_t count = static_cast<std::uint64_t>(repetitions(1'000'000));
   for (const std::size_t capacity : {1U, 3U, 1024U}) {

@@ -1,5 +1,5 @@
-// A whole observer without threads and sockets against a network that loses, delays, doubles and
-// reorders by a seeded plan.
+// A whole observer without threads and sockets, with a network that loses, delays, duplicates and
+// reorders messages by a seeded plan.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -44,7 +44,7 @@ std::vector<Delivery> deliver(const std::vector<ContactMessage>& reports, const 
   return deliveries;
 }
 
-/// What a thread of its own would identify for an estimator: there after any number of messages.
+/// Results of an identification thread, which arrive after any number of messages.
 template <typename E>
 class LateResults {
  public:
@@ -76,7 +76,7 @@ class LateResults<IdentifyingAdaptive> {
                     TimeLine<IdentifyingAdaptive>& line) {
     if (line.held() && random.chance(0.01)) put(estimator, line);
   }
-  /// Whether a filter has gone on from one.
+  /// Whether a filter has used a result.
   bool used() const { return used_; }
 
  private:
@@ -192,7 +192,7 @@ TYPED_TEST(NetworkTest, SettledTicksOfTheChatteringBeamEqualAnOfflineRun) {
 
 class AdaptiveNetworkTest : public NetworkTest<IdentifyingAdaptive> {};
 
-// Of a run in which each result is there at once.
+// Equal to a run with immediate results.
 TEST_F(AdaptiveNetworkTest, SettledTicksEqualAnOfflineRunWhateverResultsAndMessagesDo) {
   run("paper_beam.toml", 24.0, repetitions(8));
 }

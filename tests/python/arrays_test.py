@@ -1,4 +1,4 @@
-"""Results are views: C order, read-only, without copies, and alive for as long as they are used."""
+"""Results are views: C order, read-only, without copies, and valid as long as they are referenced."""
 
 import gc
 import resource
@@ -89,7 +89,7 @@ class ArraysTest(unittest.TestCase):
 
         q, events, q_copy, events_copy = taken()
         gc.collect()
-        sprag.simulate(self.scene, 200.0, tick=1e-2)  # takes memory that was given back
+        sprag.simulate(self.scene, 200.0, tick=1e-2)  # reuses freed memory
         np.testing.assert_array_equal(q, q_copy)
         np.testing.assert_array_equal(events, events_copy)
 

@@ -1,4 +1,4 @@
-"""check() says what the program check_scene says."""
+"""check() gives the result of the program check_scene."""
 
 import json
 import os

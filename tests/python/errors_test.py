@@ -1,4 +1,4 @@
-"""What goes wrong raises: Sprag's own errors with their place, ValueError for wrong arguments."""
+"""Errors raise exceptions: Sprag's own with their place, ValueError for wrong arguments."""
 
 import os
 import pickle
@@ -41,7 +41,7 @@ class ErrorsTest(unittest.TestCase):
         self.assertIn("did you mean paper_beam?", error.message)
 
     def test_a_simulation_that_cannot_go_on(self):
-        # Three supports under a rigid plate whose forces would be a guess.
+        # Three supports under a rigid plate, whose forces are not unique.
         plate = sprag.Model(
             np.diag([1.0, 0.5]),
             np.zeros((2, 2)),
@@ -55,7 +55,7 @@ class ErrorsTest(unittest.TestCase):
         self.assertRegex(str(raised.exception), r"^t = 1\.41")
 
     def test_a_machine_without_an_exact_flow(self):
-        # Its two modes have become one: (s^2 + s/2 + 1)^2.
+        # A double pair of eigenvalues: (s^2 + s/2 + 1)^2.
         defective = sprag.Model(
             np.eye(2),
             np.diag([1.0, 0.0]),
@@ -120,7 +120,7 @@ class ErrorsTest(unittest.TestCase):
             time.sleep(0.3)
             os.kill(os.getpid(), signal.SIGINT)
 
-        # It would take hours.
+        # The call would take hours.
         for call in (
             lambda: sprag.simulate(scene(), 1e10, tick=0.0),
             lambda: sprag.observe(scene("stiff_beam"), [], 1e5, tick=1e-2),
@@ -130,10 +130,10 @@ class ErrorsTest(unittest.TestCase):
             thread.start()
             with self.assertRaises(KeyboardInterrupt):
                 call()
-                time.sleep(5.0)  # where the call was done first
+                time.sleep(5.0)  # if the call has ended first
             thread.join()
             self.assertIs(signal.getsignal(signal.SIGINT), handler)
-        # What comes next is not interrupted.
+        # The next call is not interrupted.
         self.assertEqual(len(sprag.simulate(scene(), 1.0).t), 101)
 
 

@@ -1,4 +1,4 @@
-"""A machine in Python, the observer's process and a listener in Python, over real LCM."""
+"""A machine in Python, the observer as a process and a listener in Python, over real LCM."""
 
 import math
 import os
@@ -26,7 +26,7 @@ def free_url() -> str:
 
 
 def receivers(port: int) -> int:
-    """Sockets that hear the port."""
+    """Sockets that listen on the port."""
     table = Path("/proc/net/udp").read_text().splitlines()[1:]
     return sum(row.split()[1].endswith(f":{port:04X}") for row in table)
 
@@ -49,7 +49,7 @@ class LiveTest(unittest.TestCase):
         observer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         self.addCleanup(observer.wait)
         self.addCleanup(observer.send_signal, signal.SIGINT)
-        # Its probe of multicast hears the port for a moment, too.
+        # During its probe of multicast it listens on the port, too.
         since = time.monotonic()
         while time.monotonic() < since + 0.5:
             self.assertIsNone(observer.poll())
@@ -58,7 +58,7 @@ class LiveTest(unittest.TestCase):
             time.sleep(0.01)
 
     def observe_live(self, duration: float, **publisher_options):
-        """Publishes the paper's beam to an observer; its settled estimates up to the end."""
+        """Publishes the paper's beam to an observer; returns its settled estimates up to the end."""
         beam = scene()
         events = sprag.simulate(beam, duration, tick=0.0).events
         url = free_url()
@@ -69,10 +69,10 @@ class LiveTest(unittest.TestCase):
         heard = []
         with sprag.EventPublisher(1, url=url, **publisher_options) as publisher:
             publisher.set_horizon(0.0)
-            self.assertIsNotNone(now.next(30.0))  # the observer is there
+            self.assertIsNotNone(now.next(30.0))  # the observer runs
             for t, contact, kind in events[::-1].tolist():
                 self.assertTrue(publisher.take(t, contact, kind))
-            # Messages may come faster than one process takes them where there is one core.
+            # On one core messages may arrive faster than a process handles them.
             for part in np.linspace(0.0, duration, 21)[1:]:
                 publisher.set_horizon(part)
                 while not heard or heard[-1].t < part - 0.02:

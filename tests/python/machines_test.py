@@ -1,4 +1,4 @@
-"""Machines without a file are those that a scene file makes."""
+"""Machines built in Python equal those of a scene file."""
 
 import unittest
 

@@ -1,4 +1,4 @@
-"""observe() and Observer say, to the last bit, what the program says; energies() is V."""
+"""observe() and Observer give the program's results, to the last bit; energies() is V."""
 
 import os
 import subprocess
@@ -208,7 +208,7 @@ class ObserverTest(unittest.TestCase):
         np.testing.assert_allclose(energies.V, energies.V_i.sum(axis=1), rtol=1e-12)
         self.assertAlmostEqual(energies.V[0], 0.4783533, places=7)
         self.assertTrue((energies.V <= estimates.bound).all())
-        # Fewer columns: what they lack is zero. One state: one row.
+        # Missing columns are zero. One state gives one row.
         self.assertEqual(
             sprag.energies(beam, run.q[0], run.u[0], estimates.q[0, :2], []).V[0],
             sprag.energies(beam, run.q[0], run.u[0], [*estimates.q[0, :2], 0], [0, 0, 0]).V[0],

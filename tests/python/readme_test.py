@@ -1,4 +1,4 @@
-"""The examples of the package's README run as they stand."""
+"""The examples of the package's README run unchanged."""
 
 import re
 import subprocess
@@ -16,7 +16,7 @@ except ImportError:
 
 
 def run(block: str, *, without: str = "") -> tuple[str, list[str]]:
-    """What it prints, and the files that it makes."""
+    """Its output, and the files that it makes."""
     refusal = f"import sys; sys.modules[{without!r}] = None\n" if without else ""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
@@ -60,7 +60,7 @@ class ReadmeTest(unittest.TestCase):
     def test_all_examples_run(self):
         self.assertGreaterEqual(len(self.blocks), 3)
         alone = [block for block in self.blocks[1:] if "EventPublisher" not in block]
-        for block in alone:  # the others are live_test.py's
+        for block in alone:  # live_test.py runs the others
             with self.subTest(block.splitlines()[2]):
                 printed, _ = run(block)
                 self.assertTrue(printed)

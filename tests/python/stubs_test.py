@@ -1,4 +1,4 @@
-"""The type stubs are those of the package, by mypy where it is installed."""
+"""The type stubs match the package, by mypy if it is installed."""
 
 import importlib.util
 import subprocess

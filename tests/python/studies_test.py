@@ -1,4 +1,4 @@
-"""Rows of a study are arrays, in the order of its axes."""
+"""Rows of a study become arrays, in the order of its axes."""
 
 import json
 import pathlib
@@ -49,7 +49,7 @@ class StudiesTest(unittest.TestCase):
 
     def test_a_grid_has_a_dimension_for_each_axis(self):
         lines = self.rows()
-        self.write(lines[:1] + lines[:0:-1])  # the order of rows does not matter, but for runs
+        self.write(lines[:1] + lines[:0:-1])  # the order of rows does not matter, except for runs
         study = sprag.read_study(self.path)
         grid = study.grid("both.rate")
         self.assertEqual(grid.shape, (2, 3, 2))

@@ -1,4 +1,4 @@
-"""What several tests share."""
+"""Common parts of the tests."""
 
 import os
 import re
@@ -20,7 +20,7 @@ def readme_examples() -> list[str]:
 
 
 def write_events(file: Path, events) -> None:
-    """As an events file has them: a pulse is two rows."""
+    """In the form of an events file: a pulse is two rows."""
     rows = {1: [1], 2: [0], 3: [1, 0]}
     with file.open("w") as csv:
         csv.write("t,contact,closed\n")

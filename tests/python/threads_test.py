@@ -13,7 +13,7 @@ from support import scene
 
 
 def switches_during(call) -> int:
-    """How often another thread ran meanwhile."""
+    """How often another thread ran in the meantime."""
     counted, done = 0, threading.Event()
 
     def count():
@@ -21,7 +21,7 @@ def switches_during(call) -> int:
         while not done.wait(1e-3):
             counted += 1
 
-    # A thread that does not let go keeps the interpreter to itself for that long.
+    # A thread that does not release the interpreter keeps it for that long.
     interval = sys.getswitchinterval()
     sys.setswitchinterval(100.0)
     thread = threading.Thread(target=count)

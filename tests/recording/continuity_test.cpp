@@ -32,7 +32,7 @@ class ContinuityTest : public ::testing::Test {
     continuity_.restart(next(), {monotonic_, 0});
     for (int i = 0; i < messages; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
   }
-  /// Messages until one is followed, and what that one was.
+  /// Messages until one is followed, and its verdict.
   int refused(Verdict& last) {
     int count = 0;
     while ((last = hear_next()) == Verdict::odd && count < 100) ++count;
@@ -96,7 +96,7 @@ TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
   }
 }
 
-// A step back that would be over within half a second is waited for; a longer one is followed.
+// A step back of less than half a second is waited for; a longer one is followed.
 TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
   for (const double step : {-3.0, -1.0, -9.0}) {
     t_ = 100.0;
@@ -163,7 +163,7 @@ TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
 
 TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
   start(10);
-  monotonic_ += 3600'000'000'000;  // stopped, and goes on where it was
+  monotonic_ += 3600'000'000'000;  // stopped, and continues at the same time
   EXPECT_EQ(hear_next(), Verdict::fits);
   speed_ = infinity;
   t_ = 0.0;

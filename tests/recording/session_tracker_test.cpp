@@ -21,7 +21,7 @@ ContactMessage message(std::int64_t session, std::int64_t sequence) {
   return report;
 }
 
-/// Always long after what was before.
+/// Each arrival is long after the previous one.
 Arrival later() {
   static std::int64_t seconds = 0;
   ++seconds;
@@ -76,7 +76,7 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
   }
 }
 
-// Numbers before the first one heard were never counted as lost.
+// Numbers before the first received one do not count as lost.
 TEST(SessionTracker, AMessageFromBeforeTheFirstOneHeardWasNotLost) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.hear(message(7, 5), later()), Verdict::starts);
@@ -100,7 +100,7 @@ TEST(SessionTracker, ALongGapIsCounted) {
   EXPECT_EQ(tracker.counts().doubled, 2);
 }
 
-/// Three messages of a master that was restarted, long after the last of the one before.
+/// Three messages of a restarted master, long after the last message of the previous session.
 Verdict restart(SessionTracker& tracker, std::int64_t session, std::int64_t first) {
   EXPECT_EQ(tracker.hear(message(session, first), later()), Verdict::ignored);
   EXPECT_EQ(tracker.hear(message(session, first + 1), later()), Verdict::ignored);
@@ -131,7 +131,7 @@ TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
   EXPECT_EQ(tracker.counts().sessions, 50);
 }
 
-// It was silent for a while, and somebody else was heard instead.
+// The master was silent for a while, and another one was followed instead.
 TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
   SessionTracker tracker;
   tracker.hear(message(7, 100), later());
@@ -139,8 +139,8 @@ TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
   EXPECT_EQ(restart(tracker, 7, 101), Verdict::starts);
 }
 
-// Whoever sends single messages with random sessions does not come to be heard, and does not keep a
-// restarted master from it.
+// A sender of single messages with random sessions is not followed, and does not prevent following
+// a restarted master.
 TEST(SessionTracker, RandomSessionsAreNotHeard) {
   SessionTracker tracker;
   Random random(3);
@@ -192,7 +192,7 @@ TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
   EXPECT_EQ(tracker.hear(report, after_ms(2)), Verdict::ignored);
 }
 
-// With a key nobody can make a message, but anybody can send a recorded one again.
+// With a key nobody can forge a message, but anybody can resend a recorded one.
 TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   SessionTracker tracker(Freshness::required);
   const auto sent = [](std::int64_t session, std::int64_t sequence, const Arrival& at,
@@ -212,11 +212,11 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   }
   EXPECT_EQ(tracker.counts().stale, 5);
   EXPECT_EQ(tracker.hear(sent(7, 0, start, 200), start), Verdict::starts);
-  // Within a session the numbers decide, however late a message comes.
+  // Within a session the message numbers decide, even if a message is late.
   EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'000), 59'000), after_ms(60'000)),
             Verdict::continues);
   EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'001), 0), after_ms(60'001)), Verdict::ignored);
-  // What was recorded a moment before the present session began.
+  // Recorded shortly before the present session began.
   EXPECT_EQ(tracker.hear(sent(6, 0, after_ms(5000), 5300), after_ms(5000)), Verdict::ignored);
   EXPECT_EQ(tracker.counts().stale, 6);
   for (std::int64_t i = 0; i < 3; ++i) {
@@ -241,7 +241,7 @@ TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
   EXPECT_EQ(tracker.counts().stale, 0);
 }
 
-// The master's messages may be among those that were dropped.
+// The dropped packets may include the master's messages.
 TEST(SessionTracker, SilenceDoesNotCountWhileMessagesAreDropped) {
   SessionTracker tracker;
   tracker.hear(message(7, 0), after_ms(0));

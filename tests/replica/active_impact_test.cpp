@@ -1,4 +1,4 @@
-// The impact of one contact while others are held: who of them stays.
+// The impact of one contact while others are closed: which of them stay closed.
 #include "sprag/detail/replica/active_impact.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace sprag {
 namespace {
 
-// Two masses, each over a support of its own, coupled by M alone: G = M^-1.
+// Two masses, each over its own support, coupled by M only: G = M^-1.
 Model two_masses(double coupling, ImpactLaw law, double epsilon) {
   Model model;
   model.M = Eigen::Matrix2d{{1.0, coupling}, {coupling, 2.0}};
@@ -36,23 +36,24 @@ TEST(SingleImpact, OfAContactByItselfIsThatOfItsRestitution) {
 
 TEST(SingleImpact, ThrowsOffWhatItPullsAndWhatGivesBack) {
   struct Case {
-    double coupling;  // negative: the struck mass takes the other one along
+    double coupling;  // negative: the struck mass pulls the other one along
     ImpactLaw law;
-    double epsilon;  // of the one that is held
+    double epsilon;  // of the closed contact
     bool stays;
   };
   for (const Case& of :
        {Case{-0.3, ImpactLaw::poisson, 0.5, false}, Case{-0.3, ImpactLaw::newton, 0.5, false},
         Case{0.3, ImpactLaw::newton, 0.5, true},
-        // Poisson's expansion gives back a share of its impulse: too little
-        // against the other's where its own restitution is smaller.
+        // By Poisson's law the closed contact's expansion returns a share of its impulse. With its
+        // own smaller restitution this is too little against the impulse of the other contact, and
+        // it stays closed.
         Case{0.3, ImpactLaw::poisson, 0.9, false}, Case{0.3, ImpactLaw::poisson, 0.5, true},
         Case{0.0, ImpactLaw::poisson, 0.5, true}}) {
     const Dynamics dynamics(two_masses(of.coupling, of.law, of.epsilon));
     const SingleImpact impact = single_impact(dynamics, 0, 0.8, bit(1));
     ASSERT_EQ(impact.solved, Solved::yes);
     EXPECT_EQ(contains(impact.staying, 1), of.stays) << of.coupling;
-    // The changes are those of the impulses, which push.
+    // The changes are those of the impulses, which are nonnegative.
     const Eigen::Vector2d change = dynamics.G() * impact.Lambda;
     EXPECT_NEAR(change[0], 1.0, 1e-15);
     EXPECT_GE(change[1], -1e-15);

@@ -1,4 +1,4 @@
-// The replica that is chosen when the program runs against the one of that type.
+// The replica whose type is chosen at run time, compared with the replica of that type.
 #include "sprag/detail/replica/any_replica.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@ namespace {
 constexpr double step_length = 0.02;
 constexpr double duration = 20.0;
 
-/// A run tick by tick with the same events in both; the state is copied away and back on its way.
+/// A run tick by tick with the same events in both; the state is copied away and back during it.
 template <Estimator E>
 void expect_same(StepperKind stepper) {
   Scene scene = cached_scene("two_stops_beam.toml");
@@ -67,7 +67,7 @@ TEST(AnyReplica, SaysHowItMoves) {
   EXPECT_STREQ(moreau.flow_path(), "moreau");
 }
 
-// A state of one estimator is no use to another, and start() makes it one.
+// A state of one estimator is invalid for another until start().
 TEST(AnyReplica, TakesAnyStateAtItsStart) {
   const Scene& scene = cached_scene("paper_beam.toml");
   AnyReplica moreau(scene, step_length, StepperKind::moreau);

@@ -1,4 +1,4 @@
-// Whether an estimate is inside a support: of drawn machines, in any units.
+// Detection of estimates inside a support: for random machines, in any units.
 #include "sprag/detail/replica/penetration.h"
 
 #include <gtest/gtest.h>
@@ -58,9 +58,8 @@ TEST(Penetration, LeavesOutRoundingAndWhatDeviationsCover) {
   EXPECT_EQ(depth(-5e-3, infinity), 5e-3) << "nothing is known of the gap";
 }
 
-// A replica that starts inside its support is marked from the first tick on, and no longer where
-// it has converged. A filter's estimate is not where its deviations cover the depth; the machine's
-// own start never is.
+// A replica that starts inside its support is marked from the first tick until it has converged. A
+// filter's estimate is not marked if its sigma covers the depth; the machine's own start never is.
 TEST(Penetration, MarksEstimatesOfAnObserver) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.replica.q *= 2.0;

@@ -30,7 +30,7 @@ bool same_bits(const ReplicaState& a, const ReplicaState& b) {
          same_bits(a.anchor.x.v, b.anchor.x.v);
 }
 
-/// A replica that ticks alone.
+/// A replica with ticks of its own.
 struct Single {
   Single(const ReplicaSweep::Run& run, double h)
       : replica(run.flows, h), events(run.events), ticks(run.ticks) {
@@ -68,7 +68,7 @@ struct Met {
   int driven = 0, drifting = 0;
 };
 
-/// Compares after every so many ticks, an irregular number.
+/// Compares after irregular numbers of ticks.
 Met expect_equal(const std::vector<ReplicaSweep::Run>& runs, double h, std::int64_t ticks) {
   ReplicaSweep sweep(runs, h);
   std::vector<std::unique_ptr<Single>> singles;
@@ -138,7 +138,7 @@ TEST(ReplicaSweep, OfRandomMachinesIsEightReplicasBitForBit) {
   EXPECT_GT(met.drifting, 5);
 }
 
-// Chatter and stick, of masters that differ a little.
+// Chatter and sustained contacts of masters that differ slightly.
 TEST(ReplicaSweep, OfChatteringBeamsIsTheReplicasBitForBit) {
   Scene scene = test::shipped_scene("paper_beam_chatter");
   std::vector<std::vector<ContactEvent>> events(5);
@@ -152,7 +152,7 @@ TEST(ReplicaSweep, OfChatteringBeamsIsTheReplicasBitForBit) {
   EXPECT_GT(met.locked_ticks, 100);
 }
 
-// What pushes one lane adds nothing to another, where +0 would turn -0 into +0.
+// A force on one lane adds nothing to another, where +0 would turn -0 into +0.
 TEST(ReplicaSweep, LeavesSignedZerosBesideALaneThatIsPushed) {
   Random random(8);
   std::vector<ReplicaSweep::Run> runs;
@@ -166,7 +166,7 @@ TEST(ReplicaSweep, LeavesSignedZerosBesideALaneThatIsPushed) {
   EXPECT_EQ(met.drifting, 1);
 }
 
-// A force near resonance is not the vectors'.
+// A force near resonance is computed without vectors.
 TEST(ReplicaSweep, OfAMachineAtResonanceIsTheReplicasBitForBit) {
   Random random(7);
   std::vector<ReplicaSweep::Run> runs;
@@ -185,7 +185,7 @@ TEST(ReplicaSweep, OfAMachineAtResonanceIsTheReplicasBitForBit) {
   EXPECT_EQ(met.driven, 1);
 }
 
-// A contact that is closed when the events begin.
+// A contact that is closed at the start of the events.
 TEST(ReplicaSweep, TakesEventsOfTheStartAndBeforeItAtTheStart) {
   Scene scene = test::shipped_scene("bouncing_ball");
   scene.replica = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, -1.0)};

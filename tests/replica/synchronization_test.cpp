@@ -1,4 +1,4 @@
-// Replica beside master: Theorem 1 and what the exact estimator promises on top of it.
+// Replica and master: Theorem 1 and the additional properties of the exact estimator.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,7 +40,7 @@ TEST_P(Synchronization, ErrorEnergyNeverGrows) {
   std::cout << GetParam().scene << ": largest growth of V/V(0) in a tick " << worst / V0 << '\n';
 }
 
-// Ticks put right before and right after each event, so that nothing hides within a tick.
+// Ticks right before and right after each event, so that no growth within a tick is hidden.
 TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
   const Scene scene = shipped_scene(GetParam().scene);
   const double T = std::min(GetParam().T, 15.0);
@@ -52,7 +52,7 @@ TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q_m(f), u_m(f), q_s(f), u_s(f);
   std::vector<ContactEvent> ignored;
-  // A replica of another state at each event: where it is does not matter for the theorem.
+  // A replica in another state at each event: the theorem holds for any state.
   for (std::size_t i = 0; i < events.size(); ++i) {
     const std::int64_t k = last_tick(events[i].t, 1e-7);
     if (i > 0 && last_tick(events[i - 1].t, 1e-7) + 2 >= k) continue;

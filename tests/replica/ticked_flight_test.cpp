@@ -21,7 +21,7 @@ bool has_no_time(const Motion& motion) {
   return std::isnan(motion.t.hi) && std::isnan(motion.t.lo) && std::isnan(motion.t - at(0.0));
 }
 
-// A time left behind would be read without notice.
+// An outdated time would be used without an error.
 TEST(TickedFlight, LeavesNoTimeBehind) {
   const Flows flows(paper_beam().model);
   const TickedFlight flight(flows[0], tick_length);
@@ -41,7 +41,7 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
   EXPECT_LE((motion.x.v - exact.x.v).abs().maxCoeff(), 1e-12 * exact.x.v.abs().maxCoeff());
 }
 
-// What excites the machine keeps its phase over any number of ticks of any length.
+// The phase of the excitation is exact after any number of ticks of any length.
 TEST(TickedFlight, RoundingsOfThePhasesDoNotAddUp) {
   const Flows flows(paper_beam().model);
   const State start = paper_beam().replica;
@@ -62,7 +62,7 @@ TEST(TickedFlight, RoundingsOfThePhasesDoNotAddUp) {
   }
 }
 
-// After any number of free ticks an event finds the time of its own tick.
+// After any number of free ticks the time at an event is that of its own tick.
 template <typename Stepper>
 void has_its_time_again(Stepper& stepper) {
   for (const std::int64_t ticks : {1, 63, 64, 65, 200}) {

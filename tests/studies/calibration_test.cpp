@@ -1,4 +1,4 @@
-// The calibration study counts right, where the answer is known, and its machines are of use.
+// The calibration study gives the known result in simple cases, and its machines are suitable.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -31,7 +31,7 @@ using Words = std::vector<std::string>;
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
-// Errors that are what they are said to be: a mean square of 1, and erfc(3 / sqrt 2) beyond 3.
+// Errors that match their sigma: a mean square of 1, and erfc(3 / sqrt 2) beyond 3.
 TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
   constexpr int n = 200000;
   for (const double boast : {1.0, 2.0}) {
@@ -68,7 +68,7 @@ TEST(CalibrationStatistics, WhatIsNotKnownAndWhatIsNoNumberIsToldApart) {
   EXPECT_EQ(twice.count(), 6);
   EXPECT_EQ(twice.not_numbers(), 8);
   EXPECT_DOUBLE_EQ(twice.mean_square(), 20.0 / 3.0);
-  // Certain, and wrong.
+  // sigma = 0 with an error.
   errors.add(1e-9, 0.0);
   EXPECT_EQ(errors.mean_square(), infinity);
   EXPECT_TRUE(std::isnan(NormalizedErrors{}.mean_square()));
@@ -192,7 +192,7 @@ TEST(CalibrationMachines, NumbersAreRoundedToDigits) {
   EXPECT_EQ(to_digits(9.6, 1), 10.0);
 }
 
-// A filter that is known to be right, on the paper's beam, and started out of its own uncertainty.
+// A filter known to be calibrated, on the paper's beam, with starts from its own prior.
 TEST(CalibrationStudy, TellsWhatAFilterIsWorth) {
   Options options;
   options.seeds = repetitions(60);
@@ -223,7 +223,7 @@ TEST(CalibrationStudy, TellsWhatAFilterIsWorth) {
   }
 }
 
-// Machines that are drawn from what the filter is told of their start, each on a path of its own.
+// Machines drawn from the filter's prior, each on its own path.
 TEST(CalibrationStudy, DrawsMachines) {
   Options options;
   options.seeds = repetitions(150);
@@ -264,12 +264,12 @@ TEST(CalibrationStudy, TroubleShows) {
        {Trouble::spurious, Trouble::missing, Trouble::mixed, Trouble::wrong}) {
     EXPECT_GT(row_with(trouble, EstimatorKind::both).inconsistencies, 0);
   }
-  // The filter alone bridges what is missing.
+  // The filter alone bridges the missing events.
   EXPECT_LT(row_with(Trouble::missing, EstimatorKind::timing).worse, 0.01);
 }
 
-// A filter alone cannot go on where events get lost or are none. It says so: deviations that are
-// told and are wrong are those of the time that it takes to find out.
+// A filter alone cannot follow lost and spurious events, and it reports them. Its wrong claims are
+// limited to the time before the detection.
 TEST(CalibrationStudy, AFilterAloneSaysThatEventsDoNotFit) {
   Options options;
   options.seeds = 4;
@@ -304,7 +304,7 @@ TEST(CalibrationStudy, AReplicaIsFollowedAtTheSamples) {
   EXPECT_EQ(truth.q.cols(), 200);
   const auto V = follow_replica(scene, scene, truth.events, truth);
   ASSERT_EQ(V.size(), 200U);
-  EXPECT_TRUE(std::is_sorted(V.rbegin(), V.rend()));  // it never grows
+  EXPECT_TRUE(std::is_sorted(V.rbegin(), V.rend()));  // V never grows
   Scene same = scene;
   same.replica = same.master;
   for (const double of : follow_replica(same, same, truth.events, truth)) EXPECT_LT(of, 1e-20);
@@ -341,21 +341,21 @@ TEST(CalibrationProgram, PrintsATableCsvAndJson) {
   EXPECT_EQ(json[3]["estimator"], "both");
   EXPECT_EQ(json[3]["jitter"], 1e-3);
   EXPECT_EQ(json[3]["seeds"], 2);
-  // Whatever the number of threads.
+  // Independent of the number of threads.
   EXPECT_EQ(json, nlohmann::json::parse(run({"--json", "--threads", "2"})));
 }
 
-// Three masses pressed against three supports and shaken: what happens within a jitter of each
-// other is reported in any order, and some of it is known far better than when it was reported.
-// Two are released at one instant, the third soon after: before any report, each by itself is known
-// to rounding, but not what they do to each other.
+// Three masses pressed against three supports and shaken. Events within the jitter of each other
+// are reported in any order, and the estimate of some is far more accurate than their reports. Two
+// are released at one instant, the third soon after. Before any report each state alone is known to
+// rounding accuracy, but not their interaction.
 TEST(Calibration, AJitteredChainOfContactsIsNeverTakenForAnother) {
   const Scene scene = machines("chatter:2").front();
   Options options;
-  options.seeds = 30;  // a single run may be a dozen times worse than the others
+  options.seeds = 30;  // a single run may have a dozen times the error of the others
   study(scene, {1e-3}, {EstimatorKind::both}, options, [](const Row& row) {
     std::cout << table_row(row);
-    // A single tick between two impacts that have not been reported may be far off.
+    // A single tick between two unreported impacts may have a large error.
     EXPECT_LT(row.summary.V_largest, row.summary.V_replica);
     EXPECT_LT(row.summary.V, 1e-6 * row.summary.V_replica);
     EXPECT_LT(row.summary.state.beyond(), 0.006);
@@ -363,14 +363,14 @@ TEST(Calibration, AJitteredChainOfContactsIsNeverTakenForAnother) {
   });
 }
 
-// Machines whose contacts act on each other within the jitter, with what happens. Where the
-// filter's rules do not hold it says unknown, and the replica is shown.
+// Machines whose contacts interact within the jitter, with their difficulty. Where the filter's
+// rules do not apply it claims no sigma, and the replica is shown.
 struct Machine {
   const char* name;
   const char* why;
   double jitter;
   int seeds;
-  std::vector<double> restitution = {};  // if any: of the first contacts, the last one's of others
+  std::vector<double> restitution = {};  // of the first contacts, the last one of all others
 };
 void PrintTo(const Machine& machine, std::ostream* out) {
   *out << machine.name << ": " << machine.why;
@@ -445,9 +445,9 @@ INSTANTIATE_TEST_SUITE_P(
                 1,
                 {0.0}}));
 
-// Long behind the start the jitter tells nothing that is not known far better: the covariance is
-// then what the machine makes of it, through hits and releases. Differences of a master's runs say
-// the same.
+// Long after the start a report with this jitter contains no new information. The covariance then
+// follows the machine's flow through impacts and releases. Difference quotients of a master's runs
+// give the same covariance.
 TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
   constexpr double jitter = 1e-4;
   constexpr double from = 150.0, to = 153.0;
@@ -498,7 +498,7 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
         const Eigen::VectorXd off = little * axes.eigenvectors().col(j);
         S.col(j) = sigma / (2.0 * little) * (run(off) - run(-off));
       }
-      // Events leave a little of their own behind.
+      // Events add a little uncertainty of their own.
       const double ratio = std::sqrt(P.trace()) / S.norm();
       EXPECT_GT(ratio, 1.0 - 2e-3) << "from " << t_then << " to " << now.hi;
       EXPECT_LT(ratio, 1.02) << "from " << t_then << " to " << now.hi;

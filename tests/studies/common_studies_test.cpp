@@ -1,4 +1,4 @@
-// What studies share does what it says: disturbed events.
+// Common parts of the studies: disturbed events.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// The exact posterior: right where it has a formula, and what the filter knows where all is nearly
-// linear.
+// The exact posterior, compared with a closed form, and with the filter's belief in an almost
+// linear case.
 #include "studies/posterior/posterior.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ constexpr double g = 9.81;
 constexpr double epsilon = 0.8;
 
 const Eigen::Vector2d fall(1.0, 0.0);    // [m], [m/s]
-const Eigen::Vector2d wide(2e-3, 5e-3);  // far more than a few times tell
+const Eigen::Vector2d wide(2e-3, 5e-3);  // sigma of the prior, far above that of the posterior
 
 Model ball() {
   Model model;
@@ -34,8 +34,8 @@ Model ball() {
   return model;
 }
 
-// A ball meets the table at t_k = t_1 + 2 v / g (epsilon + ... + epsilon^(k-1)), v its speed at
-// t_1: linear in both, and so is its velocity after the last.
+// A ball hits the table at t_k = t_1 + 2 v / g (epsilon + ... + epsilon^(k-1)), v its speed at t_1.
+// This is linear in both, as is its velocity after the last impact.
 TEST(Posterior, OfABouncingBallIsALine) {
   constexpr int impacts = 6;
   constexpr double jitter = 1e-5;
@@ -72,7 +72,7 @@ TEST(Posterior, OfABouncingBallIsALine) {
   }
 }
 
-// Of events that the true state does not have.
+// For events that the true state does not have.
 TEST(Posterior, IsNoneWhereTheMachineIsAnother) {
   const Flows flows(ball());
   Window window{0.0, 1.0, fall, fall, wide.asDiagonal(), {}, {}};
@@ -86,7 +86,7 @@ TEST(Posterior, IsNoneWhereTheMachineIsAnother) {
   EXPECT_FALSE(moments(flows, window, 1e-3, 100, 1));
 }
 
-// Two methods that share nothing but the flows, on machines that are not the paper's beam.
+// Two methods that share only the flows, on other machines than the paper's beam.
 TEST(Posterior, IsWhatTheFilterKnowsWhereAllIsNearlyLinear) {
   struct Case {
     std::string machine;

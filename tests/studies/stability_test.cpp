@@ -1,4 +1,4 @@
-// Each failing variant fails, and what Sprag does instead does not.
+// Each failing variant fails, and Sprag does not fail in the same case.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +30,8 @@ TEST(Stability, NewtonPushesAClosedClutchBack) {
   EXPECT_EQ(curves[1].y.back(), 0.0);
 }
 
-// The criterion tells where: 13 of 20 differences, to where D G + G D turns indefinite.
+// The criterion predicts the range: 13 of 20 differences, up to the one at which D G + G D becomes
+// indefinite.
 TEST(Stability, UnlikeRestitutionLetsVGrowBeyondTheCriterion) {
   const auto curves = unlike_restitution(20000);
   int beyond = 0;
@@ -57,7 +58,8 @@ TEST(Stability, APersistentContactStallsVUntilItIsLetGo) {
   const auto curves = persistent_contact(90.0);
   const Curve& V = curves[0];
   const Curve& remainder = curves[1];
-  // The clutch has locked: the remainder is constant, and V stays above it by what still rings.
+  // The clutch has locked: the remainder is constant, and V exceeds it by the energy of the
+  // remaining oscillation.
   EXPECT_NEAR(value_at(remainder, 15.0), value_at(remainder, 28.0), 1e-12);
   EXPECT_GT(value_at(V, 28.0), value_at(remainder, 28.0));
   EXPECT_LT(value_at(V, 28.0) - value_at(remainder, 28.0), 0.1 * value_at(V, 28.0));

@@ -64,7 +64,7 @@ TEST(Impacts, TheNearestOfSeveralIsTaken) {
   const ImpactScore result = score(three, std::vector{0.97, 1.002, 1.03, 2.0, 3.0}, 4.0);
   EXPECT_EQ(result.found, 3);
   EXPECT_NEAR(result.max_dt, 0.002, 1e-12);
-  EXPECT_EQ(result.invented, 2);  // 0.03 away from all that there is
+  EXPECT_EQ(result.invented, 2);  // 0.03 away from all impacts
 }
 
 TEST(Impacts, TheTailOfAChatterNeedNotBeFoundAndIsNotInvented) {

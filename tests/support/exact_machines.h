@@ -1,5 +1,5 @@
-// Drawn machines whose observer starts where they start, and what their observers find amiss with
-// their exact events: nothing, if rounding is known.
+// Random machines whose observer starts at their start, and the inconsistencies that their
+// observers report with exact events. There are none if the estimators account for rounding errors.
 #pragma once
 
 #include <algorithm>
@@ -47,8 +47,9 @@ inline void draw_balls(Random& random, Scene& scene) {
   }
 }
 
-/// Two to five pendulums in a row, of one frequency or of several. Some of one frequency touch.
-/// Where several frequencies touch at rest, rounding decides when and in which order they meet.
+/// Two to five pendulums in a row, of equal or different frequencies. Some of equal frequency
+/// touch. With different frequencies and contact at rest, rounding would determine the time and
+/// order of their impacts.
 inline void draw_chain(Random& random, Scene& scene) {
   const Eigen::Index n = random.integer(2, 5);
   const bool equal = random.chance(0.5);
@@ -94,7 +95,7 @@ inline void draw_beam(Random& random, Scene& scene) {
   }
 }
 
-/// A machine of this kind; the observer's start is its own, with finite deviations.
+/// A machine of this kind; the observer's start is the machine's, with finite sigma.
 inline Scene exact_scene(Random& random, MachineKind kind) {
   Scene scene;
   switch (kind) {
@@ -123,11 +124,11 @@ inline Scene exact_scene(Random& random, MachineKind kind) {
 
 struct ExactRun {
   int events = 0;
-  std::int64_t both = 0, timing = 0;  ///< inconsistencies of these estimators
+  std::int64_t both = 0, timing = 0;  ///< inconsistencies reported by these estimators
   Inconsistency first;                ///< of either
 };
 
-/// Runs for 20 s, or up to 400 events. Nothing where the master itself gives up.
+/// Runs for 20 s, or up to 400 events. Empty if the master itself fails.
 inline std::optional<ExactRun> run_exact(const Scene& scene) {
   constexpr double h = 0.02;
   constexpr int enough = 400;

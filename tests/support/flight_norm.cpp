@@ -31,7 +31,7 @@ double FlightNorm::square(double tau) const {
     y << omega_.asDiagonal() * from_q_ * q, from_q_ * u;
     return y;
   };
-  // The forces' share is that of no motion at all.
+  // The motion from zero is the contribution of the forces.
   const Eigen::VectorXd forced = land(Eigen::VectorXd::Zero(2 * f));
   for (Eigen::Index j = 0; j < 2 * f; ++j) {
     flight.col(j) = land(Eigen::VectorXd::Unit(2 * f, j)) - forced;

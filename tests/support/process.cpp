@@ -37,9 +37,9 @@ Process::Process(std::vector<std::string> command, const std::filesystem::path& 
   const int err = create(err_);
   const pid_t parent = ::getpid();
   if (in >= 0 && out >= 0 && err >= 0) pid_ = ::fork();
-  if (pid_ == 0) {  // only what is safe between fork and exec
+  if (pid_ == 0) {  // only async-signal-safe calls between fork and exec
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    std::signal(SIGHUP, SIG_DFL);  // also where the tests run under nohup
+    std::signal(SIGHUP, SIG_DFL);  // even if the tests run under nohup
     if (::getppid() != parent) ::_exit(127);
     ::dup2(in, STDIN_FILENO);
     ::dup2(out, STDOUT_FILENO);

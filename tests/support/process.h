@@ -1,5 +1,5 @@
-// A program run by a test: its stdout and stderr go to files, every wait has an end, and nothing
-// outlives the test.
+// A program run by a test: its stdout and stderr go to files, every wait has a time limit, and no
+// process outlives the test.
 #pragma once
 
 #include <sys/types.h>
@@ -14,14 +14,15 @@ namespace sprag::test {
 
 using namespace std::chrono_literals;
 
-/// Asks `condition` every few milliseconds until it holds or `timeout` has passed; returns it.
+/// Evaluates `condition` every few milliseconds until it holds or `timeout` has passed; returns its
+/// value.
 template <class Condition>
 bool eventually(const Condition& condition, std::chrono::milliseconds timeout);
 
 class Process {
  public:
   /// Starts `command` (program, looked up in PATH if it has no slash, and its arguments) with
-  /// stdout in `directory`/`label`.out and stderr in `label`.err. The program dies with the thread
+  /// stdout in `directory`/`label`.out and stderr in `label`.err. The program ends with the thread
   /// that started it. Throws std::runtime_error if no process can be made; a program that cannot be
   /// executed exits with 127.
   Process(std::vector<std::string> command, const std::filesystem::path& directory,
@@ -30,7 +31,7 @@ class Process {
   Process& operator=(const Process&) = delete;
   ~Process() { kill(); }
 
-  /// Waits for the end and returns the exit code, 128 + n after signal n; nothing if the program
+  /// Waits for the end and returns the exit code, 128 + n after signal n; empty if the program
   /// still runs after `timeout`.
   std::optional<int> wait(std::chrono::milliseconds timeout);
 
@@ -39,10 +40,10 @@ class Process {
   /// Sends a signal if the program still runs.
   void signal(int number);
 
-  /// SIGKILL, and waits for the end.
+  /// Sends SIGKILL, and waits for the end.
   void kill() noexcept;
 
-  /// What the program has written until now.
+  /// The program's output so far.
   std::string out() const;
   std::string err() const;
 

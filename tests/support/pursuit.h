@@ -1,4 +1,4 @@
-// A timing filter beside the master that it follows, for tests that look into its state.
+// A timing filter and the master that it follows, for tests that inspect its state.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace sprag {
 
-/// The master and a filter that is told its events, tick by tick.
+/// The master and a filter that receives its events, tick by tick.
 struct Pursuit {
   Pursuit(const Scene& scene, double h)
       : scene_(scene),
@@ -33,7 +33,7 @@ struct Pursuit {
     master.advance(tick_instant(k_, h_), events_);
     impacts += static_cast<int>(events_.size());
     spoil(events_);
-    // What a tick is told lies within it, in order.
+    // The filter requires events within the tick, in order.
     double last = tick_instant(k_ - 1, h_).hi;
     for (ContactEvent& event : events_) {
       last = event.t = std::clamp(event.t, last, tick_instant(k_, h_).hi);

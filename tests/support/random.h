@@ -25,7 +25,7 @@ class Random {
 
   double phase() { return uniform(-std::numbers::pi, std::numbers::pi); }
 
-  /// In [low, high], both possible.
+  /// In [low, high], including both ends.
   int integer(int low, int high) {
     return low + static_cast<int>(engine_() % static_cast<std::uint64_t>(high - low + 1));
   }

@@ -1,4 +1,4 @@
-// Contact events that contradict nothing: what a master with m contacts could have recorded.
+// Consistent contact events: a possible recording of a master with m contacts.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace sprag {
 
-/// `count` events or a few more, in order, the first at or after `from`; up to m at one instant.
+/// `count` or slightly more events, in order, the first at or after `from`; up to m at one instant.
 inline std::vector<ContactEvent> random_events(Random& random, int contacts, int count, double from,
                                                double mean_spacing) {
   using enum ContactEventKind;

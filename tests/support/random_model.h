@@ -1,4 +1,4 @@
-// Small random machines of every kind that the exact flow distinguishes.
+// Small random machines of every structure that the exact flow distinguishes.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,7 @@ namespace sprag {
 
 enum class Structure {
   diagonal,       ///< M, C and K
-  rayleigh,       ///< C = a M + b K: diagonalizable whatever is locked
+  rayleigh,       ///< C = a M + b K: diagonalizable with any contacts locked
   simultaneous,   ///< diagonalizable, C otherwise arbitrary
   coupled,        ///< C arbitrary: complex modes
   repeated,       ///< K = k M, C arbitrary: diagonalizable through C alone
@@ -40,14 +40,15 @@ Model random_machine(Random& random, Structure structure, Eigen::Index f);
 /// Constant and harmonic forces.
 void add_forces(Random& random, Model& model, int count);
 
-/// Contacts with random directions of length 1, some of them on moving supports. Directions are not
-/// closer than 18 degrees to each other where coordinates allow.
+/// Contacts with random directions of length 1, some of them on moving supports. The angle between
+/// directions is at least 18 degrees if the number of coordinates allows it.
 void add_contacts(Random& random, Model& model, int count);
 
 State random_state(Random& random, const Model& model);
 
-/// A machine of 1 to 6 coordinates and 1 to 3 independent contacts with one restitution, which
-/// forces press against them; `start` is outside of them all. One contact may have Newton's law.
+/// A machine of 1 to 6 coordinates and 1 to 3 independent contacts with equal restitution, which
+/// forces press against them; `start` is outside of all supports. With one contact the law may be
+/// Newton's.
 struct ImpactingMachine {
   Model model;
   State start;

@@ -1,5 +1,5 @@
-// What a time line's output is compared with: a estimator driven by all events at once, without any
-// of the observer's code.
+// The reference for a time line's output: an estimator driven by all events at once, without any
+// code of the observer.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,7 +20,7 @@
 
 namespace sprag {
 
-/// q, u and chi of ticks, in the order in which they came.
+/// q, u and chi of ticks, in the order of output.
 struct Recording {
   std::vector<std::int64_t> ticks;
   std::vector<ContactSet> chi;
@@ -41,7 +41,7 @@ inline bool same_bits(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   return a.size() == b.size() && (bytes == 0 || std::memcmp(a.data(), b.data(), bytes) == 0);
 }
 
-/// Empty where they are equal, bit for bit; else says where they are not.
+/// Empty if both are equal, bit for bit; otherwise the place of the first difference.
 inline std::string difference(const Recording& expected, const Recording& actual) {
   const std::size_t n = std::min(expected.ticks.size(), actual.ticks.size());
   for (std::size_t i = 0; i < n; ++i) {
@@ -59,7 +59,8 @@ inline std::string difference(const Recording& expected, const Recording& actual
          std::to_string(expected.ticks.size());
 }
 
-/// Ticks `first` to the last one at or before `end`; `events` are those after chi was `chi`.
+/// Runs from tick `first` to the last tick at or before `end`. `events` are those after the contact
+/// state was `chi`.
 template <Estimator E>
 Recording offline(const Model& model, const State& start, double h,
                   std::span<const ContactEvent> events, double end, std::int64_t first = 0,
@@ -87,8 +88,8 @@ Recording offline(const Model& model, const State& start, double h,
   return recording;
 }
 
-/// A time line from t = 0 to `end` with ticks of h that hears of `events` tick by tick; with `late`
-/// after it has run ahead of them, and with rollbacks for no reason.
+/// A time line from t = 0 to `end` with ticks of h that receives `events` tick by tick. With `late`
+/// it receives them after it has integrated further, and with additional rollbacks.
 template <Estimator E, typename OnSettled>
 void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEvent> events,
                    double end, bool late, const OnSettled& on_settled) {
@@ -117,7 +118,7 @@ void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEven
   settle(0);
 }
 
-/// Of a file in scenes/; read once.
+/// A scene of scenes/, read once.
 inline const Scene& cached_scene(const std::string& name) {
   static std::map<std::string, Scene> scenes;
   const auto found = scenes.find(name);
@@ -133,7 +134,7 @@ inline std::vector<ContactEvent> master_events(const Scene& scene, double end) {
   return events;
 }
 
-/// What a master sends that looks at its clock at `times` (ascending).
+/// The messages of a master that polls its clock at `times` (ascending).
 inline std::vector<ContactMessage> reports_at(const std::vector<double>& times,
                                               std::span<const ContactEvent> events, int contacts,
                                               std::int64_t session = 1) {
@@ -150,7 +151,7 @@ inline std::vector<ContactMessage> reports_at(const std::vector<double>& times,
   return reports;
 }
 
-/// At every event and every `heartbeat` up to `end`.
+/// At every event, and at a distance of `heartbeat` up to `end`.
 inline std::vector<double> event_and_heartbeat_times(std::span<const ContactEvent> events,
                                                      double heartbeat, double end) {
   std::vector<double> times{end};
@@ -163,7 +164,7 @@ inline std::vector<double> event_and_heartbeat_times(std::span<const ContactEven
   return times;
 }
 
-/// The report as of a sender that repeats the last `count` records only.
+/// The report of a sender that repeats only the last `count` records.
 inline ContactMessage with_repeats(ContactMessage report, int count) {
   const int cut = std::max(report.records - count, 0);
   std::copy(report.record.begin() + cut, report.record.begin() + report.records,

@@ -1,5 +1,5 @@
 // The machine's motion with locked contacts, by Taylor series of the equation of motion in extended
-// precision and in physical coordinates: nothing of the library's modal analysis is in it.
+// precision and in physical coordinates. It is independent of the library's modal analysis.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,7 +15,7 @@ class ReferenceMotion {
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
   using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 
-  /// At time zero; gamma of the locked contacts must be zero.
+  /// At t = 0; gamma of the locked contacts must be zero.
   ReferenceMotion(const Model& model, const std::vector<int>& locked, const State& start,
                   Real t = 0);
 

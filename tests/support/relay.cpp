@@ -1,12 +1,12 @@
-// A network as bad as wanted: takes LCM's packets from one port and sends them to another, losing,
-// doubling, delaying and reordering them by a seeded plan.
+// A simulated bad network: takes LCM's packets from one port and sends them to another, and loses,
+// duplicates, delays and reorders them by a seeded plan.
 //
 //   relay IN_PORT OUT_PORT [--seed N] [--loss P] [--double P] [--reorder P] [--delay MS]
 //         [--outages N] [--outage S] [--every S]
 //
-// P: share of the packets. --delay: up to as many ms, drawn for each packet. --reorder: these wait
-// another 5 to 50 ms. --outages: how often nothing passes for --outage seconds; --every so many
-// seconds, from the first packet on. Ends at SIGTERM and prints what it did.
+// P: share of the packets. --delay: up to as many ms, drawn for each packet. --reorder: these
+// packets wait another 5 to 50 ms. --outages: number of outages of --outage seconds each; --every:
+// their distance in seconds, from the first packet on. Ends at SIGTERM and prints its counts.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>

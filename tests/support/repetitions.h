@@ -1,4 +1,4 @@
-// How often a randomized test repeats: a sanitized build is slower and repeats less.
+// Repetitions of randomized tests: a sanitized build is slower and repeats less.
 #pragma once
 
 #include <cstdlib>
@@ -22,7 +22,7 @@ inline constexpr bool sanitized = false;
 
 constexpr int repetitions(int count) { return sanitized ? (count + 19) / 20 : count; }
 
-/// Of the tests that run longest: a quarter of `count`, or all of it where the environment variable
+/// For the longest tests: a quarter of `count`, or all of it if the environment variable
 /// SPRAG_THOROUGH is set, as `scripts/test --thorough` does.
 inline int long_repetitions(int count) {
   static const bool thorough = std::getenv("SPRAG_THOROUGH") != nullptr;

@@ -1,4 +1,4 @@
-// Runs of the shipped scenes: the master's events, and an observer's replica beside the master.
+// Runs of the shipped scenes: the master's events, and an observer's replica with the master.
 #pragma once
 
 #include <string>
@@ -22,8 +22,8 @@ inline std::vector<ContactEvent> events_of(const Scene& scene, double T) {
   return events;
 }
 
-/// A master and a replica of E, tick by tick: after step() both are at tick k, and
-/// `passed` holds the events since the tick before.
+/// A master and a replica of E, tick by tick. After step() both are at tick k, and `passed`
+/// contains the events since the previous tick.
 template <Estimator E>
 struct Pair {
   Pair(const Scene& scene, double h)

@@ -1,4 +1,4 @@
-// A directory of a test's own, removed with what it holds when the test ends.
+// A directory of the test's own, removed with its content at the end of the test.
 #pragma once
 
 #include <cstdlib>

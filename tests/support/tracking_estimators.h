@@ -1,4 +1,5 @@
-// The tracking estimator to be made like a replica in suites of estimators, and its belief.
+// The tracking estimator with the constructor of a replica, for suites of estimators; and its
+// belief.
 #pragma once
 
 #include "sprag/detail/filter/tracking_estimator.h"
@@ -16,7 +17,7 @@ class TimingEstimator : public TrackingEstimator {
       : TrackingEstimator(scene, h, EstimatorKind::timing) {}
 };
 
-/// A scene of which nothing is said but its model.
+/// A scene with a model only.
 inline Scene scene_of(const Model& model) {
   Scene scene;
   scene.model = model;
@@ -26,7 +27,7 @@ inline Scene scene_of(const Model& model) {
   return scene;
 }
 
-/// Event times jitter by a millisecond.
+/// Event times have a jitter of a millisecond.
 class JitteringBoth : public TrackingEstimator {
  public:
   JitteringBoth(const Model& model, double h, double jitter = 1e-3)
@@ -46,8 +47,8 @@ class ExactBoth : public JitteringBoth {
   ExactBoth(const Model& model, double h) : JitteringBoth(model, h, 0.0) {}
 };
 
-/// Of a machine that may be off by 2 %. It makes its identifications itself, at once, unless
-/// `identifies` is false.
+/// For a machine with a parameter uncertainty of 2 %. It runs its identifications itself and at
+/// once, unless `identifies` is false.
 class IdentifyingAdaptive : public TrackingEstimator {
  public:
   IdentifyingAdaptive(const Model& model, double h)
@@ -70,7 +71,7 @@ class IdentifyingAdaptive : public TrackingEstimator {
   AdaptationResult result_;
 };
 
-/// Standard deviations that are published of q, u and the gaps.
+/// The published sigma of q, u and the gaps.
 inline void deviations(TrackingEstimator& estimator, const TrackingState& state, Eigen::VectorXd& q,
                        Eigen::VectorXd& u, Eigen::VectorXd& gaps) {
   Confidence confidence = estimator.no_confidence();
@@ -80,7 +81,7 @@ inline void deviations(TrackingEstimator& estimator, const TrackingState& state,
   gaps = confidence.sigma_g;
 }
 
-/// Covariance of (q, u) as if no report were late, 2f x 2f.
+/// Covariance of (q, u) under the assumption that no report is late, 2f x 2f.
 inline Eigen::MatrixXd covariance(TrackingEstimator& estimator, const TrackingState& state) {
   Belief belief;
   estimator.belief(state, belief);

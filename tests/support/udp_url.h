@@ -1,4 +1,4 @@
-// An LCM address on a port that nobody else uses: runs on one port hear each other.
+// An LCM address on a free port, because runs on one port receive each other's messages.
 #pragma once
 
 #include <arpa/inet.h>
@@ -11,7 +11,7 @@
 
 namespace sprag::test {
 
-/// A UDP port that was free just now; the kernel does not hand it out again soon.
+/// A UDP port that was free just now; the kernel does not assign it again soon.
 inline std::uint16_t free_port() {
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in address{};

@@ -1,4 +1,5 @@
-// The same machine in other units, powers of two of the old ones: every number keeps its digits.
+// The same machine in other units, which are powers of two of the original ones: all numbers keep
+// their digits.
 #pragma once
 
 #include <cmath>
@@ -7,7 +8,7 @@
 
 namespace sprag {
 
-/// Exponents: a length x of the old units is x 2^length in the new ones.
+/// Exponents: a length x in the original units is x 2^length in the new ones.
 struct Units {
   int length = 0, mass = 0, time = 0;
 

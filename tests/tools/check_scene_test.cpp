@@ -29,7 +29,7 @@ const Finding& finding(const Assessment& assessment, const std::string& id) {
   throw std::out_of_range("no finding " + id);
 }
 
-/// The required findings that do not hold.
+/// The required findings that are not met.
 Ids broken(const Assessment& assessment) {
   Ids ids;
   for (const Finding& f : assessment.findings) {
@@ -49,8 +49,8 @@ Contact contact(const Eigen::VectorXd& w, double restitution, double clearance =
   return {.w = w, .clearance = clearance, .motion = {}, .restitution = restitution};
 }
 
-/// Two coordinates and two contacts with the cosine -0.8 between their directions; the second one
-/// is out of reach.
+/// Two coordinates and two contacts with the cosine -0.8 between their directions; the second
+/// contact is out of reach.
 Scene two_contacts(ImpactLaw law, double epsilon_1, double epsilon_2) {
   Scene scene;
   scene.name = "two";
@@ -105,7 +105,7 @@ TEST_P(ShippedScenes, HaveTheirVerdict) {
   EXPECT_NEAR(a.omega_max, expected.omega_max, 1e-5 * expected.omega_max);
   EXPECT_EQ(a.W.condition, 1.0);
   EXPECT_EQ(a.path, FlowPath::diagonal);
-  // Chaotic, and so only roughly the same on every machine.
+  // Chaotic, so that the rate varies slightly between computers.
   EXPECT_NEAR(a.trial.closings_per_time(), expected.closings_per_time,
               0.1 * expected.closings_per_time);
   EXPECT_EQ(a.trial.duration, a.trial.planned);
@@ -166,7 +166,7 @@ TEST(CheckScene, DependentDirectionsAreNamed) {
   EXPECT_TRUE(nlohmann::json::parse(object.dump())["W"]["condition"].is_null());
 }
 
-/// A mass on a spring between two stops, shaken, with `room` in all.
+/// A shaken mass on a spring between two stops, with a total clearance `room`.
 Scene between_stops(double room, const Harmonic& motion = {}) {
   Scene scene;
   scene.name = "between";
@@ -182,7 +182,7 @@ Scene between_stops(double room, const Harmonic& motion = {}) {
   return scene;
 }
 
-// Eq. (17): where time windows recur in which all contacts are open, W need not have full rank.
+// Eq. (17): W need not have full rank if time windows with all contacts open recur.
 TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain) {
   const Assessment a = assess(between_stops(0.5));
   EXPECT_EQ(a.W.rank, 1);
@@ -209,14 +209,14 @@ TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain
   EXPECT_EQ(object["W"]["opposing_stops"][0]["contacts"], (std::vector<int>{1, 2}));
 }
 
-// Two contacts that cannot close together have impacts of one contact alone.
+// Two contacts that cannot close together have only impacts of a single contact.
 TEST(CheckScene, TheLawIsNoMatterWhereNoImpactIsOfBothContacts) {
   Scene scene = between_stops(0.5);
   scene.model.law = ImpactLaw::newton;
   scene.model.contacts[0].restitution = 0.9;
   scene.model.contacts[1].restitution = 0.2;
   EXPECT_EQ(broken(assess(scene)), Ids{});
-  scene.model.contacts[1].motion = {2.0, 1.0, 0.0};  // no room at times
+  scene.model.contacts[1].motion = {2.0, 1.0, 0.0};  // at times no room
   const Assessment squeezed = assess(scene);
   EXPECT_FALSE(finding(squeezed, "clutches").holds);
   EXPECT_FALSE(squeezed.synchronizes());
@@ -235,7 +235,7 @@ TEST(CheckScene, OpposingStopsHaveTheRoomThatTheirMotionsLeave) {
   EXPECT_TRUE(opposing_stops(both).empty());
 }
 
-// A mass that is pressed against one of the two stops: no window without contact recurs.
+// A mass pressed against one of the two stops: time windows without contact do not recur.
 TEST(CheckScene, StopsOnEitherSideOfAPressedMassAreNot) {
   Scene scene = between_stops(0.5);
   scene.model.forces = {{Eigen::VectorXd::Ones(1), -3.0, {}}};
@@ -245,7 +245,7 @@ TEST(CheckScene, StopsOnEitherSideOfAPressedMassAreNot) {
   EXPECT_TRUE(says(finding(a, "W").what, "the trial ends without such a window"));
 }
 
-// The first lines are about the default estimator, whether or not Theorem 1 holds.
+// The first lines are about the default estimator, whether Theorem 1 holds or not.
 TEST(CheckScene, TheHeadlineIsAboutTheDefaultEstimator) {
   const std::string ball = headline(assess(read_scene(shipped("bouncing_ball"))));
   EXPECT_TRUE(
@@ -366,7 +366,7 @@ TEST(CheckScene, UnlikeRestitutionOutsideTheCriterion) {
   const double margin = 0.575 - std::hypot(0.385, 0.656);
   EXPECT_NEAR(poisson.monotonicity.margin, margin, 1e-12);
   EXPECT_TRUE(says(finding(poisson, "A3").what, "sampling"));
-  scene.model.contacts[0].w *= 7.0;  // the unit of a gap is no matter
+  scene.model.contacts[0].w *= 7.0;  // the unit of a gap is arbitrary
   EXPECT_NEAR(assess(scene).monotonicity.margin, margin, 1e-12);
 
   const Assessment newton = assess(two_contacts(ImpactLaw::newton, 0.9, 0.2));
@@ -379,7 +379,7 @@ TEST(CheckScene, AContactThatStaysClosedBreaksA1) {
   const Assessment pressed = assess(scene);
   EXPECT_EQ(broken(pressed), Ids{"A1"});
   EXPECT_TRUE(says(finding(pressed, "A1").what, "contact 1 is closed throughout"));
-  scene.model.forces[0].harmonic = {1.5, 0.5, 0.0};  // opens it again and again
+  scene.model.forces[0].harmonic = {1.5, 0.5, 0.0};  // opens it repeatedly
   const Assessment shaken = assess(scene);
   EXPECT_EQ(broken(shaken), Ids{});
   EXPECT_GT(shaken.trial.contacts[0].last_share, 0.1);
@@ -425,7 +425,7 @@ TEST(CheckScene, ATrialEndsAtItsLimits) {
   EXPECT_LT(b.trial.duration, b.trial.planned);
 }
 
-// In the corner of two contacts bounces come ever faster.
+// In the corner of two contacts impacts come ever faster.
 TEST(CheckScene, ATrialEndsAtItsLimitsWhereEventsCrowd) {
   for (const double epsilon : {0.5, 0.2}) {
     Scene scene = two_contacts(ImpactLaw::poisson, epsilon == 0.5 ? 0.5 : 0.9, epsilon);
@@ -450,7 +450,7 @@ TEST(CheckScene, TextIsNoWiderThanATerminalAndSaysWhatToChange) {
   EXPECT_EQ(changes, 3);
 }
 
-// The program itself.
+// The program.
 class CheckSceneProgram : public testing::Test {
  protected:
   struct Ended {
@@ -562,7 +562,7 @@ direction = [1.0]
   EXPECT_NE(ended.code, 2) << ended.err;
 }
 
-// Theorem 1 is for the replica; what the filter needs are events that tell all of the motion.
+// Theorem 1 concerns the replica; the filter needs observability of the whole motion.
 TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
   const Assessment ball = assess(read_scene(shipped("bouncing_ball")));
   EXPECT_FALSE(ball.synchronizes());
@@ -575,7 +575,7 @@ TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
   EXPECT_TRUE(finding(beam, "by_replica").holds);
   EXPECT_TRUE(finding(beam, "by_filter").holds);
 
-  // A second mass that no contact sees, on a spring of its own and without damping.
+  // A second mass without a contact, on its own spring and without damping.
   Scene blind = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   Model& model = blind.model;
   model.C = Eigen::Vector2d(0.1, 0.0).asDiagonal();
@@ -589,7 +589,7 @@ TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
   EXPECT_GT(unseen.filter->left, 0.5);
 }
 
-// Where nothing says where the machine starts, a trial takes the replica's start.
+// Without a start of the machine, a trial uses the replica's start.
 TEST(CheckScene, AMasterIsNotNeeded) {
   Scene scene = read_scene(shipped("lab_rig"));
   scene.replica = scene.master;

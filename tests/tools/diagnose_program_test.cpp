@@ -1,4 +1,4 @@
-// diagnose with the programs around it: a master that is not what the scene says.
+// diagnose with the other programs: a master that differs from the scene.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -72,7 +72,7 @@ TEST_F(DiagnoseProgramTest, TheRightModelFits) {
   const Ended ended = diagnose({events, paper_beam});
   EXPECT_EQ(ended.code, 0) << ended.out;
   EXPECT_NE(ended.out.find("paper_beam: events fit the model"), std::string::npos) << ended.out;
-  // Also with a jitter that is larger than the events', and with part of them.
+  // Also with a jitter larger than that of the events, and with part of the events.
   EXPECT_EQ(diagnose({events, paper_beam, "--jitter", "1e-4", "--duration", "30"}).code, 0);
 }
 
@@ -140,7 +140,7 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
   EXPECT_TRUE(std::equal(before.events.begin(), before.events.end(), events.begin()));
 }
 
-// Each run's gaps are its own: of the first, of the last, and a clock that is turned back.
+// Gaps of separate runs: in the first run, in the last run, and with a clock that is set back.
 TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 200.0);
   std::int64_t utime = 1'000'000;
@@ -187,7 +187,7 @@ TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
   }
 }
 
-// The machine had run for long before, by a clock of its own.
+// The recording starts long after the machine, on the machine's own clock.
 TEST_F(DiagnoseProgramTest, ARecordingThatBeginsMidRunIsDiagnosedFromThere) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
   write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);

@@ -40,7 +40,7 @@ Parameter parameter_of(const Scene& scene, const std::string& name) {
   return {};
 }
 
-/// The scene with another machine.
+/// The scene with the parameter changed.
 Scene changed(const Scene& scene, const std::string& name, double value) {
   Scene other = scene;
   other.model = with(scene, parameter_of(scene, name), value);
@@ -113,7 +113,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 class DiagnoseExactMismatch : public testing::TestWithParam<Mismatch> {};
 
-// Bounces of a chatter, and several contacts.
+// Chatter, and several contacts.
 TEST_P(DiagnoseExactMismatch, IsNamedWithItsValue) {
   const Mismatch& mismatch = GetParam();
   const Scene scene = shipped_scene(mismatch.scene);
@@ -151,8 +151,7 @@ TEST(Diagnose, TheRightModelFits) {
   }
 }
 
-// A parameter's value is off by what it is said to be, and the right model is not accused.
-// The scene is right, one event of its machine was lost.
+// The scene is right, but an event of its machine was lost.
 TEST(Diagnose, ALostEventIsNamedAsSuch) {
   const Scene scene = shipped_scene("paper_beam");
   auto events = events_of(scene, 40.0);
@@ -171,6 +170,7 @@ TEST(Diagnose, ALostEventIsNamedAsSuch) {
   EXPECT_EQ(verdict(diagnosis), "1 event is lost; otherwise the events fit the model");
 }
 
+// Parameter errors match their claimed sigma, and the right model is accepted.
 TEST(Diagnose, DeviationsAreHonest) {
   const Scene scene = shipped_scene("paper_beam");
   const auto right = events_of(scene, 40.0);
@@ -215,13 +215,13 @@ TEST(Diagnose, TwoMistakesAreNotOne) {
   const Scene beam = shipped_scene("paper_beam");
   const Scene wrong = changed(changed(beam, "bending stiffness", 1.02), "excitation phase", 0.3);
   expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), 0.0));
-  // One of them leaves less than a part in ten thousand of the misfit, and more than the jitter.
+  // One of them alone leaves less than 1e-4 of the misfit, but more than the jitter.
   const Scene rig = shipped_scene("lab_rig");
   const Scene other = changed(changed(rig, "restitution", 0.612), "clearance", 0.00204);
   expect_no_explanation(diagnose(rig, events_of(other, 30.0), 0.0));
 }
 
-// The best fits by its mean square; a second one shows all the same.
+// The best one fits by its mean square; the second mistake is visible nevertheless.
 TEST(Diagnose, TwoMistakesAreNotOneWithJitterEither) {
   const Scene scene = shipped_scene("lab_rig");
   const Scene other = changed(changed(scene, "excitation frequency", 28.5386), "factor on C", 1.03);
@@ -232,8 +232,8 @@ TEST(Diagnose, TwoMistakesAreNotOneWithJitterEither) {
   EXPECT_NE(diagnosis.candidates.front().improved_by, "");
 }
 
-// A machine on an orbit with one impact a period: after it has settled its events tell one number,
-// so that many parameters come close, and the true one at two values.
+// A machine on an orbit with one impact per period. After the transient its events determine one
+// number only, so that many parameters come close, and the true one at two values.
 constexpr const char* settled_orbit = R"(
 name = "settled_orbit"
 [beam]
@@ -274,7 +274,7 @@ TEST(Diagnose, ALowestValueThatIsNoneOfTheWholeRangeIsLeftForABetterOne) {
   const Scene scene = parse_scene(settled_orbit, "settled_orbit.toml");
   const double EI = 1.02 * scene.beam->bending_stiffness;
   const Scene wrong = changed(scene, "bending stiffness", EI);
-  // The longer it lasts, the less of a record is the beginning, which alone tells the two apart.
+  // Only the transient distinguishes the two values, and its share decreases with the duration.
   for (const double duration : {15.0, 60.0, 200.0}) {
     SCOPED_TRACE(duration);
     const Diagnosis diagnosis = diagnose(scene, events_of(wrong, duration), 0.0);
@@ -286,7 +286,7 @@ TEST(Diagnose, ALowestValueThatIsNoneOfTheWholeRangeIsLeftForABetterOne) {
   }
 }
 
-/// A parameter of the scene, and a value of it that is off by a few percent.
+/// A parameter of the scene, and a value that is off by a few percent.
 std::pair<Parameter, double> random_mistake(Random& random, const Scene& scene) {
   const auto parameters = parameters_of(scene, 0.3);
   const Parameter& of = parameters[static_cast<std::size_t>(
@@ -294,11 +294,12 @@ std::pair<Parameter, double> random_mistake(Random& random, const Scene& scene) 
   const double share = (random.chance(0.5) ? 1.0 : -1.0) * random.log_uniform(0.01, 0.05);
   const double size = of.relative ? std::abs(of.nominal) : of.cyclic ? 1.0 : 0.01;
   const double value = std::clamp(of.nominal + share * size, of.lowest, of.highest);
-  if (value == of.nominal) return random_mistake(random, scene);  // the tip, outwards
+  if (value == of.nominal) return random_mistake(random, scene);  // outwards beyond the beam's tip
   return {of, value};
 }
 
-/// Whether two parameters together may do what one does: sizes, and restitutions of some and all.
+/// Whether two parameters together may have the effect of one: lengths, and restitutions of one
+/// contact and of all.
 bool can_be_one(const Parameter& a, const Parameter& b) {
   const auto sizes = [](const Parameter& of) {
     return of.quantity == Quantity::amplitude || of.quantity == Quantity::clearance;
@@ -317,7 +318,7 @@ std::ostream& operator<<(std::ostream& out, const Mistakes& mistakes) {
 
 class DiagnoseRandomMistakes : public testing::TestWithParam<Mistakes> {};
 
-// Whatever it names is what is wrong: one parameter by its name and value, two by none.
+// The named cause must be the true one: one parameter with name and value, two by none.
 TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
   constexpr std::size_t events = 80;
   const Scene scene = shipped_scene(GetParam().scene);
@@ -359,7 +360,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseRandomMistakes,
                                          Mistakes{"paper_beam_chatter", 1},
                                          Mistakes{"steel_ruler", 1}));
 
-// Without a clearance all motions grow with the excitation, and contact times stay.
+// Without a clearance all motions scale with the excitation, and contact times do not change.
 TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
   const Scene scene = shipped_scene("paper_beam");
   const Diagnosis diagnosis =
@@ -370,7 +371,7 @@ TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
   }
 }
 
-// With one clearance only its ratio to the amplitude shows.
+// With one clearance only its ratio to the amplitude is identifiable.
 TEST(Diagnose, WhatCannotBeToldApartIsATie) {
   const Scene scene = shipped_scene("paper_beam_frame");
   const auto events = events_of(changed(scene, "excitation amplitude", 0.031), 60.0);

@@ -1,5 +1,5 @@
-// Scenes and recordings that are wrong, by mistake or by intent, end no program: an error says
-// where, what is wrong and what is allowed, with exit code 2, and no file is lost.
+// Invalid scenes and recordings, by mistake or intent, crash no program. An error with exit code 2
+// says where, what is wrong and what is allowed, and no file is lost.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -31,7 +31,7 @@ class HostileInput : public ProgramTest {
     return write_text(directory_ / name, text);
   }
 
-  /// A mass on a spring with a stop, the stiffness as given.
+  /// A mass on a spring of the given stiffness, with a stop.
   std::string scene(const std::string& name, const std::string& K, const std::string& more = "") {
     return file(name, "[system]\nM = [[1.0]]\nC = [[0.1]]\nK = " + K +
                           "\n[[contact]]\ndirection = [1.0]\n" + more +
@@ -57,7 +57,7 @@ TEST_F(HostileInput, NestingIsLimitedAndTheErrorSaysWhere) {
   expect_refused(run(OBSERVER, {arrays}), arrays + ":1:37: brackets are nested more than 32 deep");
   const std::string tables = file("tables.toml", "x = " + repeated("{ a = ", 200000));
   expect_refused(run(CHECK_SCENE, {tables}), tables + ":1:");
-  // Each within its own limit.
+  // Each value within its own limit.
   const std::string both =
       file("both.toml", "x = " + repeated("{ " + repeated("a.", 31) + "a = ", 32) + "1" +
                             repeated(" }", 32) + "\n");
@@ -125,7 +125,7 @@ class HostileEvents : public HostileInput {
     return rows_;
   }
 
-  /// Of every program that reads events, the same error.
+  /// Every program that reads events gives the same error.
   void expect_all_refuse(const std::string& events, const std::string& message) {
     const std::string kept = file("states.csv", "kept\n");
     expect_refused(run(OBSERVER, {shipped("paper_beam"), "--replay", events, "--states", kept}),
@@ -185,7 +185,7 @@ TEST_F(HostileEvents, ALateRowIsRefusedUnlessTheDurationIsGiven) {
   const std::string single = file("single.csv", "t,contact,closed\n1e7,1,1\n1e7,1,0\n");
   expect_refused(run(OBSERVER, {shipped("paper_beam"), "--replay", single}),
                  single + ": the last event is at t = 1e+07, beyond 100000000 ticks of 0.001");
-  // The time of another clock.
+  // A time of another clock.
   std::string epoch = "t,contact,closed\n";
   for (int i = 0; i < 20; ++i) {
     const std::string t = std::to_string(1732190400 + i);
@@ -194,7 +194,7 @@ TEST_F(HostileEvents, ALateRowIsRefusedUnlessTheDurationIsGiven) {
   expect_all_refuse(file("epoch.csv", epoch), ":2: the first event is at t = 1.7321904e+09");
 }
 
-// A run that cannot go on keeps what it has written.
+// A run that cannot continue keeps its output so far.
 TEST_F(HostileInput, AMachineThatIsSqueezedEndsWithItsFilesWhole) {
   const std::string squeezed = file("squeezed.toml", R"([system]
 M = [[1.0]]

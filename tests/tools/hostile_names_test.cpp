@@ -1,6 +1,6 @@
-// Names are data: whatever stands in a scene's name, a label, a column, a manifest or a file's name
-// is shown as text in a picture, and neither ends gnuplot's strings nor runs anything. With gnuplot
-// itself.
+// Names are data: any content of a scene's name, a label, a column, a manifest or a file's name
+// appears as text in a picture. It neither ends gnuplot's strings nor executes commands. With
+// gnuplot itself.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -20,7 +20,7 @@ using test::write_text;
 
 constexpr const char* states_text = "k,t,q1,u1\n0,0,1,2\n1,8,3,4\n";
 
-/// As gnuplot's SVG writes text.
+/// A text in gnuplot's SVG.
 std::string in_xml(const std::string& text) {
   std::string result;
   for (const char c : text) result += c == '&' ? "&amp;" : c == '<' ? "&lt;" : std::string(1, c);
@@ -33,12 +33,12 @@ class HostileNamesTest : public test::ProgramTest {
     return write_text(path(name), text);
   }
 
-  /// Text that would make a file if a shell or gnuplot obeyed it; see nothing_ran().
+  /// A command that would make a file if a shell or gnuplot executed it; see nothing_ran().
   std::string command() const { return "touch " + path("ran"); }
   void nothing_ran() const { EXPECT_FALSE(std::filesystem::exists(path("ran"))); }
 
-  /// All control characters, what is special to gnuplot, a shell, XML or a terminal, UTF-8 and
-  /// what is none.
+  /// All control characters, characters special to gnuplot, a shell, XML or a terminal, valid and
+  /// invalid UTF-8.
   std::vector<std::string> names() const {
     std::vector<std::string> all;
     for (int c = 0; c < 0x20; ++c) {
@@ -136,7 +136,7 @@ TEST_F(HostileNamesTest, EveryTextOfAPictureIsShownAsItStands) {
   }
   shows(svg, "x\n" + all.front());
   shows(svg, "y\r'" + all.back());
-  // XML of one line of text each, whatever it is made of.
+  // Valid XML with texts of one line each, for any name.
   EXPECT_EQ(printable_lines(std::regex_replace(svg, std::regex("\t"), "")),
             std::regex_replace(svg, std::regex("\t"), ""));
   EXPECT_EQ(svg.find("&#"), std::string::npos);
@@ -159,7 +159,7 @@ TEST_F(HostileNamesTest, ASceneIsDrawnWhateverItsNameIs) {
 
 TEST_F(HostileNamesTest, TitlesLabelsAndColumnsAreText) {
   for (const std::string& name : names()) {
-    if (name.find('\0') != std::string::npos) continue;  // no argument of a program
+    if (name.find('\0') != std::string::npos) continue;  // not possible as an argument of a program
     const std::string states = file("s.csv", states_text);
     const std::string svg =
         plotted({"run " + name + "=" + states, "--title", "title " + name, "--show", "q1"});
@@ -188,7 +188,7 @@ TEST_F(HostileNamesTest, AStudyIsDrawnWhateverItsManifestNames) {
 
 TEST_F(HostileNamesTest, FilesHaveTheNamesThatAreGiven) {
   const std::string states = file("s.csv", states_text);
-  // As the program sees it: a name without a folder.
+  // A file name without a folder.
   const auto plot_here = [&](const std::string& in, const std::string& out) {
     const Ended ended = run("/bin/sh", {"-c", "cd \"$1\" && shift && exec \"$@\"", "sh", path(""),
                                         PLOT, in, "--output", out});
@@ -213,7 +213,7 @@ TEST_F(HostileNamesTest, ANameOfAnyLengthIsShownInPart) {
   shows(svg, name);
   EXPECT_EQ(shown_length(name), 201u);
   EXPECT_EQ(shown_length("Ω\n"), 3u);
-  // As a file, which cannot be there.
+  // As a file name, which is too long to exist.
   const Ended absent = run(PLOT, {name, "--output", path("b.svg")});
   EXPECT_EQ(absent.code, 2) << absent.err;
 }
@@ -240,7 +240,7 @@ TEST_F(HostileNamesTest, AFullDiskIsAFailureAndNamesTheFile) {
     EXPECT_EQ(ended.code, 1) << name;
     EXPECT_EQ(ended.err, "plot: " + path(name) + ": No space left on device\n");
   }
-  // A file that may not grow: a disk that has room for a part.
+  // A limited file size: a disk with room for a part.
   const Ended limited = run("/bin/sh", {"-c", "ulimit -f 1 && exec \"$@\"", "sh", PLOT, states,
                                         "--output", path("b.svg")});
   EXPECT_EQ(limited.code, 1);

@@ -1,4 +1,4 @@
-// identify with the programs around it: a master that is not what the scene says.
+// identify with the other programs: a master that differs from the scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -83,7 +83,7 @@ TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {
   EXPECT_NEAR(scene.replica.q[0], -0.05, 1e-9);
   EXPECT_NEAR(scene.master.q[0], -0.05, 1e-9);
   EXPECT_EQ(scene.jitter, 0.0);
-  // The scene that was written explains the events as it is.
+  // The written scene explains the events without changes.
   const Ended again = identify({events, path("fitted.toml"), "--json"});
   EXPECT_EQ(again.code, 0);
   const auto json = nlohmann::json::parse(again.out);
@@ -91,7 +91,7 @@ TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {
   EXPECT_TRUE(json["simplest"][0].empty()) << again.out;
 }
 
-// What was found has to be written where scenes of all kinds say it.
+// Fitted values must be written in the place that each kind of scene uses.
 TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
   struct Case {
     const char *scene, *what, *by, *free;
@@ -126,7 +126,7 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
   }
 }
 
-// A shaken frame with matrices of files, fitted into another folder.
+// A shaken frame with matrix files; the fitted scene is written to another folder.
 TEST_F(IdentifyProgramTest, AShakenFrameAndItsFiles) {
   write_text(path("M.csv"), "2 0\n0 1\n");
   write_text(path("K.csv"), "900 -400\n-400 400\n");
@@ -184,7 +184,7 @@ TEST_F(IdentifyProgramTest, ALogAndAJitter) {
   EXPECT_NE(told.out.find("no fit"), std::string::npos) << told.out;
 }
 
-// What is behind the loss counts as what is before it.
+// Events after the loss count like those before it.
 TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
   const std::string beam = scene_file("paper_beam");
   const Scene real = parse_scene(
@@ -211,8 +211,8 @@ TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
   EXPECT_NEAR(report["parameters"][0]["value"].get<double>(), 0.65, 1e-9);
 }
 
-// Times that jitter and are then put in order contradict each other at the end of a chatter: a hold
-// seems to be one bounce, and the next to hold.
+// Jittered times that are sorted afterwards contradict each other at the end of a chatter: a
+// sustained contact looks like an impact, and the next impact like a sustained contact.
 TEST_F(IdentifyProgramTest, WhatContradictsItselfIsCutOut) {
   const std::string chatter = scene_file("paper_beam_chatter");
   std::mt19937_64 engine(5);
@@ -316,7 +316,7 @@ q = [0.3]
 q = [0.2]
 )";
 
-// A bounce is lost: the events that were used have it, and other programs read them.
+// An impact is lost: it is in the mended events, which other programs read.
 TEST_F(IdentifyProgramTest, MendedEventsAreWritten) {
   write_text(path("ball.toml"), ball);
   const std::string text = read_text(events_of(ball, 4.0, 1e-4));
@@ -350,7 +350,7 @@ TEST_F(IdentifyProgramTest, MendedEventsAreWritten) {
   EXPECT_TRUE(nlohmann::json::parse(again.out)["missing"].empty());
 }
 
-// What is not determined has no number, and is not written.
+// A parameter that is not determined has no value and is not written.
 TEST_F(IdentifyProgramTest, WhatIsNotDeterminedIsNotWritten) {
   const std::string oscillator = scene_file("impact_oscillator");
   const std::string events = events_of(read_text(oscillator), 30.0, 1e-4);
@@ -373,7 +373,7 @@ TEST_F(IdentifyProgramTest, WhatIsNotDeterminedIsNotWritten) {
   EXPECT_EQ(std::filesystem::exists(path("fitted.toml")), ended.code == 0);
 }
 
-// The numbers of the report are in the scene that is written, in place of those that were there.
+// The report's numbers are in the written scene, instead of the previous ones.
 TEST_F(IdentifyProgramTest, UncertaintyIsWrittenInPlaceOfTheOldOne) {
   const std::string text = read_text(scene_file("paper_beam"));
   const std::string events =
@@ -412,13 +412,13 @@ correlation = [["beam.damping", "excitation.amplitude", 0.5]]
   EXPECT_EQ(written.find("gone"), std::string::npos) << written;
   EXPECT_NE(written.find("# kept\n"), std::string::npos) << written;
   EXPECT_NE(written.find("[parameters]\n# by identify"), std::string::npos) << written;
-  // Once more: the text does not grow.
+  // A second time: the text does not grow.
   ASSERT_EQ(identify({events, path("fitted.toml"), "--output", path("again.toml")}).code, 0);
   const auto lines = [](const std::string& of) { return std::count(of.begin(), of.end(), '\n'); };
   EXPECT_EQ(lines(read_text(path("again.toml"))), lines(written));
 }
 
-// The report's correlation of a parameter with its partner is the one that is written.
+// The written correlation of a parameter with its partner is that of the report.
 TEST(FittedText, CorrelationsAreThoseOfTheFit) {
   const std::string text = read_text(scene_file("paper_beam"));
   const Scene scene = read_scene(scene_file("paper_beam"));
@@ -440,7 +440,7 @@ TEST(FittedText, CorrelationsAreThoseOfTheFit) {
   }
 }
 
-// A factor is 1 in the scene that is written, and its deviation a share of the new value.
+// A factor is 1 in the written scene, and its sigma is relative to the new value.
 TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
   const std::string text = read_text(scene_file("non_proportional"));
   Scene real = parse_scene(text, "real.toml");

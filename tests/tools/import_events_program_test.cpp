@@ -1,5 +1,5 @@
-// import_events with the programs around it: what a master wrote, as an engineer would have it,
-// comes back as it was, and an observer replays it to the same bits.
+// import_events with the other programs: a master's events in an engineer's format are recovered
+// unchanged, and an observer replays them to the same bits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -24,8 +24,8 @@ using test::write_text;
 
 std::string scene(const std::string& name) { return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml"; }
 
-/// t on a clock in milliseconds that is `offset` seconds ahead, digit by digit: exact, which a
-/// multiplication would not be.
+/// t on a clock in milliseconds that is `offset` seconds ahead, digit by digit, because a
+/// multiplication would not be exact.
 std::string milliseconds(double t, int offset, char mark) {
   char text[64];
   std::snprintf(text, sizeof text, "%.24f", t);
@@ -55,7 +55,7 @@ class ImportEventsTest : public test::ProgramTest {
     return read_events(path("original.csv"), contacts).events;
   }
 
-  /// The observer's states, and in used.csv the events that it used.
+  /// The observer's states, and its events in used.csv.
   std::string replay(const std::string& name, const std::string& recording, Arguments more = {}) {
     Arguments command{scene(name), "--replay",         recording,  "--tick",        "0.01",
                       "--states",  path("states.csv"), "--events", path("used.csv")};
@@ -267,7 +267,7 @@ TEST_F(ImportEventsTest, ALogWithTagsIsReadWithTheKeyOnly) {
   EXPECT_EQ(text("used.csv"), "t,contact,closed\n");
 }
 
-// What a logic analyser writes without a header, of contacts that bounce.
+// Output of a logic analyser without a header, of contacts that bounce.
 TEST_F(ImportEventsTest, ACaptureWithoutAHeaderIsReadAndItsBouncesAreSaid) {
   std::string capture;
   char row[64];
@@ -392,7 +392,7 @@ TEST_F(ContactLogTest, CloseEventsShareAMessageThatComesAHeartbeatLateAtMost) {
       EXPECT_LE(events[i].t, message.report.horizon);
       EXPECT_LE(message.report.horizon - events[i].t, 0.010000001);
     }
-    // Not sent before its last event, and nothing that has happened by then is left for later.
+    // Not sent before its last event, and containing all events up to then.
     EXPECT_GE(1e-6 * static_cast<double>(message.utime), message.report.horizon - 1e-9);
     EXPECT_LE(1e-6 * static_cast<double>(message.utime), message.report.horizon + 1.1e-6);
     EXPECT_EQ(message.report.horizon, now > 0 ? events[now - 1].t : 0.0);

@@ -82,7 +82,7 @@ TEST(DecimalTest, UnitsAreSecondsExactly) {
 }
 
 TEST(DecimalTest, LargeClockValuesLoseNothing) {
-  // Neither the stamp nor the offset fits a double.
+  // Neither the stamp nor the offset is exact in a double.
   EXPECT_EQ(in_unit("1732190400123456789", "1732190400000000000", "ns"), 0.123456789);
   EXPECT_EQ(in_unit("1732190400123456789", "1732190400123456788", "ns"), 1e-9);
   EXPECT_EQ(in_unit("1732190400.123456789", "1732190400", "s"), 0.123456789);
@@ -285,7 +285,7 @@ TEST_F(ChoiceTest, OptionsThatContradictEachOtherAreRefused) {
   EXPECT_NE(error({{impacts, "e"}}).find("there is no column 'e'"), std::string::npos);
 }
 
-/// Imports a file whose columns are impacts, or with `pairs` on and off in turn.
+/// Imports a file whose columns are impacts, or with `pairs` alternately on and off.
 Import import(const std::string& text, const ImportOptions& options = {}, bool pairs = false) {
   const ColumnFile file = parse_columns(text, "f");
   std::vector<ContactColumns> chosen;
@@ -299,7 +299,7 @@ Import import(const std::string& text, const ImportOptions& options = {}, bool p
   return import_events(file, chosen, options);
 }
 
-/// The same of levels, by the times in the column 'Time [s]'.
+/// The same with levels, and times in the column 'Time [s]'.
 Import import_levels(const std::string& text, const LevelOptions& levels,
                      const ImportOptions& options = {}) {
   ColumnFile file = parse_columns(text, "f");
@@ -387,7 +387,7 @@ TEST(ClockTimeTest, DatesAndTimesOfDayAreSeconds) {
                             "12:34:61", "12:34:56x", "2000-03-01T12:34:56+2", "", "12:34:"}) {
     EXPECT_EQ(parsed(wrong), -1.0) << wrong;
   }
-  // Nanoseconds of a date are not lost.
+  // Nanoseconds of a date are preserved.
   const auto offset = parse_clock_time("2026-05-01T12:00:00Z", DecimalMark::point);
   const auto time = parse_clock_time("2026-05-01T12:00:00.000000001Z", DecimalMark::point);
   EXPECT_EQ(difference_in(time->value, offset->value, second), 1e-9);
@@ -460,7 +460,7 @@ TEST(ImportTest, AContactThatIsClosedAtTheStartClosesThere) {
   EXPECT_TRUE(before.events.empty());
   EXPECT_EQ(before.before_start, 4);
   EXPECT_EQ(before.figures[0].sustained, 0);
-  // Its length is measured, not what is left of it.
+  // The whole length counts, not the part after the start.
   EXPECT_TRUE(import_pairs("on,off\n-1,1\n", {.pulse_shorter_than = 3.0}).events.empty());
 }
 
@@ -494,7 +494,7 @@ TEST(ImportTest, BouncesOfImpactsChainFromTheLastOne) {
 }
 
 TEST(ImportTest, BouncesOfContactsChainFromTheLastOpening) {
-  // Gaps of 3, 4, then 5 ms, which is not shorter.
+  // Gaps of 3, 4 and 5 ms; the last one is not shorter than the limit.
   const Import result = import_pairs("on,off\n100,110\n113,115\n119,150\n155,160\n",
                                      {.unit = {1, -3}, .debounce = 0.005});
   EXPECT_EQ(result.events,
@@ -529,7 +529,7 @@ TEST(ImportTest, ShortContactsArePulsesAtTheirClosing) {
 }
 
 TEST(ImportTest, ASpanAsLongAsTheLimitIsNotShorterWhateverItsEndsRoundTo) {
-  // In doubles every other of these differences comes out below 5 ms.
+  // In doubles every second of these differences is below 5 ms.
   std::string text = "on,off\n";
   for (int i = 1; i <= 1000; ++i)
     text += std::to_string(13 * i) + "," + std::to_string(13 * i + 5) + "\n";
@@ -543,7 +543,7 @@ TEST(ImportTest, ASpanAsLongAsTheLimitIsNotShorterWhateverItsEndsRoundTo) {
 
 TEST(ImportTest, DebouncingComesBeforeThePulses) {
   const ImportOptions options{.unit = {1, -3}, .debounce = 0.005, .pulse_shorter_than = 0.010};
-  // Each part is short, the whole is not.
+  // Each part is short, but the whole is not.
   EXPECT_EQ(import_pairs("on,off\n100,104\n106,109\n111,112\n", options).events,
             (Events{{0.100, 0, closes}, {0.112, 0, opens}}));
   EXPECT_EQ(import_pairs("on,off\n100,104\n106,109\n", options).events,
@@ -556,7 +556,7 @@ TEST(ColumnFileTest, AFileWithoutAHeaderTakesTheNamesThatAreGiven) {
   ASSERT_EQ(comma.columns.size(), 2U);
   EXPECT_EQ(comma.columns[1].name, "level");
   EXPECT_EQ(texts(comma.columns[0]), (Texts{"0.5", "0.75"}));
-  // As many fields as there are names: decimal commas are none of the separators.
+  // The number of fields equals the number of names: decimal commas are not separators.
   const ColumnFile decimal = parse_columns("0,5;1\n", "x.csv", std::nullopt, {"time", "level"});
   EXPECT_EQ(texts(decimal.columns[0]), (Texts{"0,5"}));
   const ColumnFile one = parse_columns("0,5\n", "x.csv", std::nullopt, {"time"});
@@ -593,7 +593,7 @@ TEST(HintTest, ContactsTooShortToBeSustainedAreSaid) {
   EXPECT_NE(hints[0].find("--debounce"), std::string::npos);
   EXPECT_NE(hints[0].find("--pulse-shorter-than"), std::string::npos);
 
-  // Slow machines, whose contacts last 5 ms every 10 s, and bounce.
+  // Slow machines with contacts of 5 ms every 10 s, and bounces.
   events.clear();
   for (int k = 0; k < 20; ++k) {
     for (const double bounce : {0.0, 8e-3}) {
@@ -628,7 +628,7 @@ std::vector<Closing> random_closings(std::uint64_t seed, double mean, int contac
   return closings;
 }
 
-/// As of a sensor that is read every `period`, and stamps what it has found one after the other.
+/// Like a sensor that is polled every `period` and stamps its findings one after the other.
 std::vector<Closing> in_batches(std::vector<Closing> closings, double period, double apart) {
   double last = 0.0;
   int before = 0;
@@ -660,7 +660,7 @@ TEST(HintTest, StampsOfASensorThatIsReadNowAndThenAreFound) {
   EXPECT_TRUE(text.starts_with("time stamps come in batches: 120 of 300 closings")) << text;
 }
 
-// A contact that bounces closes several times at once as well; no sensor makes that.
+// A bouncing contact also has several closings in short succession, but not by batches of a sensor.
 TEST(HintTest, BouncesAndPeriodicMotionsAreNoBatches) {
   std::vector<Closing> bounces;
   std::vector<Closing> periodic;

@@ -1,4 +1,4 @@
-// Quantities that a scene names, in the files of master and observer, and how sure of them it is.
+// Outputs named in a scene, in the files of master and observer, with their sigma.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -61,7 +61,7 @@ TEST(Outputs, AreSureAsTheStateIs) {
       const Eigen::MatrixXd P = covariance(filter, state);
       const double of_q = P(1, 1);
       const double of_u = P(2, 2) - 2.0 * P(2, 3) + P(3, 3);
-      // But for the rounding that both add.
+      // Except for the rounding that both add.
       EXPECT_NEAR(all.sigma_outputs(k, 0), std::sqrt(of_q), 1e-9 + 1e-6 * std::sqrt(of_q)) << k;
       EXPECT_NEAR(all.sigma_outputs(k, 1), std::sqrt(of_u), 1e-7 + 1e-6 * std::sqrt(of_u)) << k;
       EXPECT_NEAR(all.sigma_outputs(k, 0), all.sigma_q(k, 1), 1e-12 * all.sigma_q(k, 1)) << k;

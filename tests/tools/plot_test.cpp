@@ -1,5 +1,5 @@
-// plot: thinning keeps what is seen, panels show what the files and the scene say, and gnuplot
-// draws them. Machines are not the paper's beam.
+// plot: thinning preserves the visible shape, panels show the content of files and scene, and
+// gnuplot draws them. Other machines than the paper's beam.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ TEST(Thinning, EveryPixelKeepsWhatItSpans) {
     return std::pair(least, greatest);
   };
   EXPECT_EQ(spans(kept.t, kept.y), spans(t, y));
-  // A point on either side: the line reaches both edges.
+  // One point on each side: the line reaches both edges.
   EXPECT_LT(kept.t.front(), from);
   EXPECT_GT(kept.t.back(), to);
 }
@@ -96,7 +96,7 @@ TEST_F(PlotTest, TablesAreKnownByTheirHeaders) {
   EXPECT_EQ(read_table(states).label, "a");
   EXPECT_EQ(read_table(file("V.csv", "k,t,V,V1\n0,0,1,1\n")).kind, TableKind::energy);
   EXPECT_EQ(read_table(file("e.csv", "t,contact,closed\n")).kind, TableKind::events);
-  // A file may be called so.
+  // A valid file name.
   EXPECT_EQ(read_table(file("x=y.csv", "k,t,V,V1\n0,0,1,1\n")).label, "x=y");
 }
 
@@ -161,7 +161,7 @@ TEST_F(PlotTest, AnEstimateInsideASupportIsDashed) {
   for (const std::size_t i : {1u, 2u}) EXPECT_TRUE(std::isnan(outside.y[i])) << i;
   EXPECT_EQ(outside.y[0], 1.0);
   EXPECT_EQ(outside.y[3], 3.0);
-  // The dashes reach the points beside them.
+  // The dashed parts reach the neighbouring points.
   for (const std::size_t i : {0u, 1u, 2u, 3u}) EXPECT_FALSE(std::isnan(inside.y[i])) << i;
   EXPECT_TRUE(std::isnan(inside.y[4]));
   const std::string never =
@@ -187,7 +187,7 @@ TEST_F(PlotTest, ARunKeepsItsColour) {
   EXPECT_TRUE(energy.logarithmic);
 }
 
-// What a scene has named and parameters come first, of all runs beside each other.
+// Outputs named in the scene and parameters come first, with the curves of all runs in one panel.
 TEST_F(PlotTest, OutputsAndParametersArePanels) {
   const std::string machine = file("m.csv", "k,t,q1,u1,tip,rate\n0,0,1,2,5,6\n1,1,1,2,7,8\n");
   const std::string a =
@@ -214,14 +214,14 @@ TEST_F(PlotTest, OutputsAndParametersArePanels) {
   const Panel& restitution = of.panels.at(2);
   ASSERT_EQ(restitution.curves.size(), 1u);
   EXPECT_EQ(restitution.bands.at(0).high[1], 0.95);
-  // A machine alone, too.
+  // Also for a machine alone.
   EXPECT_EQ(figure({machine}).panels.at(1).name, "rate");
   FigureOptions options;
   options.show = {"rate"};
   EXPECT_EQ(figure({a}, nullptr, options).panels.at(0).bands.at(0).high[1], 12.0);
 }
 
-// A picture's own panels are not lost to an output of their name.
+// An output with the name of a standard panel does not replace it.
 TEST_F(PlotTest, AnOutputMayHaveTheNameOfAnotherPanel) {
   const std::string a = file("a.csv",
                              "k,t,q1,u1,B,V,sigma_V,velocity,sigma_velocity\n0,0,1,2,1,3,1,1,1\n"

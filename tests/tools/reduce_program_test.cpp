@@ -1,5 +1,5 @@
-// reduce and check_scene --output with the programs around them: a beam of 20 modes is recorded,
-// reduced, and observed with what comes out.
+// reduce and check_scene --output with the other programs: a beam of 20 modes is recorded, reduced,
+// and observed with the result.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -30,7 +30,7 @@ class ReduceProgramTest : public test::ProgramTest {
  protected:
   Ended reduce(const Arguments& arguments) { return run(REDUCE, arguments); }
 
-  /// The stiff beam, damped in proportion to its stiffness.
+  /// The stiff beam with stiffness-proportional damping.
   std::string scene() const {
     std::string text = read_text(SPRAG_SOURCE_DIR "/scenes/stiff_beam.toml");
     std::string ratios;
@@ -50,7 +50,7 @@ class ReduceProgramTest : public test::ProgramTest {
     ASSERT_EQ(ended.code, 0) << ended.err;
   }
 
-  /// Largest difference of the tip from the master's, from t = 60 on, in an observer's replica.
+  /// Largest difference of the tip of an observer's replica from the master's, from t = 60 on.
   double tip_error(const std::string& scene_file) {
     const Ended ended = run(OBSERVER, {scene_file, "--replay", path("events.csv"), "--tick", "0.05",
                                        "--estimator", "replica", "--states", path("replica.csv")});
@@ -100,7 +100,7 @@ TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
   EXPECT_EQ(report["coordinates"], 7);
   EXPECT_EQ(report["candidates"].back()["correction"], "none");
 
-  // The file is what the library says it is.
+  // The file matches the library's result.
   const Scene whole = read_scene(beam);
   const auto recorded =
       read_recorded_events(path("events.csv"), 1, 80.0, AfterLoss::dropped, std::nullopt);
@@ -115,7 +115,7 @@ TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
   const double corrected = tip_error(path("reduced.toml"));
   EXPECT_LT(corrected, 1e-2 * plain) << corrected << ' ' << plain;
 
-  // What the others make of it.
+  // The other programs read the file.
   EXPECT_EQ(run(CHECK_SCENE, {path("reduced.toml")}).code, 0);
   EXPECT_EQ(run(MASTER_SIM, {path("reduced.toml"), "--duration", "2", "--speed", "max", "--no-lcm",
                              "--events", path("own.csv")})
@@ -185,7 +185,7 @@ TEST_F(ReduceProgramTest, TooFewEventsDamageAndAFullDiskFail) {
   const Ended ended = reduce({events, beam, "--modes", "2", "--output", bad});
   EXPECT_EQ(ended.code, 1);
   EXPECT_NE(ended.err.find(bad), std::string::npos) << ended.err;
-  // What is readable of a damaged file is used.
+  // The readable part of a damaged file is used.
   const std::string damaged = write_text(path("damaged.csv"), read_text(events) + "41.5,1");
   const Ended part = reduce({damaged, beam, "--modes", "2", "--output", path("part.toml")});
   EXPECT_EQ(part.code, 1);

@@ -1,5 +1,5 @@
-// The reports of identify and diagnose on drawn records, each held against itself: headline, text,
-// table, JSON, exit code and the scene that is written must say the same.
+// Consistency of the reports of identify and diagnose on random records: headline, text, table,
+// JSON, exit code and the written scene must agree.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +38,7 @@ std::string digits(double value) {
   return buffer;
 }
 
-/// A record, the scene it is held against, and how.
+/// A record, the scene to compare with, and the settings.
 struct DrawnRecord {
   std::string kind;
   std::string machine, scene;  ///< texts
@@ -233,7 +233,7 @@ int count_of(const std::string& text, const std::string& what) {
   return count;
 }
 
-/// The row of this name in the table of parameters; empty: none.
+/// The row of this name in the table of parameters; empty if there is none.
 std::string row_of(const std::string& text, const std::string& name) {
   const auto table = text.find("\nparameter ");
   if (table == std::string::npos) return "";
@@ -308,7 +308,7 @@ void ReportConsistencyTest::check_identify(const DrawnRecord& record) {
   check_written(ended);
 }
 
-// One verdict, which the exit code, the JSON and each sentence share.
+// Exit code, JSON and each sentence give the same verdict.
 void ReportConsistencyTest::check_verdict(const Ended& ended) {
   const bool fits = report_["fits"], accepted = report_["accepted"];
   const std::string text = ended.out, headline = lines_of(text).at(0);
@@ -349,7 +349,8 @@ void ReportConsistencyTest::check_verdict(const Ended& ended) {
   EXPECT_EQ(count_of(text, "Spurious: "), static_cast<int>(report_["spurious"].size()));
 }
 
-// What is not determined has no number anywhere; what is determined has the same one everywhere.
+// A parameter that is not determined has no value anywhere; a determined one has the same value
+// everywhere.
 void ReportConsistencyTest::check_parameters(const std::string& text) {
   int determined = 0;
   for (const auto& of : report_["parameters"]) {
@@ -385,7 +386,7 @@ void ReportConsistencyTest::check_parameters(const std::string& text) {
             others > 0 && determined > 0);
 }
 
-// The causes are of a fit, and agree with its values.
+// Causes are given only of a fit, and agree with its values.
 void ReportConsistencyTest::check_causes(const std::string& text) {
   const bool none = has(text, "No single parameter and no pair");
   const bool as_is = has(text, "The scene as it is explains");
@@ -413,7 +414,7 @@ void ReportConsistencyTest::check_causes(const std::string& text) {
   }
 }
 
-// The scene that is written has what was found, and nothing else.
+// The written scene contains exactly the fitted values.
 void ReportConsistencyTest::check_written(const Ended& ended) {
   ASSERT_EQ(std::filesystem::exists(path("fitted.toml")), ended.code == 0);
   if (ended.code != 0) return;
@@ -468,14 +469,14 @@ void ReportConsistencyTest::check_diagnose(const DrawnRecord& record) {
   EXPECT_EQ(count_of(text, "  lost: "), static_cast<int>(report_["missing"].size()));
   EXPECT_EQ(count_of(text, "  spurious: "), static_cast<int>(report_["spurious"].size()));
   EXPECT_EQ(count_of(text, " explains it as well"), static_cast<int>(report_["ties"].size()));
-  // A jitter that would explain the events is larger than the one they have.
+  // A jitter that would explain the events is larger than their jitter.
   if (has(headline, "event times with a jitter of")) {
     EXPECT_GT(report_["scatter"].get<double>(), 1.01 * report_["jitter"].get<double>());
   }
   check_explanation(text);
 }
 
-// What is named was tried, and has the same number in the headline and in the table.
+// The named cause was tried, and has the same number in the headline and in the table.
 void ReportConsistencyTest::check_explanation(const std::string& text) {
   std::vector<std::string> determined;
   for (const auto& of : report_["parameters"]) {
@@ -506,7 +507,7 @@ void ReportConsistencyTest::check_explanation(const std::string& text) {
   EXPECT_TRUE(has(row_of(text, name), std::string(" ") + value + " +- "));
 }
 
-// What diagnose says of the scene as it is, with a jitter that is given to both.
+// diagnose's verdict on the unchanged scene, with the same jitter given to both.
 void ReportConsistencyTest::check_both(const json& identified) {
   const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
   if (report_["fits"] == false && !repaired) return;

@@ -1,4 +1,4 @@
-// plot of a study: which picture its rows make, what is in it, and that gnuplot draws it.
+// plot of a study: the kind of picture for its rows, its content, and that gnuplot draws it.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +22,7 @@ class StudyPlotTest : public test::ProgramTest {
  protected:
   using Rows = std::vector<std::vector<double>>;
 
-  // The rows of a study and its manifest, as `study` writes them, in a folder of that name.
+  // The rows and the manifest of a study, as `study` writes them, in a folder of that name.
   std::string write(const std::string& name, const std::vector<std::string>& axes,
                     const std::vector<std::string>& columns, const Rows& rows) const {
     std::filesystem::create_directory(path(name));
@@ -126,7 +126,7 @@ TEST_F(StudyPlotTest, OverTwoKeysTheMedianIsAColour) {
     EXPECT_EQ(panel.least, -3.0) << "colours mean the same in both";
     EXPECT_EQ(panel.most, 400.0);
   }
-  // One value of one key leaves the other.
+  // Fixing one key leaves the other.
   const StudyFigure of_one = figure(file, where("y=0.8"));
   ASSERT_EQ(of_one.axes.size(), 1U);
   EXPECT_EQ(of_one.panels.at(0).curves.at(0).y, (std::vector<double>{2.0, 3.0, 5.0}));
@@ -192,7 +192,7 @@ TEST_F(StudyPlotTest, GnuplotDrawsAllKinds) {
   }
 }
 
-// A single value of a key, a value that is not finite, or none that is.
+// A single value of a key, a value that is not finite, and no finite value.
 TEST_F(StudyPlotTest, LittleIsDrawnAsWell) {
   const double inf = std::numeric_limits<double>::infinity();
   const std::string file =
@@ -231,7 +231,7 @@ TEST_F(StudyPlotTest, DamagedRowsAndBadUsage) {
   EXPECT_EQ(damaged.code, 1);
   EXPECT_NE(damaged.err.find(":4: "), std::string::npos) << damaged.err;
   EXPECT_TRUE(std::filesystem::exists(out)) << "what is there before it is drawn";
-  // Without a manifest it is not known what varies.
+  // Without a manifest the varied keys are unknown.
   write_text(file, text);
   std::filesystem::remove(path("e") + "/manifest.json");
   EXPECT_EQ(run(PLOT, {file, "--output", out}).code, 2);

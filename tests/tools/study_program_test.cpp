@@ -1,4 +1,4 @@
-// study as people start it: alone, as shards, under mpirun; killed, and started again.
+// study as users start it: alone, as shards, under mpirun; killed and restarted.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 class StudyProgramTest : public test::ProgramTest {
  protected:
   StudyProgramTest() {
-    // mpirun refuses root without these; what Open MPI leaks is its own.
+    // mpirun refuses root without these variables. Leaks of Open MPI itself are ignored.
     ::setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", 1);
     ::setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", 1);
     ::setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
@@ -65,14 +65,14 @@ disturbance.lost = { linear = [0.0, 0.1], random = true }
     return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
   }
 
-  /// As one thread computes them.
+  /// The rows of a run with one thread.
   std::string reference(const std::string& file) {
     const Ended ended = run_study(file, "reference", {"--jobs", "1"});
     EXPECT_EQ(ended.code, 0) << ended.err;
     return rows("reference");
   }
 
-  /// Starts it in small chunks and ends it by `end` when more than so many rows are there.
+  /// Starts it in small chunks and ends it by `end` as soon as there are more than `rows` rows.
   void break_off(Arguments command, const std::string& file, const std::string& folder,
                  std::size_t rows, const std::function<void(test::Process&)>& end) {
     command.insert(command.end(), {file, "--output", path(folder), "--chunk", "3"});
@@ -133,7 +133,7 @@ TEST_F(StudyProgramTest, ShardsMakeUpTheStudy) {
     const Ended ended = run_study(file, "shards", {"--shard", shard});
     EXPECT_EQ(ended.code, 0) << ended.err;
   }
-  // The second one is broken off; whoever puts them together computes what is missing.
+  // The second shard is interrupted; merging computes the missing rows.
   run_study(file, "shards", {"--shard", "2/4", "--jobs", "1"});
   const std::string whole = read_text(path("shards/shard-2-of-4.csv"));
   std::filesystem::remove(path("shards/shard-2-of-4.csv"));
@@ -188,7 +188,7 @@ TEST_F(StudyProgramTest, AStudyWhoseRankWasKilledGoesOn) {
 TEST_F(StudyProgramTest, AFullDiskKeepsWhatWasWritten) {
   const std::string file = study(20);
   std::filesystem::create_directory(path("full"));
-  // A limit of 20 KiB a file stands in for the disk.
+  // A limit of 20 KiB per file simulates the full disk.
   const Ended full = run("/bin/sh", {"-c", "ulimit -f 40; exec \"$0\" \"$@\"", STUDY, file,
                                      "--output", path("full"), "--chunk", "7"});
   EXPECT_EQ(full.code, 1) << full.err;
@@ -202,7 +202,7 @@ TEST_F(StudyProgramTest, AFullDiskKeepsWhatWasWritten) {
 }
 
 TEST_F(StudyProgramTest, ARunThatFailsIsARow) {
-  // Each axis alone is outside the support, both together are inside.
+  // Each axis alone is outside the support, but both together are inside.
   const std::string file = write_text(path("inside.toml"), R"(
 scene = ")" SPRAG_SOURCE_DIR R"(/scenes/lab_rig.toml"
 duration = 1.0
@@ -261,7 +261,7 @@ force.1.frequency = [34.0, 26.0, 20.0]
     EXPECT_NEAR(u, 0.1855338168983542, 1e-9);
     EXPECT_NEAR(of_attractor, u, 1e-9);
   }
-  // Broken off within the rows of a run.
+  // Interrupted within the rows of a run.
   const std::string whole = rows("orbit");
   std::filesystem::remove(path("orbit/rows.csv"));
   write_text(path("orbit/rows.part.csv"), whole.substr(0, whole.size() / 2));
@@ -286,7 +286,7 @@ TEST_F(StudyProgramTest, AnotherStudysFolderIsRefused) {
   EXPECT_EQ(rows("folder"), before);
 }
 
-// Without --output the study's name is a folder here, and leads nowhere else.
+// Without --output the study's name becomes a folder here, so that a path is refused.
 TEST_F(StudyProgramTest, ANameThatIsAPathIsRefused) {
   const std::string text = read_text(study(1));
   for (const char* name : {"../out", "/tmp/out", ".", "..", "", "a/b", "a\\nb", "\\u001b[31m"}) {
@@ -310,7 +310,7 @@ TEST_F(StudyProgramTest, BadUsageIsRefused) {
   }
   EXPECT_EQ(run_study(path("none.toml"), "folder").code, 2);
   EXPECT_FALSE(std::filesystem::exists(path("folder")));
-  // A result that would be written over an input.
+  // A result that would overwrite an input.
   std::filesystem::create_directory(path("own"));
   std::filesystem::rename(file, path("own/rows.csv"));
   const std::string text = read_text(path("own/rows.csv"));

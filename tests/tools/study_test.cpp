@@ -1,5 +1,4 @@
-// A study in parts: its file, which run an index is, what is drawn, figures of a run, files of
-// rows.
+// Parts of a study: its file, the run of an index, random draws, figures of a run, files of rows.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +32,7 @@ class StudyTest : public testing::Test {
     return read_study(file());
   }
 
-  /// What is wrong with it, behind the name of the file.
+  /// The error message without the name of the file.
   std::string error(const std::string& text, const std::string& scene = "lab_rig") {
     try {
       read(text, scene);
@@ -51,7 +50,7 @@ class StudyTest : public testing::Test {
 };
 
 TEST(Philox, GivesTheKnownAnswers) {
-  // kat_vectors of Random123, the authors' own library.
+  // kat_vectors of Random123, the authors' reference library.
   using Block = std::array<std::uint32_t, 4>;
   EXPECT_EQ(philox({}, {}), (Block{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8}));
   constexpr std::uint32_t ones = 0xffffffff;
@@ -157,7 +156,7 @@ observer.system.K.1.1 = [1810.0]
 system.K.1.2 = [-610.0]
 )");
   const std::vector<double> values = values_at(study, 2);
-  EXPECT_DOUBLE_EQ(values[1], 0.63);  // of the machine's as it is varied
+  EXPECT_DOUBLE_EQ(values[1], 0.63);  // relative to the machine's varied value
   const Setting setting = setting_of(study, values);
   EXPECT_EQ(setting.machine.model.contacts[0].restitution, 0.7);
   EXPECT_DOUBLE_EQ(setting.told.model.contacts[0].restitution, 0.63);
@@ -360,12 +359,12 @@ TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
   const Truth truth = run_machine(scene, 4.0, 0.0, 40);
   ASSERT_EQ(truth.events.size(), 1U);
   ASSERT_EQ(truth.events[0].t, 0.0);
-  // The replica falls, and stays where it lands.
+  // The replica falls, and stays at rest where it lands.
   EXPECT_LT(follow(EstimatorKind::replica, scene, truth.events, truth, 0.0).V_max, 1e-20);
   EXPECT_GT(follow(EstimatorKind::replica, scene, {}, truth, 0.0).V_max, 1.0);
 }
 
-// Machines of three structures, two lengths of tick, one machine that cannot be followed at all.
+// Machines of three structures, two lengths of tick, and a machine that cannot be followed.
 TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
   std::vector<Scene> scenes;
   std::vector<std::vector<ContactEvent>> events;
@@ -415,7 +414,7 @@ TEST(StudyFigures, CountWhatIsFarAboveTheReplica) {
   const std::vector<EstimatorKind> kinds = {EstimatorKind::timing, EstimatorKind::replica,
                                             EstimatorKind::both};
   std::vector<Figures> figures(3);
-  // Three samples on the way and four settled ones; rounding is 1e-20 of 1.
+  // Three samples of the transient and four settled ones; the rounding level is 1e-20 of 1.
   figures[0].V = {1.0, 5.0, 5.0, 5.0, 1.1e-5, 0.9e-5, 1e-20, 1.1e-20};
   figures[1].V = {1.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 0.0, 0.0};
   figures[2].V = figures[1].V;
@@ -429,7 +428,7 @@ TEST(StudyFigures, CountWhatIsFarAboveTheReplica) {
   EXPECT_TRUE(std::isnan(alone[0].worse)) << "there is no replica";
 }
 
-// What docs/measurements/robustness.md says of the paper's beam: where the filter alone runs away
+// Statement of docs/measurements/robustness.md on the paper's beam: if the filter alone diverges,
 // both is not much worse than the replica.
 TEST_F(StudyTest, BothIsNeverMuchWorseThanTheReplica) {
   const std::string common = R"(

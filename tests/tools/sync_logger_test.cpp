@@ -166,7 +166,7 @@ TEST(PairingTest, NewSessionStartsAnewAndTheOldOneIsOver) {
   pairing.add_truth(sample(50, 5.0, 0.0, 1));
   EXPECT_NE(pairing.add_estimate(sample(50, 5.0, 1.0, 1)), nullptr);
   pairing.add_truth(sample(0, 0.0, 0.0, 2));
-  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0, 0.0, 1)), nullptr);  // still of the old master
+  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0, 0.0, 1)), nullptr);  // of the previous master
   EXPECT_EQ(pairing.add_truth(sample(51, 5.1, 0.0, 1)), nullptr);
   const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 4.0, 2));
   ASSERT_NE(row, nullptr);
@@ -442,7 +442,7 @@ TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k <= 10; ++k) {
     publish_estimate(estimate_channel, sample(k, 0.1 * k, 7.0));
-    // Corrected by a late event: the last word counts.
+    // Corrected after a late event: the last estimate counts.
     publish_estimate(estimate_channel, sample(k, 0.1 * k, 1.0));
     publish_pair(k, 2.0);
   }
@@ -483,7 +483,7 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
                                                 settled_channel}));
 }
 
-// By a plan that is drawn: of three streams some numbers are lost, others are doubled or late.
+// By a random plan: some numbers of three streams are lost, others are duplicated or late.
 TEST(LossesTest, MissingNumbersAreCountedWhateverTheOrder) {
   Random random(20262);
   Losses losses;
@@ -565,8 +565,8 @@ TEST_F(LiveTest, ARecordingThatLacksMessagesSaysSoAtOnceAndFails) {
   }
 }
 
-// A buffer far too small, and a logger that does not read: no number says what is missing behind
-// the last message that came, but the kernel does.
+// A buffer far too small, and a logger that does not read. Message numbers do not show losses after
+// the last received message, but the kernel's counter does.
 TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
   Process process({scene_, "--url", url_ + "&recv_buf_size=20000", "--record", path("all.lcmlog"),
                    "--csv", path("sync.csv"), "--report", path("report.json")});

@@ -1,4 +1,4 @@
-// tolerance on machines that are not the paper's beam: its limits are borne and hardly more, follow
+// tolerance on other machines than the paper's beam: its limits are admissible and tight, follow
 // the law of V, and do not depend on threads.
 #include <gtest/gtest.h>
 
@@ -75,8 +75,8 @@ TEST(WrongParameter, IsOffByTheAmountAndStaysPossible) {
       1e-9);
 }
 
-// V of a replica is the square of what is off, so that four times the target bears twice as much,
-// and what is borne by both ends of the bracket is held against fresh runs.
+// V of a replica is quadratic in the deviation, so that four times the target admits twice the
+// deviation. Both ends of the bracket are checked by new runs.
 TEST(Tolerance, LimitsAreBorneAndFollowTheLawOfV) {
   const Settings settings{.target = 1e-6, .runs = 5, .estimators = {EstimatorKind::replica}};
   Settings wider = settings;
@@ -108,7 +108,7 @@ TEST(Tolerance, DoesNotDependOnThreads) {
   }
 }
 
-// A ball that bounces without any loss never comes down to its machine: nothing is promised.
+// A ball that bounces without loss does not converge to its machine: there is no limit.
 TEST(Tolerance, SaysWhereNothingHelps) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/bouncing_ball.toml");
   for (Contact& contact : scene.model.contacts) contact.restitution = 1.0;
@@ -145,7 +145,8 @@ TEST(Tolerance, AnAdaptiveObserverBearsWhatItFinds) {
   EXPECT_EQ(figures[1].worse, 0.0);
 }
 
-// The rig has two modes, so that one and the static vector of its contact are the whole machine.
+// The rig has two modes, so that one mode and the static vector of its contact represent the whole
+// machine.
 TEST(FewerModes, AllModesAreRightAndACorrectionStandsInForTheOthers) {
   const Bench bench(in_modes(rig(), 0),
                     {.runs = 2, .estimators = {EstimatorKind::replica, EstimatorKind::both}}, 2);
@@ -181,7 +182,7 @@ TEST_F(ToleranceProgramTest, WritesATableItsRowsAndAPicture) {
   EXPECT_GT(first.at("tolerance").at("replica").at("amount"), 0.0);
 }
 
-// A scene's name is text, whatever stands in it, and so is the name of the picture.
+// A scene's name is text with any content, as is the name of the picture.
 TEST_F(ToleranceProgramTest, NamesAreData) {
   std::string text = read_text(SPRAG_SOURCE_DIR "/scenes/lab_rig.toml");
   const std::string good = "name = \"lab_rig\"";

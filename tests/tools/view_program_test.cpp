@@ -1,5 +1,5 @@
-// `view` as a process, over real sockets: who is answered and with what, that a replay shows what
-// the observer computes, and that a client that never reads is nobody's trouble.
+// `view` as a process, over real sockets: which requests it answers and how, that a replay shows
+// the observer's results, and that a client that never reads does not affect others.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -23,7 +23,8 @@ using namespace std::chrono_literals;
 using test::Arguments;
 using test::Process;
 
-/// The number behind the first of these words that has one; nothing: there is none.
+/// The number after the first occurrence of `words` that is followed by one; empty if there is
+/// none.
 std::optional<unsigned> number_after(const std::string& text, std::string_view words) {
   const std::size_t place = text.find(words);
   if (place == std::string::npos) return std::nullopt;
@@ -57,7 +58,7 @@ class Socket {
               static_cast<ssize_t>(text.size()));
   }
 
-  /// Up to `end`, or to the end of the connection.
+  /// Reads up to `end`, or to the end of the connection.
   std::string until(const std::string& end) {
     while (buffer_.find(end) == std::string::npos && fill()) {
     }
@@ -73,7 +74,7 @@ class Socket {
     return taken;
   }
 
-  /// The next text of a WebSocket; pings are passed over. Empty at the end of the connection.
+  /// The next text of a WebSocket; pings are skipped. Empty at the end of the connection.
   std::string text() {
     while (true) {
       const std::string head = take(2);
@@ -89,7 +90,7 @@ class Socket {
     }
   }
 
-  /// Sends a short text as a client of a WebSocket does: masked, here with zeros.
+  /// Sends a short text as a WebSocket's client, masked, here with zeros.
   void say(const std::string& text) {
     ASSERT_LT(text.size(), 126u);
     send(std::string{'\x81', static_cast<char>(0x80U | text.size()), 0, 0, 0, 0} + text);
@@ -133,7 +134,7 @@ class ViewProgramTest : public test::ProgramTest {
   }
   void serve_bus() { serve({"--url", "memq://"}); }
 
-  /// The head of an answer, and its body.
+  /// The head of a response, and its body.
   std::pair<std::string, std::string> ask(const std::string& request) {
     Socket socket(port_);
     EXPECT_TRUE(socket.connected());
@@ -179,7 +180,7 @@ TEST_F(ViewProgramTest, ThePageIsServedAndNothingElse) {
   EXPECT_NE(head.find("X-Content-Type-Options: nosniff"), std::string::npos);
   EXPECT_EQ(head.find("Access-Control"), std::string::npos);
   EXPECT_EQ(body, test::read_text(SPRAG_SOURCE_DIR "/tools/view/page/index.html"));
-  // All that the page asks for is there, whole.
+  // All files that the page refers to are complete.
   for (const char* file : {"/page.js", "/page.css", "/icon.svg", "/dygraph.js", "/dygraph.css"}) {
     EXPECT_NE(body.find(file), std::string::npos) << file;
     const auto [file_head, bytes] = ask(get(file));
@@ -221,7 +222,7 @@ TEST_F(ViewProgramTest, AReplayShowsWhatTheObserverComputes) {
       run(OBSERVER, {scene, "--replay", path("events.csv"), "--states", path("states.csv")}).code,
       0);
   serve({"--replay", path("events.csv"), "--speed", "max"});
-  // One that takes nothing that is sent to it.
+  // A client that never reads.
   Socket dead(port_);
   dead.send(upgrade("http://" + host_));
 
@@ -256,7 +257,7 @@ TEST_F(ViewProgramTest, AReplayShowsWhatTheObserverComputes) {
       << "no more than are acknowledged";
 }
 
-// All places are taken by clients that read nothing, some of which do not even ask for something.
+// All connections are taken by clients that never read, some of which do not even send a request.
 TEST_F(ViewProgramTest, ClientsThatNeverReadKeepNobodyOut) {
   serve_bus();
   std::vector<std::unique_ptr<Socket>> dead;
@@ -269,7 +270,7 @@ TEST_F(ViewProgramTest, ClientsThatNeverReadKeepNobodyOut) {
   ASSERT_TRUE(alive.connected());
   alive.send(upgrade("http://" + host_));
   ASSERT_TRUE(alive.until("\r\n\r\n").starts_with("HTTP/1.1 101"));
-  // It keeps its place while more of the others come.
+  // It stays connected while more of the others arrive.
   for (int n = 1; n <= 100; ++n) {
     ASSERT_FALSE(alive.text().empty()) << "closed at frame " << n;
     alive.say(R"({"seen": )" + std::to_string(n) + "}");

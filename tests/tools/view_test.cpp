@@ -1,5 +1,5 @@
-// The page of `view`: what it shows is what the messages say, histories keep their peaks and their
-// memory, and nobody but the page itself is answered. Machines are not the paper's beam.
+// The page of `view`: it shows the content of the messages, histories keep their peaks within their
+// memory, and only the page itself is answered. Other machines than the paper's beam.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -52,7 +52,7 @@ TEST(History, EveryPixelKeepsLeastAndGreatestHoweverOldTheyAre) {
       least = std::min(least, y[k]);
       greatest = std::max(greatest, y[k]);
     }
-    // A row on either side may be outside.
+    // The rows next to the window on both sides may be outside.
     EXPECT_LE(*std::min_element(kept.values[0].begin(), kept.values[0].end()), least) << from;
     EXPECT_GE(*std::max_element(kept.values[0].begin(), kept.values[0].end()), greatest) << from;
     EXPECT_LE(kept.t.front(), from + 0.2);
@@ -189,13 +189,13 @@ TEST(Watch, TheLastWordOnATickCounts) {
   EXPECT_EQ(frame.settled->q[1], 0.1);
   const Window window{0.0, 1.0, 100};
   EXPECT_EQ(watch.curves(0, window).estimate.t, (std::vector<double>{0.01, 0.02, 0.03}));
-  // c = 0.1: the gap, and two standard deviations to either side.
+  // c = 0.1: the gap, and two sigma on both sides.
   const Rows rows = watch.curves(0, window).estimate;
   EXPECT_NEAR(rows.values[1][2], 0.6, 1e-6);
   EXPECT_NEAR(rows.values[0][2], 0.58, 1e-6);
   EXPECT_NEAR(rows.values[2][2], 0.62, 1e-6);
 
-  // What has settled takes the place of what was said before, and stays.
+  // A settled estimate replaces the provisional one, and stays.
   watch.take_settled(estimate_at(2, 0.7, 0.01), {6, 0});
   watch.take_estimate(estimate_at(2, 9.0, 0.01), {7, 0});
   watch.take_settled(estimate_at(2, 9.0, 0.01), {8, 0});
@@ -203,7 +203,7 @@ TEST(Watch, TheLastWordOnATickCounts) {
   EXPECT_EQ(watch.frame(9).settled->q[1], 0.7);
 }
 
-// What the observer of another process says of one tick: q1, q2, g1.
+// The bounds of another process' observer at one tick: q1, q2, g1.
 BoundsSample bounds_at(std::int64_t tick, std::vector<double> half_widths) {
   BoundsSample sample;
   sample.session = 5;
@@ -291,7 +291,7 @@ TEST(Watch, AnEstimateInsideASupportIsMarked) {
   EXPECT_EQ(inside[0].to, 0.05);
   EXPECT_EQ(inside[1].from, 0.07);
   EXPECT_EQ(inside[1].to, infinity) << "still";
-  // A new session has been inside nothing.
+  // A new session starts without intervals inside a support.
   ContactMessage other = contacts_at(0.0, 1);
   for (other.session = 9; other.sequence < 5; ++other.sequence) {
     watch.take(other, {2 * second + other.sequence, 0});
@@ -409,7 +409,7 @@ TEST(Watch, EventsOfMessagesAreTakenOnceAndSuspectsAreKept) {
     builder.add({&events[i], 1});
     const ContactMessage& message = builder.next(events[i].t, 0);
     watch.take(message, {static_cast<std::int64_t>(i), 0});
-    watch.take(message, {static_cast<std::int64_t>(i), 0});  // doubled
+    watch.take(message, {static_cast<std::int64_t>(i), 0});  // duplicated
   }
   const Frame frame = watch.frame(9);
   EXPECT_EQ(frame.contacts[0].events, 5u);
@@ -494,7 +494,7 @@ int status(const Request& request) {
 TEST(Rules, OnlyThePageItselfIsAnswered) {
   EXPECT_EQ(status({"GET", "/", "127.0.0.1:8080", {}}), 200);
   EXPECT_EQ(status({"HEAD", "/index.html", "localhost:8080", {}}), 200);
-  // A name that somebody lets point here, or something that only begins right.
+  // A foreign name that resolves to this host, or a name with only the right beginning.
   for (const char* host :
        {"evil.example:8080", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8080.evil.example",
         "localhost", "localhost:80800", "127.0.0.1:8080 ", ""}) {

@@ -1,6 +1,6 @@
-// Dormand and Prince's Runge-Kutta pair 5(4) with dense output, as Boost.Odeint has it: Hairer,
-// Norsett & Wanner, "Solving Ordinary Differential Equations I", 2nd ed., II.5 and II.6. The error
-// is controlled to tolerance (1 + |x| + h |x'|) in each entry.
+// Dormand and Prince's Runge-Kutta pair 5(4) with dense output by Boost.Odeint: Hairer, Norsett &
+// Wanner, "Solving Ordinary Differential Equations I", 2nd ed., II.5 and II.6. The error of each
+// entry is controlled to tolerance (1 + |x| + h |x'|).
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,8 @@
 
 namespace sprag::work_precision {
 
-/// x' = rate(t, x). State is std::vector<double>, or std::array where the size is known: odeint's
-/// loops are then unrolled.
+/// x' = rate(t, x). State is std::vector<double>, or std::array for a fixed size, for which
+/// odeint's loops are unrolled.
 template <typename State, typename Rate>
 class DormandPrince {
  public:
@@ -29,7 +29,7 @@ class DormandPrince {
     if constexpr (requires { scratch_.resize(size); }) scratch_.resize(size);
   }
 
-  /// Goes on with the step size that the controller has found so far.
+  /// Continues with the step size of the controller.
   void restart(double t, std::span<const double> x) {
     std::copy(x.begin(), x.end(), scratch_.begin());
     constexpr double first_step = 1e-3;
@@ -65,7 +65,7 @@ class DormandPrince {
   bool started_ = false;
 };
 
-/// Calls visit(State{}) with a state of 2 f entries, an array where f is small.
+/// Calls visit(State{}) with a state of 2 f entries; State is an array for small f.
 template <typename Visit>
 void with_state(Eigen::Index f, Visit visit) {
   switch (f) {

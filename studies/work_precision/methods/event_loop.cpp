@@ -8,7 +8,7 @@ namespace {
 // As in master.cpp and detail/mechanics/contact_solver.cpp.
 constexpr double touching = 1e-12;    // share of the gap's terms
 constexpr double zero_share = 1e-12;  // of velocities and accelerations
-// Share of the time, and of the gap's terms, below which a bounce is lost in rounding.
+// Share of the time, and of the gap's terms, below which a bounce vanishes in rounding.
 constexpr double resolvable_share = 1e-14;
 constexpr int events_of_standstill = 10000;
 
@@ -35,7 +35,7 @@ double ContactPhases::signal(int contact, double t, const double* x) {
   if (contains(locked_, contact)) {
     ++outcome_->right_hand_sides;
     (void)machine_.accelerate_locked(t, x, x + f(), locked_, rate_.data(), lambda_);
-    // Neither pressed nor pulled apart: what touches goes on touching.
+    // Rounding noise neither presses nor opens a touching contact: it stays closed.
     const double noise = zero_share * acceleration_scale(contact, t, rate_.data());
     const double least = std::numeric_limits<double>::min();
     return lambda_[std::popcount(locked_ & (bit(contact) - 1))] +
@@ -67,7 +67,7 @@ double ContactPhases::gap_scale(int contact, const double* q) const {
   return scale;
 }
 
-// Height of a bounce that is lost in the rounding of the gap or in the tolerance.
+// Height of a bounce below the rounding of the gap or the tolerance.
 double ContactPhases::resolvable_height(int contact, const double* q) const {
   const Contact& c = machine_.model().contacts[index(contact)];
   double error = 0.0;
@@ -90,7 +90,7 @@ double ContactPhases::acceleration_scale(int contact, double t, const double* u_
   return scale;
 }
 
-// Rounding of gamma_i.
+// Rounding error of gamma_i.
 double ContactPhases::velocity_noise(int contact, const double* u) const {
   const Contact& c = machine_.model().contacts[index(contact)];
   double scale = std::abs(c.motion.amplitude * c.motion.frequency);
@@ -98,14 +98,14 @@ double ContactPhases::velocity_noise(int contact, const double* u) const {
   return 4.0 * std::numeric_limits<double>::epsilon() * scale;
 }
 
-// velocity: 0 for a contact that is not thrown off but let go.
+// velocity: 0 for a contact that opens without an impulse.
 void ContactPhases::part(int contact, double t, double velocity, const double* x) {
   const bool near = !(velocity > 0.0);
   partings_[index(contact)] = {t, machine_.gap(contact, t, x), velocity, near};
   near_ = near ? near_ | bit(contact) : near_ & ~bit(contact);
 }
 
-// Those of `resting` (g = 0, gamma = 0) that stay closed: 0 <= lambda _|_ gamma' >= 0.
+// The contacts of `resting` (g = 0, gamma = 0) that stay closed: 0 <= lambda _|_ gamma' >= 0.
 ContactSet ContactPhases::sustained(double t, ContactSet resting, const double* x) {
   if (resting == 0) return 0;
   const int n = std::popcount(resting);
@@ -131,7 +131,7 @@ ContactSet ContactPhases::sustained(double t, ContactSet resting, const double* 
   return staying;
 }
 
-// Integration holds gamma' = 0 only; this takes what has drifted back to g = 0 and gamma = 0.
+// Integration keeps only gamma' = 0; this projects the drift back to g = 0 and gamma = 0.
 void ContactPhases::project(double t, double* x) const {
   if (locked_ == 0) return;
   const int n = std::popcount(locked_);
@@ -206,7 +206,7 @@ double ContactPhases::shortest_chatter(double t) const {
   return std::max(machine_.model().chatter_time, resolvable_time(t));
 }
 
-// The contacts whose impacts on each other have come to chatter, counting this one.
+// The contacts whose mutual impacts chatter, the present impact included.
 ContactSet ContactPhases::wedged(double t, ContactSet closing) {
   constexpr int repeatedly = 3;
   constexpr double window = 16.0;  // chatter times
@@ -227,11 +227,11 @@ ContactSet ContactPhases::wedged(double t, ContactSet closing) {
   return wedged;
 }
 
-// Takes gamma of those of `participants` that have hardly parted to zero, and of those that this
-// would press in, and adds them to `resting`. That is a flight that is not resolvable, which sums
-// up the rest of its bounces: their impulses would amount to the same. For contacts `staying` it is
-// one below the rest of a chatter: they would come back at once, throw others off in turn, and so
-// on without end.
+// Sets gamma of those `participants` to zero whose parting velocity is negligible, and of those
+// that this would press in, and adds them to `resting`. Their flight is not resolvable; the
+// impulses of their remaining bounces have the same sum. For contacts `staying` a flight shorter
+// than the rest of a chatter counts as negligible, too. They would return at once, force the
+// release of others in turn, and so on without end.
 void ContactPhases::hold_hardly_parted(double t, ContactSet staying, ContactSet participants,
                                        double* x, ContactSet& resting) {
   double* u = x + f();
@@ -275,7 +275,8 @@ void ContactPhases::hold_hardly_parted(double t, ContactSet staying, ContactSet 
   }
 }
 
-// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
+// Impact of the contacts `closing` on the machine in its present state; those of `to_stay` become
+// sustained contacts.
 void ContactPhases::close(double t, ContactSet closing, ContactSet to_stay, double* x) {
   const std::vector<Contact>& contacts = machine_.model().contacts;
   double* u = x + f();
@@ -294,7 +295,8 @@ void ContactPhases::close(double t, ContactSet closing, ContactSet to_stay, doub
   for_each(participants, [&](int i) {
     fastest = std::max(fastest, std::abs(machine_.gap_velocity(i, t, u_minus.data())));
   });
-  // A closing contact that ends up staying takes restitution 0, which may change who stays.
+  // A closing contact that stays closed takes restitution 0. This may change which contacts stay
+  // closed.
   ContactSet staying = to_stay;
   ContactSet resting = 0;
   while (true) {

@@ -5,10 +5,10 @@
 //   open contact:    0 < g_i,        sign change: impact (Baumann & Leine 2014, eq. (6))
 //   locked contact:  0 <= lambda_i,  sign change: it opens
 //
-// Contacts are treated as sprag::Master treats them (pulse, completed chatter, sustained contact),
-// so that methods differ in their integration and in their search for events alone. In addition
-// a bounce is completed where its height is lost in the rounding of the gap, which comes from q
-// here. Starts inside a contact are refused.
+// Contacts are treated as in sprag::Master (pulse, completed chatter, sustained contact), so that
+// methods differ only in integration and event search. In addition a bounce is completed if its
+// height is below the rounding of the gap, because the gap is computed from q here. Starts inside a
+// contact are refused.
 #pragma once
 
 #include <algorithm>
@@ -27,12 +27,12 @@
 
 namespace sprag::work_precision {
 
-/// Which contacts are open or locked, the equation of motion that goes with it, and what an event
-/// does to it. x has 2 f entries, q first.
+/// The sets of open and locked contacts, the equation of motion of this phase, and the effect of an
+/// event. x has 2 f entries, q first.
 class ContactPhases {
  public:
-  /// Bounces that an error of tolerance (1 + |q|) would hide are completed: for integrators whose
-  /// first steps after a restart are of low order, as those of multistep methods.
+  /// Bounces below an error of tolerance (1 + |q|) are completed. This serves integrators with a
+  /// low order in their first steps after a restart, such as multistep methods.
   ContactPhases(const Task& task, Outcome& outcome, double tolerance = 0.0);
 
   Eigen::Index f() const { return machine_.f(); }
@@ -49,16 +49,16 @@ class ContactPhases {
     }
   }
 
-  /// Positive as long as nothing happens to the contact. The zero that the gap of a parted contact
-  /// has at the last impact is divided out, (g(t) - g(t_0)) / (t - t_0), or else a short flight
-  /// would begin and end with the same sign. A contact that is let go without velocity may not come
-  /// back by more than the gap's rounding before it is clear.
+  /// Positive until the contact's next event. The zero of a parted contact's gap at its last impact
+  /// is divided out, (g(t) - g(t_0)) / (t - t_0); otherwise a short flight would begin and end with
+  /// the same sign. A contact that opens without velocity may return by at most the gap's rounding
+  /// before it is clear.
   double signal(int contact, double t, const double* x);
 
-  /// To be told of each step without events.
+  /// Call after each step without events.
   void settle(double t, const double* x);
 
-  /// Time at which the rest of a bounce sequence is completed, or infinity.
+  /// Time at which the rest of a chatter is completed, or infinity.
   double completion() const { return completion_; }
 
   /// The functions below throw std::runtime_error (dependent directions, no progress, ...).
@@ -114,7 +114,7 @@ class ContactPhases {
   double since_ = 0.0;
 };
 
-/// First zero of phi in (a, b], to rounding, for phi(a) = phi_a > 0 >= phi(b) = phi_b:
+/// First zero of phi in (a, b], to rounding accuracy, for phi(a) = phi_a > 0 >= phi(b) = phi_b:
 /// Chandrupatla, "A new hybrid quadratic/bisection algorithm", Adv. Eng. Softw. 28, 1997. Returns a
 /// for phi_a <= 0.
 template <typename Phi>
@@ -128,7 +128,7 @@ double locate(Phi phi, double a, double phi_a, double b, double phi_b) {
   while (true) {
     const double next = x + share * (y - x);
     const double f_next = phi(next);
-    double z = y, f_z = f_y;  // the point that is given up
+    double z = y, f_z = f_y;  // the discarded point
     if ((f_next > 0.0) == (f > 0.0)) {
       z = x;
       f_z = f;
@@ -210,7 +210,7 @@ void run_events(const Task& task, ContactPhases& phases, Integrator& integrator,
         for (int i = 0; i < m; ++i) {
           if (after[static_cast<std::size_t>(i)] > 0.0) continue;
           const double zero = crossing(i, t, end);
-          // Simultaneous within rounding: one event of all.
+          // Events that are simultaneous within rounding are treated as one event.
           if (zero < event - 2.0 * epsilon * event) {
             event = zero;
             fired = bit(i);

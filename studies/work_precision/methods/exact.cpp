@@ -1,5 +1,5 @@
-// The event-driven simulation of this project, master.h: exact flows between events, and
-// events located by bounds on the derivatives of the gaps. There is no step and no tolerance.
+// The event-driven simulation of this project, master.h: exact flows between events, which are
+// located by bounds on the derivatives of the gaps. It has no step and no tolerance.
 #include <exception>
 
 #include "sprag/master.h"

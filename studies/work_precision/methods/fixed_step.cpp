@@ -135,7 +135,7 @@ void Record::fail(std::int64_t k) {
 }
 
 void Record::sample(const double* q, const double* u) {
-  // Steps longer than the sampling meet several samples at one tick.
+  // If the step is longer than the sampling interval, several samples belong to one tick.
   const std::int64_t tick = sample_tick_;
   while (sample_tick_ == tick) {
     outcome_.q.col(sample_) = Eigen::Map<const Eigen::VectorXd>(q, f_);

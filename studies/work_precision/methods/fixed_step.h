@@ -1,4 +1,4 @@
-// What the methods of a fixed step share: the excitation at the ticks t_k = k h, the impact law
+// Common parts of the fixed-step methods: the excitation at the ticks t_k = k h, the impact law
 // between the two ends of a step, and the record of a run.
 //
 // Impact law of Moreau & Jean: with gamma_k at the beginning of the step and gamma_free at its end
@@ -8,8 +8,8 @@
 //   Poisson   0 <= Lambda _|_ gamma_k + G Lambda >= 0,  P = (1 + E) Lambda + nu,
 //             0 <= nu _|_ gamma_free + G P >= 0:
 //
-// finite forces take no part in the restitution, so that a contact at rest stays at rest. For one
-// contact both laws of the model are the first. Nothing here allocates in a step.
+// where finite forces take no part in the restitution, so that a contact at rest stays at rest. For
+// one contact both laws of the model equal the first. No step allocates.
 #pragma once
 
 #include <Eigen/Core>
@@ -67,7 +67,7 @@ class Excitation {
   }
 
  private:
-  // Rounding errors of the recurrence do not add up for longer than this.
+  // The recurrence restarts after this number of ticks, which limits its rounding error.
   static constexpr std::int64_t exact_every = 64;
 
   struct Phase {
@@ -89,7 +89,7 @@ class Excitation {
   Eigen::MatrixXcd force_;
 };
 
-/// x += constant + Re sum_j A_j e^(i Omega_j t): what a linear method makes of f(t) in one step.
+/// x += constant + Re sum_j A_j e^(i Omega_j t): the effect of f(t) in one step of a linear method.
 class Drive {
  public:
   Drive() = default;
@@ -146,13 +146,13 @@ inline void add(const Eigen::MatrixXd& W, int contact, double factor, double* x)
   for (Eigen::Index i = 0; i < f; ++i) x[i] += factor * w[i];
 }
 
-/// 0 <= x _|_ A x + b >= 0 on the contacts of `set`; A is m x m, b and x have m entries, and those
-/// outside `set` are left alone. Returns the contacts with x > 0. Dependent directions share the
-/// load: A is regularized where it is singular.
+/// Solves 0 <= x _|_ A x + b >= 0 on the contacts of `set`. A is m x m, b and x have m entries;
+/// entries outside `set` are not changed. Returns the contacts with x > 0. A is regularized if it
+/// is singular, so that dependent directions share the load.
 ContactSet complementarity(const Eigen::MatrixXd& A, ContactSet set, const Eigen::VectorXd& b,
                            Eigen::VectorXd& x);
 
-/// The impact law of a step, above.
+/// The impact law of a step, see above.
 class StepImpact {
  public:
   /// G is m x m.
@@ -172,7 +172,7 @@ class StepImpact {
   Eigen::VectorXd epsilon_, b_, Lambda_;
 };
 
-/// Whether a contact has g < 0 at the start: no method on positions can let go of it gently.
+/// Whether a contact has g < 0 at the start: no method on positions can open it without an impulse.
 bool starts_inside(const Task& task);
 
 /// Writes the outcome of a run of n = horizon / h steps.
@@ -184,8 +184,8 @@ class Record {
 
   bool wants(std::int64_t k) const { return k == sample_tick_; }
 
-  /// The state at tick k, every tick in turn; u is read where wants(k). False, with the failure
-  /// noted, once it has blown up.
+  /// The state at tick k, for consecutive ticks; u is read only if wants(k). Returns false, with
+  /// the failure noted, after the motion has diverged.
   bool state(std::int64_t k, const double* q, const double* u) {
     bool bounded = true;
     for (Eigen::Index i = 0; i < f_; ++i) bounded &= std::abs(q[i]) <= blown_up;
@@ -197,7 +197,7 @@ class Record {
     return true;
   }
 
-  /// Contacts with an impulse in the step that ends at tick k, every step in turn.
+  /// Contacts with an impulse in the step that ends at tick k, for consecutive steps.
   void impulses(std::int64_t k, ContactSet pushed) {
     const ContactSet impacts = pushed & ~pushed_;
     pushed_ = pushed;

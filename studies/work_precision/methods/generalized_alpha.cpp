@@ -6,15 +6,15 @@
 //   q_(k+1) = q_k + h u_k + h^2 ((1/2 - beta) a_k + beta a_(k+1)) + M^-1 W nu,
 //   u_(k+1) = u_k + h ((1 - gamma) a_k + gamma a_(k+1)) + M^-1 W Lambda,
 //
-// is solved for a machine that is linear, so without iteration, and with it
+// is solved without iteration, because the machine is linear, together with
 //
 //   0 <= nu _|_ g_(k+1) >= 0,   and where nu > 0   0 <= Lambda _|_ gamma_(k+1) + E gamma_k >= 0
 //
-// (Poisson's law as in fixed_step.h). The two are solved one after the other: what Lambda does to
-// g_(k+1) by way of C, of order h^2, is left to the next step. Second order in free flight, with
+// (Poisson's law as in fixed_step.h). The two are solved one after the other: the effect of Lambda
+// on g_(k+1) through C, of order h^2, is left to the next step. Second order in free flight, with
 // the spectral radius 0.8 at infinite frequency; first order across impacts. Sources: Q. Z. Chen,
-// V. Acary, G. Virlez & O. Bruels, Int. J. Numer. Methods Eng. 96 (2013); O. Bruels, V. Acary &
-// A. Cardona, Comput. Methods Appl. Mech. Eng. 281 (2014).
+// V. Acary, G. Virlez & O. Bruels, Int. J. Numer. Methods Eng. 96 (2013); O. Bruels, V. Acary & A.
+// Cardona, Comput. Methods Appl. Mech. Eng. 281 (2014).
 #include <Eigen/Cholesky>
 #include <exception>
 
@@ -32,7 +32,7 @@ constexpr double gamma_ = 0.5 + alpha_f - alpha_m;
 constexpr double beta = 0.25 * (gamma_ + 0.5) * (gamma_ + 0.5);
 constexpr double kappa = (1.0 - alpha_f) / (1.0 - alpha_m);
 
-// What unit multipliers do to q, u and v' at the end of the step: f x m each.
+// Effect of unit multipliers on q, u and v' at the end of the step: f x m each.
 struct Response {
   Eigen::MatrixXd q, u, rate;
 
@@ -43,7 +43,7 @@ struct Response {
   }
 };
 
-// Symmetric but for what M, C and K lack in common modes, of higher order in h.
+// Symmetric up to terms of higher order in h, which vanish if M, C and K share their modes.
 Eigen::MatrixXd symmetric(const Eigen::MatrixXd& A) { return 0.5 * (A + A.transpose()); }
 
 void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
@@ -90,7 +90,7 @@ void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
   for (std::int64_t k = 1; k <= record.steps(); ++k) {
     excitation.advance();
     drive.at(excitation, force.data());
-    // a becomes what a_(k+1) is but for v'_(k+1), and so do q and u.
+    // a becomes a_(k+1) without its part of v'_(k+1); the same holds for q and u.
     for (Eigen::Index i = 0; i < f; ++i) {
       u_before[i] = u[i];
       const double a_known = (alpha_f * rate[i] - alpha_m * a[i]) / (1.0 - alpha_m);

@@ -3,10 +3,10 @@
 //
 //   M (u_(k+1) - u_k) = h (f_theta - C u_theta - K q_theta) + W P,   q_(k+1) = q_k + h u_theta.
 //
-// A contact takes part in the step where g_k + h gamma_k / 2 <= 0; P follows from the impact law of
+// A contact takes part in the step if g_k + h gamma_k / 2 <= 0; P follows from the impact law of
 // fixed_step.h with G = W^T (M + h theta C + h^2 theta^2 K)^-1 W. Second order in free flight for
 // theta = 1/2, first order across impacts. Sources: J. J. Moreau, Comput. Methods Appl. Mech. Eng.
-// 177 (1999); M. Jean, ibid.; the forecast of the gap as in Siconos, V. Acary & B. Brogliato,
+// 177 (1999); M. Jean, ibid.; the prediction of the gap as in Siconos, V. Acary & B. Brogliato,
 // Numerical Methods for Nonsmooth Dynamical Systems, 2008.
 #include <Eigen/Cholesky>
 #include <complex>

@@ -4,11 +4,11 @@
 //   0 <= P _|_ g_(k+1) + E g_(k-1) >= 0:
 //
 // for a fixed convex set and one epsilon, q_(k+1) = -epsilon q_(k-1) + (1 + epsilon) times the
-// projection of (2 q_k - (1 - epsilon) q_(k-1) + ...) / (1 + epsilon). Kept as velocities
-// v_(k+1/2) = (q_(k+1) - q_k) / h against the cancellation of three positions; the velocity given
-// for tick k is (q_(k+1) - q_(k-1)) / (2 h). Explicit: stable for h below 2 / omega_max. Second
+// projection of (2 q_k - (1 - epsilon) q_(k-1) + ...) / (1 + epsilon). Implemented with velocities
+// v_(k+1/2) = (q_(k+1) - q_k) / h, which avoids the cancellation of three positions; the velocity
+// at tick k is (q_(k+1) - q_(k-1)) / (2 h). Explicit: stable for h below 2 / omega_max. Second
 // order in free flight, first order across impacts. Source: L. Paoli & M. Schatzman, SIAM J. Numer.
-// Anal. 40 (2002). Poisson's law is not in it: with several contacts the law is always Newton's.
+// Anal. 40 (2002). The scheme has no Poisson law: with several contacts the law is always Newton's.
 #include <Eigen/Cholesky>
 #include <exception>
 

@@ -1,4 +1,4 @@
-// Contacts as springs and dashpots that push and never pull, with no events at all:
+// Contacts as springs and dashpots that only push, without events:
 //
 //   lambda_i = max(0, k delta_i + d_i delta_i'),  delta_i = -g_i > 0.
 //
@@ -18,10 +18,10 @@ namespace sprag::work_precision {
 namespace {
 
 constexpr double tolerance = 1e-8;
-// Less restitution than this takes ever stiffer dashpots.
+// A smaller restitution requires an ever stiffer dashpot.
 constexpr double least_restitution = 1e-2;
 
-// -log(restitution) of a damping ratio; grows with it.
+// -log(restitution) as a function of the damping ratio; it increases.
 double loss(double zeta) {
   if (zeta < 1.0) return 2.0 * std::acos(zeta) * zeta / std::sqrt(1.0 - zeta * zeta);
   if (zeta > 1.0) return 2.0 * std::acosh(zeta) * zeta / std::sqrt(zeta * zeta - 1.0);

@@ -1,6 +1,6 @@
 // The classical Runge-Kutta method of order 4 with a fixed step, restarted at events
-// (event_loop.h). Inside a step, in particular to find an event, the step is taken again,
-// shortened.
+// (event_loop.h). A state inside a step, in particular for the event search, comes from a shortened
+// step.
 #include <vector>
 
 #include "studies/work_precision/methods/event_loop.h"
