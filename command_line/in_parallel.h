@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
 
 /// Calls work(i) for i = 0, ..., count - 1 on `threads` threads, or on fewer if the system has no
@@ -19,7 +21,8 @@ void in_parallel(int threads, int count, const Work& work) {
   std::atomic<int> next = 0;
   std::exception_ptr failure;
   std::mutex mutex;
-  const auto take = [&] {
+  const auto take = [&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       for (int i = next++; i < count; i = next++) work(i);
     } catch (...) {

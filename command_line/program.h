@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "command_line/named_files.h"
+#include "command_line/signals.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
 #include "sprag/detail/mechanics/interrupt.h"
@@ -161,10 +162,6 @@ nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& r
 /// std::runtime_error if stdout cannot be written.
 void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
                   nlohmann::ordered_json& report);
-
-/// Whether SIGINT, SIGTERM or SIGHUP has arrived since run_program() began. They interrupt poll()
-/// and sleeps.
-inline bool stop_requested() noexcept { return interrupted(); }
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
 /// Until it returns, all output to std::cerr passes through printable_lines(), so that names in

@@ -6,8 +6,7 @@
 #include <array>
 #include <csignal>
 #include <ctime>
-
-#include "sprag/detail/mechanics/interrupt.h"
+#include <stop_token>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SPRAG_SANITIZED 1
@@ -32,14 +31,19 @@ bool has_last_resort = false;
 std::array<char, 160> message;
 std::size_t message_size = 0;
 
+// request_stop() allocates nothing, and waits for nothing where no std::stop_callback is
+// registered: the programs register none, so that a handler may call it. Never destroyed: a signal
+// may come late.
+std::stop_source& stop = *new std::stop_source;
+
 void end_here(int) {
   (void)!::write(STDERR_FILENO, message.data(), message_size);
   ::_exit(1);
 }
 
 void ask_to_stop(int) {
-  if (interrupted()) return;  // later signals do not restart the timer
-  request_interrupt();
+  if (stop.stop_requested()) return;  // later signals do not restart the timer
+  stop.request_stop();
   const itimerspec once{{0, 0}, patience};
   if (has_last_resort) ::timer_settime(last_resort, 0, &once, nullptr);
 }
@@ -58,8 +62,10 @@ bool ignored(int signal) {
 
 }  // namespace
 
-Signals::Signals(const std::string& program) {
-  clear_interrupt();
+bool stop_requested() noexcept { return stop.stop_requested(); }
+
+Signals::Signals(const std::string& program)
+    : scope_((stop = std::stop_source(), stop.get_token())) {
   const std::string text = program + ": does not end by itself after the signal; ended as it is\n";
   message_size = std::min(text.size(), message.size());
   std::copy_n(text.begin(), message_size, message.begin());
@@ -78,7 +84,6 @@ Signals::Signals(const std::string& program) {
 Signals::~Signals() {
   if (has_last_resort) ::timer_delete(last_resort);
   has_last_resort = false;
-  clear_interrupt();
 }
 
 }  // namespace sprag

@@ -4,7 +4,12 @@
 
 #include <string>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
+
+/// Whether one of these signals has arrived since the last Signals object began. In any thread.
+bool stop_requested() noexcept;
 
 /// Catches these signals; SIGHUP only if it is not ignored, as it is under nohup. If the program
 /// has not ended 0.9 s after the first signal (15 s with sanitizers), it cannot check the request,
@@ -17,6 +22,9 @@ class Signals {
   ~Signals();
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
+
+ private:
+  StopScope scope_;
 };
 
 }  // namespace sprag

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
 
 class ThreadGroup {
@@ -24,7 +26,10 @@ class ThreadGroup {
   /// Runs body() in a thread of its own.
   template <typename Body>
   void start(Body body) {
-    threads_.emplace_back([this, body = std::move(body)] { run(body); });
+    threads_.emplace_back([this, body = std::move(body), stop = thread_stop_token()] {
+      const StopScope scope(stop);
+      run(body);
+    });
   }
 
   /// Runs body() in the calling thread as a member of the group.

@@ -5,7 +5,9 @@
 #include <cstdio>
 #include <limits>
 #include <numbers>
+#include <utility>
 
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/master.h"
 
 namespace sprag {
@@ -416,7 +418,8 @@ std::vector<std::string> Assessment::conditions() const {
 
 bool Assessment::both_follows() const { return synchronizes() || (filter && filter->follows()); }
 
-Assessment assess(const Scene& scene, const TrialLimits& limits) {
+Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   const Model& model = scene.model;
   Assessment a;
   a.scene = scene.name;
@@ -486,8 +489,9 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   return a;
 }
 
-void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
-                     Assessment& a) {
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits, Assessment& a,
+                     std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   Finding finding{"accuracy", false, true, "", ""};
   try {
     a.accuracy = find_accuracy(scene, tolerance, a.trial.duration, limits);

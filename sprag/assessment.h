@@ -15,6 +15,7 @@
 #pragma once
 
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -79,9 +80,11 @@ struct Assessment {
 /// \brief Runs all checks except the accuracy of fewer modes.
 /// \param scene machine, starts and uncertainties.
 /// \param limits limits of the trial's cost.
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return the assessment; incomplete if M is not positive definite.
 /// \throws ModelError if the machine has no exact flow in free flight.
-Assessment assess(const Scene& scene, const TrialLimits& limits = {});
+/// \throws Interrupted if `stop` was requested.
+Assessment assess(const Scene& scene, const TrialLimits& limits = {}, std::stop_token stop = {});
 
 /// \brief Finds how many modes an observer needs, over the duration of the trial.
 ///
@@ -91,8 +94,10 @@ Assessment assess(const Scene& scene, const TrialLimits& limits = {});
 /// \param tolerance largest admitted change of the observed tip or gaps [m], > 0.
 /// \param limits limits of the trial's cost.
 /// \param assessment result of assess() for this scene.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \throws Interrupted if `stop` was requested.
 void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
-                     Assessment& assessment);
+                     Assessment& assessment, std::stop_token stop = {});
 
 /// \brief First lines of to_text() without the scene's name.
 /// \param assessment result of assess().

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <span>
+#include <stop_token>
 
 #include "sprag/contact_event.h"
 #include "sprag/scene.h"
@@ -21,10 +22,11 @@ struct CertifiedFloor {
 /// \param scene scene with a `[tolerance]`.
 /// \param events events in order of time.
 /// \param duration end of the run [s], > 0.
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return statistics of B.
 /// \throws ModelError if the machine has no exact flow.
-/// \throws Interrupted if a stop was requested.
+/// \throws Interrupted if `stop` was requested.
 CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent> events,
-                               double duration);
+                               double duration, std::stop_token stop = {});
 
 }  // namespace sprag

@@ -1,9 +1,8 @@
 /// \file
 /// \brief Base class of the library's errors about machines, scenes and files.
 ///
-/// Functions throw std::invalid_argument for an argument outside of its range, TooFewImpacts for a
-/// recording that is too short to identify parameters, and Interrupted after a request to stop.
-/// These do not derive from Error.
+/// Functions throw std::invalid_argument for an argument outside of its range, and Interrupted
+/// where a std::stop_token asks them to stop. These two do not derive from Error.
 #pragma once
 
 #include <stdexcept>

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "sprag/detail/identification/bounces.h"
 #include "sprag/detail/identification/determination.h"
@@ -12,6 +13,7 @@
 #include "sprag/detail/identification/projection.h"
 #include "sprag/detail/identification/record_checks.h"
 #include "sprag/detail/identification/search.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
@@ -819,7 +821,8 @@ void Identifier::conclude(Attempt& best, Identification& result) {
 }  // namespace
 
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
-                        const IdentificationSettings& settings) {
+                        const IdentificationSettings& settings, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   return Identifier(scene, events, settings).run();
 }
 

@@ -18,6 +18,7 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <utility>
 #include <vector>
@@ -28,6 +29,7 @@
 #include "sprag/detail/identification/record.h"
 #include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/error.h"
 #include "sprag/scene.h"
 
 namespace sprag {
@@ -152,19 +154,20 @@ struct Identification {
 };
 
 /// \brief The recording has too few impacts for the unknowns. Does not derive from Error.
-struct TooFewImpacts : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct TooFewImpacts : Error {
+  using Error::Error;
 };
 
 /// \brief Identifies parameters of a machine.
 /// \param scene machine with nominal values.
 /// \param events in order of time; contacts from 0.
 /// \param settings parameters, jitter and gaps.
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return values, deviations and the verdict.
 /// \throws TooFewImpacts if the recording has too few impacts.
 /// \throws ModelError if M is not positive definite.
-/// \throws Interrupted if a stop was requested.
+/// \throws Interrupted if `stop` was requested.
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
-                        const IdentificationSettings& settings);
+                        const IdentificationSettings& settings, std::stop_token stop = {});
 
 }  // namespace sprag

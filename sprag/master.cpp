@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -212,7 +213,9 @@ void Master::take_next(double event, std::vector<ContactEvent>& events) {
   watch();
 }
 
-bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough) {
+bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough,
+                     std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   const std::size_t most = events.size() + std::min(enough, events.max_size() - events.size());
   begin(events);
   double event = infinity;

@@ -18,6 +18,7 @@
 #include <array>
 #include <limits>
 #include <memory>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -68,12 +69,14 @@ class Master {
   /// \param t end.
   /// \param events receives the new events, appended in order.
   /// \param enough number of new events after which it stops before t.
+  /// \param stop token by which another thread or a signal handler cancels the computation.
   /// \return false if it stopped before t; call again to continue.
   /// \throws SimulationError for no progress of time, or linearly dependent directions of closed
   /// contacts.
-  /// \throws Interrupted if a stop was requested.
+  /// \throws Interrupted if `stop` was requested.
   bool advance(Instant t, std::vector<ContactEvent>& events,
-               std::size_t enough = std::numeric_limits<std::size_t>::max());
+               std::size_t enough = std::numeric_limits<std::size_t>::max(),
+               std::stop_token stop = {});
 
   /// \brief Moves to the next instant at which anything changes, also without an event, if it is
   /// not after t. The first call also handles the start.

@@ -258,11 +258,14 @@ double Observer::tick() const { return core_->tick(); }
 const EventHistory& Observer::events() const { return core_->events(); }
 
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
-                  const ObserverSettings& settings) {
+                  const ObserverSettings& settings, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   return observe(Observer(scene, settings), events, duration);
 }
 
-Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration) {
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration,
+                  std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   if (!(duration >= 0.0) || !std::isfinite(duration)) {
     throw std::invalid_argument("duration is " + std::to_string(duration) + "; must be >= 0");
   }

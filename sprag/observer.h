@@ -22,6 +22,7 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -149,19 +150,22 @@ struct Estimates {
 /// \param events in any order; contacts from 0.
 /// \param duration end of the run, >= 0 [s].
 /// \param settings tick and estimator.
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return estimates at the ticks from 0 to `duration`.
 /// \throws ModelError, std::invalid_argument as Observer does, also for a negative duration.
-/// \throws Interrupted if a stop was requested.
+/// \throws Interrupted if `stop` was requested.
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
-                  const ObserverSettings& settings = {});
+                  const ObserverSettings& settings = {}, std::stop_token stop = {});
 
 /// \brief The same with a given observer.
 /// \param observer observer that has taken no event yet.
 /// \param events in any order; contacts from 0.
 /// \param duration end of the run, >= 0 [s].
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return estimates at the ticks from 0 to `duration`.
 /// \throws std::invalid_argument for a negative duration.
-/// \throws Interrupted if a stop was requested.
-Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration);
+/// \throws Interrupted if `stop` was requested.
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration,
+                  std::stop_token stop = {});
 
 }  // namespace sprag

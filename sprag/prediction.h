@@ -59,7 +59,7 @@ class Predictor {
   /// \param belief mean and covariance of the state at t.
   /// \param ahead duration, > 0 [s].
   /// \return the prediction.
-  /// \throws Interrupted if a stop was requested.
+  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
   Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const {
     return predict(t, closed, belief, ahead, {});
   }
@@ -74,7 +74,7 @@ class Predictor {
   /// \param ahead duration, > 0 [s].
   /// \param machine_of returns the machine for xi; empty: the machine of the constructor.
   /// \return the prediction.
-  /// \throws Interrupted if a stop was requested.
+  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
   Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead,
                      const MachineOf& machine_of) const;
 

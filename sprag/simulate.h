@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <stop_token>
 #include <vector>
 
 #include "sprag/contact_event.h"
@@ -24,11 +25,13 @@ struct Simulation {
 /// \param start state at t = 0.
 /// \param duration end of the simulation [s].
 /// \param h step between states [s]; 0: no states.
+/// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return events up to `duration`, and states at all ticks up to it.
 /// \throws ModelError if the machine has no exact flow.
 /// \throws SimulationError if the master cannot continue.
 /// \throws std::invalid_argument for an argument outside of its range.
-/// \throws Interrupted if a stop was requested.
-Simulation simulate(const Model& model, const State& start, double duration, double h);
+/// \throws Interrupted if `stop` was requested.
+Simulation simulate(const Model& model, const State& start, double duration, double h,
+                    std::stop_token stop = {});
 
 }  // namespace sprag

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/instant.h"
@@ -169,7 +170,9 @@ const FilterBelief& at(const Chain& chain, double t) {
 
 std::vector<SmoothedStretch> smooth(
     const Scene& given, std::span<const ContactEvent> events, double h, std::int64_t last,
-    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take) {
+    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take,
+    std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   if (given.jitter == 0.0 && given.parameters.empty()) {
     throw SmoothingError("event times are exact ([events] jitter is 0): the filter knows all");
   }

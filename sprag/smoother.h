@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -57,12 +58,16 @@ struct SmoothedStretch {
 /// \param h step between ticks [s].
 /// \param last number of the last tick.
 /// \param take take(k, estimate, smoothed), called for the ticks k = 0 ... last in order;
-/// `smoothed` is true inside a stretch. \return the stretches, in order of time. \throws ModelError
-/// if the machine has no exact flow. \throws SmoothingError if the scene has neither jitter nor
+/// `smoothed` is true inside a stretch.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return the stretches, in order of time.
+/// \throws ModelError if the machine has no exact flow.
+/// \throws SmoothingError if the scene has neither jitter nor
 /// uncertain parameters, or no force, clearance or support motion sets the scale of the motion.
-/// \throws Interrupted if a stop was requested.
+/// \throws Interrupted if `stop` was requested.
 std::vector<SmoothedStretch> smooth(
     const Scene& scene, std::span<const ContactEvent> events, double h, std::int64_t last,
-    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take);
+    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take,
+    std::stop_token stop = {});
 
 }  // namespace sprag

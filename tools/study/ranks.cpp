@@ -159,7 +159,8 @@ std::uint64_t Ranks::from_manager(std::uint64_t number) const {
 
 void Ranks::manage(Coordinator& coordinator, const std::function<Compute()>& make_compute,
                    const std::function<void()>& on_wait) {
-  std::thread own([&] {
+  std::thread own([&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       work(coordinator, make_compute());
     } catch (...) {

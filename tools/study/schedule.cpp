@@ -180,7 +180,8 @@ void run_threads(Coordinator& coordinator, int threads,
                  const std::function<void()>& on_wait) {
   std::vector<std::thread> workers;
   workers.reserve(static_cast<std::size_t>(threads));
-  const auto serve = [&] {
+  const auto serve = [&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       work(coordinator, make_compute());
     } catch (...) {

@@ -31,7 +31,6 @@ class LinearizedFlight {
 
   /// Whether `past` is computed: the derivative of each column with respect to xi before the event.
   void keep_past(bool keep);
-  bool keeps_past() const { return keeps_past_; }
 
   /// Sets A to the columns of the belief and of the process noise (walk, drift) of `duration` [s].
   /// The noise is applied at the start of the duration.

@@ -52,9 +52,6 @@ class ModelFlight final : public Flight {
   const Eigen::MatrixXd& from_state() const override { return from_state_; }
   double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const override;
 
-  /// After fly() with contacts closed: the motion on their flow. Null after a free flight.
-  const Motion* held_motion() const { return held_ != 0 ? &closed_ : nullptr; }
-
  private:
   const Flow& free() const { return (*flows_)[0]; }
   const Model& model() const { return flows_->dynamics().model(); }
@@ -73,7 +70,6 @@ class ModelFlight final : public Flight {
   Motion motion_, closed_;                 // on the free flow; on the flow of held_
   ContactSet held_ = 0;
   double tau_ = 0.0;  // of the last flight
-  double kernels_tau_ = 0.0;
   bool kernels_known_ = false;
   OscillatorKernels kernels_, turn_;
   // Impact of strike(): x += -change_ gamma direction_.
