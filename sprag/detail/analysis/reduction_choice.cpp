@@ -20,8 +20,8 @@ constexpr double strongly_damped = 0.05;
 constexpr std::size_t most_modes_of_fit = 10;
 // Omitted modes take part of the impulse; in all cases seen, at most half of it.
 constexpr double least_share = 0.5;
-constexpr double largest_share = 1.0;
-constexpr int shares = 20;  // number of intervals of the grid search
+constexpr double largest_tried_share = 1.0;
+constexpr int tried_shares = 20;  // number of intervals of the grid search
 constexpr double share_is_close = 1e-4;
 
 const std::array<std::vector<int>, 4> sets{{{0}, {0, 1}, {1, 2, 3}, {0, 1, 2, 3}}};
@@ -162,10 +162,10 @@ std::optional<Reduction> fitted_restitution(const ModalMachine& machine,
   const auto rms = [&](double x) {
     return rms_gap(with_share(machine, kept, x).machine, followed);
   };
-  double best = largest_share;
+  double best = largest_tried_share;
   double least = infinity;
-  const double step = (largest_share - least_share) / shares;
-  for (int i = 0; i <= shares; ++i) {
+  const double step = (largest_tried_share - least_share) / tried_shares;
+  for (int i = 0; i <= tried_shares; ++i) {
     const double x = least_share + step * i;
     const double value = rms(x);
     if (value < least) {
@@ -177,7 +177,7 @@ std::optional<Reduction> fitted_restitution(const ModalMachine& machine,
   // Golden section search around the best grid point.
   constexpr double golden = 0.6180339887498949;
   double low = std::max(best - step, least_share);
-  double high = std::min(best + step, largest_share);
+  double high = std::min(best + step, largest_tried_share);
   double left = high - golden * (high - low);
   double right = low + golden * (high - low);
   double of_left = rms(left);

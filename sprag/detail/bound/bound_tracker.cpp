@@ -12,7 +12,7 @@ namespace {
 // Roundings of a state from one event to the next: generous.
 constexpr double state_rounding = 64.0 * machine_epsilon;
 // An event at exactly t + delta is in time, whatever its sum rounds to.
-constexpr double time_rounding = 4.0 * machine_epsilon;
+constexpr double sum_rounding = 4.0 * machine_epsilon;
 
 // Whether an impact on one contact leaves the other's gap velocity alone.
 bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
@@ -98,7 +98,7 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   const double reach = std::min(t, known_up_to(events));
   if (reach < followed_) return;
   followed_ = reach;
-  const double last = reach + tolerance_.time + time_rounding * std::abs(reach);
+  const double last = reach + tolerance_.time + sum_rounding * std::abs(reach);
   const std::span<const ContactEvent> all(events.events());
   const auto first =
       static_cast<std::size_t>(std::max<std::int64_t>(consumed_ - events.dropped(), 0));
@@ -433,7 +433,7 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
 double BoundTracker::bound(const EventHistory& events, double t, const Eigen::VectorXd& q,
                            const Eigen::VectorXd& u) {
   const double known = known_up_to(events);
-  if (failed_ || t < followed_ || t > known + time_rounding * std::abs(known)) return infinity;
+  if (failed_ || t < followed_ || t > known + sum_rounding * std::abs(known)) return infinity;
   double b = infinity;
   if (b_ < infinity && t <= since_) {
     b = b_ + cluster_.open_J(t);

@@ -10,7 +10,7 @@ namespace {
 
 // Nodes along a gap in which one impact was lost; beyond that it counts as a gap like others.
 constexpr double most_nodes = 2000.0;
-constexpr double step_share = 0.4;  // between them, of 1 / |A|
+constexpr double gap_step_share = 0.4;  // between them, of 1 / |A|
 
 }  // namespace
 
@@ -44,7 +44,7 @@ void BoundTracker::pass_gaps(const EventHistory& events, double t, double next_e
 bool BoundTracker::can_miss_one(const DegradedInterval& gap) const {
   return metric_.dynamics().contacts() == 1 && state_.chi == 0 && b_ < infinity && !failed_ &&
          gap.from >= lost_until_ - tolerance_.time &&
-         (gap.to - gap.from) * metric_.rate() < most_nodes * step_share;
+         (gap.to - gap.from) * metric_.rate() < most_nodes * gap_step_share;
 }
 
 // The replica misses one impact, at any time of the gap: a jump J of its path, with the supremum of
@@ -61,7 +61,7 @@ void BoundTracker::miss_one(const DegradedInterval& gap) {
   cluster_.close_windows(opens);
   cluster_.first_speed = infinity;  // the momentum of a burst says nothing here
   const double step =
-      metric_.rate() > 0.0 ? step_share / metric_.rate() : std::max(gap.to - gap.from, 1.0);
+      metric_.rate() > 0.0 ? gap_step_share / metric_.rate() : std::max(gap.to - gap.from, 1.0);
   const double rho = std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();
   EventCost worst;
   double defect = 0.0;

@@ -17,7 +17,7 @@ constexpr double weight[nodes] = {0.118463442528095, 0.239314335249683, 0.284444
                                   0.239314335249683, 0.118463442528095};
 constexpr double turn_of_a_panel = 0.5;
 constexpr double most_panels = 4096.0;
-constexpr int newton_steps = 8;
+constexpr int landing_steps = 8;
 
 Uncertain add_noise(const Uncertain& x, double sigma) {
   return {x.value, std::hypot(x.sigma, sigma)};
@@ -139,7 +139,7 @@ void ImpactRecorder::fly(const Motion& from, double tau, bool known) {
       best = tau;
     }
     if (best < 0.0) return;
-    for (int k = 0; k < newton_steps && best < tau; ++k) {
+    for (int k = 0; k < landing_steps && best < tau; ++k) {
       (void)at_age(best);
       const double curvature = second_rate(force, there_);
       if (!(curvature < 0.0)) break;

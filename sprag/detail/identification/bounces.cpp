@@ -16,12 +16,12 @@ constexpr double shortest = 0.1;  // shortest flight of a bounce, in jitters
 std::optional<double> flight_of_bounce(const FreeFlight& flight, ContactSet held, int contact,
                                        double t, const Eigen::VectorXd& y, const Eigen::VectorXd& u,
                                        double expected) {
-  constexpr int most_steps = 30;
+  constexpr int most_newton_steps = 30;
   constexpr double near = 1e-5;  // relative; the gaps of small bounces have few digits
   const double gap = flight.gap(contact, y, t);
   const double gamma = flight.gap_velocity(contact, u, t);
   double tau = expected;
-  for (int i = 0; i < most_steps && tau > 0.0; ++i) {
+  for (int i = 0; i < most_newton_steps && tau > 0.0; ++i) {
     Eigen::VectorXd y_next = y, u_next = u;
     flight.move(held, t, tau, y_next, u_next);
     // Parabola through both gaps with the velocity of the first.

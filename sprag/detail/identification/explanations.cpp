@@ -12,7 +12,7 @@ namespace {
 // covariance.
 bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
                  const std::vector<std::size_t>& sought, double jitter) {
-  constexpr double far = 1e4;  // of chi^2; far beyond the error of the linearization
+  constexpr double contradiction = 1e4;  // of chi^2; far beyond the error of the linearization
   std::vector<Eigen::Index> others;
   for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
     const FittedUnknown& fitted = fit.unknowns[k];
@@ -33,7 +33,8 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
     off[static_cast<Eigen::Index>(j)] = fitted.unknown.coordinate(fitted.value);
   }
   const CholeskyFactor covariance(fit.likelihood.covariance(others, others));
-  return covariance.exists() && covariance.solve_L(off).squaredNorm() > far * square(jitter);
+  return covariance.exists() &&
+         covariance.solve_L(off).squaredNorm() > contradiction * square(jitter);
 }
 
 // The events as the fit used them. Lost ones have the times of the fit and are listed in `guessed`.

@@ -101,13 +101,13 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
   return axes;
 }
 
-struct Point {
+struct GridPoint {
   std::vector<int> at;  // steps from the nominal point
   PathFit fit;
   double score = 0.0;
 };
 
-bool near(const Point& a, const Point& b) {
+bool near(const GridPoint& a, const GridPoint& b) {
   for (std::size_t i = 0; i < a.at.size(); ++i) {
     if (std::abs(a.at[i] - b.at[i]) >= 2) return false;
   }
@@ -115,24 +115,24 @@ bool near(const Point& a, const Point& b) {
 }
 
 // Keeps the best points that are at least two steps apart.
-void keep(Point point, std::vector<Point>& best) {
+void keep(GridPoint point, std::vector<GridPoint>& best) {
   if (!std::isfinite(point.score)) return;
-  for (Point& other : best) {
+  for (GridPoint& other : best) {
     if (near(point, other) && other.score <= point.score) return;
   }
-  std::erase_if(best, [&](const Point& other) { return near(point, other); });
+  std::erase_if(best, [&](const GridPoint& other) { return near(point, other); });
   const auto behind =
       std::upper_bound(best.begin(), best.end(), point.score,
-                       [](double score, const Point& other) { return score < other.score; });
+                       [](double score, const GridPoint& other) { return score < other.score; });
   best.insert(behind, std::move(point));
   if (best.size() > kept) best.pop_back();
 }
 
-std::vector<Point> best_of_grid(const MachineFamily& family, Projection& projection,
-                                const std::vector<Axis>& axes) {
+std::vector<GridPoint> best_of_grid(const MachineFamily& family, Projection& projection,
+                                    const std::vector<Axis>& axes) {
   constexpr double penalty = 3.0;  // of impacts with an opening gap
-  std::vector<Point> best;
-  Point point{std::vector<int>(axes.size()), {}, 0.0};
+  std::vector<GridPoint> best;
+  GridPoint point{std::vector<int>(axes.size()), {}, 0.0};
   for (std::size_t i = 0; i < axes.size(); ++i) point.at[i] = -axes[i].to_low;
   Eigen::VectorXd values = family.nominal();
   while (true) {
@@ -280,7 +280,7 @@ std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& pro
   const std::vector<Axis> axes =
       axes_of(family, duration_of(window), usual_interval(window), last_resort ? finer : 1.0);
   std::vector<PathFit> starts;
-  for (const Point& point : best_of_grid(family, projection, axes)) {
+  for (const GridPoint& point : best_of_grid(family, projection, axes)) {
     starts.push_back(projection.refine(point.fit, first_steps));
   }
   if (last_resort && axes.size() == 1) {

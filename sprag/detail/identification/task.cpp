@@ -12,7 +12,7 @@ namespace {
 using Kind = Unknown::Kind;
 
 // Least resolution of times, relative to the usual time between impacts.
-constexpr double resolved = 1e-10;
+constexpr double resolved_time = 1e-10;
 
 }  // namespace
 
@@ -59,8 +59,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   if (!result.accepted) return result;
   const double sigma = scene.jitter > 0.0 ? scene.jitter
                        : scene.adaptation.walks()
-                           ? resolved * found.interval
-                           : std::max(found.jitter, resolved * found.interval);
+                           ? resolved_time * found.interval
+                           : std::max(found.jitter, resolved_time * found.interval);
   result.belief = path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
                                  found.likelihood, found.measured, sigma);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();

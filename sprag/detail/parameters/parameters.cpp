@@ -8,9 +8,9 @@
 namespace sprag {
 namespace {
 
-constexpr double largest_share = 0.3;      // by which a positive number is taken to be wrong
-constexpr double largest_clearance = 0.2;  // of the largest displacement
-constexpr double largest_detuning = 0.1;   // by which a frequency is taken to be wrong
+constexpr double largest_error_share = 0.3;  // by which a positive number is taken to be wrong
+constexpr double largest_clearance = 0.2;    // of the largest displacement
+constexpr double largest_detuning = 0.1;     // by which a frequency is taken to be wrong
 
 template <typename Visit>
 void for_each_harmonic(Model& model, Visit visit) {
@@ -65,7 +65,7 @@ double amplitude_of(const Scene& scene, const std::vector<Harmonic>& harmonics) 
 Parameter around(Quantity quantity, std::string name, std::string unit, double nominal) {
   Parameter parameter{
       .quantity = quantity, .name = std::move(name), .unit = std::move(unit), .nominal = nominal};
-  const double width = largest_share * std::abs(nominal);
+  const double width = largest_error_share * std::abs(nominal);
   parameter.lowest = nominal - width;
   parameter.highest = nominal + width;
   return parameter;

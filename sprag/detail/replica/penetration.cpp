@@ -6,8 +6,8 @@
 namespace sprag {
 namespace {
 
-constexpr double rounding = 1e-9;  // share of the machine's length
-constexpr double covered = 4.0;    // standard deviations
+constexpr double gap_rounding = 1e-9;  // share of the machine's length
+constexpr double covered = 4.0;        // standard deviations
 
 }  // namespace
 
@@ -18,7 +18,7 @@ double penetration(std::span<const Contact> contacts, const Eigen::Ref<const Eig
   for (const Contact& contact : contacts) {
     const double sigma = i < sigma_gap.size() ? sigma_gap[i] : 0.0;
     ++i;
-    const double allowed = rounding * length + (std::isfinite(sigma) ? covered * sigma : 0.0);
+    const double allowed = gap_rounding * length + (std::isfinite(sigma) ? covered * sigma : 0.0);
     const double depth =
         -(contact.w.head(q.size()).dot(q) + value(contact.motion, t) + contact.clearance);
     if (depth > allowed) deepest = std::max(deepest, depth);
