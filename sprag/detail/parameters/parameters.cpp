@@ -9,7 +9,7 @@ namespace sprag {
 namespace {
 
 constexpr double largest_share = 0.3;      // largest relative error of a positive number
-constexpr double largest_clearance = 0.2;  // the same of a clearance, by the displacement
+constexpr double largest_clearance = 0.2;  // of a clearance, over the displacement
 constexpr double largest_detuning = 0.1;   // largest relative error of a frequency
 
 template <typename Visit>
