@@ -9,18 +9,18 @@
 namespace sprag {
 namespace {
 
-// Roundings of a state from one event to the next: generous.
+// Generous estimate of a state's rounding from one event to the next.
 constexpr double state_rounding = 64.0 * machine_epsilon;
-// An event at exactly t + delta is in time, whatever its sum rounds to.
+// An event at exactly t + delta counts, for any rounding of the sum.
 constexpr double sum_rounding = 4.0 * machine_epsilon;
 
-// Whether an impact on one contact leaves the other's gap velocity alone.
+// Whether an impact on one contact does not change the other's gap velocity.
 bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
   return std::abs(G(a, b)) <= 1e-12 * std::sqrt(G(a, a) * G(b, b));
 }
 
-// Joint impacts gain no energy for any restitutions within the tolerance: they expand nothing, or
-// |E Lambda_C| <= |Lambda_C|.
+// Whether joint impacts gain no energy for all restitutions within the tolerance: they are
+// nonexpansive, or |E Lambda_C| <= |Lambda_C|.
 bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
   if (dynamics.contacts() == 1 || (monotone && off == 0.0)) return true;
   const ContactSet all = bit(dynamics.contacts()) - 1;
@@ -34,11 +34,11 @@ bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
 
 struct BoundTracker::Impact {
   ContactSet before = 0, closing = 0, leaving = 0, after = 0;
-  int contact = -1;  // of a single event
+  int contact = -1;  // of a single event; -1: several
   ContactEventKind kind = ContactEventKind::pulse;
   std::size_t count = 0;
   double t = 0.0;
-  double epsilon = 0.0;  // largest of the contacts that take part
+  double epsilon = 0.0;  // largest restitution of the participating contacts
 };
 
 BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
@@ -76,9 +76,10 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
   metric_.enter(start_.q, start_.u, modal_);
   const double start_b = std::sqrt(initial_);
   W_ = cap_holds_ ? cap_.from_distance(start_b, modal_, 0.0) : infinity;
-  // Since it was within the uncertainty, W has been below the larger of its value then and its end.
+  // W never exceeds the larger of its value when the machine was within the uncertainty and its
+  // limit.
   if (k != 0 && cap_holds_) W_ = std::max(W_, cap_.ultimate());
-  // Without an uncertainty it moves as its forces sustain it.
+  // Without an uncertainty the machine is assumed to be within its ultimate bound.
   if (initial_ == infinity && cap_holds_) W_ = cap_.ultimate();
   W_t_ = since_ = integrated_to_ = followed_ = t;
   integral_ = 0.0;
@@ -112,8 +113,8 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   pass_gaps(events, reach, infinity);
 }
 
-// z, v and acceleration of the replica at t, which is not before its last event. With closed
-// contacts the replica moves there.
+// Sets modal_ to the replica's state at t, not before its last event. With closed contacts the
+// replica itself moves to t.
 void BoundTracker::take_state(double t) {
   const Instant instant = at(t);
   const Motion* motion = &state_.motion;
@@ -128,7 +129,7 @@ void BoundTracker::take_state(double t) {
   metric_.accelerate(*motion, modal_);
 }
 
-// The integrals of the defect from integrated_to_ to t, no event between them.
+// Integrates the defect from integrated_to_ to t, with no event in between.
 void BoundTracker::integrate(double t) {
   if (state_.chi == 0) start_first_order(t);
   if (!defect_.any() || t < integrated_to_) return;
@@ -153,7 +154,7 @@ void BoundTracker::integrate(double t) {
   }
 }
 
-// b at t, at or after the end of all windows; and what each of b and W says of the other.
+// Moves b to t, at or after the end of all windows, and limits b and W by each other.
 void BoundTracker::advance(double t) {
   if (b_ < infinity) {
     integrate(t);
@@ -181,7 +182,8 @@ void BoundTracker::limit_by_cap(double t) {
   b_ = std::min(b_, in_ * cap_.distance(W_, modal_, t));
 }
 
-// The set begins at the end of the last window, in free flight, or again where b alone is less.
+// Starts the first-order set at the end of the last window, in free flight. Restarts it if b alone
+// is smaller.
 void BoundTracker::start_first_order(double t) {
   if (!use_first_order_ || b_ == infinity || integrated_to_ != since_ || t < since_) return;
   if (first_order_.active() && first_order_.rest(1.0, since_) < b_) return;
@@ -208,8 +210,8 @@ BoundTracker::Impact BoundTracker::impact_of(std::span<const ContactEvent> of_on
   return impact;
 }
 
-// Whether nothing else is closed, and other contacts' windows that are open are of simple impacts
-// that do nothing to this contact.
+// Whether no other contact is closed, and all open windows of other contacts are simple impacts
+// that do not affect this contact.
 bool BoundTracker::is_alone(const Impact& impact) const {
   if (impact.count != 1 || (impact.before & ~bit(impact.contact)) != 0) return false;
   const auto allows = [&](const OpenWindow& other) {
@@ -273,7 +275,8 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   conclude(impact.t);
 }
 
-// The set passes an impact whose window no other meets; should a later one meet it, it stops then.
+// Maps the first-order set through an impact whose window overlaps no earlier window. The set stops
+// otherwise, also when a later window overlaps.
 void BoundTracker::pass_first_order(const Impact& impact, const Approach& near,
                                     const EventCost& cost, double defect) {
   if (!first_order_.active()) return;
@@ -292,7 +295,8 @@ void BoundTracker::pass_first_order(const Impact& impact, const Approach& near,
   if (!holds) first_order_.stop();
 }
 
-// b is not known: the replica goes through the event, and b starts again when its window is over.
+// Event while b is infinite: only the replica takes it. b can become finite again after the event's
+// window.
 void BoundTracker::take_unbounded(std::span<const ContactEvent> of_one_instant) {
   const double end = of_one_instant.front().t + tolerance_.time;
   replica_.take(of_one_instant, state_);
@@ -302,7 +306,7 @@ void BoundTracker::take_unbounded(std::span<const ContactEvent> of_one_instant) 
   node_is_known_ = false;
 }
 
-// The motion just before the event, on the flow of no closed contact.
+// Sets free_ to the motion just before the event, on the flow without closed contacts.
 void BoundTracker::take_free_branch(const Impact& impact) {
   if (before_.flow->locked() == 0) {
     free_ = before_;
@@ -312,7 +316,7 @@ void BoundTracker::take_free_branch(const Impact& impact) {
   replica_.flows()[0].enter(q_, u_, at(impact.t), no_gaps_, free_);
 }
 
-// Of all events of the cluster up to one at t.
+// Sets b to its value after all events of the cluster, the last of them at t.
 void BoundTracker::conclude(double t) {
   const double end = t + tolerance_.time;
   double D = cluster_.D;
@@ -366,7 +370,7 @@ void BoundTracker::opening(const Impact& impact, double rho, double fastest) {
   const int i = impact.contact;
   const double delta = tolerance_.time;
   const double free_acceleration = rate(free_.flow->gap_velocity(i), free_);
-  // Of both branches through the event, over the window.
+  // Largest speed of both branches through the event, over the window.
   const double speed =
       std::exp(2.0 * delta * metric_.damping()) *
           std::hypot(fastest, free_acceleration / std::sqrt(2.0 * metric_.dynamics().G()(i, i))) +
@@ -378,8 +382,8 @@ void BoundTracker::opening(const Impact& impact, double rho, double fastest) {
   add(impact, cost);
 }
 
-// Several contacts at one instant, or others closed beside, or windows of such events that meet:
-// the speed of the path bounds what a shift in time does, projections bound the impacts.
+// Event with several contacts, with other contacts closed, or with overlapping windows of such
+// events. The path's speed bounds the effect of a time shift, projections bound the impacts.
 void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
                          double speed_after) {
   const double delta = tolerance_.time;
@@ -413,7 +417,7 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
   }
   const double expansion =
       monotone_ ? 1.0 : joint_expansion(G, taking_part, epsilon + tolerance_.restitution);
-  // |Z y - y| is at most this times the distance of y to a state that the impact leaves alone.
+  // |Z y - y| is at most this times the distance of y to a state that the impact does not change.
   const double kept = monotone_ ? 1.0 + epsilon : 1.0 + expansion;
   EventCost cost;
   cost.D = delta * (expansion * (before + metric_.rate() * rho) + after + metric_.rate() * rho);
@@ -423,8 +427,8 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
     cost.E = monotone_ ? off * reach : off * kept * reach;
   }
   cluster_.growth *= monotone_ ? 1.0 + off : expansion;
-  // One after the other, in either order, or at once: |E_b E_a y - y| + |Z_ab y - y| is at most
-  // (3 + kept) kept times the distance of y, before both, to the nearest state that parts.
+  // Two impacts in either order or at once: |E_b E_a y - y| + |Z_ab y - y| is at most (3 + kept)
+  // kept times the distance of y, before both, to the nearest state with gamma >= 0.
   const double either = (3.0 + kept) * kept;
   cluster_.swap += either * (pairs * (reach + 2.0 * delta * before) + jumps);
   add(impact, cost);
@@ -450,7 +454,7 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
       b = std::min(b, in_ * cap_.distance(W, modal_, t));
     }
   }
-  // Rounding of the replica's state, of whose energy the root rises by the forces alone.
+  // Rounding of the replica's state. The root of its energy grows by the forces alone.
   const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * (t - W_t_);
   return square(out_ * (b + state_rounding * (b + moving)));
 }

@@ -1,25 +1,26 @@
-// The bound B on the error energy V of a replica of a machine that is known within tolerances, from
-// its reported events alone: V(t) <= B(t) for every machine and every true event time within them.
+// Bound B on the error energy V of a replica whose machine is known within tolerances, from the
+// reported events alone: V(t) <= B(t) for every machine and all true event times within the
+// tolerances.
 //
-// b bounds the distance between machine and replica in the norm of the true stiffness. It obeys
+// b bounds the distance between machine and replica in the energy norm with the true stiffness. It
+// obeys
 //
 //   free flight of length tau    b -> sigma(tau) b + I     (flight_contraction.h, model_defect.h)
 //   contacts closed              b -> b + I
 //   event, window t' +- delta    b -> b + D + E + R, and J on top while the window is open
 //                                                           (event_cost.h, event_cluster.h)
 //
-// and sqrt B = b / sqrt(1 - k_K). Beside it runs a bound that needs no events at all
-// (dissipation_cap.h), which limits b, and from which b starts again after a gap. The principle:
-// the evolution of the true machine with given switching times expands no distance, whatever the
-// path, so that all defects are evaluated on the replica's own path, which is known; none is
-// multiplied by b.
+// and sqrt B = b / sqrt(1 - k_K). A second bound needs no events (dissipation_cap.h). It limits b,
+// and b restarts from it after a gap. Principle: the evolution of the true machine with given
+// switching times is nonexpansive on every path. All defects are therefore evaluated on the
+// replica's own path, which is known, and none is multiplied by b.
 //
-// For machines of few coordinates a second distance has its terms of first order in a set that
-// turns and shrinks with the motion (first_order_bound.h), which is several times less. Where a
-// window opens b becomes the smaller of both.
+// For machines with few coordinates a second distance keeps its first-order terms in a set that
+// rotates and contracts with the motion (first_order_bound.h). It is several times smaller. When a
+// window opens, b becomes the smaller of both.
 //
-// B(t) needs every event up to t + delta: one that happened before t may be reported as late as
-// that. The tracker runs a replica of its own from event to event, in order, and never goes back.
+// B(t) needs every event up to t + delta, because an event before t may be reported with a time up
+// to t + delta. The tracker moves its own replica from event to event, in order, without rollback.
 #pragma once
 
 #include <cstdint>
@@ -40,39 +41,39 @@
 
 namespace sprag {
 
-/// By what an event's terms are multiplied: 1. Tests show that less breaks the bound.
+/// Factors of an event's terms. Tests show that values below 1 break the bound.
 struct BoundFactors {
   double D = 1.0, J = 1.0, E = 1.0;
 };
 
 struct BoundSettings {
   BoundFactors factors;
-  bool first_order = true;  ///< false: b alone, as of machines of many coordinates
+  bool first_order = true;  ///< false: b alone, as for machines with many coordinates
 };
 
 class BoundTracker {
  public:
-  /// For a scene with tolerances; `flows` are the machine's and must outlive this. The
-  /// `uncertainty` of the scene is B(0). Without one the machine is taken to move, at the start, no
-  /// more than its forces sustain (DissipationCap::ultimate()). Throws ModelError.
+  /// For a scene with tolerances; `flows` are the machine's and must outlive this. B(0) is the sum
+  /// of the scene's `uncertainty`. Without one the machine is assumed to be within
+  /// DissipationCap::ultimate() at the start. Throws ModelError.
   BoundTracker(const Scene& scene, Flows& flows, double h, const BoundSettings& settings = {});
   BoundTracker(const BoundTracker&) = delete;
   BoundTracker& operator=(const BoundTracker&) = delete;
 
-  /// Begins where the time line begins: at tick k, with chi closed. At k = 0 the machine is within
-  /// the scene's `uncertainty` of the replica; at a later tick it was at some time before.
+  /// Starts with the time line at tick k, with chi closed. At k = 0 the machine is within the
+  /// scene's `uncertainty` of the replica; for a later tick it was so at some earlier time.
   void start(std::int64_t k, ContactSet chi);
 
-  /// Takes what happened up to t from a history that begins at this start. Earlier ones than the
-  /// last are passed over. Does not allocate once the locked sets that occur have been met.
+  /// Takes the events up to t from a history that begins at this start. Ignores a t before that of
+  /// the last call. Does not allocate once the locked sets that occur have been met.
   void follow(const EventHistory& events, double t);
 
-  /// B at t, after follow(events, t); q and u of the replica there, f entries each. Infinite where
-  /// the history is not known up to t + tolerance.time. Does not allocate.
+  /// B at t, after follow(events, t); q and u of the replica at t, f entries each. Infinite if the
+  /// history is not known up to t + tolerance.time. Does not allocate.
   double bound(const EventHistory& events, double t, const Eigen::VectorXd& q,
                const Eigen::VectorXd& u);
 
-  /// The same for a time line (time_line.h), whose restarts are followed.
+  /// The same for a time line (time_line.h); restarts with it.
   template <typename Line>
   void follow(const Line& line, double t) {
     if (starts_ != line.starts()) {
@@ -86,7 +87,7 @@ class BoundTracker {
     return bound(line.events(), t, q, u);
   }
 
-  /// Nothing after t will be asked for, so that nothing is known of events after it [s].
+  /// No bound after t [s] will be requested. Events after t are then not used.
   void set_end(double t) { end_ = t; }
 
   const EnergyMetric& metric() const { return metric_; }
@@ -94,7 +95,7 @@ class BoundTracker {
   const Tolerance& tolerance() const { return tolerance_; }
 
  private:
-  struct Impact;  // what an event is
+  struct Impact;  // one event or several of one instant
 
   double known_up_to(const EventHistory& events) const;
   void pass_gaps(const EventHistory& events, double t, double next_event);
@@ -128,39 +129,39 @@ class BoundTracker {
   bool use_first_order_ = false;
   Replica replica_;
   const State start_;
-  double initial_;         // B(0); infinity: nothing is known
-  bool law_ = false;       // the replica's is the machine's
-  bool monotone_ = false;  // joint impacts expand nothing
+  double initial_;         // B(0); infinity: unknown
+  bool law_ = false;       // the replica has the machine's law
+  bool monotone_ = false;  // joint impacts are nonexpansive
   bool cap_holds_ = false;
-  double in_ = 1.0, out_ = 1.0;  // from the nominal norm to the true one and back
+  double in_ = 1.0, out_ = 1.0;  // from the nominal energy norm to the true one and back
 
   ReplicaState state_;
   std::int64_t starts_ = 0;
-  std::int64_t consumed_ = 0;  // events since the start
-  std::size_t gap_ = 0;        // degraded interval that comes next
+  std::int64_t consumed_ = 0;  // number of events taken since the start
+  std::size_t gap_ = 0;        // index of the next degraded interval
   double end_ = infinity;
-  double followed_ = 0.0;  // up to here
-  bool failed_ = false;    // nothing holds any longer
-  double b_ = 0.0;         // at since_
+  double followed_ = 0.0;  // time of the last follow()
+  bool failed_ = false;    // no bound holds, until the next start
+  double b_ = 0.0;         // distance bound at since_
   double since_ = 0.0;     // end of the last window, or where b was last advanced to
-  double integral_ = 0.0;  // of the defect since then
+  double integral_ = 0.0;  // integral of the defect since since_
   double integrated_to_ = 0.0;
-  DefectNode node_;  // there, if it is known
+  DefectNode node_;  // defect at integrated_to_, if node_is_known_
   bool node_is_known_ = false;
-  double lost_until_ = 0.0;  // before that b is not known
+  double lost_until_ = 0.0;  // b is unknown before this time
   double W_ = 0.0, W_t_ = 0.0;
   EventCluster cluster_;
 
   // scratch
   Motion path_;    // the replica in free flight after its last event
   Motion before_;  // just before an event
-  Motion free_;    // the same on the free flow
+  Motion free_;    // before_ on the free flow
   ModalState modal_;
   Eigen::VectorXd q_, u_;
   const Eigen::VectorXd no_gaps_;
 };
 
-/// Whether B can be finite with this scene's tolerances, and if not why; empty: it can.
+/// Why B cannot be finite with this scene's tolerances; empty: it can.
 std::string why_no_bound(const Scene& scene);
 
 }  // namespace sprag

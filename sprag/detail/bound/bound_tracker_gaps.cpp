@@ -1,4 +1,4 @@
-// What lost events do to the bound.
+// Effect of lost events on the bound.
 #include <algorithm>
 #include <cmath>
 
@@ -8,14 +8,15 @@
 namespace sprag {
 namespace {
 
-// Nodes along a gap in which one impact was lost; beyond that it counts as a gap like others.
+// Largest number of nodes along a gap with one lost impact. A longer gap is treated as if more
+// events were lost.
 constexpr double most_nodes = 2000.0;
-constexpr double gap_step_share = 0.4;  // between them, of 1 / |A|
+constexpr double gap_step_share = 0.4;  // distance of nodes as a share of 1 / |A|
 
 }  // namespace
 
-// Between the first and the last time of a gap, both widened by the tolerance, b is not known:
-// unless one impact alone was lost.
+// Passes the gaps up to t. Within a gap, widened by the tolerance on both sides, b is unknown,
+// unless exactly one impact was lost.
 void BoundTracker::pass_gaps(const EventHistory& events, double t, double next_event) {
   const std::vector<DegradedInterval>& gaps = events.degraded();
   while (gap_ < gaps.size()) {
@@ -39,17 +40,17 @@ void BoundTracker::pass_gaps(const EventHistory& events, double t, double next_e
   }
 }
 
-// One impact of the machine's only contact, in free flight: the order of its events is kept, so
-// that it happened between the events on either side.
+// Whether the lost event is one impact of the machine's only contact, in free flight. Events of one
+// contact keep their order, so that it lies between the neighbouring events.
 bool BoundTracker::can_miss_one(const DegradedInterval& gap) const {
   return metric_.dynamics().contacts() == 1 && state_.chi == 0 && b_ < infinity && !failed_ &&
          gap.from >= lost_until_ - tolerance_.time &&
          (gap.to - gap.from) * metric_.rate() < most_nodes * gap_step_share;
 }
 
-// The replica misses one impact, at any time of the gap: a jump J of its path, with the supremum of
-// gamma^- over the gap, and a shift D of it by as much as its neighbours' times are off. Nothing
-// contracts in the gap. The events on either side belong to the same cluster.
+// The replica lacks one impact at an unknown time of the gap: a jump J of its path, with the
+// supremum of gamma^- over the gap, and a shift D by the time error of the neighbouring events. No
+// contraction counts in the gap. The neighbouring events belong to the same cluster.
 void BoundTracker::miss_one(const DegradedInterval& gap) {
   const double delta = tolerance_.time;
   const double opens = gap.from - delta;
@@ -59,7 +60,7 @@ void BoundTracker::miss_one(const DegradedInterval& gap) {
   }
   first_order_.stop();
   cluster_.close_windows(opens);
-  cluster_.first_speed = infinity;  // the momentum of a burst says nothing here
+  cluster_.first_speed = infinity;  // the momentum limit of a burst does not apply
   const double step =
       metric_.rate() > 0.0 ? gap_step_share / metric_.rate() : std::max(gap.to - gap.from, 1.0);
   const double rho = std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();

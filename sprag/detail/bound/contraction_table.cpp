@@ -10,16 +10,17 @@
 namespace sprag {
 namespace {
 
-// |A| tau of the first node: then so many terms of the exponential series are exact to rounding.
+// |A| tau of the first node, for which this many terms of the exponential series are exact to
+// rounding.
 constexpr double first_reach = 0.125;
 constexpr int terms = 10;
 constexpr int most_doublings = 48;
-// Flights that damping shortens by less than this are not worth a node.
+// A node needs at least this contraction.
 constexpr double least_loss = 1e-6;
-// A norm below this is enough: longer flights are made of several.
+// The table ends at this norm. Longer flights are composed of several.
 constexpr double enough = 0.25;
 
-// Nodes from tau to 2 tau, as the work allows.
+// Number of nodes from tau to 2 tau, limited by the work.
 int nodes_in_octave(Eigen::Index n) {
   constexpr double work = 2e6;
   const double each = std::pow(static_cast<double>(n), 3);
@@ -41,14 +42,14 @@ struct Propagator {
     error = rounding();
   }
 
-  /// To twice the time. |X|, of the exact one, is at most 1.
+  /// Doubles the time. The exact matrix has a norm of at most 1.
   void square() {
     const double of_product = rounding();
     E = product(E, E);
     error = error * (2.0 + error) + of_product;
   }
 
-  /// Upper bound on the norm of the exact one.
+  /// Upper bound on the norm of the exact matrix.
   double norm() const {
     const double n = static_cast<double>(E.rows());
     const double largest = eigenvalues(product(E.transpose(), E))[E.rows() - 1];
@@ -57,7 +58,7 @@ struct Propagator {
   }
 
  private:
-  // Of a product of two such matrices.
+  // Bound on the rounding of a product of two such matrices.
   double rounding() const {
     return static_cast<double>(E.rows()) * machine_epsilon * E.squaredNorm();
   }
@@ -86,7 +87,7 @@ ContractionTable::ContractionTable(const Model& model) {
   const MatrixR B = modal::constrained_basis(model.M.cast<Extended>(), MatrixR(f, 0), {});
   const auto [values, vectors] = eigenpairs(congruent(B, model.K.cast<Extended>()));
   VectorR kappa = values.cwiseMax(Extended(0));
-  // What the energy takes for a rigid motion, rounding apart.
+  // Removes the rounding of rigid motions' stiffness, as natural_modes() does.
   kappa.head((natural_modes(model).stiffness.array() == 0.0).count()).setZero();
   const MatrixR Phi = product(B, vectors);
   const Eigen::VectorXd omega = kappa.cwiseSqrt().cast<double>();
@@ -127,7 +128,7 @@ double ContractionTable::operator()(double tau) const {
     sigma = std::pow(last.sigma, times);
     tau -= times * last.tau;
   }
-  // The longest part that the table has, then that of the rest.
+  // Splits the flight into parts of the longest time in the table and a rest.
   while (tau >= nodes_.front().tau) {
     const auto above = std::upper_bound(nodes_.begin(), nodes_.end(), tau,
                                         [](double of, const Node& node) { return of < node.tau; });

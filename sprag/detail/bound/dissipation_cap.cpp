@@ -15,14 +15,14 @@ namespace {
 
 using std::complex;
 
-// Eigenvalues are right to rounding.
+// Margin for the rounding of eigenvalues.
 constexpr double eigenvalue_margin = 1e-9;
-constexpr double least_alpha = 1e-3, most_alpha = 0.95;  // of the lowest frequency
-// Directions that depend on each other, as a share of the largest eigenvalue of G; gaps that are
-// zero to rounding, as a share of their terms.
+constexpr double least_alpha = 1e-3, most_alpha = 0.95;  // share of the lowest frequency
+// Linear dependence: share of the largest eigenvalue of G. Gaps that are zero to rounding: share of
+// their terms.
 constexpr double dependent_modes = 1e-10;
 constexpr double gap_margin = 1e-9;
-// Beyond this many coordinates an eigenvalue problem takes milliseconds.
+// With more coordinates an eigenvalue problem takes milliseconds.
 constexpr Eigen::Index few_coordinates = 12;
 
 // Smallest eigenvalue of Q x = value P x.
@@ -34,7 +34,7 @@ double smallest(const Eigen::MatrixXd& Q, const Eigen::MatrixXd& P) {
   return eigenvalues(0.5 * (B + B.transpose()))[0];
 }
 
-// The same of one mode.
+// The same for one mode.
 double smallest_of_mode(double a, double b, double d, double p) {
   // det(Q - x P) with Q = [a b; b d], P = [1 p; p 1].
   const double A = 1.0 - p * p;
@@ -70,7 +70,7 @@ double rho_at(const EnergyMetric& metric, double alpha, double k, double c) {
   return 0.5 * smallest(Q, P);
 }
 
-// sup over the phase of |Re(a e^(i phi))|.
+// Supremum over phi of |Re(a e^(i phi))|.
 double largest_of(const Eigen::VectorXcd& a) {
   const double rr = a.real().squaredNorm();
   const double ii = a.imag().squaredNorm();
@@ -122,8 +122,8 @@ DissipationCap::DissipationCap(const EnergyMetric& metric, const Tolerance& tole
   ultimate_ = force_ / (std::sqrt(2.0) * rho_);
 }
 
-// q^ = rest - W G^-1 s(t), s the moving part of the supports: its gaps are constant. The rest has
-// gaps of the least tolerated clearances at least, and of all such the least |f_0 - K q|.
+// Finds q^ = rest - W G^-1 s(t), s the moving part of the supports, which has constant gaps. `rest`
+// minimizes |f_0 - K q| among all positions with gaps >= 0 for the smallest tolerated clearances.
 void DissipationCap::find_admissible(const Tolerance& tolerance) {
   const EnergyMetric& metric = *metric_;
   const Dynamics& dynamics = metric.dynamics();
@@ -152,7 +152,7 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   ContactSet unsatisfied = 0;
   if (solve_semidefinite_lcp(A, gaps, noise, push, left, unsatisfied) != Solved::yes) return;
   rest_ = free + away * push;
-  // Rounding of the solution is taken out of no gap.
+  // Checks the gaps of the rounded solution.
   const Eigen::VectorXd final =
       (W.transpose() * rest_ + dynamics.offsets()).array() - tolerance.clearance;
   admissible_ = final.minCoeff() >= -gap_margin * scale;

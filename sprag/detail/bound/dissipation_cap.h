@@ -1,14 +1,14 @@
-// How far a machine can be from a known admissible motion, whatever its contacts do: no event time
-// enters. Let q^ be a motion with constant gaps >= 0 under every tolerated clearance, e = q - q^,
-// v = u - u^. With the energy and a cross term, in modes of mass 1,
+// Bound on the distance of a machine from a known admissible motion, for any contact events. Let q^
+// be a motion with constant gaps >= 0 under every tolerated clearance, e = q - q^, v = u - u^. With
+// the energy and a cross term, in modes of mass 1,
 //
 //   W^2 = 1/2 |v|^2 + 1/2 |e|_K^2 + alpha v^T e =: |x - x^|_P^2,
 //   W' <= -rho W + F / sqrt 2,   F = sup |f - M q^'' - C q^' - K q^|_{M^-1} + tolerances,
 //
-// at impacts and at closed contacts W does not grow (a contact's force does no work on a gap that
-// stays, and alpha lambda w^T e = -alpha lambda g^ <= 0). rho is the least over the corners of the
-// tolerated stiffness and damping, alpha the best of a search. It needs K > 0 and C > 0, an impact
-// law that gains no energy, and supports that some q^ follows.
+// W does not grow at impacts and at closed contacts: a contact force does no work on a constant
+// gap, and alpha lambda w^T e = -alpha lambda g^ <= 0. rho is the smallest over the corners of the
+// tolerated stiffness and damping, alpha the best of a search. Requirements: K > 0, C > 0, an
+// impact law that gains no energy, and supports that some q^ can follow.
 #pragma once
 
 #include "sprag/detail/bound/energy_metric.h"
@@ -23,17 +23,16 @@ class DissipationCap {
 
   bool exists() const { return rho_ > 0.0; }
   double rho() const { return rho_; }            ///< rate of decay of W [1/s]
-  double ultimate() const { return ultimate_; }  ///< where W ends; sqrt of energy
+  double ultimate() const { return ultimate_; }  ///< limit of W for large times; sqrt of energy
 
-  /// W after another duration >= 0 [s]; infinity where the cap does not exist.
+  /// W after a duration >= 0 [s]; infinity if the cap does not exist.
   double advance(double W, double duration) const;
 
-  /// An upper bound on W where the machine is within b, in the norm of its nominal energy, of a
-  /// state at time t.
+  /// Upper bound on W of a machine within b, in the nominal energy norm, of a state at time t.
   double from_distance(double b, const ModalState& state, double t) const;
-  /// An upper bound on the distance from a state at time t, in the norm of the nominal energy.
+  /// Upper bound on the machine's distance from a state at time t, in the nominal energy norm.
   double distance(double W, const ModalState& state, double t) const;
-  /// Not more than distance(), without a state.
+  /// Lower bound on distance() over all states.
   double least_distance(double W) const { return W / root_low_; }
 
  private:
@@ -47,15 +46,15 @@ class DissipationCap {
   const EnergyMetric* metric_;
   bool admissible_ = false;
   double alpha_ = 0.0, rho_ = 0.0;
-  double root_low_ = 1.0, root_high_ = 1.0;  // of the eigenvalues of P
+  double root_low_ = 1.0, root_high_ = 1.0;  // roots of the extreme eigenvalues of P
   double force_ = 0.0, ultimate_ = 0.0;
   // q^ in modal coordinates: constant + Re sum of amplitudes e^(i Omega t).
   Eigen::VectorXd rest_;
   Eigen::MatrixXcd swing_;
 };
 
-/// The largest rate rho of the decay and its alpha, for modes omega > 0 and damping D > 0 (f x f),
-/// at all corners of the tolerances; rho = 0 where there is none.
+/// Largest decay rate rho that holds at all corners of the tolerances, and its alpha, for modes
+/// omega > 0 and damping D > 0 (f x f); rho = 0: none.
 struct Decay {
   double rho = 0.0, alpha = 0.0;
 };

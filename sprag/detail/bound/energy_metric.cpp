@@ -9,7 +9,7 @@
 namespace sprag {
 namespace {
 
-// Off-diagonal entries below this share of |D| are rounding of a decoupled machine.
+// Off-diagonal entries of D below this share of |D| are rounding.
 constexpr double damping_noise = 1e-9;
 
 }  // namespace

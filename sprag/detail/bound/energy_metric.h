@@ -1,9 +1,9 @@
-// A machine in the coordinates of its energy: natural modes of mass 1, q = Phi z, u = Phi v, with
-// x = (omega z, v) / sqrt 2, |x|^2 = 1/2 |u|_M^2 + 1/2 |q|_K^2. In them free flight is
+// Energy coordinates of a machine: natural modes of mass 1, q = Phi z, u = Phi v, with x = (omega
+// z, v) / sqrt 2 and |x|^2 = 1/2 |u|_M^2 + 1/2 |q|_K^2. Free flight is
 //
 //   z' = v,   v' = f(t) - D v - omega^2 z,   D = Phi^T C Phi,
 //
-// and an impulse Lambda on contact i adds Lambda w_i to v, w_i here being Phi^T w_i.
+// and an impulse Lambda on contact i adds Lambda w_i to v, where w_i stands for Phi^T w_i.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,13 +14,13 @@
 
 namespace sprag {
 
-/// A point of a motion in modal coordinates, f entries each, with its derivatives.
+/// State and acceleration of a motion in modal coordinates, f entries each.
 struct ModalState {
   Eigen::VectorXd z, v;
   Eigen::VectorXd acceleration;  ///< v', contact forces included
 };
 
-/// Constants of one machine. f coordinates, m contacts.
+/// Constants of one machine with f coordinates and m contacts.
 class EnergyMetric {
  public:
   /// Throws ModelError if M is not positive definite.
@@ -32,11 +32,11 @@ class EnergyMetric {
   bool decoupled() const { return decoupled_; }            ///< D is diagonal
   const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
   double omega_max() const { return omega_max_; }
-  double damping() const { return damping_; }            ///< |D|, at most
-  double rate() const { return omega_max_ + damping_; }  ///< |A|, at most [1/s]
+  double damping() const { return damping_; }            ///< upper bound on |D| [1/s]
+  double rate() const { return omega_max_ + damping_; }  ///< upper bound on |A| [1/s]
 
-  /// |omega w_i| / |w_i|, |D w_i| / |w_i| and their root of squares: how fast the direction of
-  /// contact i turns in free flight [1/s].
+  /// |omega w_i| / |w_i|, |D w_i| / |w_i| and the root of their squares' sum: rate at which the
+  /// direction of contact i turns in free flight [1/s].
   double omega_R(int contact) const { return omega_R_[contact]; }
   double omega_D(int contact) const { return omega_D_[contact]; }
   double omega_gamma(int contact) const { return omega_gamma_[contact]; }
@@ -44,26 +44,26 @@ class EnergyMetric {
   /// Constant and complex amplitudes of f(t), f and f x nf; frequencies in dynamics().
   const Eigen::VectorXd& force_constant() const { return force_constant_; }
   const Eigen::MatrixXcd& force_amplitudes() const { return force_amplitudes_; }
-  /// By how much |x| of free flight may rise in a unit of time: the largest force.
+  /// Largest growth rate of |x| in free flight, by the forces.
   double push() const { return push_; }
-  /// By how much |x'| of a motion may rise in a unit of time, clutches included: the rate of change
-  /// of what drives it, and what supports move at once.
+  /// Largest growth rate of |x'| of a motion with clutches, by the rate of change of forces and
+  /// supports; and its largest step by a moving support.
   double jerk() const { return jerk_; }
   double support_step() const { return support_step_; }
-  /// How fast the free acceleration of gap i changes with time alone, at most: force and support.
+  /// Bound on the rate of change of the free acceleration of gap i by force and support.
   double gap_jerk(int contact) const { return gap_jerk_[contact]; }
 
   /// z and v of q and u, f entries each. Do not allocate.
   void displacements(const Eigen::VectorXd& q, Eigen::VectorXd& z) const;
   void enter(const Eigen::VectorXd& q, const Eigen::VectorXd& u, ModalState& state) const;
-  /// acceleration of a state without contact forces at time t, and with those of `motion`.
+  /// Sets the acceleration of a state at time t without contact forces, or with those of `motion`.
   void accelerate(double t, ModalState& state) const;
   void accelerate(const Motion& motion, ModalState& state) const;
   /// D v, f entries.
   void damp(const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::VectorXd& Dv) const;
 
   const Dynamics& dynamics() const { return *dynamics_; }
-  /// Rows of z = to_modes() q; back, q = from_modes() z.
+  /// z = to_modes() q, q = from_modes() z.
   const Eigen::MatrixXd& to_modes() const { return to_modes_; }
   const Eigen::MatrixXd& from_modes() const { return from_modes_; }
 

@@ -13,15 +13,15 @@
 namespace sprag {
 namespace {
 
-// Roundings of a state from one event to the next, in ulps: generous.
+// Generous estimate of a state's rounding from one event to the next, in ulps.
 constexpr double state_ulps = 64.0;
-// Of an event's time, which moves a state by omega times as much.
+// Rounding of an event's time, in ulps; it moves a state by omega times as much.
 constexpr double time_ulps = 4.0;
 
-// The master pulls to rest what parts with a velocity of the size of its acceleration times the
-// rest of a chatter, and moves to the support what it takes for a touch.
+// The master holds contacts that open with a velocity of about their acceleration times a chatter's
+// remainder, and moves touching contacts to their supports. Factor on both effects.
 constexpr double tolerated = 8.0;
-constexpr double window = 16.0;  // rests of a chatter, of contacts that are completed together
+constexpr double window = 16.0;  // duration of a joint chatter, in remainders
 
 double quadratic_form(const Eigen::MatrixXd& A, bool diagonal, const Eigen::VectorXd& x) {
   if (diagonal) return (A.diagonal().array() * x.array().square()).sum();
@@ -30,7 +30,7 @@ double quadratic_form(const Eigen::MatrixXd& A, bool diagonal, const Eigen::Vect
   return sum;
 }
 
-/// Velocities of `contacts` in a motion.
+/// Gap velocities of `contacts` in a motion, ascending.
 ContactVector gap_velocities(ContactSet contacts, const Motion& motion) {
   ContactVector gamma(std::popcount(contacts));
   Eigen::Index row = 0;
@@ -41,7 +41,8 @@ ContactVector gap_velocities(ContactSet contacts, const Motion& motion) {
   return gamma;
 }
 
-/// Lambda with z + G Lambda the nearest point to z with gamma >= 0, and = 0 in the rows `held`.
+/// Finds Lambda such that z + G Lambda is the nearest point to z with gamma >= 0, and gamma = 0 in
+/// the rows `held`.
 Solved to_rest(const ContactMatrix& G, ContactSet held, const ContactVector& z,
                ContactVector& Lambda) {
   const ContactSet all = bit(static_cast<int>(z.size())) - 1;
@@ -59,7 +60,7 @@ Solved to_rest(const ContactMatrix& G, ContactSet held, const ContactVector& z,
   });
   Eigen::Index i = 0;
   for_each(held, [&](int row) { z_held[i++] = z[row]; });
-  // What the held ones take when the others do nothing, and when these push.
+  // Impulses on the held rows without impulses on the others, then with them.
   if (arrest(G_held, z_held, solved) != Solved::yes) return Solved::dependent;
   z_rest += across.transpose() * solved;
   ContactMatrix remaining = of_contacts(G, rest);
@@ -78,7 +79,7 @@ Solved to_rest(const ContactMatrix& G, ContactSet held, const ContactVector& z,
   return Solved::yes;
 }
 
-/// Those of `of` as rows of `among`.
+/// Row numbers of the contacts `of` among the contacts `among`.
 ContactSet rows_of(ContactSet of, ContactSet among) {
   ContactSet rows = 0;
   int row = 0;
@@ -137,7 +138,7 @@ double ErrorBound::bound(const ErrorBoundState& state, double initial, Instant t
   const double tau = free ? t - state.free_since : 0.0;
   const double b =
       std::sqrt(flight_.square_at_node(tau)) * (std::sqrt(initial * state.share) + state.remainder);
-  // sqrt(2 E) rises by the forces alone.
+  // sqrt(2 E) grows by the forces alone.
   const double moving = b + std::sqrt(state.energy) + force_ * tau;
   return square(b + state_ulps * machine_epsilon * moving);
 }
@@ -174,8 +175,8 @@ void ErrorBound::strike(ContactSet before, ContactSet closing, ContactSet chi,
   Eigen::Index row = 0;
   for_each(closed, [&](int i) { own[row++] = of(i); });
   ContactVector compression, Lambda, after;
-  // Square root of the energy from what the replica's law makes of this impact to what one
-  // restitution for all makes of it, with `resting` brought to rest.
+  // Root of the energy between two results of this impact: by the replica's law, and by one
+  // restitution for all contacts with `resting` brought to rest.
   const bool solved = solve_lcp(G, gamma, compression, after) == Solved::yes &&
                       impact(ImpactLaw::poisson, G, own, gamma, Lambda, after) == Solved::yes;
   if (solved) compression *= 1.0 + common;
@@ -194,7 +195,7 @@ void ErrorBound::strike(ContactSet before, ContactSet closing, ContactSet chi,
   const bool all_stay_beside_one = (closed & ~(chi & outside)) == 0 && std::popcount(held) == 1;
   double d = 0.0;
   if (unlike && !all_stay_beside_one) d = (held & ~outside) == 0 ? departure(held) : infinity;
-  // The master may have pulled to rest what hardly parted and stays closed.
+  // The master may have held contacts that barely opened.
   const double share = tolerated * spread(closed);
   if (share == infinity) {
     state.remainder = infinity;
@@ -203,15 +204,15 @@ void ErrorBound::strike(ContactSet before, ContactSet closing, ContactSet chi,
   const double rest = chatter_rest(motion.t);
   const double pulled =
       std::min(departure(closed & chi & outside), d + share * rest * acceleration(state.energy));
-  // Several that throw the machine to and fro are completed with a gap left.
+  // Contacts of a joint chatter are completed with a remaining gap.
   const bool wedge = std::popcount(closing) > 1;
   const double gap = wedge ? window * rest * std::sqrt(2.0 * state.energy) : 0.0;
   state.remainder +=
       std::max(d, pulled) + share * flight_.omega_max() * (gap + shift(closed, motion));
 }
 
-// Velocities of one contact at a time up to sqrt(G_ii) have an energy of 1/2; those of all at once
-// of the square of this at most, in every combination of signs.
+// Gap velocities up to sqrt(G_ii) have an energy of 1/2 for one contact alone. For all contacts
+// together their energy is at most the square of this, for all combinations of signs.
 double ErrorBound::spread(ContactSet closed) const {
   ContactMatrix G = of_contacts(flows_->dynamics().G(), closed);
   const ContactVector root = G.diagonal().cwiseSqrt();
@@ -224,7 +225,7 @@ double ErrorBound::spread(ContactSet closed) const {
   return std::sqrt(0.5 * static_cast<double>(G.rows())) * inverse.norm();
 }
 
-// How far, at most, the master moves to the support what it takes for a touch.
+// Largest distance by which the master moves a touching contact to its support.
 double ErrorBound::shift(ContactSet closed, const Motion& motion) const {
   double largest = 0.0;
   for_each(closed & ~motion.flow->locked(), [&](int i) {

@@ -7,9 +7,9 @@
 namespace sprag {
 namespace {
 
-// Roundings of one map of P, generous.
+// Generous estimate of the rounding of one map of P.
 constexpr double map_rounding = 1e-9;
-// The radius by the 2^4th power of P: at most n^(1/32) times too large.
+// The radius is computed from P^(2^4): at most n^(1/32) times too large.
 constexpr int squarings = 4;
 
 }  // namespace
@@ -19,7 +19,7 @@ ErrorEllipsoid::ErrorEllipsoid(const EnergyMetric& metric, const Flow& free)
   const Eigen::Index f = metric.coordinates();
   const Eigen::Index n = 2 * f;
   const double root_two = std::sqrt(2.0);
-  // Rigid motions have no displacement in x.
+  // Rigid motions have no displacement component in x.
   const Eigen::VectorXd& omega = metric.omega();
   const Eigen::VectorXd inverse = (omega.array() > 0.0).select(omega.cwiseInverse(), 0.0);
   Eigen::MatrixXd q = Eigen::MatrixXd::Zero(f, n);
@@ -87,8 +87,8 @@ void ErrorEllipsoid::add(const Eigen::VectorXd& v) {
   is_point_ = false;
 }
 
-// The largest eigenvalue of P is at most the k-th root of the trace of P^k, and P^k has the same
-// trace as its repeated squares.
+// The largest eigenvalue of P is at most the k-th root of the trace of P^k. Repeated squaring gives
+// P^k.
 void ErrorEllipsoid::update_radius() {
   double root = 1.0;
   double value = 1.0;

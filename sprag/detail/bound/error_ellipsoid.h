@@ -1,6 +1,6 @@
-// A set of error states in the coordinates x = (omega z, v) / sqrt 2 of energy_metric.h, |x|^2 the
-// energy: the ellipsoid { P^(1/2) y : |y| <= 1 }. Free flight and impacts are linear maps of
-// it. A segment is added to it by the ellipsoid of least trace that contains the sum:
+// Set of error states in the coordinates x = (omega z, v) / sqrt 2 of energy_metric.h, |x|^2 the
+// energy: the ellipsoid { P^(1/2) y : |y| <= 1 }. Free flight and impacts map it linearly. The sum
+// with a segment is enclosed by the ellipsoid of least trace:
 //
 //   P -> (1 + p) P + (1 + 1 / p) v v^T,   p = |v| / sqrt(tr P),
 //
@@ -15,24 +15,25 @@
 
 namespace sprag {
 
-/// Of a machine with f coordinates; P has 2 f rows. Nothing but the constructor allocates.
+/// For a machine with f coordinates; P has 2 f rows. Only the constructor allocates.
 class ErrorEllipsoid {
  public:
-  /// `free` is the flow of no locked contact. Both must outlive this.
+  /// `free` is the flow without locked contacts. Both must outlive this.
   ErrorEllipsoid(const EnergyMetric& metric, const Flow& free);
 
-  void clear();  ///< to the point 0
+  void clear();  ///< makes it the point 0
   /// Free flight of length tau >= 0 [s]. O(f^3).
   void fly(double tau);
-  /// x -> x - (1 + epsilon) n gamma(x): an impact of one contact that touches all of the set.
+  /// x -> x - (1 + epsilon) n gamma(x): an impact of one contact that every state of the set has.
   void impact(int contact, double epsilon);
   /// Adds the segment from -v to v, 2 f entries.
   void add(const Eigen::VectorXd& v);
 
-  /// The largest |x| in it, at most. O(1): fly(), impact() and add() leave it to update_radius().
+  /// Upper bound on |x| in the set, as of the last update_radius(); fly(), impact() and add() do
+  /// not update it.
   double radius() const { return radius_; }
   void update_radius();  ///< O(f^3)
-  /// The largest |gamma(x)| of a contact in it.
+  /// Largest |gamma(x)| of a contact in the set.
   double largest_gap_velocity(int contact) const;
 
  private:

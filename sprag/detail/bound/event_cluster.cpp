@@ -14,7 +14,7 @@ void EventCluster::close_windows(double t) {
 
 bool EventCluster::add(const OpenWindow& window) {
   if (open == windows.size()) {
-    // Of one contact two windows become one that lasts as long as the later.
+    // Two windows of one contact become one that ends with the later.
     OpenWindow& last = windows[open - 1];
     if (last.contact != window.contact) return false;
     last.end = std::max(last.end, window.end);

@@ -11,7 +11,7 @@
 namespace sprag {
 namespace {
 
-// Eigenvalues of scaled matrices of contacts below this share of the largest are rounding.
+// Eigenvalues of scaled contact matrices below this share of the largest are rounding.
 constexpr double dependent = 1e-10;
 
 }  // namespace
@@ -29,7 +29,8 @@ Approach approach(const Motion& free, int contact, double delta) {
 EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, SingleEvent kind,
                       int contact, double epsilon, const Approach& approach, double rho) {
   const double root = std::sqrt(2.0 * metric.dynamics().G()(contact, contact));
-  // The path parts from the contact all the time: neither machine nor replica is hit.
+  // The path moves away from the contact in the whole window: neither machine nor replica has an
+  // impact.
   if (approach.slowest > root * rho) return {};
   const double g = approach.fastest + root * rho;
   const double widened = root * metric.omega_gamma(contact) * rho;

@@ -1,5 +1,5 @@
-// What one reported event can add to the error of a replica, in sqrt of energy: an impact, a
-// closing or an opening of a contact that happened up to delta earlier or later than reported.
+// Terms that one reported event can add to the error of a replica, in sqrt of energy: an impact, a
+// closing or an opening that happened up to delta earlier or later than reported.
 //
 // Let Z be the map of the event (impact, closing or opening of the clutch) and F the flows before
 // and after it. If the event moves in time, the end state moves by c = F(Z y) - DZ F(y) at most,
@@ -11,10 +11,10 @@
 //   closes   D = delta hypot(w_R g, a+ + w_D g),            J = g
 //   opens    D = delta sup (gamma'_free)^-,                 J = 0
 //
-// and E = d_eps g of an impact; g = sup gamma^-, a = sup |gamma'| over the window of
-// +- delta, widened by the path's distance rho from the replica inside a cluster. Else (several
-// contacts at once, or others closed) the path's own speed bounds D, and projections are used:
-// Poisson's law with one epsilon is (1 + eps) P - eps, P the nearest point with gamma >= 0.
+// and E = d_eps g of an impact; g = sup gamma^-, a = sup |gamma'| over the window of +- delta,
+// widened by the path's distance rho from the replica inside a cluster. Else (several contacts at
+// once, or others closed) the path's own speed bounds D, and projections are used: Poisson's law
+// with one epsilon is (1 + eps) P - eps, P the nearest point with gamma >= 0.
 #pragma once
 
 #include "sprag/detail/bound/energy_metric.h"
@@ -26,15 +26,14 @@ namespace sprag {
 
 /// sqrt of energy each.
 struct EventCost {
-  double D = 0.0;  ///< the time is off: stays
-  double J = 0.0;  ///< the machine has had the event and the replica has not, or the reverse: in
-                   ///< the window only
-  double E = 0.0;  ///< the restitution is off: stays
-  double approach = 0.0;  ///< sup gamma^- / sqrt(2 G): what is left to take away
+  double D = 0.0;         ///< time error; permanent
+  double J = 0.0;         ///< only one of machine and replica has had the event; in the window only
+  double E = 0.0;         ///< restitution error; permanent
+  double approach = 0.0;  ///< sup gamma^- / sqrt(2 G), in sqrt of energy
 };
 
-/// Gap velocity and acceleration of a contact about an event, on the free branch through the
-/// replica's state just before it.
+/// Ranges of a contact's gap velocity and acceleration in an event's window, on the free branch
+/// through the replica's state just before the event.
 struct Approach {
   double fastest = 0.0;  ///< sup gamma^-
   double slowest = 0.0;  ///< inf gamma
@@ -49,8 +48,8 @@ Approach approach(const Motion& free, int contact, double delta);
 
 enum class SingleEvent { impact, closes };
 
-/// An impact or a closing of one contact with nothing else closed. `rho`: distance of the path from
-/// the replica, sqrt of energy; `epsilon` the replica's.
+/// Cost of an impact or a closing of one contact with no other closed. `rho`: distance of the path
+/// from the replica, sqrt of energy; `epsilon`: the replica's restitution.
 EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, SingleEvent kind,
                       int contact, double epsilon, const Approach& approach, double rho);
 
@@ -59,11 +58,12 @@ EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, Si
 EventCost opening_cost(const EnergyMetric& metric, const Tolerance& tolerance, int contact,
                        double free_acceleration, double speed, double rho);
 
-/// sqrt of the energy from a state to the nearest one with gamma >= 0 in `contacts`, gap velocities
-/// in ascending order of contacts; infinity where the directions depend on each other.
+/// Distance, in sqrt of energy, from a state to the nearest state with gamma >= 0 in `contacts`;
+/// gap velocities in ascending order of contacts. Infinity if the directions are linearly
+/// dependent.
 double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const ContactVector& gamma);
 
-/// The largest epsilon of the contacts, 0 without any.
+/// Largest epsilon of the contacts; 0 without contacts.
 double largest_restitution(const Model& model);
 
 /// \brief How many times an impact of these contacts can expand the distance of two states, at
@@ -76,11 +76,11 @@ double largest_restitution(const Model& model);
 /// on each other.
 double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double epsilon);
 
-/// The root of that condition number.
+/// Root of that condition number.
 double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts);
 
-/// How many times an impulse's own length the tolerated restitutions can be off, per unit of
-/// restitution, where several contacts take part: sup of sum Lambda_i sqrt(G_ii) / |Lambda|_G.
+/// Effect of restitution errors on an impulse of several contacts, relative to its length and per
+/// unit of restitution: sup of sum Lambda_i sqrt(G_ii) / |Lambda|_G.
 double restitution_spread(const Eigen::MatrixXd& G, ContactSet contacts);
 
 }  // namespace sprag

@@ -57,8 +57,8 @@ void FirstOrderBound::look(const ModalState& replica, const DefectNode& node, do
 
 void FirstOrderBound::step(const ModalState& replica, const DefectNode& node, double t) {
   const double duration = t - node_t_;
-  // The norms of x'' rise by what drives them alone, from node to node: those of xi by B (x_s + m)
-  // and those of m by B xi. |B x''| bounds the second rate of |B x|.
+  // From node to node the norms of x'' grow only by their inputs: that of xi by B (x_s + m), that
+  // of m by B xi. |B x''| bounds the second rate of |B x|.
   const double path = acceleration_ + duration * std::sqrt(0.5) * defect_->force_second();
   double curvature = 0.0;
   for (std::size_t j = 0; j < pairs_.size(); ++j) {
@@ -127,7 +127,7 @@ bool FirstOrderBound::impact(const LoneImpact& impact, double D_factor, double E
   return true;
 }
 
-// c and n gamma^-, and delta^2 / 2 |A c| into b.
+// Adds the segments c and n gamma^- to the ellipsoid, and delta^2 / 2 |A c| to b.
 void FirstOrderBound::add_shifts(const LoneImpact& impact, double D_factor, double E_factor) {
   const Eigen::Index f = metric_->coordinates();
   const int i = impact.contact;

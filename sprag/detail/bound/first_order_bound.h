@@ -1,10 +1,10 @@
-// The distance b between machine and replica with its terms of first order kept apart: not a number
-// that only adds up, but a set that free flights and impacts rotate and shrink. The machine is at
+// Distance between machine and replica with its first-order terms in a set that free flights and
+// impacts rotate and contract, instead of a sum of norms. The machine is at
 //
 //   x_m = x_s + e + sum_j theta_j xi_j + a rest of length b,   e in an ellipsoid, |theta_j| <= 1.
 //
-// e holds what event times and restitutions do (error_ellipsoid.h), xi_j what a constant factor
-// on K or C does (parameter_pair.h), and b what is of second order, a force, and the start:
+// e contains the effect of event times and restitutions (error_ellipsoid.h), xi_j that of a
+// constant factor on K or C (parameter_pair.h), and b the second-order terms, force and start:
 //
 //   flight of length tau   b -> sigma(tau) b + int rho_2 dt + |B| |e| tau
 //     rho_2 = sum_i |B_i m_i| + sum_ij |B_i xi_j| + eta / sqrt 2
@@ -15,9 +15,10 @@
 //            + d_eps (r_gamma + delta (omega_gamma g + a) |n|) + 4 delta sup |rho|
 //
 // with r the radius of e + sum theta_j xi_j, r_gamma |n| its largest gap velocity, g = sup gamma^-
-// and a = sup |gamma'|. In the window the machine is taken as the nominal one, which costs the
-// defect rho of first order (model_defect.h) of both paths, twice. Everywhere else (clusters,
-// closings, openings, joint impacts) the set is given up for the one number (bound_tracker.h).
+// and a = sup |gamma'|. In the window the machine is replaced by the nominal one, which adds the
+// first-order defect rho (model_defect.h) of both paths, twice. All other events (clusters,
+// closings, openings, joint impacts) end the set; its bound is then a single number
+// (bound_tracker.h).
 #pragma once
 
 #include <optional>
@@ -30,55 +31,56 @@
 
 namespace sprag {
 
-/// A reported impact of one contact with nothing else closed.
+/// A reported impact of one contact with no other closed.
 struct LoneImpact {
   int contact = 0;
   double epsilon = 0.0;
   double t = 0.0;
   Approach near;            ///< on the free branch through the replica
   double gamma = 0.0;       ///< just before it
-  double gamma_rate = 0.0;  ///< the same
-  double defect = 0.0;      ///< first-order defect of the replica's paths in the window, at most
-  double shift = 0.0;       ///< what it adds to b as one number: D + E of event_cost.h
+  double gamma_rate = 0.0;  ///< gamma' just before it
+  double defect = 0.0;  ///< bound on the first-order defect of the replica's paths in the window
+  double shift = 0.0;   ///< D + E of event_cost.h
   double rounding = 0.0;
 };
 
-/// All lengths in sqrt of energy. Nothing but the constructor allocates.
+/// All lengths in sqrt of energy. Only the constructor allocates.
 class FirstOrderBound {
  public:
-  /// Machines of more coordinates do without: an event costs O(f^3).
+  /// Machines with more coordinates do not use it: an event costs O(f^3).
   static constexpr Eigen::Index most_coordinates = 16;
 
   /// Throws ModelError. `metric`, `defect` and `free` must outlive this.
   FirstOrderBound(const EnergyMetric& metric, const ModelDefect& defect, const Flow& free,
                   const Tolerance& tolerance);
 
-  /// Few enough coordinates, and some deviation is kept apart.
+  /// Whether the machine has few enough coordinates and some tolerance has first-order terms.
   bool exists() const { return exists_; }
   bool active() const { return active_; }
   void stop() { active_ = false; }
-  /// The set becomes the point 0 at t; q and u of the replica, f entries each.
+  /// Starts with the point 0 and the rest b at t; q and u of the replica, f entries each.
   void start(double b, const Eigen::VectorXd& q, const Eigen::VectorXd& u, double t);
 
-  /// The integral of rho_2 begins at t, or goes on to t in free flight; `replica` and `node` there.
+  /// Starts the integral of rho_2 at t (look), or continues it to t in free flight (step);
+  /// `replica` and `node` at t.
   void look(const ModalState& replica, const DefectNode& node, double t);
   void step(const ModalState& replica, const DefectNode& node, double t);
-  /// The bound on |x_m - x_s| at t, where the integral is, sigma the contraction since the last
-  /// window or start.
+  /// Bound on |x_m - x_s| at t, the end of the integral; sigma: contraction since the last window
+  /// or start.
   double distance(double sigma, double t) const;
-  /// The part of it that is no set.
+  /// Part of distance() outside of the set.
   double rest(double sigma, double t) const;
-  /// Ends a flight at t: later contractions count from there.
+  /// Ends a flight at t; later contractions count from t.
   void settle(double sigma, double t);
 
   /// Moves the set to an impact at t; `replica` just before it.
   void arrive(const ModalState& replica, double t);
-  /// After arrive(): the set through the impact, valid at the end of its window; false: some of the
-  /// set may miss the contact, and the set is as it was.
+  /// After arrive(): maps the set through the impact to the end of its window. Returns false and
+  /// leaves the set unchanged if some state of it may miss the contact.
   bool impact(const LoneImpact& impact, double D_factor, double E_factor);
 
  private:
-  /// Of one pair at a point of the path.
+  /// Norms of one pair at a point of the path.
   struct PairNode {
     double xi = 0.0, m = 0.0;  ///< |xi''|, |m''|
   };
@@ -92,9 +94,9 @@ class FirstOrderBound {
   std::optional<ErrorEllipsoid> ellipsoid_;
   std::vector<ParameterPair> pairs_;
   double b_ = 0.0, integral_ = 0.0;
-  double since_ = 0.0;         // b and its contraction count from here
-  double ellipsoid_t_ = 0.0;   // the ellipsoid is of this time
-  double node_t_ = 0.0;        // of the rest
+  double since_ = 0.0;         // start time of b and of its contraction
+  double ellipsoid_t_ = 0.0;   // time of the ellipsoid
+  double node_t_ = 0.0;        // time of the other members
   double density_ = 0.0;       // rho_2
   double acceleration_ = 0.0;  // |x_s''|
   std::vector<PairNode> nodes_;

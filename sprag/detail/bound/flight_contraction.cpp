@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-// Roundings of a flight, in ulps: generous.
+// Generous estimate of a flight's rounding.
 constexpr double flight_rounding = 64.0 * machine_epsilon;
 
 }  // namespace
@@ -33,7 +33,7 @@ FlightContraction::FlightContraction(const Flows& flows, double damping_factor) 
     oscillators_ = Oscillators(damping_factor * of_free.delta(), of_free.kappa());
     omega_max_ = oscillators_.root_kappa().segment(frequencies_, modes_).maxCoeff();
     damping_ = 2.0 * oscillators_.delta().maxCoeff();
-    // As of the energy (energy.h), which does not see them either.
+    // Rigid motions as in energy.h, where they have no potential energy.
     const double noise =
         free.path() == FlowPath::modal ? static_cast<double>(modes_) * machine_epsilon : 0.0;
     rigid_ = std::sqrt(noise) * omega_max_;
@@ -48,7 +48,7 @@ double FlightContraction::square(double tau) {
   double largest = 0.0;
   for (Eigen::Index i = frequencies_; i < frequencies_ + modes_; ++i) {
     const double omega = oscillators_.root_kappa()[i];
-    // In (omega z, v), whose length is the energy; without stiffness in v alone.
+    // In (omega z, v), whose length is the root of the energy; without stiffness in v alone.
     const bool rigid = omega <= rigid_;
     const double zz = rigid ? 0.0 : kernels_.zz[i];
     const double vz = rigid ? 0.0 : kernels_.vz[i] / omega;
@@ -90,7 +90,7 @@ ToleratedContraction::ToleratedContraction(const Flows& flows, const Tolerance& 
   constexpr int nodes = 5;
   const double spacing = (high - low) / (nodes - 1);
   for (int i = 0; i < nodes; ++i) nodes_.emplace_back(flows, low + spacing * i);
-  // The last of them has the largest damping.
+  // The last node has the largest damping.
   margin_ = 0.5 * spacing * nodes_.back().damping() / high;
 }
 

@@ -59,7 +59,8 @@ void Guarantee::check(bool settled, const Eigen::VectorXd& q_replica,
   }
 }
 
-// About what is shown, which may be the filter's: the replica is in the middle of the bound's.
+// Widens the bound's band about the replica to a band about the shown estimate, which may be the
+// filter's.
 void Guarantee::set_widths(const Eigen::VectorXd& q_replica, const Eigen::VectorXd& u_replica,
                            const Eigen::VectorXd& q, const Eigen::VectorXd& u,
                            Confidence& confidence) {

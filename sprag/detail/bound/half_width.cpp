@@ -7,7 +7,7 @@
 namespace sprag {
 namespace {
 
-// Shares of a direction along a rigid motion below this are rounding.
+// A share of a direction along a rigid motion below this is rounding.
 constexpr double rigid_share = 1e-9;
 
 }  // namespace

@@ -1,6 +1,5 @@
-// A bound on the error energy as lengths: of all errors with V <= B, a linear functional c^T q of
-// the displacements is at most sqrt(2 B c^T K^-1 c), and c^T u of the velocities sqrt(2 B c^T M^-1
-// c).
+// Half-widths from a bound on the error energy: for all errors with V <= B, |c^T q| <= sqrt(2 B c^T
+// K^-1 c) and |c^T u| <= sqrt(2 B c^T M^-1 c).
 #pragma once
 
 #include <Eigen/Core>
@@ -9,8 +8,8 @@
 
 namespace sprag {
 
-/// Half-widths per sqrt B of the f coordinates, the m gaps and the model's outputs. Infinite where
-/// a rigid motion, which V does not contain, moves the quantity.
+/// Half-widths per sqrt B of the f coordinates and velocities, the m gaps and the model's outputs.
+/// Infinite for a quantity that a rigid motion moves, because V does not contain that motion.
 class HalfWidths {
  public:
   HalfWidths() = default;
@@ -25,7 +24,7 @@ class HalfWidths {
   Eigen::VectorXd q_, u_, gaps_, outputs_;
 };
 
-/// factor sqrt(B) with 0 times infinity 0 and infinity where either is not known.
+/// factor sqrt(B), with 0 times infinity = 0.
 double half_width(double factor, double bound);
 
 }  // namespace sprag

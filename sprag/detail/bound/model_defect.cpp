@@ -11,7 +11,8 @@ namespace {
 const double root_half = std::sqrt(0.5);
 const double root_two = std::sqrt(2.0);
 
-// Of 1 / |A|: what the trapezoidal rule then leaves is some percent of the fastest mode's share.
+// Step as a share of 1 / |A|. The error of the trapezoidal rule is then some percent of the fastest
+// mode's share.
 constexpr double step_share = 0.4;
 
 }  // namespace
@@ -66,7 +67,7 @@ DefectNode ModelDefect::node(const ModalState& state, double t, bool free) {
 double ModelDefect::free_step(const DefectNode& from, const DefectNode& to, double duration) const {
   const double trapezoid = 0.5 * duration * (from.density + to.density);
   if (lipschitz_ == 0.0) return trapezoid;
-  // |x''| rises by the forces alone, and |x'''| <= |A| |x''| + |f''| / sqrt 2.
+  // |x''| grows by the forces alone, and |x'''| <= |A| |x''| + |f''| / sqrt 2.
   const double half = 0.5 * duration;
   const double second = from.acceleration + duration * root_half * force_second_;
   const double third = metric_->rate() * second + root_half * force_second_;

@@ -1,9 +1,9 @@
-// By how much the replica's path fails to be a motion of a machine within the tolerances: the
-// residual rho = dC u + dK q - df in the norm of M^-1, which lets the error b grow by
+// Defect of the replica's path as a motion of a machine within the tolerances: the residual rho =
+// dC u + dK q - df in the norm of M^-1. It increases the error b by
 //
 //   I = int (k |K q|_{M^-1} + c |C u|_{M^-1} + eta) / sqrt 2 dt
 //
-// along the path, whatever the machine.
+// along the path, for every machine within the tolerances.
 #pragma once
 
 #include "sprag/detail/bound/energy_metric.h"
@@ -11,7 +11,7 @@
 
 namespace sprag {
 
-/// The defect at one point of a path, and what bounds it nearby.
+/// Defect at one point of a path, and quantities that bound its change.
 struct DefectNode {
   double density = 0.0;       ///< the integrand
   double speed = 0.0;         ///< |x'|, energy norm
@@ -23,22 +23,22 @@ class ModelDefect {
  public:
   ModelDefect(const EnergyMetric& metric, const Tolerance& tolerance);
 
-  /// False: nothing of the model is off, the integral is zero.
+  /// False: no model tolerance, so that the integral is zero.
   bool any() const { return any_; }
-  double longest_step() const { return longest_step_; }  ///< between nodes of an integral [s]
+  double longest_step() const { return longest_step_; }  ///< of an integral [s]
 
-  /// Of a state whose acceleration is known. `free`: no contact is closed. Does not allocate.
+  /// Defect at a state with known acceleration. `free`: no contact is closed. Does not allocate.
   DefectNode node(const ModalState& state, double t, bool free);
 
-  /// The integral over a step between two nodes of free flight: the trapezoidal rule, which bounds
-  /// it but for the curvature of K q and C u.
+  /// Bound on the integral over a step between two nodes of free flight: the trapezoidal rule, plus
+  /// its error by the curvature of K q and C u.
   double free_step(const DefectNode& from, const DefectNode& to, double duration) const;
-  /// The same where clutches may switch inside: by the speed of the path alone.
+  /// The same for a step in which clutches may switch, by the speed of the path alone.
   double closed_step(const DefectNode& from, double duration) const;
 
   /// Largest growth of the density along a path of unit speed [1/s].
   double lipschitz() const { return lipschitz_; }
-  /// |f''| of the nominal force, at most, norm of M^-1.
+  /// Bound on |f''| of the nominal force, norm of M^-1.
   double force_second() const { return force_second_; }
 
  private:
@@ -46,7 +46,7 @@ class ModelDefect {
   Tolerance tolerance_;
   bool any_ = false;
   double longest_step_ = 0.0, lipschitz_ = 0.0;
-  double force_second_ = 0.0;  // |f''|, norm of M^-1
+  double force_second_ = 0.0;  // bound on |f''|, norm of M^-1
   Eigen::VectorXd scratch_, jerk_;
 };
 

@@ -43,7 +43,7 @@ void ParameterPair::start(const Eigen::VectorXd& q, const Eigen::VectorXd& u, do
     (*flows_[k])[0].enter(q, u, at(t), no_gaps_, motion_[k]);
 }
 
-// The acceleration by which the factor at its upper limit changes that of a motion.
+// Change of a motion's acceleration by the factor at its upper limit.
 void ParameterPair::change(const Eigen::VectorXd& of_z, const Eigen::VectorXd& of_v,
                            Eigen::VectorXd& out) const {
   if (factor_ == ToleratedFactor::stiffness) {
@@ -76,7 +76,7 @@ void ParameterPair::look(double t, const ModalState& replica) {
       m_.v += 0.5 * v_;
     }
   }
-  // v' = -D v - omega^2 z + the change of what the other of xi and x_s + m is, and once more.
+  // v' = -D v - omega^2 z + change(x_s + m) for xi, + change(xi) for m; and the derivative of both.
   const auto free = [&](const Eigen::VectorXd& z, const Eigen::VectorXd& v, Eigen::VectorXd& out) {
     metric_->damp(v, scratch_);
     out -= scratch_ + metric_->omega().cwiseAbs2().cwiseProduct(z);

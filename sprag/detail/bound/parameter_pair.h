@@ -1,11 +1,11 @@
 // A constant factor on K or C at both ends of its tolerance: two motions x+ and x- in free flight
-// that start where the replica x_s is and take its impacts. With B the tolerated change of the
+// that start at the replica's state x_s and have its impacts. With B the tolerated change of the
 // machine's matrix A, xi = (x+ - x-) / 2 and m = (x+ + x-) / 2 - x_s,
 //
 //   xi' = A xi + B (x_s + m),   m' = A m + B xi,
 //
-// so that a machine with the factor theta, |theta| <= 1, moves along x_s + theta xi but for
-// terms of second order in the tolerance.
+// so that a machine with the factor theta, |theta| <= 1, moves along x_s + theta xi up to
+// second-order terms in the tolerance.
 #pragma once
 
 #include <array>
@@ -18,29 +18,30 @@ namespace sprag {
 
 enum class ToleratedFactor { stiffness, damping };
 
-/// A difference of two motions in free flight, modal coordinates, f entries each.
+/// Difference of two motions in free flight, modal coordinates, f entries each.
 struct MotionDifference {
   Eigen::VectorXd z, v, acceleration, jerk;
 
   void resize(Eigen::Index f);
 };
-/// |x| and |x''| of it in the energy norm.
+/// |x| and |x''| in the energy norm.
 double length(const EnergyMetric& metric, const MotionDifference& x);
 double second_rate(const EnergyMetric& metric, const MotionDifference& x);
 
 class ParameterPair {
  public:
-  /// \param limit of the factor, > 0. `metric` must outlive this. Throws ModelError.
+  /// \param limit tolerance of the factor, > 0. `metric` must outlive this. Throws ModelError.
   ParameterPair(const EnergyMetric& metric, ToleratedFactor factor, double limit);
 
-  /// |B|, at most [1/s].
+  /// Upper bound on |B| [1/s].
   double rate() const { return rate_; }
 
   /// Puts both motions at (q, u), f entries each, at t [s].
   void start(const Eigen::VectorXd& q, const Eigen::VectorXd& u, double t);
-  /// xi and m at t, not before the last start or impact. \param replica its state there.
+  /// Computes xi and m at t, not before the last start or impact. \param replica state of the
+  /// replica at t.
   void look(double t, const ModalState& replica);
-  /// An impact of one contact on both motions at the time t, whatever their gap velocities are.
+  /// Applies an impact of one contact to both motions at time t, for any gap velocities.
   void impact(int contact, double epsilon, double t);
 
   const MotionDifference& xi() const { return xi_; }
@@ -54,7 +55,7 @@ class ParameterPair {
   const EnergyMetric* metric_;
   ToleratedFactor factor_;
   double limit_, rate_;
-  std::array<std::unique_ptr<Flows>, 2> flows_;  // of the upper and the lower limit
+  std::array<std::unique_ptr<Flows>, 2> flows_;  // for the upper and the lower limit
   std::array<Motion, 2> motion_, moved_;
   MotionDifference xi_, m_;
   Eigen::VectorXd q_, u_, z_, v_, scratch_;

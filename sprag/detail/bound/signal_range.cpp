@@ -7,7 +7,7 @@
 namespace sprag {
 namespace {
 
-// Largest derivatives of one drive's force, 0 to 3, at any time.
+// Bounds over all times on the derivatives 0 to 3 of one drive's force.
 std::array<double, 4> drive_amplitudes(const Drive& drive, const Motion& motion) {
   const Oscillators& o = motion.flow->oscillators();
   const double Omega = o.root_kappa()[drive.source];
@@ -23,13 +23,13 @@ std::array<double, 4> drive_amplitudes(const Drive& drive, const Motion& motion)
   return all;
 }
 
-// Bounds of |phi''| and |phi'''| that one oscillator adds over the window.
+// Contribution of one oscillator to the bounds of |phi''| and |phi'''| over the window.
 struct Added {
   double second = 0.0, third = 0.0;
 };
 
 struct OscillatorForces {
-  double value = 0.0, rate = 0.0, second = 0.0;  // now
+  double value = 0.0, rate = 0.0, second = 0.0;  // at the motion's time
   std::array<double, 4> largest{};
 };
 

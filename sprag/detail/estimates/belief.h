@@ -1,5 +1,5 @@
-// Mean and a square root S of the covariance of the state (q, u) at an instant, P = S S^T, and a
-// measurement of it.
+// Belief about the state (q, u) at an instant: mean and a square root S of the covariance P = S
+// S^T; and its update by a scalar measurement.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,12 +13,12 @@ struct Belief {
   Eigen::Index columns = 0;
 };
 
-/// A measurement of standard deviation below this share of its terms says nothing but their
-/// rounding.
+/// A smaller standard deviation of a measurement, as a share of its terms, is below their rounding.
 inline constexpr double measurement_rounding = 32.0 * std::numeric_limits<double>::epsilon();
 
-/// A scalar measurement by Potter's square root: residual = measured - expected, `phi` its row on
-/// each column of S, r the variance of its noise. With alpha = phi^T phi + r and K = S phi / alpha
+/// Scalar measurement with Potter's square-root update (Bierman 1977): residual = measured -
+/// expected, phi = S^T times the measurement's row, r the variance of its noise. With alpha = phi^T
+/// phi + r and K = S phi / alpha
 ///
 ///   x += K residual,   S -= K phi^T / (1 + sqrt(r / alpha)).
 class PotterUpdate {
@@ -26,7 +26,7 @@ class PotterUpdate {
   /// `phi` must outlive this.
   PotterUpdate(Eigen::Ref<const Eigen::VectorXd> phi, double residual, double r);
 
-  /// Of some rows x of what is estimated, and the same rows of S. Does not allocate.
+  /// Updates some rows x of the mean and the same rows of S. Does not allocate.
   void apply(Eigen::Ref<Eigen::VectorXd> x, Eigen::Ref<Eigen::MatrixXd> S) const;
 
  private:

@@ -1,4 +1,4 @@
-// What an estimate says of its own error, without knowing the truth.
+// What an estimator reports about its own error.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,12 +12,12 @@
 
 namespace sprag {
 
-/// What an innovation that does not fit points to.
+/// Likely cause of a gate failure.
 enum class Suspicion : std::int8_t {
   none = 0,
-  model = 1,           ///< the contact was near, but not there: model, uncertainty or event times
-  spurious_event = 2,  ///< no contact was near
-  missing_event = 3    ///< the estimate had gone through the support before
+  model = 1,  ///< the contact was near its support: model, uncertainty or event times are wrong
+  spurious_event = 2,  ///< the contact was far from its support
+  missing_event = 3    ///< the estimate had passed through the support before
 };
 
 /// "none", "model", "spurious event", "missing event".
@@ -35,56 +35,57 @@ constexpr const char* name(Suspicion suspicion) {
 }
 
 struct Inconsistency {
-  double t = -1.0;  ///< [s]; before the first one -1
+  double t = -1.0;  ///< [s]; -1: none yet
   int contact = 0;  ///< from 0
   Suspicion suspicion = Suspicion::none;
-  double square = 0.0;  ///< of the innovation, over the variance that it should have
-  /// Records before this event are known to be lost, as the numbers of the messages say.
+  double square = 0.0;  ///< normalized innovation squared
+  /// Records before this event are lost, by the numbers of the messages.
   bool known_loss = false;
 };
 
-/// Contacts that were reported closed while others already held their directions.
+/// Contacts that were reported closed while locked contacts already held their directions.
 struct Redundancy {
   std::int64_t closings = 0;
-  int contact = 0;  ///< the last of them, from 0: it carries no force of its own
+  int contact = 0;  ///< last such contact, from 0; it carries no force of its own
 };
 
-/// What is known of the machine's parameters, where they are estimated with its state.
+/// Parameters of the machine that are estimated with its state.
 struct ParameterEstimates {
   /// Keys of the scene file, P of them; null: none are estimated.
   std::shared_ptr<const std::vector<std::string>> keys;
   Eigen::VectorXd values,
-      sigmas;              ///< P entries each; sigmas are infinite where they are the scene's
-  double accepted = -1.0;  ///< since when those that were identified last count [s]; -1: none do
-  double known = -1.0;     ///< the last event that they are from [s]
-  std::int64_t identifications = 0;  ///< how many were tried
+      sigmas;              ///< P entries each; sigma is infinite where the value is the scene's
+  double accepted = -1.0;  ///< when identified values were last adopted [s]; -1: never
+  double known = -1.0;     ///< last event that they are identified from [s]
+  std::int64_t identifications = 0;  ///< number of attempts
 
   bool any() const { return keys != nullptr; }
 };
 
 struct Confidence {
-  bool has_replica = false;  ///< a replica runs: `bound` and `replica` are its own
-  bool has_filter = false;   ///< an event filter runs: all the rest is its own
-  bool from_filter = false;  ///< the estimate that goes with this is the filter's
+  bool has_replica = false;  ///< a replica runs; `bound` and `replica` belong to it
+  bool has_filter = false;   ///< an event filter runs; all other fields belong to it
+  bool from_filter = false;  ///< the estimate is the filter's; false: the replica's
   double penetration = 0.0;  ///< depth of the estimate inside a support [m] (penetration.h)
-  double bound = std::numeric_limits<double>::infinity();  ///< V of the replica is at most this
+  double bound = std::numeric_limits<double>::infinity();  ///< bound on the replica's V
   Eigen::VectorXd sigma_q, sigma_u;  ///< standard deviations, f entries each; empty: no filter
-  Eigen::VectorXd sigma_g;           ///< of the gaps, m entries [m]
-  Eigen::VectorXd sigma_outputs;     ///< of the model's outputs, one each
+  Eigen::VectorXd sigma_g;           ///< standard deviations of the gaps, m entries [m]
+  Eigen::VectorXd sigma_outputs;     ///< standard deviations of the model's outputs
   /// Guaranteed half-widths about the estimate, of q (f entries), gaps (m) and outputs: the bound
   /// as lengths (sprag/detail/bound/half_width.h); empty where no bound is given.
   Eigen::VectorXd bound_q, bound_g, bound_outputs;
-  /// How often a filter's estimate has come to lie further from the replica's than the bound and
-  /// its own sigma allow: it is false then, and the replica's is shown
+  /// Number of refutations: the filter's estimate came to differ from the replica's by more than
+  /// the bound and its own sigma admit. The filter is then wrong, and the replica is shown
   /// (sprag/detail/bound/guarantee.h).
   std::int64_t refutations = 0;
-  Innovation replica, filter;        ///< of the same closing
-  std::int64_t inconsistencies = 0;  ///< how often the filter did not fit the events
+  Innovation replica, filter;        ///< at the same closing
+  std::int64_t inconsistencies = 0;  ///< number of gate failures of the filter
   Inconsistency last;
-  bool scale_is_lost = false;  ///< a filter alone is never sure again: no event tells it
-  std::int64_t forgotten = 0;  ///< how often the filter had no room left and started again
+  bool scale_is_lost = false;  ///< the scale of the motion is unobservable: a filter alone never
+                               ///< confirms its track again
+  std::int64_t forgotten = 0;  ///< number of resets of the filter for lack of room
   Redundancy redundancy;
-  std::int64_t refused_impacts = 0;  ///< contacts that could not be held together, though closed
+  std::int64_t refused_impacts = 0;  ///< contradictory contacts: no motion satisfies all of them
   ParameterEstimates parameters;
 };
 

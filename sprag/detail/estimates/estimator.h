@@ -1,5 +1,5 @@
-// What all estimators have in common: a state that is a value, put at a start and taken from tick
-// to tick by contact events alone, and what each says of its own error.
+// Interface of all estimators: a state with value semantics, which contact events alone move from
+// tick to tick, and a report of the estimate's own error.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,22 +13,21 @@
 
 namespace sprag {
 
-/// The replica alone; the event filter alone; the filter, and the replica where it does not fit; or
-/// the same with a model that is identified.
+/// replica: the replica alone. timing: the event filter alone. both: the filter while its track is
+/// confirmed, else the replica. adaptive: both, with an identified model.
 enum class EstimatorKind { replica, timing, both, adaptive };
 
 /// E::State holds everything that changes, with `tick` and `chi`. Copies between states of one
-/// estimator do not allocate, nor does anything here but start() and no_confidence(). h is a tick
-/// [s]; q and u have f entries each.
-///   start(start, k, chi, state)      puts it at (q, u) with chi, at tick k
-///   tick(events, state)              moves to the next tick, through the events up to it
-///   apply(events, state)             those of the present instant, at a start
-///   output(state, q, u)              the estimate at the present tick
-///   no_confidence()                  room for all that it says of its error
-///   note(state, to)                  fills in what has happened: counts, innovations, whose
-///                                    estimate it is; costs next to nothing
-///   confidence(state, initial, to)   fills in all, deviations and bound too; `initial` is B(0),
-///                                    +infinity where no bound holds any longer
+/// estimator do not allocate. Of the functions only start() and no_confidence() allocate. h is the
+/// tick [s]; q and u have f entries each.
+///    start(start, k, chi, state)      puts the state at (q, u) with chi, at tick k
+///    tick(events, state)              moves to the next tick through the events up to it
+///    apply(events, state)             applies events of the present instant, at a start
+///    output(state, q, u)              estimate at the present tick
+///    no_confidence()                  a Confidence with room for all results
+///    note(state, to)                  fills in counts, innovations and from_filter, at little cost
+///    confidence(state, initial, to)   fills in everything, with deviations and bound; `initial` is
+///                                     B(0), +infinity: no bound holds
 template <typename E>
 concept Estimator = requires(E estimator, const E& constant, typename E::State& state,
                              const typename E::State& present, const State& start, std::int64_t k,

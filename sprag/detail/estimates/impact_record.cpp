@@ -9,7 +9,7 @@
 namespace sprag {
 namespace {
 
-// Gauss and Legendre's nodes on [0, 1], and how far a mode turns between two groups of them.
+// Gauss-Legendre quadrature on [0, 1]. turn_of_a_panel: phase of the fastest mode per panel [rad].
 constexpr int nodes = 5;
 constexpr double node[nodes] = {0.046910077030668, 0.230765344947158, 0.5, 0.769234655052842,
                                 0.953089922969332};
@@ -50,7 +50,8 @@ void ImpactRecorder::fly(const Motion& from, double tau, const Eigen::MatrixXd& 
   fly(from, tau, true);
 }
 
-// row_z_ and row_v_: the force at tau as a function of z and z' at the start of the flight.
+// Sets row_z_ and row_v_: the force at tau as a linear function of z and z' at the start of the
+// flight.
 void ImpactRecorder::find_row(const Flow& flow, const Signal& force, double tau) {
   const Eigen::Index n = flow.modes();
   const Eigen::Index nf = flow.frequencies();
@@ -68,7 +69,7 @@ void ImpactRecorder::see(const Flow& flow, const Eigen::ArrayXd& row_z, const Ei
   phi = Z_.topRows(n).transpose() * row_z.matrix() + V_.topRows(n).transpose() * row_v.matrix();
 }
 
-// What the last flight has told is not to change any more.
+// Fixes the deviations of the last flight: later measurements do not change them.
 void ImpactRecorder::close(Held& held) const {
   const auto fix = [](Uncertain& x, Eigen::VectorXd& phi) {
     if (phi.size() > 0) x.sigma = phi.norm();
@@ -159,7 +160,7 @@ void ImpactRecorder::measured_release(int contact, const Eigen::Ref<const Eigen:
   Held& held = held_[static_cast<std::size_t>(contact)];
   const Eigen::Index c = held.phi_end.size();
   if (!held.any || c == 0 || c > phi.size()) return;
-  // Columns behind these are of what the model lacked since.
+  // Later columns belong to process noise since then.
   const double alpha = phi.squaredNorm() + r;
   if (!(alpha > 0.0)) return;
   const double shrink = 1.0 / (alpha * (1.0 + std::sqrt(r / alpha)));

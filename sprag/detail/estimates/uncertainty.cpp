@@ -8,8 +8,8 @@
 namespace sprag {
 namespace {
 
-// Where a scene says nothing of its start each mode may be off by all the energy that is known of:
-// which of them it is in, nobody said.
+// Without a given uncertainty each mode gets the whole energy scale of the machine, because its
+// distribution over the modes is unknown.
 Eigen::VectorXd energies_of(const Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
   if (scene.uncertainty.size() == f) return scene.uncertainty;

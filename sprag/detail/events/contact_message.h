@@ -1,5 +1,5 @@
-// What one message on SPRAG_CONTACTS says: the last records of a master's contact events, and how
-// far they reach. Every message repeats the last records, so that the next one repairs a lost one.
+// Content of a message on SPRAG_CONTACTS: the last records of a master's contact events and the
+// watermark. Each message repeats the last records, so that it repairs lost messages before it.
 #pragma once
 
 #include <array>
@@ -12,15 +12,15 @@ namespace sprag {
 inline constexpr int max_records = 120;
 
 struct ContactMessage {
-  std::int64_t session = 0;        ///< random per master start
-  std::int64_t sequence = 0;       ///< message number within the session
-  std::int64_t utime = 0;          ///< wall clock at send [us]
-  double speed = 1.0;              ///< simulated s per wall s; +infinity for an unpaced master
-  double horizon = 0.0;            ///< every event up to this simulated time has been sent [s]
-  ContactSet closed = 0;           ///< chi at the horizon
-  int contacts = 0;                ///< m
+  std::int64_t session = 0;   ///< random per master start
+  std::int64_t sequence = 0;  ///< message number within the session
+  std::int64_t utime = 0;     ///< wall clock at send [us]
+  double speed = 1.0;         ///< simulated s per wall s; +infinity for an unpaced master
+  double horizon = 0.0;   ///< watermark: every event up to this simulated time has been sent [s]
+  ContactSet closed = 0;  ///< chi at the horizon
+  int contacts = 0;       ///< m
   std::int64_t records_total = 0;  ///< records of the session so far
-  int records = 0;                 ///< how many of `record` are used, oldest first
+  int records = 0;                 ///< number of used entries of `record`, oldest first
   std::array<ContactEvent, max_records> record{};
 };
 

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t max_degraded = 4096;
 
-// chi before the first record a message carries: its `closed`, the records undone.
+// chi before the first record of a message: its `closed`, with the records undone.
 ContactSet closed_before_records(const ContactMessage& message) {
   ContactSet closed = message.closed;
   for (int i = message.records; i-- > 0;) {
@@ -50,7 +50,7 @@ bool EventHistory::add(const ContactEvent& event) {
   if (!(event.t >= last_t_) || event.t <= horizon_) return skip(Skip::backwards, event, event.t);
   const bool closed = contains(chi_, event.contact);
   if (closed != (event.kind == ContactEventKind::opens)) {
-    // What is missing happened since the contact's last event.
+    // The missing event is later than the contact's last event.
     return skip(Skip::contradicting, event, last_of_[static_cast<std::size_t>(event.contact)]);
   }
   append(event);
@@ -64,8 +64,8 @@ void EventHistory::append(const ContactEvent& event) {
   ++counts_.events;
 }
 
-// Settled ticks are handed out before a later message is heard, or after it: their bound must not
-// depend on which, so that an interval never begins before the horizon.
+// The bound of a settled tick must not depend on whether the tick is returned before or after a
+// later message arrives. An interval therefore never begins before the horizon.
 void EventHistory::degrade(double from, double to, bool one_pulse) {
   from = std::isnan(from) ? horizon_ : from;
   from = std::max({from, horizon_, 0.0});
@@ -134,8 +134,8 @@ std::size_t EventHistory::add(const ContactMessage& message) {
   return events_.size() - before;
 }
 
-// Switches the contacts that lost records have left otherwise than `closed`, at t or as soon after
-// as nothing settled changes.
+// Inserts events for the contacts whose state differs from `closed` after lost records, at t or at
+// the first later time that changes no settled tick.
 void EventHistory::make_up(ContactSet closed, double t) {
   const double after_horizon =
       horizon_ < 0.0 ? 0.0 : std::nextafter(horizon_, std::numeric_limits<double>::infinity());

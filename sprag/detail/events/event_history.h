@@ -1,6 +1,6 @@
-// The contact events an observer believes in: what its master's messages add up to. Reports may be
-// lost, doubled or reordered; every one repeats the last records, and records are numbered, so that
-// each is taken once and a gap is seen. Knows nothing of ticks, clocks or transport.
+// Merges the messages of a master into one list of contact events. Messages may be lost, duplicated
+// or reordered. Each repeats the last records, and records are numbered, so that each is taken once
+// and a gap is detected. Independent of ticks, clocks and transport.
 #pragma once
 
 #include <array>
@@ -15,12 +15,12 @@ namespace sprag {
 
 inline constexpr double no_horizon = -1.0;
 
-/// Simulated times between which events may be missing.
+/// Interval of simulated time in which events may be missing.
 struct DegradedInterval {
   double from = 0.0;
   double to = 0.0;
-  std::int64_t start = 0;  ///< which start of the time line it belongs to, from 1
-  /// One record is missing, and it was a pulse: the numbers of the records and `closed` say so.
+  std::int64_t start = 0;  ///< number of the time line's start it belongs to, from 1
+  /// Exactly one record is missing, and it was a pulse, by the numbers of the records and `closed`.
   bool one_pulse = false;
 };
 
@@ -29,70 +29,71 @@ enum class Skip { backwards, beyond_horizon, unknown_contact, contradicting };
 inline constexpr std::size_t skips = 4;
 
 struct EventCounts {
-  std::int64_t events = 0;        ///< taken, made up ones included
-  std::int64_t made_up = 0;       ///< so that chi follows a message after a gap
-  std::int64_t lost_records = 0;  ///< never seen: the gap was longer than a message's repeats
+  std::int64_t events = 0;        ///< taken or inserted
+  std::int64_t made_up = 0;       ///< inserted so that chi agrees with a message after a gap
+  std::int64_t lost_records = 0;  ///< not received, nor repeated in a message
   std::array<std::int64_t, skips> skipped{};  ///< by Skip
 
   std::int64_t of(Skip cause) const { return skipped[static_cast<std::size_t>(cause)]; }
 };
 
-/// An event is skipped if it is earlier than the one before or not after a declared horizon
-/// (`backwards`), later than its own message's horizon, of a contact that the machine does not
-/// have, or if it closes or is a pulse while closed or opens while open (`contradicting`). What was
-/// skipped counts as a gap: the estimate does not know it.
+/// Events of one machine in order of time. An event is skipped if it is
+///  - earlier than the event before it, or not after the horizon (`backwards`);
+///  - later than its own message's horizon (`beyond_horizon`);
+///  - of a contact that the machine does not have (`unknown_contact`);
+///  - a closing or a pulse of a closed contact, or an opening of an open one (`contradicting`).
+/// A skipped event starts a degraded interval, because the estimate does not include it.
 class EventHistory {
  public:
-  /// For a machine with m contacts. Room for `capacity` events at a time; no allocation while they
-  /// suffice.
+  /// For a machine with m contacts. Reserves room for `capacity` events at a time and does not
+  /// allocate while that suffices.
   EventHistory(int contacts, std::size_t capacity);
 
-  /// Forgets everything: the first record to come is number `next_record`, chi before it is `chi`,
-  /// every event up to `horizon` is known (nothing yet: `no_horizon`).
+  /// Clears the history. The next record has the number `next_record`, chi before it is `chi`, and
+  /// every event up to `horizon` is known (`no_horizon`: none).
   void restart(std::int64_t next_record, ContactSet chi, double horizon);
 
-  /// Takes what is new in a message of the present session; returns how many events were appended.
-  /// After a gap chi follows the message's `closed`: what the lost records did is made up where the
-  /// gap ends.
+  /// Takes the new records of a message of the present session. Returns the number of appended
+  /// events. At the end of a gap it inserts events that make chi agree with the message's `closed`.
   std::size_t add(const ContactMessage& message);
 
-  /// Takes one event from a file; false if it was skipped.
+  /// Takes one event of a file. Returns false if it was skipped.
   bool add(const ContactEvent& event);
 
-  /// Declares that every event up to t is known; never goes back.
+  /// Sets the horizon: every event up to t is known. It never decreases.
   void set_horizon(double t);
 
   const std::vector<ContactEvent>& events() const { return events_; }
-  /// The last event that was skipped for this.
+  /// Last event that was skipped for this cause.
   const ContactEvent& last_skipped(Skip cause) const {
     return last_skipped_[static_cast<std::size_t>(cause)];
   }
 
-  /// Counts the records before a message as lost, without taking any: restart() follows.
+  /// Counts the records before a message as lost without taking any. restart() must follow.
   void lose(const ContactMessage& message);
 
-  /// Events may be missing from `from` on, or from the horizon if that is later, up to `to`.
+  /// Adds a degraded interval from `from`, or from the horizon if that is later, up to `to`.
   void degrade(double from, double to, bool one_pulse = false);
-  /// No event since the last restart() is missing up to here, as far as is known; +infinity: none
-  /// at all.
+  /// Time up to which no event since the last restart() is known to be missing; +infinity: no event
+  /// is.
   double complete_to() const { return complete_to_; }
 
-  /// Whether records before time t are known to be lost: in a degraded interval of this start that
-  /// holds t, or after whose end at most `events` events have come up to t.
+  /// Whether a degraded interval of this start contains t, or ended at most `events` events before
+  /// t.
   bool lost_before(double t, std::size_t events) const;
 
-  /// Number of the record that comes next.
+  /// Number of the next record.
   std::int64_t next_record() const { return next_record_; }
   /// Drops the first n events.
   void drop(std::size_t n);
-  /// How many events were dropped since the last restart().
+  /// Number of events dropped since the last restart().
   std::int64_t dropped() const { return dropped_; }
   /// The number of the present start, from 1.
   std::int64_t start() const { return start_; }
 
   double horizon() const { return horizon_; }
   const EventCounts& counts() const { return counts_; }
-  /// Of all starts.
+  /// Degraded intervals of all starts.
   const std::vector<DegradedInterval>& degraded() const { return degraded_; }
 
  private:

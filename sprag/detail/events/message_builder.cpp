@@ -16,7 +16,7 @@ void MessageBuilder::add(std::span<const ContactEvent> events) {
 }
 
 const ContactMessage& MessageBuilder::next(double horizon, std::int64_t utime) {
-  // A burst is cut between two instants, never within one.
+  // Splits a long list between two instants, never within an instant.
   constexpr std::size_t room = max_records;
   std::size_t end = std::min(records_.size(), sent_ + room);
   if (end < records_.size()) {

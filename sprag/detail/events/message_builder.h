@@ -1,4 +1,4 @@
-// Turns a master's events into the messages it sends: numbered, the last records in every one.
+// Builds the messages of a master from its events: numbered, each with the last records.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,18 @@ namespace sprag {
 
 class MessageBuilder {
  public:
-  /// `session`: random per master start; `speed`: simulated s per wall s, infinite if unpaced.
+  /// `session`: random per start of the master; `speed`: simulated s per wall s, infinite if
+  /// unpaced.
   MessageBuilder(std::int64_t session, double speed, int contacts);
 
-  /// Takes events that have happened, in order.
+  /// Takes events in order of time.
   void add(std::span<const ContactEvent> events);
 
-  /// Whether a message has to go out before its heartbeat is due.
+  /// Whether a message must be sent before the next heartbeat.
   bool pending() const { return sent_ < records_.size(); }
 
-  /// The next message: everything up to `horizon`, or, when that does not fit, as much as does;
-  /// pending() then stays true. `utime` is the wall clock at send [us].
+  /// Next message: all events up to `horizon`, or as many as fit; pending() then stays true.
+  /// `utime`: wall clock at send [us].
   const ContactMessage& next(double horizon, std::int64_t utime);
 
   std::int64_t session() const { return message_.session; }
@@ -31,8 +32,8 @@ class MessageBuilder {
 
  private:
   ContactMessage message_;
-  std::deque<ContactEvent> records_;  // the last ones, sent and not yet sent
-  std::size_t sent_ = 0;              // how many of records_ have been sent
+  std::deque<ContactEvent> records_;  // last sent records, then those not sent yet
+  std::size_t sent_ = 0;              // number of sent records in records_
 };
 
 }  // namespace sprag

@@ -1,5 +1,5 @@
-// How often which value occurred, in buckets that are 1/16 of their value wide: quantiles of long
-// runs, within 7 %, without storing a sample. Nothing here allocates.
+// Histogram with buckets of 1/16 of their value: quantiles of long runs within 7 %, without stored
+// samples. Does not allocate.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ class Histogram {
   std::int64_t count() const { return count_; }
   std::int64_t largest() const { return largest_; }
 
-  /// How many values lie in buckets above that of `value`.
+  /// Number of values in buckets above that of `value`.
   std::int64_t count_above(std::int64_t value) const {
     std::int64_t above = 0;
     for (std::size_t i = bucket_of(std::max<std::int64_t>(value, 0)) + 1; i < buckets_.size();
@@ -32,7 +32,7 @@ class Histogram {
     return above;
   }
 
-  /// A value that a share `p` in [0, 1] of all values does not exceed; 0 of an empty histogram.
+  /// Value that a share `p` in [0, 1] of all values does not exceed; 0 for an empty histogram.
   std::int64_t quantile(double p) const {
     const double wanted = p * static_cast<double>(count_);
     std::int64_t below = 0;
@@ -44,7 +44,7 @@ class Histogram {
   }
 
  private:
-  // Up to 15 a bucket a value; then 16 buckets for each power of two.
+  // One bucket for each value up to 15, then 16 buckets for each power of two.
   static std::size_t bucket_of(std::int64_t value) {
     const auto bits = static_cast<std::uint64_t>(value);
     if (bits < 16) return static_cast<std::size_t>(bits);

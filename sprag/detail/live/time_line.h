@@ -1,10 +1,9 @@
-// The observer's time line. Ticks are at t_k = k h of simulated time. The estimator runs ahead to
-// "now"; when an event turns up that is older than now, the time line goes back to the last tick
-// before it and runs forward again, so that every tick is what it would have been without delay.
-// Ticks up to the horizon (all events known) are settled: they are handed out once, in order, and
-// depend on the events alone. The last ticks are kept to go back to, and always the last settled
-// one: an event that is older than what is kept costs more, never accuracy. A pure core: it knows
-// neither clock nor transport, and does not allocate once it is made.
+// Time line of the observer. Ticks are at t_k = k h of simulated time. The estimator runs ahead to
+// "now". An event older than now causes a rollback to the last tick before it and a re-integration,
+// so that every tick is as if the event had arrived in time. Ticks up to the horizon (all events
+// known) are settled: they are returned once, in order, and depend on the events alone. The history
+// of saved states always includes the last settled tick, so that an event older than the history
+// costs time but no accuracy. Independent of clocks and transport. Only the constructor allocates.
 #pragma once
 
 #include <algorithm>
@@ -24,8 +23,8 @@ namespace sprag {
 struct RollbackCounts {
   std::int64_t rollbacks = 0;
   std::int64_t ticks_redone = 0;
-  std::int64_t beyond_history = 0;  ///< went back further than the history, to the settled tick
-  Histogram depth;                  ///< ticks redone by each
+  std::int64_t beyond_history = 0;  ///< rollbacks beyond the history, to the last settled tick
+  Histogram depth;                  ///< ticks redone by each rollback
 };
 
 template <Estimator E>
@@ -33,7 +32,7 @@ class TimeLine {
  public:
   using EstimatorState = typename E::State;
 
-  /// Keeps at least `history` ticks (>= 1) to go back to.
+  /// Keeps the states of at least `history` ticks (>= 1) for rollbacks.
   TimeLine(E& estimator, int contacts, const State& start, std::int64_t history)
       : estimator_(&estimator),
         start_(start),
@@ -44,7 +43,7 @@ class TimeLine {
     for (EstimatorState& state : saved_) state = frontier_;
   }
 
-  /// Puts the start at tick k; every event before has been dealt with.
+  /// Starts at tick k; earlier events have no effect.
   void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
     events_.restart(next_record, chi, horizon);
     first_ = now_ = k;
@@ -59,9 +58,9 @@ class TimeLine {
     start_again();
   }
 
-  /// Starts from the first message of a session: at t = 0 if it still carries every event since
-  /// then and its horizon is not far, else at the first tick after its horizon. A machine's clock
-  /// may start anywhere.
+  /// Starts from the first message of a session: at t = 0 if the message still has every event
+  /// since then and its horizon is not far, else at the first tick after its horizon. A machine's
+  /// clock may start at any time.
   void restart(const ContactMessage& message) {
     const bool whole = message.records_total == message.records;
     if (whole && last_tick(message.horizon, h()) <= far) {
@@ -72,9 +71,9 @@ class TimeLine {
     }
   }
 
-  /// Takes what is new in a message, and goes back if it is older than now. run() goes forward.
-  /// Behind a long gap of which nothing is known it starts again, at the first tick after the
-  /// message's horizon: then true.
+  /// Takes the new records of a message, and rolls back if they are older than now; run()
+  /// integrates again. After a long gap with lost records it restarts at the first tick after the
+  /// message's horizon and returns true.
   bool receive(const ContactMessage& message) {
     const bool gap = message.records_total - message.records > events_.next_record();
     if (gap && is_far(message.horizon)) {
@@ -87,8 +86,8 @@ class TimeLine {
     return false;
   }
 
-  /// The same when the machine's clock or its counts have jumped: starts again too where the
-  /// message does not go on from those before, or is far ahead of them.
+  /// The same after a jump of the machine's clock or counts: also restarts if the message does not
+  /// continue the earlier ones or is far ahead of them.
   bool resume(const ContactMessage& message) {
     if (message.horizon >= events_.horizon() && !is_far(message.horizon) &&
         message.records_total >= events_.next_record()) {
@@ -108,8 +107,8 @@ class TimeLine {
   /// Every event up to t is known.
   void set_horizon(double t) { events_.set_horizon(t); }
 
-  /// Ticks settle when every event up to `lag` [s] after them is known, but for those from tick
-  /// `last` on: nothing later is asked for.
+  /// Ticks settle when every event up to `lag` [s] after them is known. Once every event up to tick
+  /// `last` is known, the lag no longer applies: no later tick is requested.
   void set_lag(double lag, std::int64_t last = max_tick) {
     lag_ = lag;
     last_asked_ = last;
@@ -118,32 +117,33 @@ class TimeLine {
   /// Events may be missing between these times.
   void degrade(double from, double to) { events_.degrade(from, to); }
 
-  /// Hands out nothing behind tick k, the last one handed out or about to be, until release() or a
-  /// restart: what follows it depends on more than events. Ticks are run through all the same.
+  /// Blocks settling of ticks later than k until release() or a restart, because they depend on
+  /// more than events. Tick k is the last returned one or the next. run() still moves through later
+  /// ticks.
   void hold(std::int64_t k) { hold_ = k; }
   bool held() const { return hold_ != no_hold; }
-  /// The ticks behind that one are run through anew.
+  /// Ends hold(). The ticks after the last returned one are computed again.
   void release() {
     hold_ = no_hold;
     go_back_to(handed_out_);
   }
 
-  /// Goes back to a tick, or to the last one handed out if that is later. Changes no tick.
+  /// Rolls back to tick k, or to the last returned tick if that is later. Changes no estimate.
   void go_back_to(std::int64_t k) {
     k = std::max({k, handed_out_, first_});
     if (k < oldest_ && frontier_tick_ != handed_out_) k = oldest_;
     if (started_ && k < now_) redo_after(k);
   }
 
-  /// Runs to tick `target`, or as far as the horizon when that is later, by at most `budget` ticks;
-  /// returns whether it got there. `on_tick(state)` sees every tick reached for the first time,
-  /// `on_settled(state)` every settled one, once and in order; it may return false to be asked
-  /// again at the next call, and while it does so the time line waits for it.
+  /// Runs to tick `target`, or to the horizon if that is later, by at most `budget` ticks. Returns
+  /// whether it arrived. Calls on_tick(state) for every tick reached for the first time and
+  /// on_settled(state) for every settled tick, once and in order. on_settled() may return false to
+  /// get the tick again at the next call; the time line then waits.
   template <typename OnTick, typename OnSettled>
   bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
            std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
     if (!started_) return true;
-    // Nothing is received meanwhile, but ticks may be held.
+    // No event arrives during run(), but the callbacks may call hold().
     const std::int64_t known = known_tick();
     const auto settled = [&] { return std::min(known, hold_); };
     target = std::max(target, settled());
@@ -171,9 +171,9 @@ class TimeLine {
     return arrived;
   }
 
-  /// For who asks each settled tick for note() alone: where all ticks up to now are handed out,
-  /// those of free flight in front of the next event, up to tick `last`, are taken as handed out
-  /// without being shown. Returns how many, some 10 000 at most.
+  /// Skips ticks of free flight before the next event, up to tick `last`, for callers that use only
+  /// note() of settled ticks. The skipped ticks count as returned. Requires that all ticks up to
+  /// now have been returned. Returns the number of skipped ticks, at most most_coasted.
   std::int64_t coast(std::int64_t last) requires requires(E e, EstimatorState& state) {
     e.coast(std::int64_t{}, state);
   }
@@ -189,26 +189,25 @@ class TimeLine {
 
   bool started() const { return started_; }
   double h() const { return estimator_->h(); }
-  /// Whether the estimate has heard of every event from t = 0 on up to t, which then is not behind
-  /// the horizon, as far as is known.
+  /// Whether the estimate includes every event from t = 0 up to t. t is then not after the horizon.
   bool complete_to(double t) const {
     return first_ == 0 && t <= std::min(events_.complete_to(), events_.horizon());
   }
   std::int64_t now() const { return now_; }
-  /// How often it has been started, and the tick and chi of the last start.
+  /// Number of starts; tick and chi of the last start.
   std::int64_t starts() const { return starts_; }
   std::int64_t first_tick() const { return first_; }
   ContactSet first_closed() const { return chi_; }
   /// The state at tick now().
   const EstimatorState& present() const { return saved(now_); }
-  /// The first tick that contains all events that are known.
+  /// First tick that contains all known events.
   std::int64_t tick_of_last_event() const {
     return events_.events().empty() ? first_ : tick_of(events_.events().back());
   }
-  /// Last tick at or before the horizon, and not behind one that is held; before the first tick
-  /// where there is none.
+  /// Last settled tick: at or before the horizon and not after a held tick; first_tick() - 1 if
+  /// there is none.
   std::int64_t settled_tick() const { return std::min(known_tick(), hold_); }
-  /// Last tick handed out as settled.
+  /// Last tick returned by on_settled().
   std::int64_t handed_out() const { return handed_out_; }
   const EventHistory& events() const { return events_; }
   const RollbackCounts& rollbacks() const { return rollbacks_; }
@@ -217,17 +216,17 @@ class TimeLine {
   static constexpr std::int64_t no_tick = -2;
   static constexpr std::int64_t no_hold = std::numeric_limits<std::int64_t>::max();
   static constexpr std::size_t event_capacity = 1U << 16U;
-  // Ticks that are run through at a start or behind a gap: some tenths of a second.
+  // Largest number of ticks to integrate at a start or after a gap, some tenths of a second.
   static constexpr std::int64_t far = 100'000;
-  // Milliseconds with a large machine: callers have more to do than that.
+  // Limits the time to milliseconds with a large machine.
   static constexpr std::int64_t most_coasted = 16'384;
 
-  // The last tick up to which every event is known.
+  // Last tick up to which every event is known.
   std::int64_t received_tick() const {
     if (events_.horizon() < 0.0) return first_ - 1;
     return std::max(last_tick(events_.horizon(), h()), first_ - 1);
   }
-  // And up to `lag_` after it.
+  // The same with `lag_`.
   std::int64_t known_tick() const {
     const std::int64_t heard = received_tick();
     if (lag_ == 0.0 || heard >= last_asked_ || heard < first_) return heard;
@@ -253,7 +252,7 @@ class TimeLine {
     return std::max(first_tick_after(event.t, h()), first_);
   }
 
-  // Of the event at `consumed_`.
+  // Tick of the event at `consumed_`.
   std::int64_t next_event_tick() {
     const auto& all = events_.events();
     if (consumed_ == all.size()) return std::numeric_limits<std::int64_t>::max();
@@ -264,7 +263,7 @@ class TimeLine {
     return next_tick_;
   }
 
-  // The events of one tick, from `consumed_` on.
+  // Takes the events of one tick, from `consumed_` on.
   std::span<const ContactEvent> events_of(std::int64_t k) {
     if (next_event_tick() != k) return {};
     const auto& all = events_.events();
@@ -301,14 +300,14 @@ class TimeLine {
     estimator_->tick(events_of(now_), to);
   }
 
-  // Where nothing goes back behind the next tick any more: it takes the place of this one.
+  // Step without saving the present tick, to which no rollback will go.
   void step_in_place() {
     oldest_slot_ = slot(now_);
     oldest_ = ++now_;
     estimator_->tick(events_of(now_), saved(now_));
   }
 
-  // Back to the last tick before the event number `first_new`.
+  // Rolls back to the last tick before the event with the index `first_new`.
   void go_back(std::size_t first_new) {
     const std::int64_t tick = tick_of(events_.events()[first_new]);
     if (tick > now_) return;
@@ -325,7 +324,7 @@ class TimeLine {
     rollbacks_.ticks_redone += present - now_;
   }
 
-  // The state at tick k >= handed_out_ becomes the present one, or an earlier one if it is not
+  // Makes the state at tick k >= handed_out_ the present one, or an earlier state if that is not
   // kept.
   void redo_after(std::int64_t k) {
     if (k >= oldest_) {
@@ -341,7 +340,7 @@ class TimeLine {
     while (consumed_ > 0 && tick_of(all[consumed_ - 1]) > now_) --consumed_;
   }
 
-  // Events of ticks that are handed out are not needed again, except those of the first tick.
+  // Drops events of returned ticks, except those of the first tick, which start_again() needs.
   void forget() {
     if (consumed_ < event_capacity / 2 || handed_out_ <= first_) return;
     const auto& all = events_.events();
@@ -357,7 +356,7 @@ class TimeLine {
   EventHistory events_;
   std::vector<EstimatorState> saved_;  // ring, of the ticks from oldest_ to now_
   std::size_t oldest_slot_ = 0;
-  // At handed_out_, where that is older than oldest_ and may be gone back to.
+  // State at handed_out_ if that is older than oldest_.
   EstimatorState frontier_;
   std::int64_t frontier_tick_ = no_tick;
   bool started_ = false;
@@ -371,8 +370,8 @@ class TimeLine {
   std::int64_t hold_ = no_hold;
   double lag_ = 0.0;  // [s]
   std::int64_t last_asked_ = max_tick;
-  std::size_t consumed_ = 0;  // events up to and including tick now_
-  double next_t_ = -1.0;      // of the next event that was looked at, and its tick
+  std::size_t consumed_ = 0;  // number of events up to and including tick now_
+  double next_t_ = -1.0;      // time and tick of the next event, cached
   std::int64_t next_tick_ = -1;
   RollbackCounts rollbacks_;
 };

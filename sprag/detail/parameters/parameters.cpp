@@ -8,9 +8,9 @@
 namespace sprag {
 namespace {
 
-constexpr double largest_error_share = 0.3;  // by which a positive number is taken to be wrong
-constexpr double largest_clearance = 0.2;    // of the largest displacement
-constexpr double largest_detuning = 0.1;     // by which a frequency is taken to be wrong
+constexpr double largest_error_share = 0.3;  // largest relative error of a positive number
+constexpr double largest_clearance = 0.2;    // of a clearance, over the displacement
+constexpr double largest_detuning = 0.1;     // largest relative error of a frequency
 
 template <typename Visit>
 void for_each_harmonic(Model& model, Visit visit) {
@@ -31,7 +31,7 @@ std::vector<Harmonic> harmonics_of(Model model) {
   return harmonics;
 }
 
-// What all of them have, if it is the same.
+// Whether a value is the same for all.
 template <typename Of, typename Value>
 bool same(const std::vector<Of>& all, Value value) {
   return std::all_of(all.begin(), all.end(),
@@ -42,7 +42,7 @@ bool is_one_restitution(const Model& model) {
   return same(model.contacts, [](const Contact& contact) { return contact.restitution; });
 }
 
-// Whether nothing moves the machine but its frame.
+// Whether the frame is the machine's only excitation.
 bool is_shaken_alone(const Scene& scene, const std::vector<Harmonic>& harmonics) {
   if (scene.beam) return true;
   if (!scene.frame) return false;
@@ -53,8 +53,8 @@ bool is_shaken_alone(const Scene& scene, const std::vector<Harmonic>& harmonics)
   return std::ssize(harmonics) == 1 + std::count_if(ground.begin(), ground.end(), moved);
 }
 
-// The frame's motion e(t) of a beam shows in its force, -e''(t); other machines have as many
-// amplitudes as harmonics.
+// Amplitude of a beam's frame motion e(t), from its force -e''(t). Other machines have one
+// amplitude for each harmonic.
 double amplitude_of(const Scene& scene, const std::vector<Harmonic>& harmonics) {
   const Harmonic& first = harmonics.front();
   if (scene.beam) return std::abs(first.amplitude) / (first.frequency * first.frequency);
@@ -128,7 +128,7 @@ void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   frequency.highest = (1.0 + largest_detuning) * frequency.nominal;
   parameters.push_back(frequency);
   if (common > 0.0) return;
-  // Further off than half of the slowest period it would be taken for something else.
+  // A larger offset than half of the slowest period is equivalent to a smaller one.
   double slowest = harmonics.front().frequency;
   for (const Harmonic& harmonic : harmonics) slowest = std::min(slowest, harmonic.frequency);
   Parameter offset{.quantity = Quantity::clock_offset, .name = "clock offset", .unit = "s"};
@@ -148,7 +148,7 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
   if (has_damping) {
     Parameter damping = around(Quantity::damping, "damping", "N s/m^2", scene.beam->damping);
     damping.lowest = 0.0;
-    // Of an undamped beam: as far as 10 % of critical damping of its first mode.
+    // Range for an undamped beam: up to 10 % of critical damping of its first mode.
     const double usual = 0.2 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
                          scene.beam->mass_per_length;
     damping.highest = damping.nominal > 0.0 ? 2.0 * damping.nominal : usual;
@@ -231,7 +231,7 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
     case Quantity::frequency: {
       const double ratio = value / parameter.nominal;
       for_each_harmonic(model, [&](Harmonic& of) { of.frequency *= ratio; });
-      // A frame keeps its amplitude, and its acceleration grows.
+      // The amplitude of a frame's motion stays, so that its acceleration grows with the frequency.
       for (std::size_t j = 0; j < model.forces.size(); ++j) {
         if (!scene.beam && !(scene.frame && scene.frame->force == j)) continue;
         model.forces[j].harmonic.amplitude *= ratio * ratio;

@@ -1,8 +1,8 @@
-// The parameters of a scene's machine that can be wrong one at a time, and the machine with another
-// value of one: M u' + C u + K q = W lambda + f(t), g_i = w_i^T q + s_i(t) + c_i, and epsilon_i.
-// What a scene gives as one number keeps its unit. Where a parameter stands for several numbers
-// that differ (restitutions, harmonics) or for a matrix (C, K of a general system), it is a common
-// factor, nominally 1, and a phase a common shift, nominally 0.
+// Parameters of a scene's machine that may be wrong, one at a time, and the machine with another
+// value of one: M u' + C u + K q = W lambda + f(t), g_i = w_i^T q + s_i(t) + c_i, and epsilon_i. A
+// parameter that is one number in the scene keeps its unit. A parameter for several different
+// numbers (restitutions, harmonics) or for a matrix (C, K of a general system) is a common factor,
+// nominally 1; for phases it is a common shift, nominally 0.
 #pragma once
 
 #include <string>
@@ -26,27 +26,26 @@ enum class Quantity {
 
 struct Parameter {
   Quantity quantity = Quantity::restitution;
-  int contact = -1;  ///< from 0; -1: all of them, or the machine as a whole
-  std::string name;  ///< as people say it
-  std::string unit;  ///< empty: a number without one, or a factor
+  int contact = -1;  ///< from 0; -1: all contacts, or the whole machine
+  std::string name;  ///< name for people
+  std::string unit;  ///< empty: none, or a factor
   double nominal = 0.0;
-  /// Values that may be tried: physically possible, and no further from the nominal one than a
-  /// mistake would be.
+  /// Range of values to try: physically possible and plausible as an error of the nominal value.
   double lowest = 0.0, highest = 0.0;
   bool cyclic = false;   ///< lowest and highest are the same machine
-  bool relative = true;  ///< a change is worth saying in percent of the nominal value
+  bool relative = true;  ///< changes are reported in percent of the nominal value
 };
 
-/// Those that the scene's machine has: no damping where C = 0 on a general system, nothing of an
-/// excitation where there is none. The clock's offset is one only if harmonics of different
-/// frequencies tell it from a phase. `length` > 0 [m]: the machine's largest displacement, which
-/// bounds the clearances.
+/// Parameters of the scene's machine. A general system with C = 0 has no damping parameter, and a
+/// machine without excitation none of an excitation. The clock's offset is included only if
+/// harmonics of different frequencies distinguish it from a phase. `length` > 0 [m]: the machine's
+/// largest displacement, which sets the range of clearances.
 std::vector<Parameter> parameters_of(const Scene& scene, double length);
 
-/// The scene's machine with this value of the parameter, all else as it is.
+/// The scene's machine with this value of the parameter.
 Model with(const Scene& scene, const Parameter& parameter, double value);
 
-/// The frequency [rad per unit of time] if all harmonics that move have the same, else 0.
+/// Common frequency [rad per unit of time] of all harmonics with an amplitude; 0: they differ.
 double only_frequency(const Model& model);
 
 }  // namespace sprag

@@ -14,7 +14,7 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-constexpr double beyond = 0.05;  // the box ends a little outside what is asked for
+constexpr double beyond = 0.05;  // margin of the search range in coordinates
 
 Unknown positive_unknown(Kind kind, int index, std::string key, std::string unit, double nominal) {
   Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
@@ -56,7 +56,7 @@ void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
   };
   if (scene.beam && scene.beam->damping_ratio.size() == 0) {
     Unknown d = damping("beam.damping", "N s/m^2", scene.beam->damping);
-    // Of an undamped beam: 2 % of critical damping of its first mode.
+    // Step for an undamped beam: 2 % of critical damping of its first mode.
     if (!(d.nominal > 0.0)) {
       d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
                     scene.beam->mass_per_length;
@@ -73,7 +73,7 @@ void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
   }
 }
 
-// What a length of this machine is: for clearances, which may nominally be 0.
+// Typical length of the machine: the step for clearances, which may nominally be 0.
 double usual_length(const Scene& scene) {
   double length = 0.0;
   for (const Contact& contact : scene.model.contacts) {
@@ -101,7 +101,7 @@ double Unknown::value(double of_coordinate) const {
 }
 
 double Unknown::lowest() const {
-  // Half of the slowest period: beyond it is another one's.
+  // Half of the slowest period; larger offsets are equivalent to smaller ones.
   if (kind == Kind::clock_offset) return -std::numbers::pi;
   if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
   const double share = -(std::log1p(2.0 * within) + beyond);
@@ -136,7 +136,7 @@ bool Unknown::is_within(double of_value, double tolerance) const {
   if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset) return true;
   const double at = coordinate(of_value);
   if (nominal == 0.0) return at <= highest() + tolerance;
-  // The nominal value is off by a share of the true one, or the true one of the nominal one.
+  // Admits a relative error with respect to either the true or the nominal value.
   const double factor = std::max(1.0 + within, 1.0 / (1.0 - std::min(within, 0.9)));
   const double low = logarithmic ? -std::log(factor) : -within;
   const double high = logarithmic ? std::log(factor) : factor - 1.0;
@@ -201,7 +201,7 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
     all.contacts.insert(all.contacts.end(), group.contacts.begin(), group.contacts.end());
   }
   if (scene.beam) {
-    // The frame's motion e(t) shows in its force, -e''(t).
+    // Amplitude and phase of e(t), from the frame's force -e''(t).
     all.amplitude = std::abs(groups.front().amplitude) / square(common);
     all.phase = groups.front().phase;
     all.of_frame = true;
@@ -321,7 +321,7 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
 
 namespace {
 
-// "system.K.1.2": which entry, if it is one.
+// Parses a key such as "system.K.1.2". Returns whether it names an entry of C or K.
 bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
   constexpr std::string_view prefix = "system.";
   if (scene.beam || key.size() < prefix.size() + 5 || key.substr(0, prefix.size()) != prefix) {

@@ -7,9 +7,9 @@
 namespace sprag {
 namespace {
 
-// Impulses that differ by more than this share are different decisions.
+// Impulses that differ by a larger share count as another impact.
 constexpr double same_impact = 1e-9;
-// A contact that leaves with less than this share of what hits the machine does not leave.
+// A contact that leaves with a smaller share of the incoming velocity stays.
 constexpr double hardly_thrown = 1e-12;
 
 }  // namespace
@@ -72,7 +72,7 @@ void ActiveImpact::set(const std::vector<Closing>& closings, ContactSet staying,
   }
 }
 
-// Lambda_ of gamma_.
+// Computes Lambda_ from gamma_.
 bool ActiveImpact::find_impulses() {
   const ImpactLaw law = dynamics_->model().law;
   const auto scale = [this](ContactVector& x) {

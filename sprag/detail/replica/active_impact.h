@@ -1,11 +1,11 @@
-// The impact of contacts that are reported to close: the active branch of the impact law, whatever
-// the signs of gamma- are in the estimate. With the impulses Lambda along the directions d_k = M^-1
-// w_k, less what those contacts take that stay closed, and G_kl = w_k^T d_l,
+// Impact of contacts that are reported to close: the active branch of the impact law, for any signs
+// of gamma- in the estimate. The impulses Lambda act along the directions d_k, which are M^-1 w_k
+// with the reaction of the contacts that stay closed. With G_kl = w_k^T d_l,
 //
 //   u+ = u- + sum_k d_k Lambda_k,   Poisson: Lambda = -(1 + E) G^-1 gamma-,
 //                                   Newton:  Lambda = -G^-1 (1 + E) gamma-.
 //
-// Linear in gamma-, so that it moves mean and covariance alike.
+// The branch is linear in gamma-, so that it maps mean and covariance in the same way.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,35 +16,36 @@
 
 namespace sprag {
 
-/// A contact that closes, and how.
+/// A contact that closes.
 struct Closing {
   int contact = 0;
-  double epsilon = 0.0;                                           ///< 0 where it stays closed
+  double epsilon = 0.0;                                           ///< 0 if it stays closed
   double gamma = 0.0, gamma_rate = 0.0, gamma_second_rate = 0.0;  ///< before the impact
 };
 
-/// The impact of one contact while others are held (gamma = 0), by the impact law itself. It is
-/// homogeneous in gamma_i-, so that who of them is thrown off depends on nothing else.
+/// Impact of one contact while others are held (gamma = 0), by the impact law itself. The law is
+/// homogeneous in gamma_i-, so that the set of released contacts does not depend on gamma_i-.
 struct SingleImpact {
   Solved solved = Solved::yes;
-  double change = 0.0;     ///< of gamma_i, over -gamma_i-: 1 + epsilon_i unless others give back
-  ContactSet staying = 0;  ///< of those that were held; the others are thrown off
-  ContactVector Lambda;    ///< of the contact and of those held, by ascending index, for a change
-                           ///< of gamma_i by one
+  double change = 0.0;  ///< change of gamma_i over -gamma_i-; 1 + epsilon_i unless other contacts
+                        ///< return impulse
+  ContactSet staying = 0;  ///< held contacts that stay closed; the others are released
+  ContactVector Lambda;    ///< impulses on the contact and the held ones, by ascending index, for a
+                           ///< change of gamma_i by 1
 };
 SingleImpact single_impact(const Dynamics& dynamics, int contact, double epsilon, ContactSet held);
 
 class ActiveImpact {
  public:
-  /// `dynamics` must outlive this. Nothing else here allocates.
+  /// `dynamics` must outlive this. Only the constructor allocates.
   explicit ActiveImpact(const Dynamics& dynamics);
 
-  /// From now on the impact of `closings`, which must stay as they are, while `staying` are held;
-  /// those of `leaving` were closed before it and are not after it.
+  /// Sets the impact: `closings`, which must not change until the next set(), while `staying` are
+  /// held. Contacts of `leaving` are closed before the impact and open after it.
   void set(const std::vector<Closing>& closings, ContactSet staying, ContactSet leaving);
 
-  /// Adds u+ - u- to `u`, f entries, where the k-th closing comes with gamma(k). False, and nothing
-  /// added, where the directions depend on each other.
+  /// Adds u+ - u- to `u`, f entries, for the gap velocity gamma(k) of the k-th closing. Returns
+  /// false and adds nothing if the directions are linearly dependent.
   template <typename Gamma, typename Velocities>
   bool add_jump(const Gamma& gamma, Velocities&& u) {
     for (Eigen::Index k = 0; k < size(); ++k) gamma_[k] = gamma(k);
@@ -53,15 +54,15 @@ class ActiveImpact {
     return true;
   }
 
-  /// What the impact law itself makes of the mean, where which contacts take an impulse is not
-  /// certain: several close, or others are closed before or after.
+  /// Result of the impact law itself for the mean, where several contacts close or others are
+  /// closed, so that the branch may be another.
   enum class Decision {
-    same,        ///< as the branch
-    other,       ///< another impact, with which the reports would have been others
-    as_reported  ///< another impact that agrees with the reports
+    same,        ///< the same as the branch
+    other,       ///< another impact, which contradicts the reports
+    as_reported  ///< another impact, which agrees with the reports
   };
-  /// At time t [s], from u before to u after the branch, f entries each; `difference`: what the law
-  /// adds to that.
+  /// At time t [s], u before and after the branch, f entries each. `difference` receives u+ of the
+  /// law minus u+ of the branch.
   Decision decide(const Eigen::VectorXd& before, const Eigen::VectorXd& after, double t,
                   Eigen::VectorXd& difference) const;
 

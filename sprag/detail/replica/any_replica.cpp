@@ -15,7 +15,7 @@ Any make(const Scene& scene, double h, StepperKind stepper) {
   return Any(std::in_place_type<Replica>, scene, h);
 }
 
-// act(estimator, its state), and what all states have in common is kept up.
+// Calls act(estimator, its state) and copies tick and chi to the common state.
 template <typename Act>
 void change(Any& any, AnyReplica::State& state, const Act& act) {
   std::visit(

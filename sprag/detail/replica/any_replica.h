@@ -1,5 +1,5 @@
-// The replica with exact flow or with Moreau's time stepping, chosen when the program runs; itself
-// an Estimator (estimator.h).
+// Replica with exact flow or with Moreau's time stepping, selected at run time. Satisfies Estimator
+// (estimator.h).
 #pragma once
 
 #include <cstdint>
@@ -29,8 +29,8 @@ class AnyReplica {
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, State& state);
   void tick(std::span<const ContactEvent> events, State& state);
-  /// The same; `visit(of_one_instant)` is called behind the events of each instant. What output()
-  /// says then is of that instant with exact flow, of the tick with Moreau's stepper.
+  /// The same, and calls visit(of_one_instant) after the events of each instant. In visit()
+  /// output() is the estimate at that instant with exact flow, at the tick with Moreau's stepper.
   template <typename Visit>
   void tick(std::span<const ContactEvent> events, State& state, Visit visit) {
     auto* replica = std::get_if<Replica>(&replica_);
@@ -49,7 +49,7 @@ class AnyReplica {
     state.tick = of.tick;
     state.chi = of.chi;
   }
-  /// As Replica's; 0 with Moreau's stepper, which has no ticks of which nothing is new.
+  /// As Replica::coast(); returns 0 with Moreau's stepper.
   std::int64_t coast(std::int64_t n, State& state);
   bool coasts() const { return is_exact(); }
   void apply(std::span<const ContactEvent> events, State& state);
@@ -59,18 +59,18 @@ class AnyReplica {
   void confidence(const State& state, double initial, Confidence& confidence);
   double h() const { return h_; }
 
-  /// Appends what it says of each event from now on to `records`, which must outlive this. For a
-  /// replica of which one state alone is moved, and never back. Allocates then. False with Moreau's
-  /// stepper, which knows no events' own times.
+  /// Appends a record of each event from now on to `records`, which must outlive this. Only one
+  /// state may be moved then, and never back; moving it allocates. Returns false with Moreau's
+  /// stepper, which has no states at event times.
   bool record_in(std::vector<ImpactRecord>& records);
 
-  /// output() of a replica with exact flow.
+  /// output() of a state with exact flow, also between ticks.
   static void exact_output(const State& state, Eigen::Ref<Eigen::VectorXd> q,
                            Eigen::Ref<Eigen::VectorXd> u);
   bool is_exact() const { return std::holds_alternative<Replica>(replica_); }
-  /// What it moves on; null with Moreau's stepper, which needs none.
+  /// Flows of the replica; null with Moreau's stepper.
   Flows* flows();
-  /// How it moves in free flight: the path of its exact flow, or "moreau".
+  /// Kind of free flight: the path of the exact flow, or "moreau".
   const char* flow_path();
 
  private:

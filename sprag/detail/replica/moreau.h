@@ -1,12 +1,11 @@
-// The replica by Moreau-Jean time stepping, theta = 1/2, the field's standard and the yardstick for
-// the exact one. With x_theta = theta x_(k+1) + (1 - theta) x_k:
+// Replica by Moreau-Jean time stepping, theta = 1/2: the standard method, for comparison with the
+// exact replica. With x_theta = theta x_(k+1) + (1 - theta) x_k:
 //
 //   M (u_(k+1) - u_k) = h (f_theta - C u_theta - K q_theta) + W P,   q_(k+1) = q_k + h u_theta,
 //
-// and the impact law of the closed contacts between gamma_k and gamma_(k+1) with
-// G = W^T (M + h theta C + h^2 theta^2 K)^-1 W. Events act in the tick they fall in. First order in
-// h across impacts. Source: J. J. Moreau, Comput. Methods Appl. Mech. Eng. 177 (1999); M. Jean,
-// ibid.
+// and the impact law of the closed contacts between gamma_k and gamma_(k+1) with G = W^T (M + h
+// theta C + h^2 theta^2 K)^-1 W. An event acts in the tick that contains it. First order in h
+// across impacts. Source: J. J. Moreau, Comput. Methods Appl. Mech. Eng. 177 (1999); M. Jean, ibid.
 #pragma once
 
 #include <cstdint>
@@ -51,7 +50,7 @@ class MoreauReplica {
   void output(const MoreauState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
 
-  /// It says nothing of its error but which impacts it refused; `initial` does not matter.
+  /// Reports only the number of refused impacts; `initial` is not used.
   Confidence no_confidence() const { return {}; }
   void note(const MoreauState& state, Confidence& confidence) const;
   void confidence(const MoreauState& state, double initial, Confidence& confidence) const;
@@ -63,7 +62,7 @@ class MoreauReplica {
 
   Dynamics dynamics_;
   double h_;
-  Eigen::VectorXd mass_hat_;     // diagonal of M + h theta C + h^2 theta^2 K, where diagonal
+  Eigen::VectorXd mass_hat_;     // diagonal of M + h theta C + h^2 theta^2 K, if that is diagonal
   Eigen::MatrixXd inverse_hat_;  // else its inverse
   Eigen::MatrixXd minv_hat_W_;
   Eigen::MatrixXd G_hat_;

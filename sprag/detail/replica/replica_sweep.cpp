@@ -11,8 +11,8 @@ namespace {
 constexpr std::size_t lanes = ReplicaSweep::lanes;
 using Oscillator = ReplicaSweep::Oscillator;
 
-// R oscillators at once hide how long a product and a sum take. The copies are what the compiler
-// keeps in registers; it must not take the lanes apart.
+// R oscillators at once hide the latency of multiplication and addition. The compiler keeps the
+// local copies in registers; it must not split the lanes.
 template <std::size_t R, bool drifts>
 [[gnu::always_inline]] inline void rotate_together(Oscillator* __restrict x, int ticks) {
   constexpr std::size_t n = R * lanes;
@@ -136,8 +136,8 @@ void ReplicaSweep::run(std::int64_t k) {
   }
 }
 
-// The lane's replica up to the next ticks that the vectors can do, or to the end. Lanes need not be
-// at one tick before that.
+// Moves the lane's replica to the next ticks that the vectors can do, or to the end. Lanes may be
+// at different ticks.
 void ReplicaSweep::go_on(std::size_t l, std::int64_t end) {
   Lane& lane = lane_[l];
   ReplicaState& state = lane.state;
@@ -163,7 +163,7 @@ void ReplicaSweep::go_on(std::size_t l, std::int64_t end) {
   rest(l);
 }
 
-// How many of the events, from the first one on, take effect up to tick k.
+// Number of leading events that take effect up to tick k.
 std::size_t ReplicaSweep::due(std::span<const ContactEvent> events, std::int64_t k) const {
   const double t = tick_instant(k, h_).hi;
   std::size_t count = 0;
@@ -200,7 +200,7 @@ void ReplicaSweep::fetch(std::size_t l, std::int64_t end) {
   lane.state.anchor.ticks_since += static_cast<unsigned>(lane.under_way);
   lane.under_way = 0;
   motion.t = no_instant;
-  // The exact step starts from the anchor and asks for nothing else.
+  // The exact step starts from the anchor and does not need the motion.
   const std::int64_t next = lane.state.tick + 1;
   const bool from_anchor = TickedFlight::plain_ticks(lane.state.anchor) == 0 &&
                            next < lane.event_tick && next <= std::min(end, lane.ticks);
@@ -211,8 +211,8 @@ void ReplicaSweep::fetch(std::size_t l, std::int64_t end) {
   }
 }
 
-// A lane that stands still is at zero, where nothing grows and nothing becomes denormal. Adding -0
-// changes no number at all: not even -0 itself, as +0 would.
+// A finished lane is set to zero, where values neither grow nor become denormal. Adding -0 changes
+// no number; adding +0 would change -0.
 void ReplicaSweep::rest(std::size_t l) {
   lane_[l].under_way = 0;
   for (Oscillator& x : oscillators_) {

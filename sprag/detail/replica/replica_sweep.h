@@ -1,13 +1,12 @@
-// A sweep: up to eight replicas (replica.h) of machines of one structure, side by side in the lanes
-// of the processor's vectors, for studies of many runs. Parameters, starts, events and lengths may
-// differ from lane to lane.
+// Sweep: up to eight replicas (replica.h) of machines with one structure in the lanes of the
+// processor's vectors, for studies of many runs. Parameters, starts, events and lengths may differ
+// between lanes.
 //
-// In free flight a tick is z+ = zz z + zv v + za, v+ = vz z + vv v + va for each oscillator; the
-// lanes of one oscillator lie next to each other, and many ticks are done without leaving the
-// registers. Whatever else a tick holds (an event, a locked contact, the exact step from the
-// anchor, a force near resonance) is done by the lane's own replica. Each lane goes through the
-// operations of a single replica in their order, none of them fused: every state is that of a
-// Replica that ticks alone, bit for bit.
+// In free flight a tick is z+ = zz z + zv v + za, v+ = vz z + vv v + va for each oscillator. The
+// lanes of one oscillator are adjacent in memory, and many ticks are done in registers. The lane's
+// own replica does all other ticks: with an event, a locked contact, the exact step from the
+// anchor, or a force near resonance. Each lane performs the operations of a single replica in the
+// same order, without fused operations, so that every state equals that of a Replica bit by bit.
 #pragma once
 
 #include <array>
@@ -29,22 +28,22 @@ class ReplicaSweep {
   struct Run {
     std::shared_ptr<Flows> flows;
     State start;  ///< at tick 0
-    /// In order. Each takes effect in the first tick whose rounded time is not before it, those of
-    /// the start and before it at tick 0. What they are must outlive the sweep.
+    /// In order of time; must outlive the sweep. Each takes effect in the first tick whose rounded
+    /// time is not before it; events at or before the start do at tick 0.
     std::span<const ContactEvent> events;
     ContactSet chi = 0;             ///< at the start
-    std::int64_t ticks = max_tick;  ///< the run stands still at this tick
+    std::int64_t ticks = max_tick;  ///< the run ends at this tick
   };
 
-  /// One to eight runs, tick h > 0. Throws ModelError: other counts, machines of more than one
-  /// structure, and what Replica throws.
+  /// One to eight runs, tick h > 0. Throws ModelError for another number of runs, for machines of
+  /// different structures, and as Replica does.
   ReplicaSweep(std::span<const Run> runs, double h);
 
-  /// Whether two machines have as many coordinates, contacts and frequencies.
+  /// Whether two machines have the same numbers of coordinates, contacts and frequencies.
   static bool of_one_structure(const Flows& a, const Flows& b);
 
-  /// Every run to tick k, or to its own end before. k does not fall. Does not allocate once the
-  /// locked sets that occur have been met.
+  /// Moves every run to tick k, or to its own earlier end. k must not decrease. Does not allocate
+  /// once the locked sets that occur have been met.
   void run(std::int64_t k);
 
   std::size_t size() const { return lane_.size(); }
@@ -55,7 +54,7 @@ class ReplicaSweep {
     lane_[run].replica->output(lane_[run].state, q, u);
   }
 
-  /// One oscillator of all lanes: state and step.
+  /// State and step of one oscillator in all lanes.
   struct alignas(64) Oscillator {
     using Lanes = std::array<double, lanes>;
     Lanes z, v, zz, zv, vz, vv, z_push, v_push;
@@ -64,12 +63,12 @@ class ReplicaSweep {
  private:
   struct Lane {
     std::unique_ptr<Replica> replica;
-    ReplicaState state;                    // without the ticks that are under way in the vectors
-    std::span<const ContactEvent> events;  // still to come
-    std::int64_t event_tick = max_tick;    // of the first of them
+    ReplicaState state;                    // without the ticks in progress in the vectors
+    std::span<const ContactEvent> events;  // later events
+    std::int64_t event_tick = max_tick;    // tick of the first later event
     std::int64_t ticks = max_tick;
-    int under_way = 0;  // ticks in the vectors up to where the replica goes on; 0: stands still
-    int left = 0;       // of them
+    int under_way = 0;  // ticks that the vectors do before the replica continues; 0: finished
+    int left = 0;       // remaining ticks in the vectors
   };
 
   void go_on(std::size_t l, std::int64_t end);
@@ -80,7 +79,7 @@ class ReplicaSweep {
   void rest(std::size_t l);
 
   double h_;
-  bool drifts_ = false;  // a constant force pushes in some lane
+  bool drifts_ = false;  // some lane has a constant force
   std::vector<Lane> lane_;
   std::vector<Oscillator> oscillators_;
 };

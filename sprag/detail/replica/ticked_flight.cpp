@@ -5,7 +5,7 @@
 namespace sprag {
 namespace {
 
-// Each radian that the phases turn without the time costs them a rounding.
+// The phases lose about one rounding per radian until they are set from the time.
 unsigned blocks_between_phases(const Flow& free, double duration) {
   constexpr double radians = 16.0, most = 16.0;
   if (free.frequencies() == 0) return 1;

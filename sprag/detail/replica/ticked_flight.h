@@ -1,6 +1,6 @@
-// Free flight by ticks of a fixed step: products of one rounded step, and every so many ticks one
-// step from the last anchor instead, with what excites the machine set by the time now and then, so
-// that roundings do not add up.
+// Free flight by ticks of a fixed step: products of one rounded step matrix. Every `block` ticks
+// one long step from the last anchor replaces the product, and from time to time the excitation's
+// phases are set from the time, so that roundings do not accumulate.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +12,24 @@ namespace sprag {
 
 class TickedFlight {
  public:
-  /// Where the last step over several ticks ended.
+  /// End of the last long step.
   struct Anchor {
     OscillatorState x;
-    unsigned ticks_since = 0;  ///< since the excitation's phases were set
+    unsigned ticks_since = 0;  ///< ticks since the excitation's phases were set
   };
 
   TickedFlight() = default;
-  /// `free` is the flow of no locked contact; it must outlive this. Tick h > 0.
+  /// `free` is the flow without locked contacts; it must outlive this. Tick h > 0.
   TickedFlight(const Flow& free, double h);
 
-  /// The motion, which is on the free flow at a tick or at an event after it, is an anchor.
+  /// Makes the motion the anchor. It is on the free flow, at a tick or at an event after it.
   static void set_anchor(const Motion& motion, Anchor& anchor) {
     anchor.x = motion.x;
     anchor.ticks_since = 0;
   }
 
-  /// From tick k - 1, at which the motion is, to tick k. Time is counted in ticks here: the motion
-  /// has no_instant until who goes on from it otherwise gives it tick k's.
+  /// Moves from tick k - 1 to tick k. The motion's time becomes no_instant; a caller that needs it
+  /// sets that of tick k.
   void step(std::int64_t k, Motion& motion, Anchor& anchor) const {
     motion.t = no_instant;
     if (++anchor.ticks_since % block != 0) {
@@ -40,11 +40,11 @@ class TickedFlight {
     }
   }
 
-  /// Ticks ahead that are products of the rounded step, up to the next exact one.
+  /// Number of next ticks that are products of the rounded step, before the next long step.
   static int plain_ticks(const Anchor& anchor) {
     return static_cast<int>(block - 1 - anchor.ticks_since % block);
   }
-  /// The rounded step, with which the constant forces go only where `drifts()`.
+  /// The rounded step. It includes constant forces only if drifts().
   const TickTable& table() const { return tick_; }
   bool drifts() const { return drifts_; }
   /// Whether forces near resonance are added to the product (drives.h).
@@ -58,11 +58,11 @@ class TickedFlight {
 
   const Flow* free_ = nullptr;
   double h_ = 0.0;
-  unsigned phased_ = block;  // ticks after which phases are set by the time
+  unsigned phased_ = block;  // ticks after which the phases are set from the time
   TickTable tick_, block_;
   DriveTable driven_tick_, driven_block_;
-  bool drifts_ = false;  // a constant force pushes
-  bool pushed_ = false;  // or a force near resonance
+  bool drifts_ = false;  // there is a constant force
+  bool pushed_ = false;  // drifts_, or a force near resonance
 };
 
 }  // namespace sprag
