@@ -1,7 +1,7 @@
 """`pip install .`: builds the package with CMake and puts it into a wheel.
 
-It needs the standard library alone, so that pip has nothing to fetch. The build directory stays:
-build/wheel, or SPRAG_BUILD. CMAKE_ARGS has further options for the configuration.
+It needs only the standard library, so that pip has nothing to download. The build directory is
+kept: build/wheel, or SPRAG_BUILD. CMAKE_ARGS adds options of the configuration.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def build(stage: Path) -> None:
         "-S", str(ROOT),
         "-B", str(folder),
         "-DCMAKE_BUILD_TYPE=Release",
-        "-DCMAKE_UNITY_BUILD=ON",  # a third less to compile
+        "-DCMAKE_UNITY_BUILD=ON",  # saves a third of the compile time
         "-DCMAKE_UNITY_BUILD_BATCH_SIZE=8",
         "-DSPRAG_PYTHON=ON",
         "-DSPRAG_PROGRAMS=OFF",
@@ -106,7 +106,7 @@ def build_wheel(
         }
     files |= {f"{info}/{name}": content for name, content in metadata().items()}
 
-    # Where an installation has them, seen from the environment: read_scene("paper_beam") finds them.
+    # Same path below the environment as below an install prefix: read_scene("paper_beam") finds it.
     for scene in sorted((ROOT / "scenes").rglob("*.toml")):
         name = scene.relative_to(ROOT / "scenes")
         files[f"sprag-{version()}.data/data/share/sprag/scenes/{name}"] = scene.read_bytes()

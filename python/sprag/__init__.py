@@ -1,9 +1,9 @@
 """State observer for impacting machines, driven by contact times alone.
 
-A scene is a machine with contacts. simulate() gives its contact events and states; observe() and
-Observer find its state from the events; check() says whether they will. Contacts count from 1. Units are the scene's own, SI in the
-scenes that ship. Arrays of many ticks are n x f in C order; all results are read-only views of what
-C++ computed, without copies, and stay valid for as long as they are used.
+A scene is a machine with contacts. simulate() returns its contact events and states. observe() and
+Observer estimate its state from the events; check() assesses whether they can. Contacts count from
+1. Units are those of the scene, SI in the supplied scenes. Arrays of many ticks are n x f in C
+order. All results are read-only views of C++ data, without copies, and keep that data alive.
 """
 
 from ._core import (

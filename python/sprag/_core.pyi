@@ -10,7 +10,7 @@ _Estimator = Literal["both", "timing", "replica", "adaptive"]
 _Stepper = Literal["exact", "moreau"]
 _Events = npt.NDArray[np.void] | Sequence[tuple[float, int, int]]
 
-# Of all classes of pybind11.
+# Metaclass of all classes of pybind11.
 class _Class(type): ...
 
 event_dtype: np.dtype[np.void]

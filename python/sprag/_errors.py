@@ -1,4 +1,4 @@
-"""What goes wrong in Sprag itself; wrong arguments raise ValueError or TypeError."""
+"""Exceptions of Sprag; wrong arguments raise ValueError or TypeError."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ class Error(Exception):
 
 
 class SceneError(Error):
-    """A scene file that cannot be read or says what it may not.
+    """A scene file cannot be read or is invalid.
 
-    line and column count from 1 and are None where they are not known; message is the text behind
-    the place.
+    line and column count from 1 and are None if unknown; message is the text without the place.
     """
 
     def __init__(
@@ -33,16 +32,16 @@ class SceneError(Error):
 
 
 class ModelError(Error):
-    """A machine whose motion has no exact flow."""
+    """The motion of the machine has no exact flow."""
 
 
 class BusError(Error):
-    """LCM cannot be reached; without a route for multicast the text says how to mend it."""
+    """LCM is not available; if a route for multicast is missing, the text gives the remedy."""
 
 
 class InputError(Error):
-    """A file, other than a scene, that cannot be read."""
+    """A file other than a scene cannot be read."""
 
 
 class SimulationError(Error):
-    """A simulation that cannot go on; the text says when and why."""
+    """A simulation cannot continue; the text gives the time and the cause."""

@@ -1,4 +1,4 @@
-"""Contact events in Python: what a contact did, and arrays of events."""
+"""Contact events: their kinds, and arrays of events."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ._core import event_dtype
 
 
 class ContactEventKind(enum.IntEnum):
-    """A pulse closes and opens at the same instant: an isolated impact."""
+    """Kind of a contact event. A pulse is an isolated impact: closes and opens at one instant."""
 
     CLOSES = 1
     OPENS = 2
@@ -19,7 +19,7 @@ class ContactEventKind(enum.IntEnum):
 
 
 def pulses(t: npt.ArrayLike, contact: int = 1) -> npt.NDArray[np.void]:
-    """Impacts at the times t [s] of one contact, from 1, as an array of event_dtype."""
+    """Returns isolated impacts of a contact (from 1) at times t [s], an array of event_dtype."""
     times = np.atleast_1d(np.asarray(t, dtype=np.float64))
     events = np.zeros(times.shape, dtype=event_dtype)
     events["t"] = times

@@ -1,4 +1,4 @@
-"""Rows of studies, as `sprag study` writes them, as arrays."""
+"""Results of `sprag study` as arrays."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ._errors import InputError
 
 
 class Study:
-    """A study's rows, column by column: study["both.V_floor"] is an array of one entry a row.
+    """Rows of a study by column: study["both.V_floor"] is an array with one entry per row.
 
-    index, point, run and n are whole numbers, failure is text, all others are floats, nan where a
-    run failed. axes are the names of the columns that varied; manifest is what
-    the study says of itself: its text, that of the scene, version, compiler.
+    index, point, run and n are integers, failure is text, all others are floats, nan where a run
+    failed. axes are the names of the varied columns. manifest describes the study: its text, the
+    text of the scene, version, compiler.
     """
 
     def __init__(
@@ -43,16 +43,16 @@ class Study:
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(self._columns["index"])
 
     def grid(self, name: str) -> npt.NDArray[Any]:
-        """Column `name` by the axes: an array of one dimension for each axis, in the order of
-        their values, and a last one for the runs of a point (with poincare, all points of all its
-        runs).
+        """Returns column `name` as an array with a dimension for each axis, in ascending order of
+        its values. The last dimension holds the runs of a point (with poincare, all points of all
+        its runs).
 
-        Axes that were varied together (zip) count as the first of them. ValueError where points
-        have different numbers of rows, or the axes no values in common, as random starts.
+        Axes varied together (zip) count as the first of them. Raises ValueError if the rows form no
+        grid: points with different numbers of rows, or axes without common values (random starts).
         """
         groups: dict[Any, str] = {}
         for i, axis in enumerate(self.manifest.get("axes", [])):
@@ -89,10 +89,11 @@ def _column(name: str, fields: list[str], file: pathlib.Path) -> npt.NDArray[Any
 
 
 def read_study(path: str | os.PathLike[str]) -> Study:
-    """Reads the results of `sprag study`: the folder, or the CSV file of a shard, with the manifest
+    """Reads the results of `sprag study`: its folder, or the CSV file of a shard with the manifest
     beside it.
 
-    Raises InputError: no such file, no rows of a study, or a damaged row, with its line.
+    Raises InputError if the file does not exist, holds no rows of a study, or has a damaged row,
+    whose line the text gives.
     """
     file = pathlib.Path(path)
     if file.is_dir():
@@ -105,7 +106,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
                 raise InputError(f"{file}:1: the header does not begin with index,point,run")
             parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in names}
             number = 2
-            # Text takes far more room than numbers: some rows at a time.
+            # Text takes far more memory than numbers, so the file is converted in blocks of rows.
             while True:
                 block = list(itertools.islice(rows, 65536))
                 for line, row in enumerate(block, start=number):

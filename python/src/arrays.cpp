@@ -15,8 +15,8 @@ static_assert(sizeof(ContactEvent::contact) == sizeof(std::int32_t));
 
 constexpr py::ssize_t item_size = sizeof(double);
 
-// Numpy would take a number without fields for all three at once, and fields by their order. What
-// is no array becomes a list of tuples, which numpy takes entry by entry.
+// Numpy would assign a plain number to all three fields, and fields of other names by their order;
+// both are rejected here. Other sequences become a list of tuples, which numpy converts by entry.
 py::object with_fields(const py::object& events) {
   const char* wrong =
       "events must be an array with fields t, contact and kind, or triples of them; pulses() makes "
@@ -110,7 +110,7 @@ std::vector<ContactEvent> to_events(const py::object& events, std::size_t contac
   taken.reserve(static_cast<std::size_t>(array.size()));
   const auto* data = static_cast<const char*>(array.data());
   for (py::ssize_t i = 0; i < array.size(); ++i) {
-    // A kind that is none must not become an enumerator.
+    // An invalid kind must not be read as an enumerator.
     const char* entry = data + i * array.itemsize();
     const auto field = [entry]<typename T>(std::size_t offset, T value) {
       std::memcpy(&value, entry + offset, sizeof(T));

@@ -1,4 +1,5 @@
-// Results as numpy arrays: views of what C++ computed, read-only, that keep their owner alive.
+// Results as numpy arrays: read-only views of C++ data, without copies, that keep their owner
+// alive.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -28,10 +29,10 @@ py::array view(const Eigen::MatrixXd& matrix, py::handle owner);
 /// Fields t, contact and kind, in the layout of ContactEvent. In Python contacts count from 1.
 py::dtype event_dtype();
 
-/// n entries of event_dtype(), whose contacts were made to count from 1.
+/// n entries of event_dtype(). The contacts in `events` must count from 1 already.
 py::array view(const std::vector<ContactEvent>& events, py::handle owner);
 
-/// ContactEvents, contacts from 0, from an array of event_dtype() or what numpy makes one of.
+/// Converts an array of event_dtype(), or a sequence of triples, to events with contacts from 0.
 /// Throws std::invalid_argument if an entry is no event of a machine with `contacts` contacts.
 std::vector<ContactEvent> to_events(const py::object& events, std::size_t contacts);
 

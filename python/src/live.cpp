@@ -33,7 +33,7 @@ auto without_lock(const Call& call) {
   return call();
 }
 
-// Threads may share one; Python's signals are looked after while it waits.
+// Several threads may share a listener. While it waits, it handles Python's signals every 100 ms.
 class Listener {
  public:
   Listener(EstimateChannel channel, const std::string& url, const std::optional<Key>& key)
@@ -42,7 +42,7 @@ class Listener {
   std::optional<EstimateSample> next(std::optional<double> timeout) {
     if (timeout && !(*timeout >= 0.0)) throw std::invalid_argument("timeout must be >= 0");
     constexpr milliseconds piece(100);
-    // Longer than anybody waits.
+    // [s]: without a limit the conversion to the clock's duration would overflow.
     constexpr double longest = 1e9;
     const auto end =
         Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(

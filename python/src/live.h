@@ -1,4 +1,4 @@
-// A publisher of events and a listener for estimates, over LCM, in Python.
+// Python bindings of the publisher of events and the listener for estimates, over LCM.
 #pragma once
 
 #include <pybind11/pybind11.h>

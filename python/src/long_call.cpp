@@ -6,8 +6,8 @@
 namespace sprag::python {
 namespace {
 
-// The signal has one handler for the process: of the calls under way, in several threads, the first
-// takes its place and the last gives it back.
+// A process has one handler of a signal. Of the concurrent calls in several threads, the first
+// installs the relay and the last restores Python's handler.
 std::mutex mutex;
 int calls = 0;
 bool relays = false;

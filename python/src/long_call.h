@@ -1,4 +1,4 @@
-// A long computation: without the interpreter's lock, and broken off by Ctrl-C.
+// Runs a long computation without the interpreter's lock; Ctrl-C interrupts it.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -9,7 +9,8 @@
 
 namespace sprag::python {
 
-/// While one exists, Ctrl-C requests an interrupt as well, if Python handles it at all.
+/// While a relay exists, Ctrl-C also requests an interrupt of the computation, provided that Python
+/// has a handler for it.
 class InterruptRelay {
  public:
   InterruptRelay();
@@ -21,10 +22,10 @@ class InterruptRelay {
   std::stop_token token() const;
 };
 
-/// Raises what Python's handler of Ctrl-C raises, or KeyboardInterrupt.
+/// Raises the exception of Python's handler of Ctrl-C, or KeyboardInterrupt.
 [[noreturn]] void raise_interrupt();
 
-/// What compute() returns. It must not touch Python's objects.
+/// Returns the result of compute(), which must not touch Python objects.
 template <typename Compute>
 auto long_call(const Compute& compute) {
   try {

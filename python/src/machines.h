@@ -1,4 +1,4 @@
-// Beams, models and scenes in Python.
+// Python bindings of beams, models and scenes.
 #pragma once
 
 #include <pybind11/pybind11.h>

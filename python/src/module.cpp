@@ -1,4 +1,4 @@
-// The module sprag._core: the package `sprag` shows it under its own name.
+// The module sprag._core. The package `sprag` re-exports its names.
 #include <pybind11/pybind11.h>
 
 #include <exception>
@@ -18,7 +18,7 @@
 namespace sprag::python {
 namespace {
 
-// The classes are Python's own, made once and never freed.
+// Exception classes defined in Python (sprag/_errors.py), created once and never freed.
 struct ErrorClasses {
   py::object base, scene, model, simulation, bus, input;
 };

@@ -60,9 +60,10 @@ std::int64_t skipped(const EventCounts& counts) {
   return std::accumulate(counts.skipped.begin(), counts.skipped.end(), std::int64_t{0});
 }
 
-// An observer that threads may share: calls wait for each other.
+// An observer that several threads may share: a mutex serializes its calls.
 class SharedObserver {
-  // The interpreter's lock is not waited for while this one is held.
+  // Releases the interpreter's lock before it takes the mutex, and takes it again after the mutex
+  // is released: this order excludes a deadlock.
   template <typename Call>
   auto locked(const Call& call) {
     const py::gil_scoped_release released;
@@ -367,7 +368,7 @@ void bind_energies(py::module_& module) {
       "lack counts as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
 }
 
-// As long as check_scene gives it.
+// Same limit as in the program check_scene.
 constexpr auto longest_trial = std::chrono::seconds(5);
 
 Assessment check(const Scene& scene, std::optional<double> accuracy) {

@@ -1,4 +1,4 @@
-// Simulation, observer and energies in Python.
+// Python bindings of simulation, observer and energies.
 #pragma once
 
 #include <pybind11/pybind11.h>

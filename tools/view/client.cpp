@@ -51,7 +51,7 @@ void Client::hear(std::string_view message) {
 
 Window Client::window(std::pair<double, double> extent) const {
   if (!follow_) return {from_, to_, pixels_};
-  // It fills from the left before it moves.
+  // The window fills from the left before it moves.
   const double to = std::max(extent.second, extent.first + length_);
   return {to - length_, to, pixels_};
 }

@@ -9,7 +9,8 @@ namespace {
 
 constexpr int beam_places = 64;
 
-// e(t) as a support of a beam on the ground shows it.
+// Ground motion e(t) of a beam: that of its first moving support, with the sign turned to heights;
+// zero if no support moves.
 Harmonic ground_of(const Scene& scene, const std::vector<DrawnStop>& stops) {
   for (std::size_t i = 0; i < stops.size(); ++i) {
     Harmonic motion = scene.model.contacts[i].motion;
@@ -44,7 +45,7 @@ DrawnMachine::DrawnMachine(const Scene& scene)
   shapes_ = Eigen::MatrixXd::Identity(f, f);
   for (Eigen::Index i = 0; i < f; ++i) places_.push_back(static_cast<double>(i + 1));
   for (const Contact& contact : contacts_) {
-    // Which coordinates it is between: the two of the largest share.
+    // The contact is drawn between the two coordinates with the largest entries of w.
     Eigen::Index first = 0;
     contact.w.cwiseAbs().maxCoeff(&first);
     Eigen::VectorXd others = contact.w;

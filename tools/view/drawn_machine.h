@@ -1,6 +1,6 @@
-// How a scene's machine is drawn: its shape as heights at fixed places across the picture, and its
-// stops as heights that the shape must not pass. A beam is its deflection along its length; a
-// general system is a chain of its coordinates.
+// Drawing of a scene's machine: its shape as heights at fixed places across the picture, and its
+// stops as heights that the shape must not pass. A beam is drawn as its deflection along its
+// length, a general system as a chain of its coordinates.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,10 +13,10 @@
 namespace sprag::view {
 
 struct DrawnStop {
-  double across = 0.0;  ///< where it is, on the scale of `places`
-  /// With a height: on which side of the shape it is, -1 below, +1 above.
+  double across = 0.0;  ///< place of the stop, on the scale of `places`
+  /// Side of the shape on which a stop with a height lies: -1 below, +1 above.
   int side = -1;
-  /// Between two places instead: a contact of two coordinates.
+  /// Second place of a contact between two coordinates, which has no height.
   std::optional<double> other;
   bool has_height = true;
 };
@@ -30,15 +30,16 @@ class DrawnMachine {
   const std::vector<double>& places() const { return places_; }
   const std::vector<DrawnStop>& stops() const { return stops_; }
 
-  /// Height of the ground motion e(t) by which all is lifted: a beam is drawn against the ground
-  /// where one of its supports stands there, else against its frame. 0 for a chain.
+  /// Height of the ground motion e(t), which is added to all heights. A beam with a moving support
+  /// is drawn relative to the ground, any other beam relative to its frame. 0 for a chain.
   double base(double t) const;
-  /// Heights of the shape at the places, base included. q may be shorter than f: zeros are missing.
+  /// Heights of the shape at the places, base included. q may be shorter than f; missing entries
+  /// count as zero.
   std::vector<double> shape(const Eigen::VectorXd& q, double t) const;
-  /// Their standard deviations, as if errors of coordinates were independent: messages carry no
-  /// covariances.
+  /// Standard deviations of the heights. The errors of the coordinates are taken as independent,
+  /// since messages carry no covariances.
   std::vector<double> sigma(const Eigen::VectorXd& sigma_q) const;
-  /// Height of a stop, where the gap is 0; for one that has a height.
+  /// Height of a stop, at which the gap is 0; only for stops with a height.
   double stop(std::size_t contact, double t) const;
 
  private:
@@ -47,7 +48,7 @@ class DrawnMachine {
   std::vector<double> places_;
   std::vector<DrawnStop> stops_;
   std::vector<Contact> contacts_;
-  std::vector<double> weight_;  // of a stop's height in its gap
+  std::vector<double> weight_;  // derivative of a gap with respect to the height of the shape
   Harmonic base_;
 };
 

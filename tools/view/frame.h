@@ -1,4 +1,5 @@
-// What the page shows at one moment, and the curves of a window, apart from how they travel.
+// Contents of the page at one instant (Frame) and curves of a time window (Curves), independent of
+// their encoding.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,15 +15,15 @@
 
 namespace sprag::view {
 
-/// Whose estimate it is. `free`: no contacts are heard, the estimate goes on without them.
-/// `waiting`: there is no estimate.
+/// Source of the estimate shown. `free`: no contact messages arrive, the estimate is a free
+/// prediction. `waiting`: there is no current estimate.
 enum class Badge { waiting, free, replica, filter };
 enum class EstimatorShown { unknown, replica, timing, both, adaptive };
 
 const char* name(Badge badge);
 const char* name(EstimatorShown estimator);
 
-/// A state at one tick, as it came.
+/// A state at one tick, as received.
 struct Shown {
   std::int64_t tick = 0;
   double t = 0.0;
@@ -41,11 +42,12 @@ struct Suspect {
 };
 
 struct ContactShown {
-  std::optional<double> gap, sigma, truth;  ///< of the estimate and the machine now
-  std::optional<double> height;             ///< of its stop in the picture
-  bool closed = false;                      ///< as reported
+  std::optional<double> gap, sigma,
+      truth;                     ///< gap and its deviation of the estimate, gap of the machine
+  std::optional<double> height;  ///< of the stop in the picture
+  bool closed = false;           ///< as reported
   std::size_t events = 0;
-  std::optional<double> last;  ///< time of its last event
+  std::optional<double> last;  ///< time of the last event
 };
 
 struct ParameterShown {
@@ -57,23 +59,23 @@ struct Frame {
   std::optional<std::int64_t> session;
   Badge badge = Badge::waiting;
   bool from_filter = false;
-  double penetration = 0.0;  ///< depth of the estimate inside a support [m]; 0: it is inside none
+  double penetration = 0.0;  ///< depth of the estimate inside a support [m]; 0: no penetration
   EstimatorShown estimator = EstimatorShown::unknown;
-  std::optional<Shown> now;      ///< the estimate for now, provisional
-  std::optional<Shown> settled;  ///< the last tick that is final
-  std::optional<Shown> truth;    ///< the machine's own, if it is on the bus
-  std::optional<Energy> energy;  ///< the last row as sync_logger has it
+  std::optional<Shown> now;      ///< latest provisional estimate
+  std::optional<Shown> settled;  ///< latest settled estimate
+  std::optional<Shown> truth;    ///< true state, if a simulated machine publishes it
+  std::optional<Energy> energy;  ///< last row, computed as in sync_logger
   double bound = std::numeric_limits<double>::infinity();
   std::int64_t inconsistencies = 0;
-  std::optional<Suspect> suspect;  ///< the last one
+  std::optional<Suspect> suspect;  ///< the latest
 
-  /// Simulated seconds per second, as the machine's messages say; infinite: as fast as it can.
+  /// Simulated seconds per second, as reported in contact messages; infinite: unpaced.
   double speed = 1.0;
 
-  /// The picture of the machine, of one instant.
+  /// Picture of the machine at one instant.
   double t = 0.0;
   double base = 0.0;
-  std::vector<double> estimate, sigma, truth_shape;  ///< empty: not known
+  std::vector<double> estimate, sigma, truth_shape;  ///< empty: unknown
   std::vector<ContactShown> contacts;
   std::vector<ParameterShown> parameters;  ///< of an adaptive observer
 };
@@ -82,11 +84,11 @@ struct Frame {
 struct Curves {
   Window window;
   std::size_t quantity = 0;
-  Rows estimate;                               ///< low, mean, high
-  Rows guaranteed;                             ///< low, high: the machine is proven to be between
-  Rows truth;                                  ///< one column
-  Rows energy;                                 ///< V
-  Rows bound;                                  ///< B
+  Rows estimate;    ///< low, mean, high
+  Rows guaranteed;  ///< low, high: guaranteed bounds of the machine's value
+  Rows truth;       ///< one column
+  Rows energy;      ///< V
+  Rows bound;       ///< B
   std::vector<std::vector<Closure>> closures;  ///< by contact
   std::vector<Closure> penetrating;            ///< when the settled estimate was inside a support
   std::vector<Suspect> suspects;
@@ -98,7 +100,7 @@ struct Quantity {
   Kind kind;
   std::size_t index;
   std::string name;   ///< g1, q1, or an output's
-  std::string label;  ///< for people
+  std::string label;  ///< text of the page
 };
 
 }  // namespace sprag::view

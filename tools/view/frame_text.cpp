@@ -125,7 +125,8 @@ void put_frame(const Frame& frame, JsonText& to) {
   to.open('{');
   to.key("session");
   if (frame.session) {
-    to.value(std::string_view(std::to_string(*frame.session)));  // more digits than a double has
+    to.value(
+        std::string_view(std::to_string(*frame.session)));  // a double has too few digits for it
   } else {
     to.null();
   }

@@ -1,5 +1,5 @@
-// What is shown, as the JSON objects that the page reads. docs/reference/messages.md has the
-// members.
+// Encodes frames, curves and health as the JSON objects that the page reads. Their members are
+// described in docs/reference/messages.md.
 #pragma once
 
 #include <optional>
@@ -11,15 +11,15 @@
 
 namespace sprag::view {
 
-/// The machine, its contacts and the quantities that have curves: what does not change. `speed`:
-/// of a replay, infinite for one that does not wait; nothing: live.
+/// The constant part: the machine, its contacts and the quantities with curves. `speed`: of a
+/// replay, infinite for an unpaced replay; nothing: live.
 void put_scene(const Watch& watch, std::optional<double> speed, JsonText& to);
 void put_frame(const Frame& frame, JsonText& to);
-/// `extent`: the first and last time that there is.
+/// `extent`: first and last time of all curves.
 void put_curves(const Curves& curves, const Watch& watch, std::pair<double, double> extent,
                 JsonText& to);
-/// The observer's health, `age` seconds ago, and what was heard here; null for the first if there
-/// is none.
+/// The observer's health message, received `age` seconds ago, or null if there is none, and the
+/// message counts of this program.
 void put_health(const Watch& watch, double age, JsonText& to);
 
 }  // namespace sprag::view

@@ -21,7 +21,7 @@ float as_float(double value) {
   return std::isfinite(narrow) ? narrow : missing;
 }
 
-// One pixel's share of the rows of thinned().
+// Collects the rows of one pixel for thinned().
 class Pixel {
  public:
   explicit Pixel(std::size_t columns)
@@ -150,8 +150,8 @@ Rows History::thinned(const Window& window, std::span<const Wanted> wanted) cons
   const auto pixel_of = [&](double t) {
     return std::clamp(std::floor((t - window.from) / width), -1.0, double(window.pixels));
   };
-  // The finest level that reaches back far enough, or as far as any; what it has not closed yet is
-  // in finer ones.
+  // The finest level that reaches back to `from`, or the level that reaches back furthest. Rows of
+  // its unfinished bucket are in the finer levels.
   std::size_t from_level = 0;
   const auto oldest = [](const Level& level) { return level.first[level.begin]; };
   for (std::size_t l = 1; l < levels_.size() && levels_[l].size > 0; ++l) {
@@ -160,10 +160,11 @@ Rows History::thinned(const Window& window, std::span<const Wanted> wanted) cons
   }
   Pixel pixel(wanted.size());
   double here = -2.0;
-  double done = -std::numeric_limits<double>::infinity();  // up to here in coarser levels
+  double done =
+      -std::numeric_limits<double>::infinity();  // end of the part taken from coarser levels
   for (std::size_t l = from_level + 1; l-- > 0;) {
     const Level& level = levels_[l];
-    // The first bucket that ends behind `from` and is not done, and the one before it.
+    // The first bucket that ends after `from` and after `done`, and the bucket before it.
     std::size_t i = 0, end = level.size;
     const double behind = std::max(done, window.from);
     while (i < end) {

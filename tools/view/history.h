@@ -1,6 +1,6 @@
-// What was said at rising times, for pictures of any window: days of it in memory that does not
-// grow. The last rows are there as they came; of older ones the least and the greatest of 4, 16,
-// ... rows, so that no peak is lost.
+// Time series with rising times, for plots of any window. Memory is constant, also over days. The
+// last rows are kept as received; of older rows, the minimum and maximum over 4, 16, ... rows, so
+// that no peak is lost.
 #pragma once
 
 #include <cstddef>
@@ -10,11 +10,10 @@
 
 namespace sprag::view {
 
-/// What of a column a pixel keeps.
+/// Extremes of a column that a pixel keeps.
 enum class Keep { both, least, greatest };
 
-/// Rows of times that rise, a vector of values for each column that was asked for; NaN: nothing
-/// there.
+/// Rows with rising times, and a vector of values for each requested column; NaN: no value.
 struct Rows {
   std::vector<double> t;
   std::vector<std::vector<double>> values;
@@ -27,27 +26,27 @@ struct Window {
 
 class History {
  public:
-  /// For rows of `columns` values, in about `memory` bytes, all of which are taken at once.
+  /// For rows of `columns` values, in about `memory` bytes, which are all allocated here.
   History(std::size_t columns, std::size_t memory);
 
-  /// Takes a row; NaN and infinite values count as missing. False, and nothing taken, if t does not
-  /// rise.
+  /// Takes a row; NaN and infinite values count as missing. Returns false and takes nothing if t
+  /// does not rise or the number of values differs from `columns`.
   bool add(double t, std::span<const double> values);
 
   void clear();
 
   bool empty() const { return rows_ == 0; }
   double last_t() const { return last_t_; }  ///< of the last row; -infinity before the first one
-  double first_t() const;                    ///< of the oldest row that is kept in some form
+  double first_t() const;                    ///< of the oldest row that a level still covers
 
   struct Wanted {
     std::size_t column;
     Keep keep;
   };
 
-  /// The rows from `from` to `to`, and one on either side; where several share one of the `pixels`
-  /// equal intervals, two rows with the least and the greatest of each column, or one of them
-  /// twice, as `wanted` says.
+  /// The rows from `from` to `to`, and a row on either side. Where several rows share one of the
+  /// `pixels` equal intervals: two rows with the minimum and maximum of each column, or, as
+  /// `wanted` specifies, one of the two twice.
   Rows thinned(const Window& window, std::span<const Wanted> wanted) const;
 
  private:
@@ -59,7 +58,7 @@ class History {
     std::vector<double> first, last;  // times
     std::vector<Extremes> values;
     std::size_t begin = 0, size = 0;
-    // The bucket that is being filled.
+    // The bucket under construction.
     std::vector<Extremes> open;
     double open_first = 0.0;
     std::size_t open_parts = 0;

@@ -1,4 +1,4 @@
-// JSON text as it is sent, member by member. What is not finite becomes null.
+// Writes JSON text member by member. Numbers that are not finite become null.
 #pragma once
 
 #include <cstdint>
@@ -23,17 +23,18 @@ class JsonText {
   /// The name of a member; its value follows.
   void key(std::string_view name);
 
-  void value(double number);  ///< as many digits as give the same double again
+  void value(double number);  ///< shortest text that gives the same double
   void value(std::int64_t number);
   void value(bool flag);
-  void value(std::string_view text);  ///< what is no UTF-8 is replaced
+  void value(std::string_view text);  ///< invalid UTF-8 is replaced
   void value(const char* text) { value(std::string_view(text)); }
   void null();
   void value(const std::optional<double>& number) { number ? value(*number) : null(); }
-  /// A list of numbers, with as many digits as give the same double, or the same float, again.
+  /// A list of numbers, in the shortest text that gives the same double (list) or the same float
+  /// (drawn, for pictures).
   void list(std::span<const double> numbers);
   void drawn(std::span<const double> numbers);
-  /// One number of such a list, of a picture.
+  /// One number with the digits of a float.
   void drawn(double number);
 
   template <class Value>

@@ -1,4 +1,4 @@
-// view: a page that is alive. What it shows: docs/how-to/watch_in_a_browser.md.
+// view: a live page of a run. Its contents: docs/how-to/watch_in_a_browser.md.
 #include "command_line/program.h"
 #include "tools/view/run.h"
 

@@ -1,4 +1,4 @@
-// The files of the page, which the program carries within itself (embed.cmake).
+// The files of the page, embedded in the program by embed.cmake.
 #pragma once
 
 #include <span>

@@ -43,7 +43,7 @@ std::vector<std::vector<Closure>> Raster::thinned(const Window& window) const {
   const double pixel = (window.to - window.from) / window.pixels;
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const std::deque<Closure>& closures = contacts_[i].closures;
-    // They follow one another, so that their ends rise, too.
+    // Closures do not overlap, so their ends rise, too.
     auto closure = std::partition_point(closures.begin(), closures.end(),
                                         [&](const Closure& c) { return c.to < window.from; });
     for (; closure != closures.end() && closure->from <= window.to; ++closure) {

@@ -1,5 +1,5 @@
-// When contacts were closed, as reported: the last closures of all contacts, and for a window as
-// many of them as can be told apart in its pixels.
+// Reported closed intervals of the contacts: the last closures of every contact, merged to the
+// resolution of a window.
 #pragma once
 
 #include <cstddef>
@@ -12,25 +12,25 @@
 
 namespace sprag::view {
 
-/// A contact was closed from `from` to `to`: at one instant for an impact; `to` infinite while it
-/// is closed.
+/// A contact was closed from `from` to `to`. The two are equal for an isolated impact; `to` is
+/// infinite while the contact is closed.
 struct Closure {
   double from, to;
 };
 
 class Raster {
  public:
-  /// Of as many contacts; keeps at most `most` closures of each.
+  /// Keeps at most `most` closures of each contact.
   explicit Raster(std::size_t contacts, std::size_t most = 1U << 16U);
 
   /// Takes an event, in order of time.
   void add(const ContactEvent& event);
-  /// After events that nobody heard of: these contacts are closed at t, the others open.
+  /// Sets the state at t after missed events: contacts in `closed` are closed, the others open.
   void correct(ContactSet closed, double t);
   void clear();
 
-  /// Of each contact, the closures that touch the window; those with less than a pixel between them
-  /// are one.
+  /// For each contact, the closures that intersect the window. Closures less than a pixel apart are
+  /// merged.
   std::vector<std::vector<Closure>> thinned(const Window& window) const;
 
   std::size_t events(std::size_t contact) const { return contacts_[contact].events; }
@@ -41,7 +41,7 @@ class Raster {
   struct OfContact {
     std::deque<Closure> closures;
     std::size_t events = 0;
-    std::optional<double> last;  // time of its last event
+    std::optional<double> last;  // time of the last event
 
     bool closed() const;
   };

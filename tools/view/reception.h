@@ -1,4 +1,4 @@
-// Messages as they come, from the bus or from a recording, for the watch.
+// Decodes messages from the bus or from a recording and passes them to the watch.
 #pragma once
 
 #include <array>
@@ -12,18 +12,18 @@
 
 namespace sprag::view {
 
-/// The channels that take() understands.
+/// The channels that take() decodes.
 std::span<const char* const> watched_channels();
 
 class Reception {
  public:
   explicit Reception(Stage& stage) : stage_(stage) {}
 
-  /// Takes a message of a channel; others than the watched ones are left alone.
+  /// Takes a message of a channel; ignores channels outside watched_channels().
   void take(std::string_view channel, std::span<const std::uint8_t> data, const Arrival& arrival);
 
   std::int64_t messages() const { return messages_; }
-  /// By Refusal.
+  /// Number of messages for each value of Refusal.
   const std::array<std::int64_t, refusal_kinds>& refused() const { return refused_; }
 
  private:

@@ -23,18 +23,18 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::int64_t microsecond = 1000;             // ns
-constexpr double nanoseconds = 1e9;                    // in a second
-constexpr double steps_a_second = 60.0;                // of an events file
-constexpr int steps_without_waiting = 1000;            // through all of it
-constexpr std::int64_t longest_pause = 3'600'000'000;  // of a log [us]: its clock was turned
-constexpr std::int64_t only_tick_kept = 1;             // a replay never goes back further
+constexpr double nanoseconds = 1e9;                    // per second
+constexpr double steps_a_second = 60.0;                // of wall time, for an events file
+constexpr int steps_without_waiting = 1000;            // for a whole events file, unpaced
+constexpr std::int64_t longest_pause = 3'600'000'000;  // of a log [us]; longer: its clock was set
+constexpr std::int64_t only_tick_kept = 1;             // a replay has no rollback
 
-// Lets the recording's time pass at the speed that is wanted.
+// Paces the time of the recording at a given speed.
 class Pace {
  public:
   Pace(double speed, Stage& stage) : speed_(speed), stage_(stage), start_(Clock::now()) {}
 
-  /// Waits until this time of the recording [ns from its beginning]; false if a stop was requested.
+  /// Waits until this time of the recording [ns from its start]; false if a stop was requested.
   bool wait(double elapsed) {
     while (std::isfinite(speed_) && !stop_requested()) {
       const double now =
@@ -54,7 +54,7 @@ class Pace {
   Clock::time_point start_;
 };
 
-// Observes contacts, as `observer --replay` does, and shows the watch what has settled.
+// Runs an observer, as in `observer --replay`, and passes its settled estimates to the watch.
 class OwnObserver {
  public:
   OwnObserver(const Scene& scene, double tick, Stage& stage)

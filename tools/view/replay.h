@@ -1,4 +1,4 @@
-// A recording in place of the bus, at a pace of one's own.
+// Plays a recording in place of the bus, at a selectable speed.
 #pragma once
 
 #include <filesystem>
@@ -11,13 +11,13 @@ namespace sprag::view {
 
 struct ReplayOptions {
   std::filesystem::path file;  ///< LCM log or events CSV; empty: none
-  double speed = 1.0;          ///< times as fast as it was recorded; infinite: does not wait
-  double tick = 1e-3;          ///< of the observer that runs where the recording has none [s]
+  double speed = 1.0;          ///< factor on the recorded speed; infinite: unpaced
+  double tick = 1e-3;          ///< of the observer for a recording without estimates [s]
 };
 
-/// Plays the recording to its end, or until a stop is requested. One that has contacts but no
-/// estimates is observed meanwhile, as `observer --replay` does. Returns false if it is damaged;
-/// what is readable is played. Throws InputError, ModelError.
+/// Plays the recording to its end, or until a stop is requested. For a recording with contacts but
+/// without estimates, an observer runs along, as in `observer --replay`. Returns false if the
+/// recording is damaged; its readable part is played. Throws InputError, ModelError.
 bool replay(const Scene& scene, const ReplayOptions& options, const CommonOptions& common,
             Stage& stage, Reception& reception, nlohmann::ordered_json& report);
 

@@ -26,7 +26,7 @@ Endpoint endpoint_option(const std::string& text) {
   return *endpoint;
 }
 
-// Serves in a thread of its own, as long as it is there.
+// Serves in its own thread during its lifetime.
 class Serving {
  public:
   Serving(const Endpoint& endpoint, Stage& stage, std::optional<double> speed)
@@ -85,7 +85,8 @@ int run_view(const ViewOptions& options, const CommonOptions& common,
   const Endpoint endpoint = endpoint_option(options.http);
   const Scene scene = load_scene(options.scene, common);
   const bool replays = !options.replay.file.empty();
-  if (replays) InputFile{options.replay.file};  // before anything is served
+  if (replays)
+    InputFile{options.replay.file};  // reports an unreadable file before the page is served
   std::optional<Bus> bus;
   if (!replays) bus.emplace(common.url, key_of(common));
 

@@ -1,4 +1,4 @@
-// view: a page that shows a run while it goes on, or a recording of one.
+// The program view: serves a page that shows a run live, or a recording of a run.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -15,9 +15,9 @@ struct ViewOptions {
   ReplayOptions replay;
 };
 
-/// Serves the page until a signal comes, and returns the exit code: that of a failure if a
-/// recording is damaged. Throws UsageError, SceneError, InputError, ModelError, BusError, and
-/// std::runtime_error where the address cannot be listened on.
+/// Serves the page until a signal arrives and returns the exit code, exit_failed for a damaged
+/// recording. Throws UsageError, SceneError, InputError, ModelError, BusError, and ListenError if
+/// the server cannot listen on the address.
 int run_view(const ViewOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report);
 

@@ -1,4 +1,4 @@
-// What the thread that hears messages and the one that serves the page share.
+// Data shared by the thread that receives messages and the thread that serves the page.
 #pragma once
 
 #include <atomic>
@@ -13,9 +13,9 @@ struct Stage {
   explicit Stage(const Scene& scene, Freshness freshness) : watch(scene, freshness) {}
 
   std::mutex mutex;
-  Watch watch;                       ///< by whoever has the mutex
-  std::atomic<std::int64_t> now{0};  ///< the time of its messages, monotonic [ns]
-  std::atomic<bool> over{false};     ///< a replay has come to its end
+  Watch watch;                       ///< guarded by `mutex`
+  std::atomic<std::int64_t> now{0};  ///< time of the watch's messages, monotonic [ns]
+  std::atomic<bool> over{false};     ///< set at the end of a replay, never cleared
 };
 
 }  // namespace sprag::view

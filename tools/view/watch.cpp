@@ -23,8 +23,9 @@ constexpr std::int64_t contacts_silence = second / 2;
 constexpr std::int64_t estimate_silence = second;
 constexpr std::int64_t truth_silence = second / 2;
 constexpr std::int64_t health_silence = 3 * second;
-constexpr std::int64_t another_estimate = second / 4;  // an observer that was restarted
-constexpr double near = 100.0;  // s: a session that is first heard later began elsewhere
+constexpr std::int64_t another_estimate =
+    second / 4;  // silence after which an earlier time is accepted: the observer was restarted
+constexpr double near = 100.0;  // s; a first message with a later watermark joins a running session
 
 std::vector<Quantity> quantities_of(const Model& model) {
   std::vector<Quantity> quantities;
@@ -54,7 +55,7 @@ std::size_t without_outputs(const std::vector<Quantity>& quantities) {
       [](const Quantity& quantity) { return quantity.kind != Quantity::Kind::output; }));
 }
 
-// Unpaired samples to keep, of f coordinates: at most 16 MiB.
+// Number of unpaired samples to keep, of f coordinates: about 16 MiB.
 std::size_t pairing_window(Eigen::Index coordinates) {
   const auto bytes = static_cast<std::size_t>(16 * coordinates + 160);
   return std::clamp<std::size_t>((16U << 20U) / bytes, 1000, 20000);
@@ -67,7 +68,7 @@ double sigma_at(const Eigen::VectorXd& sigmas, std::size_t i) {
   return at < sigmas.size() ? sigmas[at] : std::numeric_limits<double>::infinity();
 }
 
-// low, mean and high: two standard deviations to either side, where they are known.
+// Writes mean - 2 sigma, mean, mean + 2 sigma; nan for the first and last if sigma is unknown.
 void put_band(double mean, double sigma, double* to) {
   const bool known = std::isfinite(sigma);
   to[0] = known ? mean - 2.0 * sigma : nan;
@@ -103,7 +104,7 @@ Watch::Watch(const Scene& scene, Freshness freshness)
 
 bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arrival) {
   if (session_ == session) return true;
-  // Contacts tell whose run it is; what comes before them counts until they do.
+  // Contact messages select the session. Before the first of them, any other message does.
   const bool any_contacts = tracker_.counts().sessions > 0;
   if (session_ || any_contacts || !freshness_.allows(utime, arrival.wall)) {
     ++of_others_;
@@ -152,7 +153,7 @@ void Watch::take(const ContactMessage& message, const Arrival& arrival) {
   const bool back =
       message.horizon < events_.horizon() || message.records_total < events_.next_record();
   if (verdict == SessionTracker::Verdict::resumes && back) {
-    begin(message.session);  // histories hold times that rise
+    begin(message.session);  // times of a history must rise
     events_.restart(message.records_total, message.closed, message.horizon);
     raster_.correct(message.closed, message.horizon);
   }
@@ -194,7 +195,7 @@ std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
   for (const Quantity& quantity : quantities_) {
     if (quantity.kind == Quantity::Kind::output) continue;
     const bool is_gap = quantity.kind == Quantity::Kind::gap;
-    // Deviations are the filter's.
+    // Only the filter's estimate has deviations.
     const double sigma =
         confidence.from_filter
             ? sigma_at(is_gap ? confidence.sigma_g : confidence.sigma_q, quantity.index)
@@ -205,7 +206,8 @@ std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
   return row;
 }
 
-// Messages do not carry it. An adaptive filter has supports of its own.
+// Messages do not carry the penetration. The estimate of an adaptive filter obeys its own estimated
+// supports, so the scene's gaps give no penetration for it.
 double Watch::penetration_of(const EstimateSample& sample) const {
   if (parameters_ && sample.confidence.from_filter) return 0.0;
   return penetration(scene_.model.contacts, sample.q, sample.t, sample.confidence.sigma_g, length_);
@@ -222,7 +224,8 @@ void Watch::take_estimate(const EstimateSample& sample, const Arrival& arrival) 
   if (sample.t > estimates_.last_t()) keep_provisional(sample);
 }
 
-// Where nothing settles for long they become sparse, so that all of that time stays in sight.
+// If no estimate settles for long, every second sample is dropped and the minimum distance grows,
+// so that the samples span all of the time since the last settled estimate.
 void Watch::keep_provisional(const EstimateSample& sample) {
   if (provisional_.size() < most_provisional / 4) spacing_ = 0.0;
   if (provisional_.size() > 1 && sample.t > provisional_.rbegin()->first) {
@@ -250,7 +253,7 @@ void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
     }
     add_outputs(sample.t, values, std::span(sigmas.data(), values.size()));
   }
-  // Messages do not carry half-widths with the estimate; an observer within this program does.
+  // Estimate messages carry no half-widths; samples of the observer inside this program do.
   if (sample.confidence.bound_q.size() > 0) add_guaranteed(sample, sample.confidence);
   settled_ = sample;
   const bool inside = penetration_of(sample) > 0.0;
@@ -357,7 +360,8 @@ void Watch::take(const Health& health, const Arrival& arrival) {
   health_arrival_ = arrival.monotonic;
 }
 
-// Of the instant of the machine's last state, so that both are drawn at the same time.
+// The last estimate not later than the machine's last state, so that both are drawn at the same
+// instant.
 const EstimateSample* Watch::shown_estimate() const {
   const EstimateSample* settled = settled_ ? &*settled_ : nullptr;
   const EstimateSample* latest = latest_ ? &*latest_ : settled;
@@ -378,7 +382,7 @@ const StateSample* Watch::nearest_truth(double t) const {
   return std::abs(nearest->t - t) <= 3.0 * tick + 1e-9 * t ? nearest : nullptr;
 }
 
-// Nobody hears contacts: neither this nor, as it says itself, the observer.
+// No contact messages arrive, either here or, by its health message, at the observer.
 bool Watch::runs_free(std::int64_t now) const {
   if (tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence) return true;
   const bool told = health_ && !health_->last && health_->session == session_ &&
@@ -478,7 +482,7 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
   curves.energy = energies_.thinned(window, first);
   curves.bound = bounds_.thinned(window, first);
 
-  // What has not settled yet goes on from there.
+  // Provisional estimates continue the curve after the last settled estimate.
   const std::size_t stride =
       1 + provisional_.size() / static_cast<std::size_t>(2 * std::max(window.pixels, 1));
   std::size_t i = 0;

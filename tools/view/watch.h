@@ -1,6 +1,6 @@
-// What an audience knows of a run: made of the messages on the bus, and asked for what there is to
-// show. It follows one master, as an observer does, and begins anew with the next. A pure core: it
-// knows neither transport nor a clock; its memory does not grow.
+// State of the page: collects the messages of a run and returns frames and curves. It follows one
+// session, by the same rules as an observer, and clears its data when the next session starts.
+// Independent of transport and clock; its memory is bounded.
 #pragma once
 
 #include <cstdint>
@@ -32,33 +32,32 @@ class Watch {
   /// Throws ModelError.
   explicit Watch(const Scene& scene, Freshness freshness = Freshness::any);
 
-  /// What came, in the order in which it did; arrivals do not go back. Messages of other sessions
-  /// than the one that is followed count as `of_others`, those that do not fit the scene as
-  /// `misfits`.
+  /// Messages in order of arrival; arrival times must not decrease. Messages of sessions other than
+  /// the followed session count as `of_others`, messages that do not match the scene as `misfits`.
   void take(const ContactMessage& message, const Arrival& arrival);
   void take_estimate(const EstimateSample& sample, const Arrival& arrival);
   void take_settled(const EstimateSample& sample, const Arrival& arrival);
   void take_truth(const StateSample& sample, const Arrival& arrival);
   void take(const OutputsSample& sample, const Arrival& arrival);
-  /// Half-widths count only for the settled estimate of the same tick, which must have come before:
-  /// a band needs both.
+  /// Half-widths are used only if the last settled estimate received has the same tick: a band
+  /// needs both.
   void take(const BoundsSample& sample, const Arrival& arrival);
   void take(const ParametersSample& sample, const Arrival& arrival);
   void take(const Health& health, const Arrival& arrival);
 
-  /// At this monotonic time [ns].
+  /// The frame at the monotonic time `now` [ns].
   Frame frame(std::int64_t now) const;
 
-  /// The last health of an observer, and when it came [ns].
+  /// The last health message of an observer, and its arrival [ns].
   const std::optional<Health>& health() const { return health_; }
   std::int64_t health_arrival() const { return health_arrival_; }
 
   /// Curves of quantity number `quantity` in a window.
   Curves curves(std::size_t quantity, const Window& window) const;
 
-  /// What has a curve: outputs, gaps, and the coordinates of a machine of few.
+  /// The quantities with curves: outputs, gaps and, of a machine with few of them, coordinates.
   const std::vector<Quantity>& quantities() const { return quantities_; }
-  /// The first and the last time of all curves; nothing yet: 0 and 0.
+  /// The first and the last time of all curves; 0 and 0 if there are no data.
   std::pair<double, double> extent() const;
 
   const DrawnMachine& machine() const { return machine_; }
@@ -95,23 +94,23 @@ class Watch {
   std::optional<std::int64_t> session_;
   EventHistory events_;
   Raster raster_;
-  Raster penetrating_;  // one row: when the settled estimate was inside a support
+  Raster penetrating_;  // one row: intervals with penetration of the settled estimate
   std::deque<Suspect> suspects_;
   Pairing pairing_;
 
-  History estimates_;   // low, mean and high of each quantity that is no output
-  History outputs_;     // and of each output
-  History guaranteed_;  // low and high of each quantity, between which the machine is proven to be
-  History truths_;      // of each quantity
+  History estimates_;   // low, mean and high of each gap and coordinate
+  History outputs_;     // low, mean and high of each output
+  History guaranteed_;  // low and high guaranteed bound of each quantity
+  History truths_;      // the machine's value of each quantity
   History bounds_;      // B
   History energies_;    // V
 
-  // Estimates for now behind the last settled one, by their time: the last word on a tick counts.
+  // Provisional estimates later than the last settled estimate, by time; for each time the latest.
   std::map<double, EstimateSample> provisional_;
-  double spacing_ = 0.0;  // that they keep at least
+  double spacing_ = 0.0;  // least distance of provisional estimates [s]
   std::optional<EstimateSample> settled_;
-  std::optional<EstimateSample> latest_;  // for now
-  std::deque<StateSample> truth_;         // the last ones
+  std::optional<EstimateSample> latest_;  // the latest provisional estimate
+  std::deque<StateSample> truth_;         // the last states of the machine
   std::optional<Energy> energy_;
   std::optional<ParametersSample> parameters_;
   std::optional<Health> health_;

@@ -1,6 +1,6 @@
-// Who is answered, and with what. Any page that a browser has open can send requests to this
-// machine: the Host must be exactly the address that was asked, so that a name that somebody lets
-// point here is not heard, and a stream is opened for this page alone. Nothing can be changed.
+// Decides which HTTP requests are answered, and how. Any page open in a browser can send requests
+// to this machine. The Host header must therefore equal the address at which the request arrived,
+// against DNS rebinding, and the stream requires the Origin of this page. Access is read-only.
 #pragma once
 
 #include <cstdint>
@@ -17,17 +17,17 @@ struct Endpoint {
   std::uint16_t port = 8080;          ///< 0: any that is free
 };
 
-/// "127.0.0.1:8080", "[::1]:8080", ":8080", "8080"; localhost is 127.0.0.1. Nothing if it is none.
-/// Only the form is checked.
+/// Parses "127.0.0.1:8080", "[::1]:8080", ":8080" or "8080"; localhost is 127.0.0.1. Returns
+/// nothing for any other form. Only the form is checked.
 std::optional<Endpoint> endpoint_of(std::string_view text);
 
 /// "127.0.0.1:8080", "[::1]:8080".
 std::string text_of(const Endpoint& endpoint);
 
-/// Whether only this host can reach it.
+/// Whether only this host can reach the address.
 bool is_loopback(const Endpoint& endpoint);
 
-/// A request, as far as it matters here. A header that is there more than once is not there.
+/// The parts of a request that the rules use. A header that occurs more than once counts as absent.
 struct Request {
   std::string_view method, target;
   std::optional<std::string_view> host, origin;
@@ -43,17 +43,17 @@ struct PageFile {
 
 inline constexpr std::string_view stream_path = "/stream";
 
-/// What a request gets.
+/// Answer to a request.
 struct Verdict {
   int status;                      ///< 200 with `file`, 101, 403, 404, 405 or 426
   const PageFile* file = nullptr;  ///< for 200
-  const char* why = "";            ///< for the others
+  const char* why = "";            ///< body of a refusal
 };
 
 /// `here`: the address at which the request arrived.
 Verdict judge(const Request& request, const Endpoint& here, std::span<const PageFile> files);
 
-/// What every answer says to the browser: that the page is made of its own files alone.
+/// Headers of every answer. They restrict the page to its own files.
 struct Header {
   std::string_view name, value;
 };

@@ -1,7 +1,7 @@
 // The only source that includes Boost.Beast, which takes half a minute to compile.
 #include "tools/view/gateway/server.h"
 
-// GCC's thread sanitizer knows no fences, and one thread needs none.
+// GCC's thread sanitizer does not support fences; the server runs in one thread and needs none.
 #ifdef __SANITIZE_THREAD__
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK
 #endif
@@ -28,11 +28,11 @@ using tcp = asio::ip::tcp;
 using namespace std::chrono_literals;
 
 constexpr std::size_t most_connections = 32;
-constexpr auto stalled_after = 1s;                    // without progress
-constexpr auto between_looks = 50ms;                  // for one that has stalled
-constexpr int most_looks = 40;                        // for a connection that waits for a place
+constexpr auto stalled_after = 1s;                    // time without progress
+constexpr auto between_looks = 50ms;                  // for a stalled connection
+constexpr int most_looks = 40;                        // of a connection that waits for a place
 constexpr std::uint32_t longest_header = 8192;        // bytes
-constexpr std::uint64_t longest_body = 65536;         // of a request that is refused for its method
+constexpr std::uint64_t longest_body = 65536;         // bytes, read only to refuse the method
 constexpr std::size_t longest_client_message = 4096;  // bytes
 constexpr auto http_patience = 10s;
 constexpr auto stream_patience = 20s;  // without an answer to a ping
@@ -60,10 +60,10 @@ void put_safety_headers(Fields& fields) {
 
 }  // namespace
 
-// Who has a place.
+// An open connection or stream.
 struct Occupant {
-  Clock::time_point progress;   // when it last took something that was sent, or asked for something
-  std::function<void()> close;  // empty once it has been called
+  Clock::time_point progress;   // of the last completed write or request
+  std::function<void()> close;  // empty after it was called
 };
 
 struct Server::Impl {
@@ -80,14 +80,14 @@ struct Server::Impl {
   Endpoint endpoint;
   ServerCounts counts;
   std::list<Occupant> occupants;
-  // Behind what its handlers use when they go with it.
+  // Declared after the members that its handlers use: it destroys the pending handlers.
   asio::io_context context{1};
   tcp::acceptor acceptor;
 };
 
 namespace {
 
-// One place among the connections, as long as it is there.
+// Holds one of the `most_connections` places during its lifetime.
 class Place {
  public:
   explicit Place(std::list<Occupant>& occupants)
@@ -100,7 +100,7 @@ class Place {
   }
 
   void note_progress() { own_->progress = Clock::now(); }
-  /// How to close the connection, while this object is there.
+  /// `close` closes the connection. It is called only during the lifetime of this object.
   void set_close(std::function<void()> close) { own_->close = std::move(close); }
 
  private:
@@ -108,7 +108,7 @@ class Place {
   std::list<Occupant>::iterator own_;
 };
 
-// One of a number, as long as it is there.
+// Increments a counter during its lifetime.
 class Counted {
  public:
   explicit Counted(std::int64_t& count) : count_(count) { ++count_; }
@@ -153,7 +153,7 @@ class Stream : public std::enable_shared_from_this<Stream> {
   }
 
  private:
-  // Without a goodbye, which could not be sent either.
+  // Without a closing handshake: the client does not read.
   void close() {
     closed_ = true;
     timer_.cancel();
@@ -174,7 +174,8 @@ class Stream : public std::enable_shared_from_this<Stream> {
     });
   }
 
-  // Frames keep to their own period, however long one takes.
+  // Each deadline is a frame period after the last, so that the duration of a frame does not add to
+  // the period; after a longer delay the deadlines restart at now.
   void wait() {
     const auto now = std::chrono::steady_clock::now();
     due_ = std::max(due_ + frame_period, now);
@@ -363,7 +364,7 @@ void Server::Impl::accept() {
   acceptor.async_accept([this](beast::error_code error, tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
     if (error) {
-      // Out of descriptors, say: not at once again.
+      // For example out of file descriptors: an immediate retry would fail again.
       auto timer = std::make_shared<asio::steady_timer>(context, 100ms);
       timer->async_wait([this, timer](beast::error_code) { accept(); });
       return;
@@ -372,8 +373,8 @@ void Server::Impl::accept() {
   });
 }
 
-// Gives the connection a place, and then accepts the next one. `looks`: how often to look for a
-// place that comes free before it is turned away.
+// Gives the connection a place, and then accepts the next connection. `looks`: retries for a free
+// place before the connection is turned away.
 void Server::Impl::admit(tcp::socket socket, int looks) {
   if (occupants.size() >= most_connections && looks > 0) {
     displace_slowest();
@@ -395,7 +396,8 @@ void Server::Impl::admit(tcp::socket socket, int looks) {
   accept();
 }
 
-// If it has stalled. Its place is free once its handlers have run.
+// Closes the connection without progress for the longest time, if it has stalled. Its place becomes
+// free when its handlers have run.
 void Server::Impl::displace_slowest() {
   const auto slowest = std::min_element(
       occupants.begin(), occupants.end(), [](const Occupant& a, const Occupant& b) {

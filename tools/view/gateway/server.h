@@ -1,9 +1,9 @@
-// Serves the page's files and its stream over HTTP, by the rules of rules.h. Every client of the
-// stream is asked for what it is to be sent, at most 60 times a second and never while something is
-// still on its way to it; so a slow client is sent less, and one that is dead is closed. There are
-// 32 places. While they are taken, a new connection gets that of the one that has made no progress
-// for the longest time, at least a second: a client that does not read keeps nobody out. It runs in
-// the thread that calls run().
+// Serves the page's files and its stream over HTTP, by the rules of rules.h. The server asks every
+// stream client for its next message at most 60 times a second, and never during a pending write.
+// A slow client is therefore sent fewer messages; a dead client is closed by timeout. At most 32
+// connections are open. While all are taken, a new connection displaces the connection that has
+// made no progress for the longest time, at least a second: a client that does not read cannot
+// block the server. All handlers run in the thread that calls run().
 #pragma once
 
 #include <cstdint>
@@ -19,28 +19,28 @@
 
 namespace sprag::view {
 
-/// The address cannot be listened on. what() reads "127.0.0.1:8080: Address already in use", and
-/// what to do.
+/// The server cannot listen on the address. what() reads "127.0.0.1:8080: Address already in use",
+/// followed by the remedy.
 struct ListenError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// A client of the stream, as the server sees it. Used by the thread of run() alone.
+/// Interface to a client of the stream. Called only in the thread of run().
 struct StreamClient {
   std::function<void(std::string_view message)> hear;
-  /// What to send; nothing: not now.
+  /// The next message; nothing: none is due now.
   std::function<std::optional<std::string>()> next;
 };
 
 struct ServerCounts {
   std::int64_t requests = 0;     ///< over HTTP, answered
-  std::int64_t refused = 0;      ///< of them, with another status than 200 and 101
+  std::int64_t refused = 0;      ///< requests answered with a status other than 200 and 101
   std::int64_t displaced = 0;    ///< connections without progress, closed for new ones
   std::int64_t turned_away = 0;  ///< connections above the limit
   std::int64_t clients = 0;      ///< of the stream, since the start
   std::int64_t clients_now = 0;
   std::int64_t frames = 0;   ///< sent
-  std::int64_t dropped = 0;  ///< not sent, since something was still on its way
+  std::int64_t dropped = 0;  ///< not sent: a write was pending, or no message was due
   std::int64_t bytes = 0;    ///< of frames
 };
 
@@ -53,14 +53,14 @@ class Server {
   Server& operator=(const Server&) = delete;
   ~Server();
 
-  /// With the port that was taken.
+  /// The address with the actual port.
   const Endpoint& endpoint() const;
 
-  /// Serves until stop() is called, by any thread. Throws nothing but std::bad_alloc.
+  /// Serves until any thread calls stop(). Throws nothing but std::bad_alloc.
   void run();
   void stop();
 
-  /// After run().
+  /// Only valid after run() has returned.
   const ServerCounts& counts() const;
 
   struct Impl;

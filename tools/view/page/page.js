@@ -1,15 +1,15 @@
-// The page of `view`: takes what the program sends, draws the newest of it, and says what it has drawn.
-// Everything drawn comes from the program; nothing is computed here but places on the screen.
+// The page of `view`: receives messages of the program, draws the newest, and acknowledges it.
+// All values come from the program; the page computes only positions on the screen.
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
   const windows = [-3, -2, -1, 0, 1, 2, 3, 4].flatMap((k) => [1, 2, 5].map((n) => Number(n + "e" + k)));
-  const usualWindow = 20; // s of whoever looks on
+  const usualWindow = 20; // s of wall time
   const longestPause = 5000; // ms between attempts to connect
   const silence = 6000; // ms without a message: the connection is dead
-  const flash = 180; // ms that an impact lights its stop
+  const flash = 180; // ms for which an impact highlights its stop
 
-  // What tests and curious people read.
+  // For tests and for the browser's console.
   const sprag = (window.sprag = {
     connected: false, received: 0, scene: null, frame: null, curves: null, health: null, over: false, paused: false,
     view: { follow: true, window: 20, from: 0, to: 20, quantity: null },
@@ -21,13 +21,13 @@
     for (const name of ["paper", "panel", "ink", "muted", "edge", "grid", "estimate", "replica", "suspect", "lit", "closed"]) {
       style[name] = computed.getPropertyValue("--" + name).trim();
     }
-    // A variable that stands for another one.
+    // The color of the estimate depends on the estimator.
     const named = document.documentElement.dataset.estimator;
     const own = { replica: "--replica", timing: "--timing", adaptive: "--adaptive" }[named] || "--both";
     style.estimate = computed.getPropertyValue(own).trim();
   }
 
-  // ---- numbers for people ----
+  // ---- number formats ----
   function short(value) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
     if (value === 0) return "0";
@@ -101,7 +101,7 @@
     }
   }, 1000);
 
-  // ---- what is looked at ----
+  // ---- selected window and quantity ----
   function plotPixels() {
     return Math.max(50, Math.round(curveChart ? curveChart.getArea().w : byId("curve-chart").clientWidth));
   }
@@ -113,7 +113,7 @@
     else Object.assign(said, { from: view.from, to: view.to });
     send({ view: said });
   }
-  // Until somebody chooses: as long on the screen, however fast the machine's time goes.
+  // Until the user selects a length, the window spans about usualWindow of wall time at any speed.
   let chosen = false;
   function fitWindow(speed) {
     const wanted = usualWindow * (speed === null ? 10 : speed);
@@ -184,14 +184,14 @@
     });
   }
 
-  // Heights shown, so that they fit and the scale does not jump.
+  // Range of heights: it grows at once and shrinks slowly, so that the scale does not jump.
   function fitHeights(frame) {
     let low = frame.machine.base, high = frame.machine.base;
     const take = (y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } };
     (frame.machine.estimate || []).forEach(take);
     (frame.machine.truth || []).forEach(take);
     const reach = Math.max(high - frame.machine.base, frame.machine.base - low);
-    // Stops that are far off would make the motion invisible.
+    // Distant stops are ignored: they would make the motion invisible.
     frame.contacts.forEach((contact) => {
       if (contact.y !== null && Math.abs(contact.y) < 8 * Math.max(reach, machine.range)) take(contact.y);
     });
@@ -277,7 +277,7 @@
 
     if (shown.estimate) {
       c.strokeStyle = c.fillStyle = style.estimate;
-      // Inside a support, where the machine cannot be.
+      // The estimate penetrates a support, which the machine cannot do.
       if (frame.penetration > 0) c.globalAlpha = 0.4;
       const ys = shown.estimate.map(Y);
       c.lineWidth = beam ? 4 : 1.5;
@@ -311,7 +311,7 @@
 
   // ---- curves ----
   let curveChart = null, energyChart = null;
-  let frozen = false; // while somebody drags
+  let frozen = false; // new curves wait in `waiting`; set by pointerdown in a chart, cleared by pointerup or zoom
   let applying = false;
 
   function logTicks(low, high, pixels) {
@@ -333,7 +333,7 @@
     if (moved(from, to)) look(from, to);
   }
 
-  // One shape; dygraphs' own plotter closes one for each step, and a browser takes the square of their number.
+  // Fills the band as one path. dygraphs' plotter closes a path at each step, which costs quadratic time.
   function plotBand({ drawingContext: c, plotArea: area, points, color, setName }) {
     if (setName !== "estimate") return;
     const known = points.filter((point) => point.yval !== null);
@@ -349,7 +349,7 @@
     c.restore();
   }
 
-  // Between these edges the machine is proven to be. Where nothing is guaranteed there are none.
+  // Draws the guaranteed bounds of the machine's value; none where nothing is guaranteed.
   function drawGuaranteed(c, area, chart) {
     const curves = sprag.curves;
     if (!curves) return;
@@ -376,7 +376,7 @@
     c.restore();
   }
 
-  // Behind the curves: when the estimate was inside a support, where the machine cannot be.
+  // Shades the background where the settled estimate penetrated a support.
   function shadePenetration(c, area, chart) {
     const curves = sprag.curves;
     if (!curves) return;
@@ -393,7 +393,7 @@
   }
 
   function makeCharts() {
-    // Its legend sets styles in a way that the policy of this page forbids; there is another one below.
+    // dygraphs' legend sets inline styles, which the page's Content-Security-Policy forbids; the page has its own.
     Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
     const model = Object.assign({}, Dygraph.defaultInteractionModel, { dblclick: () => follow() });
     const common = {
@@ -440,7 +440,7 @@
     applying = false;
   }
 
-  // Rows of two lists of times, each in its own column, the other one empty.
+  // Merges two lists of times into rows. rowOf gets the index in each list, -1 where a list lacks the time.
   function merged(a, b, rowOf) {
     const rows = [];
     let i = 0, j = 0;
@@ -469,7 +469,7 @@
     if (sprag.curves) drawRaster(sprag.curves);
   }
 
-  // What is drawn, and of the bands as much as leaves the curves legible.
+  // Range of the values drawn. A band extends it by at most half the range of the curves.
   function heightsOf({ estimate, guaranteed, truth }) {
     let low = Infinity, high = -Infinity, lowest = Infinity, highest = -Infinity;
     const take = (y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } };
@@ -566,7 +566,7 @@
     c.strokeRect(area.x + 0.5, 8.5, Math.min(area.w, width - area.x - 1), row * contacts - 1);
   }
 
-  // ---- words and numbers ----
+  // ---- texts and numbers ----
   const whose = { filter: "the filter's estimate", replica: "the replica's estimate", waiting: "waiting for an estimate" };
 
   function words(frame) {
@@ -620,7 +620,7 @@
     }
   }
 
-  // Rows of a list of numbers: id, name, text, value, whether it is notable.
+  // Fills a list of numbers. A row is [id, name, text, value, highlighted].
   function fill(list, rows) {
     const ids = rows.map((row) => row[0]).join(" ");
     if (list.dataset.ids !== ids) {
@@ -709,7 +709,7 @@
   }
 
   let session = null;
-  let waiting = null; // curves that came while somebody dragged
+  let waiting = null; // curves received while the user dragged
 
   function draw() {
     drawing = false;
