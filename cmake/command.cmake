@@ -1,10 +1,10 @@
-# The command `sprag` of the build tree, BUILD/sprag. It runs the programs of this build.
+# The command `sprag` of the build tree, BUILD/sprag, which runs the programs of this build.
 set(SPRAG_PROGRAM_TARGETS master_sim observer sync_logger check_scene import_events diagnose identify reduce plot study
   tolerance)
 if(TARGET view)
   list(APPEND SPRAG_PROGRAM_TARGETS view)
 endif()
-# With a multi-configuration generator each configuration has its own folder.
+# Multi-configuration generators have one folder per configuration.
 set(SPRAG_PROGRAM_FOLDERS)
 foreach(folder master_sim observer tools)
   list(APPEND SPRAG_PROGRAM_FOLDERS ${folder})

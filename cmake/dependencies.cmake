@@ -1,9 +1,9 @@
-# Debian packages only. LCM 1.3.1 has no CMake config, and its pkg-config file needs that of glib.
-# So LCM is found by its files.
+# Dependencies, all Debian packages. LCM 1.3.1 has no CMake config, and its pkg-config file requires glib's, so LCM is
+# found by its files.
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_path(TOMLPP_INCLUDE_DIR toml++/toml.h REQUIRED)
 
-# The programs need LCM. Within another project the messages are left out if LCM is missing.
+# The programs require LCM. Within another project the message library is omitted if LCM is not found.
 set(required)
 if(SPRAG_USES_PROGRAMS)
   set(required REQUIRED)

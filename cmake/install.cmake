@@ -1,5 +1,4 @@
-# Installed are the libraries with their headers, the message types, a CMake package, the programs, the scenes
-# and the documents.
+# Installation: libraries with headers, message types and a CMake package; programs; scenes and documents.
 include(CMakePackageConfigHelpers)
 
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/sprag)
@@ -9,7 +8,7 @@ install(DIRECTORY sprag DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT develo
 install(EXPORT sprag-targets NAMESPACE sprag:: DESTINATION ${package} COMPONENT development)
 if(SPRAG_HAS_LCM)
   install(TARGETS sprag_lcm EXPORT sprag-lcm-targets COMPONENT development)
-  # Below sprag/, because every LCM project has a folder `lcmtypes`.
+  # In a subfolder of include/sprag, since every LCM project has a folder of this name.
   install(DIRECTORY lcmtypes DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/sprag COMPONENT development
           FILES_MATCHING PATTERN "*.h")
   install(EXPORT sprag-lcm-targets NAMESPACE sprag:: DESTINATION ${package} COMPONENT development)
@@ -23,7 +22,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/sprag-config-version.cmak
 install(FILES ${PROJECT_BINARY_DIR}/sprag-config.cmake ${PROJECT_BINARY_DIR}/sprag-config-version.cmake
         DESTINATION ${package} COMPONENT development)
 
-# Names like `observer` and `diagnose` are too general for a PATH: the command `sprag` runs the programs.
+# The names `observer` and `diagnose` are too general for a PATH; the command `sprag` runs the programs.
 if(SPRAG_PROGRAMS)
   set(folder ${CMAKE_INSTALL_LIBEXECDIR}/sprag)
   install(TARGETS ${SPRAG_PROGRAM_TARGETS} RUNTIME DESTINATION ${folder} COMPONENT runtime)
@@ -36,7 +35,7 @@ if(SPRAG_PROGRAMS)
   install(FILES command_line/completion.bash
           DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME sprag COMPONENT runtime)
 
-  # The man pages are generated from --help: `man sprag`, `man sprag-observer`.
+  # Man pages contain the text of --help: `man sprag`, `man sprag-observer`.
   find_program(HELP2MAN help2man)
   if(HELP2MAN)
     set(man_pages)
@@ -47,7 +46,7 @@ if(SPRAG_PROGRAMS)
         DEPENDS ${PROJECT_SOURCE_DIR}/command_line/man_page ${executable} ${ARGN})
       set(man_pages ${man_pages} ${output} PARENT_SCOPE)
     endfunction()
-    # From the command of the build tree, which lists the programs that are built.
+    # From the build tree's command, which lists the programs that were built.
     sprag_man_page(sprag sprag ${PROJECT_BINARY_DIR}/sprag ${SPRAG_PROGRAM_TARGETS})
     foreach(program IN LISTS SPRAG_PROGRAM_TARGETS)
       sprag_man_page(sprag-${program} "sprag ${program}" $<TARGET_FILE:${program}>)
@@ -89,7 +88,7 @@ if(SPRAG_PYTHON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
   # The module works with one version of Python only.
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${SPRAG_PYTHON_DEPENDS}")
-  set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS sprag)  # the package `sprag` has the scenes
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS sprag)  # for its scenes
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-matplotlib)
   set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The package sprag for Python")
 endif()

@@ -1,8 +1,8 @@
-# Other projects' programs for the comparison of methods, used if they are installed. Sets
-# SPRAG_HAS_SICONOS, SPRAG_HAS_MUJOCO and SPRAG_HAS_CVODE, with the targets sprag_siconos, sprag_mujoco
-# and sprag_cvode. Debian: libsiconos-kernel-dev libsiconos-numerics-dev, libmujoco-dev,
-# libsundials-dev. They are found by their files, because Siconos has neither a CMake config nor a
-# pkg-config file.
+# Other simulation programs for the comparison of methods, used if they are installed.
+# Sets SPRAG_HAS_SICONOS, SPRAG_HAS_MUJOCO and SPRAG_HAS_CVODE, with the targets sprag_siconos,
+# sprag_mujoco and sprag_cvode. Debian: libsiconos-kernel-dev libsiconos-numerics-dev,
+# libmujoco-dev, libsundials-dev. Siconos has neither a CMake config nor a pkg-config file, so all are
+# found by their files.
 find_path(SICONOS_INCLUDE_DIR SiconosConfig.h PATH_SUFFIXES siconos)
 find_library(SICONOS_KERNEL_LIBRARY siconos_kernel)
 find_library(SICONOS_NUMERICS_LIBRARY siconos_numerics)
@@ -42,7 +42,7 @@ if(SUNDIALS_INCLUDE_DIR AND SUNDIALS_CVODE_LIBRARY AND SUNDIALS_NVECSERIAL_LIBRA
   target_include_directories(sprag_cvode SYSTEM INTERFACE ${SUNDIALS_INCLUDE_DIR})
   target_link_libraries(sprag_cvode INTERFACE
     ${SUNDIALS_CVODE_LIBRARY} ${SUNDIALS_NVECSERIAL_LIBRARY})
-  # Version 7 has one more library, and includes MPI's header if it was built with MPI, as in Debian.
+  # Version 7 has an additional library. If it was built with MPI, as in Debian, it includes MPI's header.
   if(SUNDIALS_CORE_LIBRARY)
     target_link_libraries(sprag_cvode INTERFACE ${SUNDIALS_CORE_LIBRARY})
     if(SPRAG_HAS_MPI)

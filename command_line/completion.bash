@@ -1,5 +1,5 @@
-# Completion of the command sprag in bash: its programs; of each the options and the choices that its --help
-# names; and the scenes that come with Sprag, beside the files of the working directory.
+# Completion of the command sprag in bash: its programs; the options and choices in the --help of each; the scenes
+# that are shipped with Sprag; and files of the working directory.
 _sprag() {
   local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} command=${COMP_WORDS[0]} words files=
   COMPREPLY=()

@@ -1,4 +1,4 @@
-// Independent pieces of work, by a few threads.
+// Runs independent tasks on several threads.
 #pragma once
 
 #include <algorithm>
@@ -9,16 +9,20 @@
 #include <thread>
 #include <vector>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
 
-/// work(i) for i = 0, ..., count - 1, by as many threads, or by fewer where the system has no more
-/// of them. Throws what one of them throws, once all have ended.
+/// Calls work(i) for i = 0, ..., count - 1 on `threads` threads, or on fewer if the system has no
+/// more. After the first exception no further tasks start; the last exception is thrown when all
+/// threads have ended.
 template <typename Work>
 void in_parallel(int threads, int count, const Work& work) {
   std::atomic<int> next = 0;
   std::exception_ptr failure;
   std::mutex mutex;
-  const auto take = [&] {
+  const auto take = [&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       for (int i = next++; i < count; i = next++) work(i);
     } catch (...) {

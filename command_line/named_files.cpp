@@ -7,7 +7,7 @@ namespace {
 
 using std::filesystem::path;
 
-/// The path that an open() would come to, also through a link to what does not exist yet.
+/// The path that open() would reach, even through a link to a file that does not exist yet.
 path resolved(path file) {
   constexpr int most_links = 40;  // the kernel's own limit
   std::error_code error;
@@ -16,7 +16,7 @@ path resolved(path file) {
     if (error) break;
     file = file.parent_path() / target;  // target alone if it is absolute
   }
-  // Without the absolute path a file in the working directory is left as it is if it is absent.
+  // weakly_canonical() leaves a relative path unchanged if the file does not exist.
   const path canonical =
       std::filesystem::weakly_canonical(std::filesystem::absolute(file, error), error);
   return error ? file.lexically_normal() : canonical;

@@ -1,5 +1,5 @@
-// The files that a command line names, and that no output is written over an input or over another
-// output: F.csv and a link to it are one file, whatever they are called.
+// Checks that no output of a command line overwrites an input or another output. A file and a link
+// to it count as the same file.
 #pragma once
 
 #include <filesystem>
@@ -11,15 +11,15 @@ namespace sprag {
 struct NamedFile {
   enum class Use { read, written };
 
-  std::string option;  ///< as people give it, "--replay" or "SCENE"
+  std::string option;  ///< as the user writes it, "--replay" or "SCENE"
   std::filesystem::path path;
   Use use = Use::read;
 };
 
-/// Names two options, and their file, of which one would be written over the other; empty if there
-/// are none. Opens nothing. Files are one if they have the same path once links are resolved, which
-/// tells it of files that do not exist yet as well, or the same device and inode. What is no
-/// regular file (/dev/null, a pipe) is not destroyed by being written to, and may be named again.
+/// Describes the first pair of options of which one would overwrite the file of the other; empty if
+/// there is none. Opens nothing. Two files are the same if they have the same path after links are
+/// resolved, which works for files that do not exist yet, or the same device and inode. Files that
+/// are not regular (/dev/null, a pipe) may be named twice, since writing does not destroy them.
 std::string overwritten(std::span<const NamedFile> files);
 
 }  // namespace sprag

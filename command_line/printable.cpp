@@ -10,10 +10,10 @@ namespace {
 
 struct Character {
   char32_t code = 0;
-  std::size_t size = 0;  // in bytes; 0: no UTF-8
+  std::size_t size = 0;  // in bytes; 0: not valid UTF-8
 };
 
-// The character that `text` begins with. RFC 3629: no overlong form, no surrogate.
+// The first character of `text`. RFC 3629: no overlong form, no surrogate.
 Character first_character(std::string_view text) {
   const auto byte = [text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned char lead = byte(0);
@@ -30,7 +30,7 @@ Character first_character(std::string_view text) {
   return {code, size};
 }
 
-// What a terminal obeys, or a reader does not see as it stands.
+// A character that a terminal interprets or that a reader cannot see.
 bool is_control(char32_t code) {
   const auto in = [code](char32_t first, char32_t last) { return code >= first && code <= last; };
   return code < 0x20 || in(0x7f, 0x9f) || in(0x200e, 0x200f) || in(0x2028, 0x202e) ||
@@ -43,8 +43,8 @@ void append_escape(std::string& to, const char* format, unsigned number) {
   to += escape.data();
 }
 
-// A control character as it is written in C, C++ or Python. JSON has \u alone for those that it
-// does not escape itself: these begin at 0x7f.
+// Writes a control character as an escape of C, C++ and Python. In JSON the library has escaped all
+// characters below 0x7f before, and \u is valid for the others.
 void append_control(std::string& to, char32_t code) {
   if (code == '\n') {
     to += "\\n";
@@ -87,7 +87,7 @@ std::string printable(std::string_view text) { return escaped(text, false); }
 
 std::string printable_lines(std::string_view text) { return escaped(text, true); }
 
-// Keeps nothing between two calls: what it writes to is as safe for several threads as before.
+// Stateless between calls, so it is as thread-safe as the stream buffer that it writes to.
 class PrintableStream::Filter : public std::streambuf {
  public:
   explicit Filter(std::streambuf* to) : to_(to) {}

@@ -1,5 +1,5 @@
-// Names and other text from files, on their way to a terminal or into a picture: a control
-// character in them would be obeyed there.
+// Makes names and other text from files safe to print: a terminal would interpret control
+// characters in them.
 #pragma once
 
 #include <iosfwd>
@@ -10,15 +10,15 @@
 namespace sprag {
 
 /// \brief `text` as one line of valid UTF-8 without control characters.
-/// Written as an escape: control characters, also those of Unicode and those that turn the
-/// direction of writing, line and paragraph separators, noncharacters (`\n`, `\x1b`, `\u009b`), and
-/// every byte that is not UTF-8 (`\xff`). All other text stays as it is.
+/// Replaced by escapes such as `\n`, `\x1b`, `\u009b`: control characters, including those of
+/// Unicode and those that change the writing direction; line and paragraph separators;
+/// noncharacters; and every byte that is not valid UTF-8 (`\xff`). All other text is unchanged.
 std::string printable(std::string_view text);
 
-/// The same for text of several lines: '\n' stays. JSON stays JSON of the same meaning.
+/// The same for text of several lines: '\n' is kept. JSON keeps its meaning.
 std::string printable_lines(std::string_view text);
 
-/// What is written to a stream passes through printable_lines(), as long as the object exists.
+/// While it exists, all output to a stream passes through printable_lines().
 class PrintableStream {
  public:
   explicit PrintableStream(std::ostream& stream);
@@ -30,7 +30,7 @@ class PrintableStream {
   class Filter;
   std::ostream& stream_;
   std::unique_ptr<Filter> filter_;
-  std::streambuf* own_;  // of the stream, before and afterwards
+  std::streambuf* own_;  // the stream's original buffer
 };
 
 }  // namespace sprag

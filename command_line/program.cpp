@@ -23,7 +23,7 @@ namespace sprag {
 
 namespace {
 
-// An option that takes what `read` makes a number of; `allowed` says what that is.
+// Adds an option whose text `read` converts to a number; `allowed` describes the valid numbers.
 template <class Read>
 CLI::Option* add_number(CLI::App& app, const std::string& name, double& value,
                         const std::string& unit, const std::string& help, const char* allowed,
@@ -45,7 +45,7 @@ std::optional<double> positive_or_max(const std::string& text) {
   return text == "max" ? std::optional(std::numeric_limits<double>::infinity()) : positive(text);
 }
 
-/// A log that the bus itself reads or writes, file://LOG?mode=w.
+/// The log file of a URL file://LOG?mode=w.
 NamedFile log_of(const std::string& url) {
   constexpr std::string_view scheme = "file://";
   NamedFile file{.option = "--url", .path = {}, .use = NamedFile::Use::read};
@@ -75,7 +75,7 @@ bool write_report(const std::filesystem::path& file, const nlohmann::ordered_jso
   return output.good();
 }
 
-/// Prints the help, the version, or what is wrong with the command line.
+/// Prints the help, the version, or the error of the command line. Returns the exit code.
 int answer(const CLI::App& app, const CLI::ParseError& what) {
   std::ostringstream text;
   if (app.exit(what, text, std::cerr) != 0) return exit_usage;
@@ -89,10 +89,10 @@ int answer(const CLI::App& app, const CLI::ParseError& what) {
 struct Outcome {
   int code = exit_done;
   std::string error;   // empty: none
-  bool lines = false;  // the error has lines of its own; a line break in others is part of a name
+  bool lines = false;  // line breaks in `error` are intended; otherwise they belong to a name
 };
 
-/// Runs and turns exceptions but OverwriteError into an exit code and a message.
+/// Calls `run` and converts exceptions, except OverwriteError, to an exit code and a message.
 Outcome guarded(const std::function<int(nlohmann::ordered_json&)>& run,
                 const CommonOptions& options, nlohmann::ordered_json& report) {
   try {
@@ -119,7 +119,7 @@ Outcome guarded(const std::function<int(nlohmann::ordered_json&)>& run,
   }
 }
 
-/// An argument for a file, or for the name of one in a folder of the installation.
+/// Adds an argument for a file, or for the name of a shipped file in `folder`.
 CLI::Option* add_shipped(CLI::App& app, CommonOptions& options, const std::string& name,
                          const std::filesystem::path& folder, std::filesystem::path& file,
                          const std::string& help) {

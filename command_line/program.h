@@ -1,4 +1,4 @@
-// What every Sprag executable shares: common options, exit codes, a stop flag, the JSON report.
+// Common parts of all Sprag programs: options, exit codes, a stop flag, the JSON report.
 #pragma once
 
 #include <array>
@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "command_line/named_files.h"
+#include "command_line/signals.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
 #include "sprag/detail/mechanics/interrupt.h"
@@ -33,13 +34,13 @@ inline constexpr int exit_done = 0;
 inline constexpr int exit_failed = 1;  ///< failed while running
 inline constexpr int exit_usage = 2;   ///< bad usage or input
 
-/// Bad usage that only shows after parsing; run_program() exits with 2.
+/// Bad usage that is detected after parsing; run_program() exits with 2.
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// An output, maybe the report, would be written over an input; run_program() exits with 2 and
-/// writes no report.
+/// An output, possibly the report, would overwrite an input; run_program() exits with 2 and writes
+/// no report.
 struct OverwriteError : UsageError {
   using UsageError::UsageError;
 };
@@ -47,60 +48,58 @@ struct OverwriteError : UsageError {
 struct CommonOptions {
   std::string url = default_url;
   std::filesystem::path report;    ///< empty: none
-  std::filesystem::path key;       ///< empty: messages are neither signed nor checked
-  bool runs_until_signal = false;  ///< a signal is no failure, whatever the program is at
-  /// The files that the options name, once they are parsed; run_program() sees to it that none is
-  /// written over another.
+  std::filesystem::path key;       ///< empty: messages are neither signed nor verified
+  bool runs_until_signal = false;  ///< a signal is the regular end, not a failure
+  /// The files that the options name, to be called after parsing. run_program() checks that no file
+  /// overwrites another one.
   std::vector<std::function<NamedFile()>> files;
 };
 
-/// An empty command line. CLI11 takes longer to compile than most of the rest: a program whose
-/// options are of the kinds below does without its headers.
+/// An empty command line. Programs that use only the options below need not include CLI11, which
+/// takes longer to compile than most other code.
 std::shared_ptr<CLI::App> command_line(const std::string& description, const std::string& name);
 
-/// Adds --url, --key, --report and --version ("NAME VERSION", with the app's name); CLI11 has
-/// --help.
+/// Adds --url, --key, --report and --version, which prints "NAME VERSION" with the app's name.
+/// CLI11 adds --help.
 void add_common_options(CLI::App& app, CommonOptions& options);
 
-/// Adds an option, or an argument, which is required, for a file that the program reads or writes.
-/// `file` and `options` must stay in place until run_program() has returned.
+/// Adds an option, or an argument (which is required), for a file that the program reads or writes.
+/// `file` and `options` must stay valid until run_program() returns.
 CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& name,
                       NamedFile::Use use, std::filesystem::path& file, const std::string& type,
                       const std::string& help);
 
-/// The folders of the scenes and of the studies that come with this program, in its build tree or
+/// The folders of the scenes and studies that are shipped with this program, in its build tree or
 /// installation; empty if there are none.
 std::filesystem::path scenes_folder();
 std::filesystem::path studies_folder();
 
-/// Adds the argument SCENE: a file, or a name in scenes_folder(), whose file
-/// `file` then is.
+/// Adds the argument SCENE: a file, or a name in scenes_folder(). `file` receives the file.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
 /// Adds the argument STUDY: a file, or a name in studies_folder().
 CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
-/// read_scene() of sprag/scene_file.h; its remarks go to stderr. To be called before any
-/// output is opened: throws OverwriteError where one would be written over a file that the scene
-/// names.
+/// read_scene() of sprag/scene_file.h; prints its remarks to stderr. To be called before any output
+/// is opened: throws OverwriteError if an output would overwrite a file that the scene names.
 Scene load_scene(const std::filesystem::path& file, const CommonOptions& options);
 
 /// Adds a flag that sets `value`, or clears it if the name begins with '!'.
 CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value, const std::string& help);
 
-/// An option that can be given only with another one, or only without it.
+/// The option is valid only together with the other one, or only without it.
 void needs(CLI::Option* option, CLI::Option* other);
 void excludes(CLI::Option* option, CLI::Option* other);
 
-/// An option without which the program does not run.
+/// Makes an option mandatory.
 void require(CLI::Option* option);
 
-/// Adds an option that takes one of the names; `take` gets the index of the one that is given.
-/// Another one is bad usage, and the message lists those that there are.
+/// Adds an option whose value is one of `choices`; `take` receives the index of the chosen one. Any
+/// other value is bad usage, and the message lists the choices.
 CLI::Option* add_choice(CLI::App& app, const std::string& name, std::vector<std::string> choices,
                         std::function<void(std::size_t)> take, const std::string& help);
 
-/// The same for names that stand for values.
+/// The same for choices that stand for values.
 template <class Value>
 CLI::Option* add_choice(CLI::App& app, const std::string& name, Value& value,
                         const std::vector<std::pair<std::string, Value>>& choices,
@@ -112,7 +111,7 @@ CLI::Option* add_choice(CLI::App& app, const std::string& name, Value& value,
   return add_choice(app, name, std::move(names), take, help);
 }
 
-/// "kalman; choose replica, timing or both": what to say of a choice that is not there.
+/// Message about an invalid choice: "kalman; choose replica, timing or both".
 std::string choose(const std::string& given, std::span<const std::string> choices);
 
 /// Adds an option that takes a finite number > 0, in `unit`; anything else is bad usage.
@@ -127,12 +126,12 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
                        const std::string& help, int most = std::numeric_limits<int>::max());
 
-/// Adds --jobs n, threads, at most max_jobs.
+/// Adds --jobs n, the number of threads, at most max_jobs.
 inline constexpr int max_jobs = 1024;
 CLI::Option* add_jobs(CLI::App& app, int& value);
 
-/// Adds an argument for any number of files, at least one, that the program reads; `file_of` tells
-/// which file is meant by a text.
+/// Adds an argument for one or more files that the program reads. `file_of` returns the file that
+/// an argument denotes.
 CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,
                         std::vector<std::string>& texts,
                         std::function<std::filesystem::path(const std::string&)> file_of,
@@ -142,40 +141,37 @@ CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string
 CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
                         const std::string& unit, const std::string& help);
 
-/// Adds an option that takes names with commas between them; it may be repeated.
+/// Adds an option that takes names separated by commas; it may be repeated.
 CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,
                        const std::string& help);
 
-/// Adds an option that takes any text, of this type by name.
+/// Adds an option that takes any text. `type` names its kind in the help.
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
                       const std::string& type, const std::string& help);
 
-/// The key of --key, if it is given. Throws InputError.
+/// The key of the option --key, if present. Throws InputError.
 std::optional<Key> key_of(const CommonOptions& options);
 
-/// Messages that a program has refused, by cause: first those that came to its handlers, by
-/// Refusal, then what the bus kept away. Causes that did not occur are left out.
+/// Counts of refused messages by cause: first those that reached the program's handlers, by
+/// Refusal, then those that the bus discarded. Causes that did not occur are omitted.
 nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& refused,
                                 const BusCounts& bus);
 
-/// What a program has found: `object` goes into the report and, with `json`, to stdout as one JSON
-/// object; else `text` does, as printable_lines(). Throws std::runtime_error where stdout cannot be
-/// written.
+/// Prints the result of a program: `object` goes into the report and, with `json`, to stdout as one
+/// JSON object; otherwise `text` goes to stdout through printable_lines(). Throws
+/// std::runtime_error if stdout cannot be written.
 void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
                   nlohmann::ordered_json& report);
 
-/// Whether SIGINT, SIGTERM or SIGHUP has arrived since run_program() began. They interrupt poll()
-/// and sleeps.
-inline bool stop_requested() noexcept { return interrupted(); }
-
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
-/// Until it returns, all that is written to std::cerr passes through printable_lines(): names in
-/// messages cannot carry control characters to a terminal.
-/// Returns the process's exit code: 2 for a bad command line, also if an output would be written
-/// over another file of `options` or over one of its scene (then no output is opened, not even the
-/// report), UsageError, UrlError, InputError, SceneError or ModelError, 1 for any other exception
-/// (its what() goes to stderr) or a report that cannot be written. The report also says program,
-/// version, exit and error.
+/// Until it returns, all output to std::cerr passes through printable_lines(), so that names in
+/// messages cannot send control characters to a terminal.
+///
+/// Returns the exit code of the process. 2: bad command line, UsageError, UrlError, InputError,
+/// SceneError or ModelError; also if an output would overwrite another file of `options` or a file
+/// of the scene, and then no output is opened, not even the report. 1: any other exception, whose
+/// what() is printed to stderr, or a report that cannot be written. The report also contains
+/// program, version, exit and error.
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run);
 

@@ -6,8 +6,7 @@
 #include <array>
 #include <csignal>
 #include <ctime>
-
-#include "sprag/detail/mechanics/interrupt.h"
+#include <stop_token>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SPRAG_SANITIZED 1
@@ -26,11 +25,16 @@ constexpr timespec patience{15, 0};
 constexpr timespec patience{0, 900'000'000};
 #endif
 
-// A timer rather than a thread: a handler may set it, and it takes no stack.
+// A timer instead of a thread: a signal handler may start it, and it needs no stack.
 timer_t last_resort;
 bool has_last_resort = false;
 std::array<char, 160> message;
 std::size_t message_size = 0;
+
+// request_stop() allocates nothing, and waits for nothing where no std::stop_callback is
+// registered: the programs register none, so that a handler may call it. Never destroyed: a signal
+// may come late.
+std::stop_source& stop = *new std::stop_source;
 
 void end_here(int) {
   (void)!::write(STDERR_FILENO, message.data(), message_size);
@@ -38,8 +42,8 @@ void end_here(int) {
 }
 
 void ask_to_stop(int) {
-  if (interrupted()) return;  // the first one counts
-  request_interrupt();
+  if (stop.stop_requested()) return;  // later signals do not restart the timer
+  stop.request_stop();
   const itimerspec once{{0, 0}, patience};
   if (has_last_resort) ::timer_settime(last_resort, 0, &once, nullptr);
 }
@@ -47,7 +51,7 @@ void ask_to_stop(int) {
 void handle(int signal, void (*handler)(int)) {
   struct sigaction action {};
   action.sa_handler = handler;
-  action.sa_flags = SA_RESTART;  // poll() and sleeps return all the same
+  action.sa_flags = SA_RESTART;  // poll() and sleeps return nevertheless
   ::sigaction(signal, &action, nullptr);
 }
 
@@ -58,8 +62,10 @@ bool ignored(int signal) {
 
 }  // namespace
 
-Signals::Signals(const std::string& program) {
-  clear_interrupt();
+bool stop_requested() noexcept { return stop.stop_requested(); }
+
+Signals::Signals(const std::string& program)
+    : scope_((stop = std::stop_source(), stop.get_token())) {
   const std::string text = program + ": does not end by itself after the signal; ended as it is\n";
   message_size = std::min(text.size(), message.size());
   std::copy_n(text.begin(), message_size, message.begin());
@@ -71,14 +77,13 @@ Signals::Signals(const std::string& program) {
   handle(SIGINT, ask_to_stop);
   handle(SIGTERM, ask_to_stop);
   if (!ignored(SIGHUP)) handle(SIGHUP, ask_to_stop);
-  std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write that fails, and is reported
-  std::signal(SIGXFSZ, SIG_IGN);  // so is a file at its limit (ulimit -f)
+  std::signal(SIGPIPE, SIG_IGN);  // writing to a closed pipe fails with an error, which is reported
+  std::signal(SIGXFSZ, SIG_IGN);  // the same at the size limit of files (ulimit -f)
 }
 
 Signals::~Signals() {
   if (has_last_resort) ::timer_delete(last_resort);
   has_last_resort = false;
-  clear_interrupt();
 }
 
 }  // namespace sprag

@@ -1,22 +1,30 @@
-// Signals that end a program: SIGINT, SIGTERM and SIGHUP become a request to stop
+// Converts the signals SIGINT, SIGTERM and SIGHUP to a request to stop
 // (detail/mechanics/interrupt.h).
 #pragma once
 
 #include <string>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
 
-/// Catches them; SIGHUP not where it is ignored, as under nohup. A program that has not ended 0.9 s
-/// after the first of them (a sanitized build: 15 s) is where it cannot look at requests, inside a
-/// library or a blocked write: then it says so on stderr and the process ends there with exit code
-/// 1. One object at a time.
+/// Whether one of these signals has arrived since the last Signals object began. In any thread.
+bool stop_requested() noexcept;
+
+/// Catches these signals; SIGHUP only if it is not ignored, as it is under nohup. If the program
+/// has not ended 0.9 s after the first signal (15 s with sanitizers), it cannot check the request,
+/// since it is inside a library or a blocked write. Then a message goes to stderr and the process
+/// ends at once with exit code 1. One object at a time.
 class Signals {
  public:
   explicit Signals(const std::string& program);
-  /// From here on nothing ends the process any more, and no stop is requested.
+  /// Cancels the timer and the request to stop.
   ~Signals();
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
+
+ private:
+  StopScope scope_;
 };
 
 }  // namespace sprag

@@ -10,7 +10,7 @@ namespace sprag {
 void open_standard_files() noexcept {
   for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (::fcntl(file, F_GETFD) >= 0 || errno != EBADF) continue;
-    // The lowest number that is free: those below are open by now.
+    // open() returns the lowest free descriptor, which is this one: all below are open.
     if (::open("/dev/null", O_RDWR) != file) return;
   }
 }

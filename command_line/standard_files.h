@@ -3,9 +3,9 @@
 
 namespace sprag {
 
-/// Opens those of the file descriptors 0, 1 and 2 that are closed on /dev/null, so that no file of
-/// the program gets their numbers and, with it, its messages. To be called before anything is
-/// opened.
+/// Opens /dev/null for each of the file descriptors 0, 1 and 2 that is closed. Otherwise a file of
+/// the program would get its number, and messages would be written into it. To be called before
+/// anything is opened.
 void open_standard_files() noexcept;
 
 }  // namespace sprag

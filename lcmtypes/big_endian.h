@@ -1,6 +1,6 @@
-// Numbers as LCM puts them on the wire and in logs: big-endian, doubles by their bits.
-// liblcm's own inline functions read doubles through integer pointers, which a compiler may
-// misread once it optimizes; these do not. Callers check sizes beforehand.
+// Numbers in LCM's format on the wire and in logs: big-endian, doubles by their bits. liblcm's own
+// inline functions read doubles through integer pointers, which violates strict aliasing; these do
+// not. Callers must check sizes before.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,8 @@ void put(std::uint8_t*& to, Integer value) {
 }
 inline void put(std::uint8_t*& to, double value) { put(to, std::bit_cast<std::uint64_t>(value)); }
 
-/// Bytes of a text: a length that counts the zero behind it, and both.
+/// Writes a text as LCM does: its length including the final zero, the text, the zero. text_size()
+/// is the number of bytes.
 inline std::size_t text_size(std::string_view text) { return 4 + text.size() + 1; }
 inline void put_text(std::uint8_t*& to, std::string_view text) {
   put(to, static_cast<std::int32_t>(text.size() + 1));

@@ -17,7 +17,7 @@ std::string numbered(char letter, Eigen::Index i) {
   return name;
 }
 
-// Names and half-widths in one order.
+// Visits names and half-widths in the order of the message.
 template <typename Visit>
 void visit_widths(const Confidence& confidence, std::span<const Output> outputs, Visit&& visit) {
   for (Eigen::Index i = 0; i < confidence.bound_q.size(); ++i) {

@@ -76,7 +76,8 @@ struct Bus::Impl {
       return;
     }
     if (subscriptions.size() > 1) return;
-    // LCM takes channel names for regular expressions; wants() decides.
+    // LCM treats channel names as regular expressions, so this subscribes to all and wants()
+    // selects.
     lcm_subscription_t* all = lcm_subscribe(lcm.get(), ".*", take_from_lcm, this);
     if (all == nullptr) throw BusError(url.text + ": cannot be subscribed to");
     lcm_subscription_set_queue_capacity(all, 0);
@@ -98,16 +99,16 @@ struct Bus::Impl {
     return result;
   }
 
-  /// Handles what has arrived, after waiting for it `wait` ms at most. Returns how many packets.
+  /// Waits up to `wait` ms and handles the packets that have arrived. Returns their number.
   int handle(int wait) {
-    // lcm_handle_timeout aborts where there is no descriptor, and calls a signal an error.
+    // lcm_handle_timeout aborts without a descriptor and reports a signal as an error.
     pollfd ready{descriptor(), POLLIN, 0};
     for (int handled = 0; handled < largest_batch; ++handled) {
       const int count = ::poll(&ready, 1, wait);
       if (count == 0 || (count < 0 && errno == EINTR)) return handled;
       if (count < 0) throw BusError(url.text + ": " + std::generic_category().message(errno));
       if (!take() && !udp) {
-        if (handled > 0) return handled;  // the error comes again
+        if (handled > 0) return handled;  // the next call reports the error
         throw BusError(url.text + ": LCM has nothing more to read");
       }
       wait = 0;
@@ -115,7 +116,7 @@ struct Bus::Impl {
     return largest_batch;
   }
 
-  /// Takes one packet, or none. Throws what a handler throws, or BusError.
+  /// Handles one packet, if there is one. Throws the exception of a handler, or BusError.
   bool take() {
     if (udp) return take_from_udp();
     const bool taken = lcm_handle(lcm.get()) == 0;
@@ -143,7 +144,7 @@ struct Bus::Impl {
     return true;
   }
 
-  // An exception must not pass through LCM's C code.
+  // An exception must not propagate through LCM's C code.
   static void take_from_lcm(const lcm_recv_buf_t* received, const char* channel,
                             void* user) noexcept {
     auto& self = *static_cast<Impl*>(user);
@@ -171,13 +172,13 @@ struct Bus::Impl {
   LcmUrl url;
   std::optional<Key> key;
   std::vector<Subscription> subscriptions;
-  std::unique_ptr<UdpReceiver> udp;  // with a subscription over multicast
+  std::unique_ptr<UdpReceiver> udp;  // only with a subscription over multicast
   std::mutex log_mutex;
-  std::optional<ChannelLogWriter> log;  // in place of lcm, which does not report a full disk
+  std::optional<ChannelLogWriter> log;  // replaces lcm, which does not report a full disk
   BusCounts counts;
-  std::uint64_t sender = 0;  // of the packet that is handled
+  std::uint64_t sender = 0;  // of the packet being handled
   std::exception_ptr failure;
-  std::unique_ptr<lcm_t, decltype(&lcm_destroy)> lcm;  // goes first: it calls take_from_lcm
+  std::unique_ptr<lcm_t, decltype(&lcm_destroy)> lcm;  // destroyed first: it calls take_from_lcm
 };
 
 Bus::Bus(const std::string& url, std::optional<Key> key)
@@ -195,7 +196,7 @@ void Bus::subscribe_prefix(std::string_view prefix, Handler handler) {
 }
 
 bool Bus::publish(const char* channel, std::span<const std::uint8_t> data) noexcept {
-  // Grows to the largest message of the thread, once.
+  // Grows once to the largest message of the thread.
   static thread_local std::vector<std::uint8_t> tagged;
   if (impl_->key) {
     const Key::Tag tag = impl_->key->tag(channel, data);

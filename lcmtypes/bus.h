@@ -1,10 +1,10 @@
-// The processes' common bus: raw bytes on named channels over LCM.
+// The message bus of the processes: raw bytes on named channels over LCM.
 //
-// Messages are sent by liblcm. Over UDP multicast they are received here, from LCM's packets
-// (packet.h, udp_receiver.h), because liblcm 1.3.1 dies of packets that anybody may send; memq://,
-// file:// and tcpq:// are liblcm's own, but for a log that is written (file://LOG?mode=w). A host
-// without multicast is told at once how to mend it. With a key every message is signed, and nothing
-// unsigned is let through.
+// liblcm sends the messages. Over UDP multicast this class receives them itself from LCM's packets
+// (packet.h, udp_receiver.h), because malformed packets end liblcm 1.3.1. memq://, file:// and
+// tcpq:// are read through liblcm; a log is written (file://LOG?mode=w) by this class. On a host
+// without multicast the constructor fails at once with instructions. With a key every message is
+// signed, and unsigned messages are discarded.
 #pragma once
 
 #include <array>
@@ -35,63 +35,64 @@ inline constexpr const char* outputs_channel = "SPRAG_OUTPUTS";
 inline constexpr const char* bounds_channel = "SPRAG_BOUNDS";
 inline constexpr const char* health_channel = "SPRAG_HEALTH";
 
-/// The bus cannot be opened, subscribed to or read. Where multicast has no route, what() ends with
-/// the two lines that mend it; where another program has the port, it says that.
+/// The bus cannot be opened, subscribed to or read. Without a multicast route, what() ends with the
+/// two commands that add it. If another program uses the port, what() says so.
 struct BusError : Error {
   using Error::Error;
 };
 
-/// What was not let through to a handler.
+/// Counts of packets that did not reach a handler.
 struct BusCounts {
   std::array<std::int64_t, packet_faults> faults{};  ///< by PacketFault
-  std::int64_t other_host = 0;                       ///< with ttl=0: did not come from this host
-  std::int64_t unauthenticated = 0;  ///< on a subscribed channel: not made with the key
-  std::int64_t overflowed = 0;       ///< dropped by the kernel: the receive buffer was full; of
-                                     ///< all until now once handle() has left nothing unread
+  std::int64_t other_host = 0;                       ///< with ttl=0: sent by another host
+  std::int64_t unauthenticated = 0;  ///< on a subscribed channel: tag not made with the key
+  std::int64_t overflowed = 0;       ///< dropped by the kernel because the receive buffer was full;
+                                     ///< complete once handle() has left no packet unread
 
   bool operator==(const BusCounts&) const = default;
 };
 
 class Bus {
  public:
-  /// Gets the channel's name, the message and its arrival (wall clock [us]), valid during the call.
+  /// Receives the channel's name, the message and its arrival (wall clock [us]), valid during the
+  /// call.
   using Handler = std::function<void(std::string_view channel, std::span<const std::uint8_t> data,
                                      std::int64_t recv_utime)>;
 
-  /// Opens an LCM address; for udpm it probes multicast first (at most one second). Throws
-  /// BusError, or UrlError if `url` cannot be one.
+  /// Opens an LCM address. For udpm it tests multicast first, which takes at most one second.
+  /// Throws BusError, or UrlError if `url` is malformed.
   explicit Bus(const std::string& url = default_url, std::optional<Key> key = std::nullopt);
   Bus(Bus&&) noexcept;
   Bus& operator=(Bus&&) noexcept;
   ~Bus();
 
-  /// Calls `handler` from handle() for every message on `channel`. Throws BusError.
+  /// handle() calls `handler` for every message on `channel`. Throws BusError.
   void subscribe(std::string_view channel, Handler handler);
 
   /// The same for all channels whose name starts with `prefix`.
   void subscribe_prefix(std::string_view prefix, Handler handler);
 
-  /// Sends one message; may be called from any thread. Returns false if it could not be sent, as
-  /// when it is larger than one packet of UDP holds.
+  /// Sends a message; may be called from any thread. Returns false if it could not be sent, for
+  /// example because it is larger than a UDP packet.
   bool publish(const char* channel, std::span<const std::uint8_t> data) noexcept;
 
-  /// Closes a log that is written; after the last publish(). Throws BusError where it does not hold
-  /// every message, as on a full disk.
+  /// Closes a log that is written; to be called after the last publish(). Throws BusError if the
+  /// log is not complete, for example on a full disk.
   void finish();
 
-  /// Waits for a message up to `timeout`, then handles what has arrived (at most 1000 packets).
-  /// Returns how many packets; 0 after a timeout or a signal. Throws what a handler threw, or
-  /// BusError; the end of a file:// log is a BusError too.
+  /// Waits up to `timeout` for a message, then handles all that have arrived, at most 1000 packets.
+  /// Returns the number of packets; 0 after a timeout or a signal. Throws the exception of a
+  /// handler, or BusError, also at the end of a file:// log.
   int handle(std::chrono::milliseconds timeout);
 
-  /// Within a handler: its message as it was sent, with the tag behind it if there is a key.
+  /// Within a handler: the message as sent, including the tag if there is a key.
   std::span<const std::uint8_t> as_sent(std::span<const std::uint8_t> data) const;
 
-  /// Within a handler: which process its message is from, by address and port. 0 where that is not
-  /// known, as in a log or through a queue.
+  /// Within a handler: the sending process, by address and port. 0 if unknown, as in a log or a
+  /// queue.
   std::uint64_t sender() const;
 
-  /// For the thread that calls handle(), or after it.
+  /// To be called by the thread that calls handle(), or after it has ended.
   const BusCounts& counts() const;
 
  private:

@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint32_t sync_word = 0xEDA1DA01;
 constexpr std::string_view sync_bytes = "\xED\xA1\xDA\x01";
 constexpr std::size_t head_size = 4 + 8 + 8 + 4 + 4;
-constexpr std::int32_t longest_channel = 999;  // liblcm's own limits
+constexpr std::int32_t longest_channel = 999;  // limits of liblcm
 constexpr std::int32_t longest_message = 1 << 28;
 constexpr std::size_t piece = 65536;
 
@@ -30,7 +30,7 @@ ChannelLogReader::ChannelLogReader(const std::filesystem::path& file)
 
 ChannelLogReader::ChannelLogReader(InputFile file) : file_(std::move(file)) {}
 
-// What is wrong with the record at `place` of what is ahead; empty if it is whole.
+// Describes the fault of the record at `place` of the unread bytes; empty if it is complete.
 std::string ChannelLogReader::examine(std::size_t place, Head& head) {
   const std::string_view bytes = from(place, head_size);
   if (bytes.size() >= sync_bytes.size() && !bytes.starts_with(sync_bytes))
@@ -51,19 +51,19 @@ std::string ChannelLogReader::examine(std::size_t place, Head& head) {
   return {};
 }
 
-// At least `count` bytes from `place` on, unless the file has no more.
+// The unread bytes from `place` on, at least `count` unless the file has fewer.
 std::string_view ChannelLogReader::from(std::size_t place, std::size_t count) {
   const std::string_view bytes = file_.ahead(place + count);
   return bytes.substr(std::min(place, bytes.size()));
 }
 
-// Whether another record follows, whole or not, or nothing.
+// Whether the bytes at `place` begin another record, complete or not, or the file ends there.
 bool ChannelLogReader::is_followed(std::size_t place) {
   const std::string_view next = from(place, sync_bytes.size()).substr(0, sync_bytes.size());
   return next == sync_bytes.substr(0, next.size());
 }
 
-// Whether the record that is next leads to the one that was logged after it.
+// Whether the next record is followed by the record with the next event number.
 bool ChannelLogReader::leads_on(const Head& head) {
   const std::size_t size = head.record_size();
   const std::string_view next = from(size, head_size);
@@ -73,13 +73,13 @@ bool ChannelLogReader::leads_on(const Head& head) {
   return is_followed(size) && step == 1;
 }
 
-// Whether a record stands at `place` that is more than a sync word by chance.
+// Whether a complete record begins at `place`, and not just a sync word by chance.
 bool ChannelLogReader::is_record(std::size_t place) {
   Head head;
   return examine(place, head).empty() && is_followed(place + head.record_size());
 }
 
-// A place in the next `size` bytes at which a record stands; `size` if there is none.
+// Position of a record within the next `size` bytes; `size` if there is none.
 std::size_t ChannelLogReader::find_record(std::size_t size) {
   for (std::size_t place = 1; place < size; ++place) {
     place = from(0, size).substr(0, size).find(sync_bytes, place);
@@ -89,7 +89,7 @@ std::size_t ChannelLogReader::find_record(std::size_t size) {
   return size;
 }
 
-// Leaves out what is ahead up to the next record.
+// Skips the unread bytes up to the next record.
 void ChannelLogReader::pass_over(std::string what) {
   const std::uint64_t begin = file_.offset();
   bool ended = false;
@@ -101,7 +101,7 @@ void ChannelLogReader::pass_over(std::string what) {
     if (next != std::string_view::npos) {
       ended = false;
       file_.skip(next);
-    } else {  // a sync word may have begun
+    } else {  // keep the last bytes, in which a sync word may begin
       file_.skip(ended ? bytes.size() : bytes.size() - sync_bytes.size() + 1);
     }
   }
@@ -114,7 +114,7 @@ bool ChannelLogReader::next(ChannelRecord& record) {
     Head head;
     std::string fault = examine(0, head);
     const std::size_t size = head.record_size();
-    // A wrong length leads somewhere else, past records that are whole.
+    // A wrong length would skip complete records.
     if (fault.empty() && !leads_on(head) && find_record(size) < size) fault = "wrong length";
     if (!fault.empty()) {
       pass_over(std::move(fault));

@@ -1,5 +1,5 @@
-// LCM log files, as lcm-logger writes them: big-endian records of sync word 0xEDA1DA01, int64 event
-// number, int64 time stamp [us], int32 channel length, int32 data length, channel, data; no
+// LCM log files, in the format of lcm-logger: big-endian records of sync word 0xEDA1DA01, int64
+// event number, int64 time stamp [us], int32 channel length, int32 data length, channel, data; no
 // checksum.
 #pragma once
 
@@ -22,30 +22,30 @@ struct ChannelRecord {
   std::vector<std::uint8_t> data;
 };
 
-/// Bytes of a log that are no records.
+/// A range of bytes of a log that contains no valid record.
 struct LogDamage {
-  std::uint64_t begin, end;  ///< from the first of them to behind the last one
+  std::uint64_t begin, end;  ///< half-open range [begin, end)
   bool to_the_end;           ///< no record follows
   std::string what;
 };
 
-/// Reads a log record by record. What is damaged is left out, up to the next place where a whole
-/// record stands that ends where another one begins, or with the file: a sync word alone may be
-/// part of a message. liblcm's reader loses the rest of the file to one bad length, and does not
-/// tell damage from the end.
+/// Reads a log record by record and skips damaged parts. Reading resumes at the next complete
+/// record that ends at another record or at the end of the file, since a sync word alone may be
+/// part of a message. liblcm's reader loses the rest of the file after one wrong length, and does
+/// not distinguish damage from the end.
 class ChannelLogReader {
  public:
-  /// Throws InputError (mechanics/input_file.h) if the file cannot be opened.
+  /// Throws InputError (sprag/detail/files/input_file.h) if the file cannot be opened.
   explicit ChannelLogReader(const std::filesystem::path& file);
   explicit ChannelLogReader(InputFile file);
 
   /// Reads the next record. Returns false at the end of the log.
   bool next(ChannelRecord& record);
 
-  /// What next() has left out.
+  /// The damaged parts that next() has skipped.
   const std::vector<LogDamage>& damages() const { return damages_; }
 
-  /// Whether there is nothing in the file; for use after next() has come to its end.
+  /// Whether the file is empty; valid after next() has returned false.
   bool empty() const { return file_.offset() == 0; }
 
  private:
@@ -63,11 +63,11 @@ class ChannelLogReader {
   std::vector<LogDamage> damages_;
 };
 
-/// Writes a log that liblcm (lcm-logplayer) and ChannelLogReader read. Never throws while it
-/// writes.
+/// Writes a log that liblcm (lcm-logplayer) and ChannelLogReader can read. Never throws while
+/// writing.
 class ChannelLogWriter {
  public:
-  /// Creates or empties the file; a failure shows in good().
+  /// Creates or empties the file. Errors are reported by good().
   explicit ChannelLogWriter(const std::filesystem::path& file);
 
   /// Appends a record; events are numbered from 0. Returns good().

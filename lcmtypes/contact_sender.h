@@ -1,5 +1,5 @@
-// A master's messages of contacts on the bus: a random session, numbers, the last events in every
-// message, heartbeats, and a goodbye.
+// Sends a master's contact messages on the bus: a random session number, message numbers, the last
+// events in every message, heartbeats, and final messages.
 #pragma once
 
 #include <chrono>
@@ -17,28 +17,28 @@ class ContactSender {
   using Clock = std::chrono::steady_clock;
 
   static constexpr auto heartbeat = std::chrono::milliseconds(10);
-  /// The last message goes out so many times, a heartbeat apart: nothing follows that would repair
-  /// its loss.
+  /// Number of repetitions of the last message, one heartbeat apart: no message follows that would
+  /// repair its loss.
   static constexpr int goodbyes = 20;
 
-  /// A new session of a machine with `contacts` contacts; `speed`: simulated s per wall s, infinite
-  /// if unpaced. `bus` must outlive this.
+  /// Starts a new session of a machine with `contacts` contacts. `speed`: simulated s per wall s,
+  /// infinite if unpaced. `bus` must outlive this.
   ContactSender(Bus& bus, int contacts, double speed);
 
-  /// Takes events that have happened, in order.
+  /// Adds events, in order of time.
   void add(std::span<const ContactEvent> events) { builder_.add(events); }
 
-  /// Whether there are events to send, or it is time for a heartbeat.
+  /// Whether events are pending or a heartbeat is due.
   bool due() const { return builder_.pending() || Clock::now() >= next_; }
-  /// When the next heartbeat is due.
+  /// Time at which the next heartbeat is due.
   Clock::time_point next() const { return next_; }
 
-  /// Sends that all is known up to `horizon` [s], with the events that were added.
+  /// Sends the added events with the watermark `horizon` [s].
   void send(double horizon);
 
   std::int64_t session() const { return builder_.session(); }
   std::int64_t messages() const { return builder_.sent(); }
-  std::int64_t unsent() const { return unsent_; }  ///< of them, those that could not be sent
+  std::int64_t unsent() const { return unsent_; }  ///< messages that could not be sent
 
  private:
   Bus& bus_;

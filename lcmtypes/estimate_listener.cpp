@@ -23,7 +23,7 @@ std::optional<EstimateSample> EstimateListener::next(std::chrono::milliseconds t
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + timeout;
   while (received_.empty()) {
-    // Rounded up, so that less than a millisecond is not waited for in a hurry.
+    // Rounded up, so that the last fraction of a millisecond does not busy-wait.
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
     if (bus_.handle(std::max(left, std::chrono::milliseconds(0))) == 0 && Clock::now() >= end) {
       return std::nullopt;

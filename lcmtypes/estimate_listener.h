@@ -1,4 +1,5 @@
-// Hears what observers on the bus say: SPRAG_ESTIMATE, now, or SPRAG_SETTLED, final and in order.
+// Receives the estimates of observers on the bus: provisional ones (SPRAG_ESTIMATE), or settled
+// ones in order (SPRAG_SETTLED).
 #pragma once
 
 #include <chrono>
@@ -22,11 +23,11 @@ class EstimateListener {
   EstimateListener(const EstimateListener&) = delete;
   EstimateListener& operator=(const EstimateListener&) = delete;
 
-  /// The next estimate, of any observer that sends on the channel; waits for it up to `timeout`.
-  /// Throws BusError.
+  /// The next estimate of any observer on the channel; waits for it up to `timeout`. Throws
+  /// BusError.
   std::optional<EstimateSample> next(std::chrono::milliseconds timeout);
 
-  /// Messages that were no estimates, or not made with the key.
+  /// Number of messages that were malformed or not signed with the key.
   std::int64_t refused() const { return refused_ + bus_.counts().unauthenticated; }
 
  private:

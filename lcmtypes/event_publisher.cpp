@@ -18,11 +18,11 @@ namespace {
 
 using Clock = ContactSender::Clock;
 
-// Of a paced machine whose horizon stays more often than that, observers say that it has come to
-// its end.
+// If the watermark of a paced machine stays the same in more messages than this, observers conclude
+// that its run has ended.
 constexpr int most_repeats = 2;
 
-// Observers take finite speeds beyond that for damage.
+// Observers refuse finite speeds above this limit as damaged.
 double checked_speed(double speed) {
   if (speed > 0.0 && (speed <= 1e9 || std::isinf(speed))) return speed;
   throw std::invalid_argument("speed is " + std::to_string(speed) +
@@ -103,7 +103,7 @@ class EventPublisher::Core {
  private:
   static bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
 
-  // Nothing is said before the first horizon: where the machine's time begins is not known yet.
+  // Sends nothing before the first watermark, since the machine's start time is unknown until then.
   void beat(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     while (!stop.stop_requested()) {
@@ -123,16 +123,16 @@ class EventPublisher::Core {
   int contacts_;
   bool paced_;
   std::mutex closing_;
-  mutable std::mutex mutex_;  // of all that follows
+  mutable std::mutex mutex_;  // protects all members below
   std::condition_variable_any wake_;
   Bus bus_;
   ContactSender sender_;
-  std::vector<ContactEvent> waiting_;  // behind the horizon, in order
-  double horizon_ = -1.0;              // none yet
-  double said_ = -1.0;                 // in the last message
-  int repeats_ = 0;                    // of it
+  std::vector<ContactEvent> waiting_;  // later than the watermark, in order
+  double horizon_ = -1.0;              // watermark; -1: none yet
+  double said_ = -1.0;                 // watermark of the last message
+  int repeats_ = 0;                    // number of messages that repeated it
   bool closed_ = false;
-  std::jthread beats_;  // last: it uses all the others
+  std::jthread beats_;  // last member: it uses all others
 };
 
 EventPublisher::EventPublisher(int contacts, const PublisherSettings& settings)

@@ -1,12 +1,12 @@
-// A machine of one's own as a master on the bus. It takes contact events and does what else a
-// master has to do: a session, numbered messages that repeat the last events, the horizon, a
-// heartbeat, a goodbye.
+// Publishes a user's machine as a master on the bus. It takes contact events and does everything
+// else that a master must do: a session number, numbered messages that repeat the last events, the
+// watermark, heartbeats, and final messages.
 //
 //   sprag::EventPublisher publisher(1, {});        // one contact
 //   publisher.take({0.4565, 0, sprag::ContactEventKind::pulse});
-//   publisher.set_horizon(0.46);                   // sent at once, with all that it makes known
+//   publisher.set_horizon(0.46);                   // sends all events up to 0.46 s
 //
-// Threads may share one.
+// Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -23,30 +23,32 @@ namespace sprag {
 struct PublisherSettings {
   std::string url = default_url;
   std::optional<Key> key = std::nullopt;
-  double speed = 1.0;  ///< simulated s per wall s, > 0; +infinity for a machine without a pace
+  double speed = 1.0;  ///< simulated s per wall s, > 0; +infinity: unpaced
 };
 
 class EventPublisher {
  public:
-  /// A new session of a machine with `contacts` contacts. Throws BusError, UrlError, or
+  /// Starts a new session of a machine with `contacts` contacts. Throws BusError, UrlError, or
   /// std::invalid_argument.
   EventPublisher(int contacts, const PublisherSettings& settings);
   EventPublisher(EventPublisher&&) noexcept;
   EventPublisher& operator=(EventPublisher&&) noexcept;
   ~EventPublisher();  ///< close()
 
-  /// Takes an event behind the horizon, in any order; it is sent when the horizon reaches it. False
-  /// if it is not behind the horizon or the publisher is closed. Throws std::invalid_argument for a
-  /// time that is no number >= 0 or a contact that the machine does not have.
+  /// Takes an event later than the watermark; the order does not matter. The event is sent when the
+  /// watermark reaches it. Returns false if it is not later than the watermark or the publisher is
+  /// closed. Throws std::invalid_argument for a time that is not a finite number >= 0, or an
+  /// unknown contact.
   bool take(const ContactEvent& event);
 
-  /// Every event up to t has been taken; never goes back. Sends what became known at once, and the
-  /// horizon alone every 10 ms. To be called with the machine's time at least ten times a second,
-  /// also while nothing happens: observers settle no further, and a machine that is silent for 0.1
-  /// s makes way for another. Throws std::invalid_argument if t is no number >= 0.
+  /// Sets the watermark: every event up to t has been taken. It never decreases. Sends new events
+  /// at once, and the watermark alone every 10 ms. To be called with the machine's time at least
+  /// ten times a second, even without events: observers settle no further, and after 0.1 s of
+  /// silence another master may take over. Throws std::invalid_argument if t is not a finite number
+  /// >= 0.
   void set_horizon(double t);
 
-  /// The last message is repeated for 0.2 s, since none follows that would repair its loss.
+  /// Repeats the last message for 0.2 s, since no later one would repair its loss.
   void close() noexcept;
 
   std::int64_t session() const;  ///< random

@@ -1,5 +1,5 @@
-// Whether a message that begins a session was sent just now. With a key this keeps out what
-// somebody has recorded, whose tags are right.
+// Decides whether a message that begins a session was sent recently. With a key this rejects
+// replays of recorded messages, whose tags are valid.
 #pragma once
 
 #include <algorithm>
@@ -7,23 +7,23 @@
 
 namespace sprag {
 
-/// Whether a message that begins a session must have been sent just now.
+/// Whether a message that begins a session must be recent.
 enum class Freshness { any, required };
 
 class FreshnessRule {
  public:
   explicit FreshnessRule(Freshness freshness) : freshness_(freshness) {}
 
-  /// Whether a message sent at `utime`, which arrives at `now`, may begin a session: within 10 s,
-  /// by the wall clocks of both hosts [us], and after all that was heard before.
+  /// Whether a message sent at `utime` that arrives at `now` may begin a session. It must have been
+  /// sent within 10 s by the wall clocks of both hosts [us], and not before earlier accepted ones.
   bool allows(std::int64_t utime, std::int64_t now) const {
     if (freshness_ == Freshness::any) return true;
     const bool just_now = utime >= now - largest_age && utime <= now + largest_age;
-    // What was heard while a clock was wrong says nothing any more.
+    // A value of last_ from a wrong clock, in the future, is not used.
     return just_now && (utime >= last_ || last_ > now + largest_age);
   }
 
-  /// Takes notice of a message of the session that is heard.
+  /// Records the time of a message of the followed session.
   void note(std::int64_t utime) { last_ = std::max(last_, utime); }
 
  private:

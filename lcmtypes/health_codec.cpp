@@ -36,7 +36,7 @@ constexpr std::array health_counts{&Health::sessions,
 constexpr std::size_t fixed_size = 5 * 8 + 3 + 10 * 8 + 8 * health_counts.size() + 4;
 
 constexpr std::int32_t most_causes = 64;
-constexpr std::int32_t longest_cause = 64;  // with the zero behind it
+constexpr std::int32_t longest_cause = 64;  // including the final zero
 
 void put_times(std::uint8_t*& to, const Health::Times& times) {
   put(to, times.p50);
@@ -57,7 +57,8 @@ bool possible(const Health::Times& times) {
   return possible(times.p50) && possible(times.p99) && possible(times.max);
 }
 
-// The names and numbers of messages behind the fixed part; `rest` is what is left of the message.
+// Reads the causes and their counts, which follow the fixed part; `rest` is the rest of the
+// message.
 Refusal take_causes(std::span<const std::uint8_t> rest, std::int32_t causes, Health& health) {
   health.refused.resize(static_cast<std::size_t>(causes));
   for (RefusedCount& refused : health.refused) {

@@ -1,4 +1,4 @@
-// Health <-> sprag_health_t (SPRAG_HEALTH): how a live observer fares.
+// Health <-> sprag_health_t (SPRAG_HEALTH): the condition of a live observer.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace sprag {
 
-/// Messages that were refused for one cause.
+/// Number of messages refused for one cause.
 struct RefusedCount {
   std::string cause;  ///< as in --report
   std::int64_t count = 0;
@@ -20,35 +20,35 @@ struct RefusedCount {
 
 struct Health {
   enum class Master : std::int8_t {
-    awaited = 0,  ///< none has been heard
+    awaited = 0,  ///< no message has been received
     heard = 1,
-    silent = 2,  ///< the estimate runs free
-    ended = 3    ///< its run is over; the estimate runs free
+    silent = 2,  ///< the estimate is a free prediction
+    ended = 3    ///< its run has ended; the estimate is a free prediction
   };
   enum class Estimate : std::int8_t { none = 0, replica = 1, filter = 2, adaptive = 3 };
 
-  /// From values of a histogram [s].
+  /// Quantiles of a histogram [s].
   struct Times {
     double p50 = 0.0, p99 = 0.0, max = 0.0;
   };
 
   std::int64_t session = 0;  ///< the master's; 0: none yet
   std::int64_t utime = 0;    ///< wall clock at send [us]
-  std::int64_t tick = -1;    ///< the last one that was estimated; -1: none yet
-  double t = -1.0;           ///< its simulated time [s]; -1: none yet
-  bool last = false;         ///< the observer's last word
+  std::int64_t tick = -1;    ///< last estimated tick; -1: none
+  double t = -1.0;           ///< its simulated time [s]; -1: none
+  bool last = false;         ///< the observer's last message
   Master master = Master::awaited;
   Estimate estimate = Estimate::none;
 
-  // Of the time since the health before.
-  double period = 0.0;            ///< by the wall [s]
-  double real_time_factor = 0.0;  ///< simulated time that was estimated per wall time
-  double speed = 0.0;             ///< what it should be, +infinity of an unpaced master; 0: none
-  std::int64_t latencies = 0;     ///< events whose latency was taken
-  Times latency;                  ///< from an event's own time to the estimate that contains it
-  Times lateness;                 ///< of ticks, from when they were due
+  // Over the time since the previous message.
+  double period = 0.0;            ///< by the wall clock [s]
+  double real_time_factor = 0.0;  ///< estimated simulated time per wall time
+  double speed = 0.0;             ///< intended factor, +infinity if unpaced; 0: no master
+  std::int64_t latencies = 0;     ///< number of events whose latency was measured
+  Times latency;                  ///< from an event's time to the first estimate that contains it
+  Times lateness;                 ///< of ticks, relative to their due times
 
-  // Since the observer's start; lcmtypes/sprag_health_t.lcm says what they count.
+  // Since the observer's start; described in lcmtypes/sprag_health_t.lcm.
   std::int64_t sessions = 0;
   std::int64_t ticks = 0;
   std::int64_t deadlines = 0;
@@ -72,14 +72,14 @@ struct Health {
   std::vector<RefusedCount> refused;  ///< by cause
 };
 
-/// The health as a message. It lies in `buffer` and is valid until the buffer is used again.
-/// Expects what decode() accepts.
+/// Encodes `health`. The message is in `buffer` and valid until the buffer is changed. Requires
+/// values that decode() accepts.
 std::span<const std::uint8_t> encode(const Health& health, std::vector<std::uint8_t>& buffer);
 
-/// Fills `health` from a message and returns Refusal::none, or why the message is refused; `health`
-/// then holds nothing of use. Accepted: tick >= -1, t finite and >= 0, or -1; times and rates >= 0
-/// and finite (but the speed may be infinite), counts >= 0; at most 64 causes, each of 1 to 63
-/// printable ASCII characters.
+/// Reads `health` from a message and returns Refusal::none, or why the message is refused; `health`
+/// is unspecified then. Accepted: tick >= -1; t finite and >= 0, or -1; times and rates >= 0 and
+/// finite (speed may be infinite); counts >= 0; at most 64 causes, each of 1 to 63 printable ASCII
+/// characters.
 Refusal decode(std::span<const std::uint8_t> message, Health& health);
 
 }  // namespace sprag

@@ -46,7 +46,7 @@ Key::Tag Key::tag(std::string_view channel, std::span<const std::uint8_t> messag
   Tag tag{};
   crypto_generichash_state state;
   crypto_generichash_init(&state, key_.data(), key_.size(), tag.size());
-  // The zero keeps the name apart from the message.
+  // The zero separates the name from the message.
   crypto_generichash_update(&state, reinterpret_cast<const std::uint8_t*>(channel.data()),
                             channel.size());
   const std::uint8_t zero = 0;

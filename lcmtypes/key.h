@@ -1,6 +1,6 @@
-// A secret that master, observer and logger share, so that nobody else is heard: every message
-// carries a tag, BLAKE2b keyed with it (libsodium's crypto_generichash), over the channel's name
-// and the message.
+// A secret key shared by master, observer and logger, which authenticates their messages. Every
+// message carries a tag: BLAKE2b keyed with it (libsodium's crypto_generichash) over the channel's
+// name and the message.
 #pragma once
 
 #include <array>
@@ -14,17 +14,17 @@ namespace sprag {
 class Key {
  public:
   static constexpr std::size_t size = 32;      ///< bytes of the key
-  static constexpr std::size_t tag_size = 32;  ///< bytes that a message grows by
+  static constexpr std::size_t tag_size = 32;  ///< bytes added to each message
   using Tag = std::array<std::uint8_t, tag_size>;
 
   /// Reads 64 hexadecimal digits; white space around them is allowed. Throws InputError
-  /// (mechanics/input_file.h).
+  /// (sprag/detail/files/input_file.h).
   explicit Key(const std::filesystem::path& file);
   explicit Key(const std::array<std::uint8_t, size>& bytes);
 
   Tag tag(std::string_view channel, std::span<const std::uint8_t> message) const noexcept;
 
-  /// Whether `tagged`, a message with its tag behind, was made with this key for this channel.
+  /// Whether `tagged`, a message followed by its tag, was made with this key for this channel.
   bool verifies(std::string_view channel, std::span<const std::uint8_t> tagged) const noexcept;
 
  private:

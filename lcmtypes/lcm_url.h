@@ -1,4 +1,4 @@
-// LCM's addresses: PROVIDER://TARGET?name=value&name=value, e.g. udpm://239.255.76.67:7667?ttl=0.
+// LCM addresses: PROVIDER://TARGET?name=value&name=value, e.g. udpm://239.255.76.67:7667?ttl=0.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace sprag {
 /// UDP multicast on this host only (ttl=0).
 inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
 
-/// An address that LCM would misread or refuse. what() says what is allowed.
+/// An address that LCM would misread or reject. what() says what is allowed.
 struct UrlError : Error {
   using Error::Error;
 };
@@ -27,12 +27,12 @@ struct MulticastAddress {
 struct LcmUrl {
   std::string text;
   std::optional<MulticastAddress> multicast;  ///< set for udpm
-  std::optional<int> receive_buffer;          ///< recv_buf_size [bytes], if it is given
+  std::optional<int> receive_buffer;          ///< recv_buf_size [bytes], if specified
   std::filesystem::path written_log;          ///< LOG of file://LOG?mode=w; else empty
 };
 
-/// Reads an address of provider udpm, memq, file or tcpq; "udpm://" stands for LCM's usual group
-/// and port. Throws UrlError.
+/// Parses an address of provider udpm, memq, file or tcpq; "udpm://" means LCM's default group and
+/// port. Throws UrlError.
 LcmUrl parse_url(const std::string& text);
 
 }  // namespace sprag

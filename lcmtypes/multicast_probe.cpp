@@ -42,7 +42,7 @@ class Socket {
 
 std::string last_error() { return std::generic_category().message(errno); }
 
-/// A packet as LCM's self test sends it, with bytes of our own to know it by.
+/// A packet like LCM's self test, with random bytes to identify it.
 std::string probe_packet() {
   std::random_device random;
   std::string packet("LC02\0\0\0\0LCM_SELF_TEST\0sprag ", 28);
@@ -50,7 +50,7 @@ std::string probe_packet() {
   return packet;
 }
 
-/// Whether `packet` arrives before `deadline`; other traffic on the port is passed over.
+/// Whether `packet` arrives before `deadline`; other packets on the port are skipped.
 bool arrives(const Socket& receiver, const std::string& packet, Clock::time_point deadline) {
   std::array<char, 2048> data;
   for (;;) {

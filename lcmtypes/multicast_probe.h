@@ -1,5 +1,5 @@
-// Does multicast work on this host? LCM itself fails at once without a route, or hangs for ten
-// seconds where multicast is blocked, so this asks first.
+// Tests whether multicast works on this host. LCM itself fails without a route, and hangs for ten
+// seconds if multicast is blocked, so this test comes first.
 #pragma once
 
 #include <optional>
@@ -11,16 +11,16 @@ namespace sprag {
 
 struct ProbeFailure {
   enum class Cause {
-    port_taken,    ///< another program has bound it and does not share it
-    port_refused,  ///< it cannot be bound for another reason, as a privileged one
+    port_taken,    ///< another program has bound the port exclusively
+    port_refused,  ///< the port cannot be bound for another reason, for example a privileged one
     no_multicast   ///< no route, or packets do not come back
   };
   Cause cause = Cause::no_multicast;
   std::string what;  ///< the system's message
 };
 
-/// Joins the group, sends a datagram to it and waits up to one second for its return. To listeners
-/// it is LCM's own self test, which they ignore. Returns what failed; nothing if it came back.
+/// Joins the group, sends a datagram to it and waits up to one second for its return. The datagram
+/// looks like LCM's self test, which receivers ignore. Returns the failure; nullopt if it returned.
 std::optional<ProbeFailure> probe_multicast(const MulticastAddress& address);
 
 }  // namespace sprag

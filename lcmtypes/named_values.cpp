@@ -9,7 +9,7 @@ namespace sprag {
 namespace {
 
 constexpr std::int32_t most_names = 1000;
-constexpr std::int32_t longest_named = 256;  // with the zero behind it
+constexpr std::int32_t longest_named = 256;  // including the final zero
 
 Refusal take_name(std::span<const std::uint8_t>& rest, std::string& name) {
   if (rest.size() < 4) return Refusal::truncated;

@@ -1,5 +1,5 @@
-// Names with a value and a standard deviation each, as messages carry them: int32 n, n names, n
-// values, n deviations.
+// Names with a value and a standard deviation each, in the format of messages: int32 n, n names, n
+// values, n standard deviations.
 #pragma once
 
 #include <cstdint>
@@ -13,15 +13,15 @@ namespace sprag {
 
 struct NamedValues {
   std::vector<std::string> names;
-  std::vector<double> values, sigmas;  ///< one each; sigmas may be infinite
+  std::vector<double> values, sigmas;  ///< one per name; sigmas may be infinite
 };
 
-/// Takes int32 n and n names from the front of `rest`. Refused: more than 1000, names of more than
-/// 255 bytes.
+/// Reads int32 n and n names from the front of `rest`. Refuses more than 1000 names, and names of
+/// more than 255 bytes.
 Refusal take_names(std::span<const std::uint8_t>& rest, std::vector<std::string>& names);
 
-/// Takes them from the front of `rest`. Refused: more than 1000, names of more than 255 bytes,
-/// values that are not finite, deviations that are negative or no numbers.
+/// Reads names, values and standard deviations from the front of `rest`. Refuses in addition values
+/// that are not finite, and standard deviations that are negative or nan.
 Refusal take_named_values(std::span<const std::uint8_t>& rest, NamedValues& named);
 
 }  // namespace sprag

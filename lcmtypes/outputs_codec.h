@@ -1,4 +1,4 @@
-// An estimate's outputs, the quantities that a scene names <-> sprag_outputs_t (SPRAG_OUTPUTS).
+// Outputs of an estimate, the quantities that a scene defines <-> sprag_outputs_t (SPRAG_OUTPUTS).
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace sprag {
 
-/// The outputs of one tick, as a message has them.
+/// The outputs of one tick as in a message.
 struct OutputsSample {
   std::int64_t session = 0;  ///< the master's
   std::int64_t utime = 0;    ///< wall clock at send [us]
@@ -23,14 +23,14 @@ struct OutputsSample {
   NamedValues outputs;
 };
 
-/// `outputs` are those of the model that is estimated. The message lies in `buffer` and is valid
-/// until the buffer is used again.
+/// `outputs` are those of the estimated model. The message is in `buffer` and valid until the
+/// buffer is changed.
 std::span<const std::uint8_t> encode_outputs(const EstimateSample& sample, bool settled,
                                              std::span<const Output> outputs,
                                              std::vector<std::uint8_t>& buffer);
 
-/// Fills `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
-/// then holds nothing of use.
+/// Reads `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
+/// is unspecified then.
 Refusal decode(std::span<const std::uint8_t> message, OutputsSample& sample);
 
 }  // namespace sprag

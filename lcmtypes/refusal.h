@@ -1,4 +1,4 @@
-// Why a message is refused. Nobody on the bus is authenticated, and anything may arrive.
+// Reasons to refuse a message. Senders on the bus are not authenticated, so any bytes may arrive.
 #pragma once
 
 #include <string_view>
@@ -8,15 +8,15 @@ namespace sprag {
 enum class Refusal {
   none,
   wrong_type,   ///< another type hash
-  truncated,    ///< shorter than its type or its own lengths say
+  truncated,    ///< shorter than its type or its own lengths require
   oversized,    ///< longer than that
-  bad_count,    ///< a number of contacts, records, messages or coordinates that cannot be
+  bad_count,    ///< an invalid number of contacts, records, messages or coordinates
   bad_contact,  ///< a record of a contact that the machine does not have
-  bad_kind,     ///< a record that neither closes, opens nor is a pulse
-  bad_closed,   ///< a contact is closed that the machine does not have
-  bad_time,     ///< a time that is negative or not finite, records that are not in order
+  bad_kind,     ///< a record that is neither closes, opens nor pulse
+  bad_closed,   ///< a closed contact that the machine does not have
+  bad_time,     ///< a time that is negative or not finite, or records out of order
   bad_speed,    ///< not a number, or not positive
-  bad_value     ///< a coordinate or velocity that is not finite
+  bad_value     ///< another value out of range, for example a coordinate that is not finite
 };
 
 inline constexpr int refusal_kinds = 11;

@@ -12,10 +12,11 @@ namespace {
 
 constexpr std::size_t head_size = 5 * 8 + 4;  // type hash, session, utime, tick, t, f
 
-/// Bytes of a message with as many entries in q and u together.
+/// Bytes of a message with this number of entries of q and u together.
 std::size_t state_size(std::size_t entries) { return head_size + 8 * entries + 8; }
-// Of an estimate, behind the state: settled_tick, estimators, from_filter, bound, deviations; then
-// behind the deviations gaps; behind these closing .. suspicion.
+// The parts of an estimate that follow the state. settled_size: settled_tick, estimators,
+// from_filter, bound, deviations. Then the standard deviations, gaps and their standard deviations.
+// last_size: closing .. suspicion.
 constexpr std::size_t settled_size = 8 + 1 + 1 + 8 + 4;
 constexpr std::size_t last_size = 8 + 4 + 3 * 8 + 8 + 8 + 4 + 1;
 std::size_t estimate_size(std::size_t entries, std::size_t deviations, std::size_t gaps) {
@@ -39,13 +40,13 @@ std::uint8_t* put_state(const StateSample& sample, std::int64_t hash, std::uint8
   return to;
 }
 
-/// A number of entries at `offset` of the message.
+/// The number of entries that is stored at `offset` of the message.
 std::int32_t count_at(std::span<const std::uint8_t> message, std::size_t offset) {
   const std::uint8_t* from = message.data() + offset;
   return take<std::int32_t>(from);
 }
 
-/// Checks the message's type and its own f; f is left in `coordinates`.
+/// Checks the type of the message and its f, which is stored in `coordinates`.
 Refusal check_head(std::span<const std::uint8_t> message, std::int64_t hash,
                    std::size_t& coordinates) {
   const std::uint8_t* from = message.data();
@@ -63,7 +64,7 @@ Refusal check_size(std::span<const std::uint8_t> message, std::size_t size) {
   return message.size() > size ? Refusal::oversized : Refusal::none;
 }
 
-/// Checks every length of an estimate against its own counts before anything is stored.
+/// Checks the lengths of an estimate against its own counts before anything is stored.
 Refusal check_estimate(std::span<const std::uint8_t> message) {
   std::size_t f = 0;
   const Refusal refusal = check_head(message, estimate_t::getHash(), f);
@@ -110,7 +111,7 @@ void take_all(const std::uint8_t*& from, std::int32_t count, Eigen::VectorXd& va
   for (double& value : values) value = take<double>(from);
 }
 
-// Contacts count from 1 in messages; 0 is none.
+// Contacts count from 1 in messages; 0: none.
 std::int32_t number_of(int contact, double t) { return t < 0.0 ? 0 : contact + 1; }
 int contact_of(std::int32_t number) { return number > 0 ? number - 1 : 0; }
 
@@ -159,7 +160,8 @@ Refusal take_confidence(const std::uint8_t*& from, Confidence& confidence) {
   const auto suspicion = take<std::int8_t>(from);
   confidence.last.suspicion = static_cast<Suspicion>(suspicion);
 
-  // Infinite where nothing is known.
+  // Standard deviations and the bound are infinite where unknown, so this does not require finite
+  // values.
   const auto not_negative = [](const Eigen::VectorXd& values) {
     return (values.array() >= 0.0).all();
   };

@@ -24,21 +24,22 @@ struct StateSample {
 };
 
 struct EstimateSample : StateSample {
-  std::int64_t settled_tick = -1;  ///< last tick that is final; -1: none yet
+  std::int64_t settled_tick = -1;  ///< last settled tick; -1: none
   Confidence confidence;
 };
 
-/// The sample as a message. It lies in `buffer`, which grows only when f or m does, and is valid
-/// until the buffer is used again. Expects q and u of one length, and sigma_q and sigma_u of the
-/// same or empty.
+/// Encodes a sample. The message is in `buffer`, which grows only when f or m does, and valid until
+/// the buffer is changed. Requires q and u of one length, and sigma_q and sigma_u of that length or
+/// empty.
 std::span<const std::uint8_t> encode(const StateSample& sample, std::vector<std::uint8_t>& buffer);
 std::span<const std::uint8_t> encode(const EstimateSample& sample,
                                      std::vector<std::uint8_t>& buffer);
 
-/// Fills `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
-/// then holds nothing of use. Allocates only when f grows, and never more than the message's
-/// length. Accepted: f >= 1, tick >= 0, settled_tick >= -1, all numbers finite (but the bound may
-/// be infinite), t >= 0; deviations of all coordinates or none, not negative.
+/// Reads `sample` from a message and returns Refusal::none, or why the message is refused; `sample`
+/// is unspecified then. Allocates only when f grows, and never more than the message's length.
+/// Accepted: f >= 1, tick >= 0, settled_tick >= -1, t >= 0, all numbers finite, except the bound
+/// and the standard deviations, which are >= 0 and may be infinite; sigma of all coordinates or of
+/// none.
 Refusal decode(std::span<const std::uint8_t> message, StateSample& sample);
 Refusal decode(std::span<const std::uint8_t> message, EstimateSample& sample);
 

@@ -103,7 +103,8 @@ bool UdpReceiver::receive(Datagram& datagram) {
   return true;
 }
 
-// The kernel's count, modulo 2^32. That of a datagram that waited may be older than the last one.
+// `drops` is the kernel's count modulo 2^32. That of a waiting datagram may be older than
+// last_drops_.
 void UdpReceiver::note_drops(std::uint32_t drops) {
   const auto more = static_cast<std::int32_t>(drops - last_drops_);
   if (more <= 0) return;
@@ -111,7 +112,7 @@ void UdpReceiver::note_drops(std::uint32_t drops) {
   last_drops_ = drops;
 }
 
-// SO_RXQ_OVFL reports a drop with the next datagram that is not dropped, which may never come.
+// SO_RXQ_OVFL reports drops only with the next received datagram, which may never arrive.
 void UdpReceiver::count_drops() {
   std::array<std::uint32_t, SK_MEMINFO_VARS> figures{};
   socklen_t size = sizeof figures;
@@ -121,14 +122,14 @@ void UdpReceiver::count_drops() {
 }
 
 bool UdpReceiver::from_here(std::uint32_t address) {
-  // Without any address but the loopback's, a host's packets come from 0.0.0.0; the kernel drops
-  // those that claim to from elsewhere, as it does those with an address of this host.
+  // On a host without addresses except the loopback, packets come from 0.0.0.0. The kernel drops
+  // packets from outside with that address, as it does those with an address of this host.
   const auto known = [&] {
     return address == INADDR_ANY ||
            std::find(own_addresses_.begin(), own_addresses_.end(), address) != own_addresses_.end();
   };
   if (known()) return true;
-  // This host may have been given another address since.
+  // This host may have received a new address since the list was read.
   if (nanoseconds(CLOCK_MONOTONIC) - addresses_read_ < addresses_last) return false;
   read_own_addresses();
   return known();

@@ -1,5 +1,5 @@
-// A socket that hears a multicast group as LCM's does, except that it takes no other group's
-// packets on the same port, and with ttl=0 none from other hosts, whose packets LCM lets in.
+// A multicast receiver. Unlike LCM's socket it accepts no packets of other groups on the same port,
+// and with ttl=0 none from other hosts.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@ namespace sprag {
 
 class UdpReceiver {
  public:
-  /// Asks the kernel for `receive_buffer` bytes; as root for more than net.core.rmem_max. Throws
-  /// std::system_error.
+  /// Requests `receive_buffer` bytes from the kernel; as root, more than net.core.rmem_max is
+  /// possible. Throws std::system_error.
   UdpReceiver(const MulticastAddress& address, int receive_buffer);
   ~UdpReceiver();
   UdpReceiver(const UdpReceiver&) = delete;
@@ -24,19 +24,19 @@ class UdpReceiver {
     std::span<const std::uint8_t> bytes;  ///< valid until the next receive()
     std::int64_t utime = 0;               ///< arrival at the kernel, wall clock [us]
     std::uint64_t sender = 0;             ///< address and port, not 0
-    bool other_host = false;              ///< with ttl=0: not from this host
+    bool other_host = false;              ///< with ttl=0: sent by another host
   };
 
-  /// Takes a datagram that has arrived; false if there is none. Throws std::system_error.
+  /// Receives a datagram that has arrived; false if there is none. Throws std::system_error.
   bool receive(Datagram& datagram);
 
   int descriptor() const { return descriptor_; }
-  /// Datagrams that the kernel dropped because the buffer was full: those before the last one that
-  /// was received, and all of them after count_drops().
+  /// Number of datagrams that the kernel dropped because the buffer was full: those before the last
+  /// received one, and after count_drops() all of them.
   std::int64_t overflowed() const { return overflowed_; }
 
-  /// Counts what was dropped until now. For use when nothing waits to be received: the datagrams
-  /// that wait have yet to report what was dropped before each.
+  /// Counts all drops so far. To be called when no datagram is waiting: waiting datagrams still
+  /// report the drops before them.
   void count_drops();
 
  private:

@@ -1,4 +1,4 @@
-// The host's wall clock, as messages carry it.
+// The host's wall clock, as used in messages.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,7 @@
 
 namespace sprag {
 
-/// Since 1970 [us].
+/// Time since 1970 [us].
 inline std::int64_t wall_clock_us() {
   timespec time;
   clock_gettime(CLOCK_REALTIME, &time);

@@ -1,5 +1,5 @@
-// master_sim: simulates an impacting machine and publishes when its contacts close and open. The
-// main loop is MasterProcess::run() in master_process.cpp.
+// master_sim: simulates an impacting machine and publishes its contact events. The main loop is
+// MasterProcess::run() in master_process.cpp.
 #include "command_line/program.h"
 #include "master_sim/master_process.h"
 #include "sprag/scene.h"

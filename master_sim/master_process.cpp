@@ -27,11 +27,11 @@ using Clock = ContactSender::Clock;
 
 constexpr auto longest_sleep = 1ms;
 constexpr auto progress_period = 1s;
-// Simulated time that an unpaced master covers between two looks at the clock: at first, and more
-// as long as nothing happens.
+// Initial simulated time that an unpaced master covers between two checks of the clock. It doubles
+// while no events occur.
 constexpr double least_stride = 1.0;
 
-// Events that the master finds before they are written.
+// Events that the simulation finds before they are written and sent.
 constexpr std::size_t events_at_once = 1000;
 
 class MasterProcess {
@@ -62,8 +62,8 @@ class MasterProcess {
     sample_.u.setZero(scene.model.coordinates());
   }
 
-  /// Runs to the end or to a signal, also in the midst of a computation, and says goodbye; also
-  /// where the simulation cannot go on (SimulationError, ModelError).
+  /// Runs to the end or to a signal, which may interrupt a computation, then sends the final
+  /// messages. They are also sent if the simulation cannot continue (SimulationError, ModelError).
   void run() {
     try {
       loop();
@@ -202,7 +202,7 @@ class MasterProcess {
     std::cerr << "t " << t << "  events " << events_ << '\n';
   }
 
-  // The run goes on, since observers may follow it.
+  // The run continues, since observers may follow it.
   static void tell_failure(const CsvWriter& file, bool& told) {
     if (told) return;
     std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
@@ -232,7 +232,7 @@ class MasterProcess {
   std::vector<std::uint8_t> buffer_;
 };
 
-// A scene without [master] is not asked for one where it is read.
+// Scenes without [master] are valid, so the start is checked here and not by the reader.
 void require_start_outside(const Scene& scene) {
   if (scene.has_master) return;
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {

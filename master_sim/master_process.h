@@ -1,5 +1,5 @@
-// The master process: paces the simulated machine against the wall clock, sends its contact events
-// on SPRAG_CONTACTS and, for the logger alone, its true state on SPRAG_TRUTH.
+// The master process: paces the simulated machine by the wall clock, publishes its contact events
+// on SPRAG_CONTACTS and, for the logger only, its true state on SPRAG_TRUTH.
 #pragma once
 
 #include <filesystem>
@@ -13,8 +13,8 @@ namespace sprag {
 
 struct MasterOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
-  double speed = 1.0;            ///< simulated s per wall s; infinite: as fast as it goes
-  double tick = 1e-3;            ///< of the states, simulated [s]
+  double speed = 1.0;            ///< simulated s per wall s; infinite: as fast as possible
+  double tick = 1e-3;            ///< interval of the states, simulated [s]
   std::filesystem::path events;  ///< CSV; empty: none
   std::filesystem::path states;  ///< CSV; empty: none
   bool lcm = true;
@@ -22,7 +22,7 @@ struct MasterOptions {
 };
 
 /// Runs until `duration` or a signal. Returns the exit code. Throws ModelError, BusError,
-/// InputError, SimulationError (what was found until then is in the files and has been sent).
+/// InputError, SimulationError; the results until then have been written and sent.
 int run_master(const Scene& scene, const MasterOptions& options, const CommonOptions& common,
                nlohmann::ordered_json& report);
 

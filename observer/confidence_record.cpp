@@ -107,7 +107,7 @@ void ConfidenceRecord::take_parameters(const Confidence& confidence, std::ostrea
   accepted_ = parameters.accepted;
 }
 
-// More events lie within the time that ticks may go back than the filter has room for.
+// The filter lost a covariance because more events lie within the rollback history than it stores.
 void ConfidenceRecord::take_forgotten(const Confidence& confidence, std::ostream& out) {
   if (forgotten_.more(confidence.forgotten, out)) {
     out << "t = " << t_ << ": the filter starts again: it has no room for so many events\n";
@@ -127,7 +127,7 @@ void ConfidenceRecord::take_contacts(const Confidence& confidence, std::ostream&
   }
 }
 
-// A count of the present session rises; true if people are to be told.
+// Takes a new value of the counter. Returns whether it has risen and a line is to be printed.
 bool ConfidenceRecord::Told::more(std::int64_t now, std::ostream& out) {
   if (now < seen) seen = 0;  // a new session
   if (now == seen) return false;

@@ -14,7 +14,7 @@ Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::
       length(length_scale(scene.model, scene.replica)),
       contacts(static_cast<int>(scene.model.contacts.size())),
       coordinates(scene.model.coordinates()),
-      // A bound is the right model's.
+      // The bound is valid only with the right model.
       initial_bound(options.estimator == EstimatorKind::adaptive
                         ? std::numeric_limits<double>::infinity()
                         : sprag::initial_bound(scene)),
@@ -49,7 +49,7 @@ void Estimation::note(const State& state, EstimateSample& sample) const {
 void Estimation::name_known_loss(Confidence& confidence) const {
   Inconsistency& last = confidence.last;
   if (last.suspicion == Suspicion::none) return;
-  // As many events as determine the state again.
+  // The number of events that determine the state again.
   last.known_loss =
       time_line.events().lost_before(last.t, 2 * static_cast<std::size_t>(coordinates));
   if (last.known_loss) last.suspicion = Suspicion::missing_event;
@@ -67,7 +67,7 @@ void Estimation::describe(const State& state, EstimateSample& sample) {
                         sample.confidence);
   }
   name_known_loss(sample.confidence);
-  // An adaptive filter has supports of its own.
+  // An adaptive filter has estimated supports, not those of the scene.
   const bool of_others = sample.confidence.parameters.any() && sample.confidence.from_filter;
   sample.confidence.penetration =
       of_others ? 0.0

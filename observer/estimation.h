@@ -1,5 +1,5 @@
-// A scene's estimator on its time line, and what it says of a tick as a message: the part that live
-// observer and replay share.
+// A scene's estimator with its time line, and the description of a tick as a message. Used by the
+// live observer and by the replay.
 #pragma once
 
 #include <cstdint>
@@ -19,28 +19,29 @@ namespace sprag {
 struct Estimation {
   using State = TrackingEstimator::State;
 
-  /// Keeps `history` ticks to go back to. Throws ModelError.
+  /// Keeps `history` ticks for rollbacks. Throws ModelError.
   Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history);
   Estimation(const Estimation&) = delete;
   Estimation& operator=(const Estimation&) = delete;
 
-  /// With room for all that an estimate holds.
+  /// A sample with all vectors allocated.
   EstimateSample empty_sample() const;
 
-  /// What there is to say of a tick, but for session, settled tick and time of sending; or without
-  /// q, u, deviations and bound, which costs next to nothing. They do not allocate.
+  /// Fills `sample` from a tick, except session, settled tick and time of sending. describe() fills
+  /// everything; note() omits q, u, standard deviations and bound and is cheap. They do not
+  /// allocate.
   void describe(const State& state, EstimateSample& sample);
-  /// Takes note of a settled tick of which only note() is asked; each in order.
+  /// Updates the guarantee at a settled tick for which only note() is called. Ticks come in order.
   void pass(const State& state);
   void note(const State& state, EstimateSample& sample) const;
 
-  /// Nothing after t is asked for.
+  /// Sets the end of the run: no tick after t will be requested.
   void set_end(double t);
 
   /// Adds "settled_tick" and "flow_path".
   void to_json(nlohmann::ordered_json& report);
 
-  /// The cause of the last inconsistency, where records before it are known to be lost.
+  /// Sets the cause of the last gate failure if records before it are known to be lost.
   void name_known_loss(Confidence& confidence) const;
 
   std::vector<Contact> supports;
@@ -48,7 +49,7 @@ struct Estimation {
   int contacts;
   Eigen::Index coordinates;
   double initial_bound;  ///< B(0)
-  bool adaptive;         ///< the model is identified while it runs, so that no bound is its own
+  bool adaptive;         ///< parameters are identified during the run, so no bound is valid
   TrackingEstimator estimator;
   TimeLine<TrackingEstimator> time_line;
   std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica

@@ -5,10 +5,10 @@
 namespace sprag {
 namespace {
 
-constexpr double most_memory = 16 << 20;          // for flows that nobody has asked for yet
+constexpr double most_memory = 16 << 20;          // of flows built ahead
 constexpr std::int64_t look_waiting = 1'000'000;  // ns
 
-// Of one flow [bytes], roughly: its signals and its matrices.
+// Approximate memory of a flow [bytes]: its signals and its matrices.
 double size_of(const Dynamics& dynamics) {
   const auto f = static_cast<double>(dynamics.coordinates());
   const auto m = static_cast<double>(dynamics.contacts());
@@ -22,7 +22,7 @@ FlowBuilder::FlowBuilder(Flows& flows) : flows_(flows) {
   flows.on_missing([this](ContactSet locked) { await(locked); });
 }
 
-// The thread that asks: waits until the flow is there.
+// Called by the thread that needs a flow; returns when it has been built.
 void FlowBuilder::await(ContactSet locked) {
   ++awaited_;
   wanted_ = locked;
@@ -50,7 +50,7 @@ void FlowBuilder::run() {
   }
 }
 
-// The set that differs from the last one by one contact.
+// Builds the set that differs from the last requested one by the next contact.
 void FlowBuilder::build_ahead() {
   const ContactSet neighbour = last_ ^ bit(next_++);
   if (flows_.built(neighbour)) return;

@@ -1,8 +1,7 @@
-// Builds flows (flows.h) in a thread of its own, so that the real-time loop never does: a flow
-// takes milliseconds for a machine with many modes, and memory. What the loop asks for comes first;
-// it waits meanwhile, and its ticks are late. Else the builder goes ahead by itself: single
-// contacts, then the sets next to the last one that was asked for, up to a bounded amount of
-// memory.
+// Builds flows (flows.h) in a thread of its own, since a flow of a machine with many modes takes
+// milliseconds and allocates. A flow that the real-time loop needs comes first; the loop waits for
+// it, and its ticks are late. Otherwise the builder works ahead: single contacts, then the sets
+// that differ by one contact from the last requested set, up to a limit of memory.
 #pragma once
 
 #include <atomic>
@@ -15,8 +14,8 @@ namespace sprag {
 
 class FlowBuilder {
  public:
-  /// From now on flows are built by run() alone, which another thread calls. `flows` must outlive
-  /// this, and this every use of `flows`.
+  /// From now on only run(), called by another thread, builds flows. `flows` must outlive this, and
+  /// this must outlive every use of `flows`.
   explicit FlowBuilder(Flows& flows);
   FlowBuilder(const FlowBuilder&) = delete;
   FlowBuilder& operator=(const FlowBuilder&) = delete;
@@ -24,11 +23,11 @@ class FlowBuilder {
   /// Builds until stop().
   void run();
 
-  /// Ends run(). Who waits for a flow, or asks for one from then on that is not there, gets an
-  /// exception Interrupted.
+  /// Ends run(). A thread that waits for a flow, or later requests one that has not been built,
+  /// gets the exception Interrupted.
   void stop();
 
-  /// How often the loop had to wait for a flow.
+  /// Number of times that the loop waited for a flow.
   std::int64_t awaited() const { return awaited_; }
 
  private:
@@ -39,12 +38,12 @@ class FlowBuilder {
   Wake asked_;
   Wake built_;
   std::atomic<bool> stop_{false};
-  std::atomic<bool> waiting_{false};
-  std::atomic<ContactSet> wanted_{0};  // of who waits
-  std::int64_t awaited_ = 0;           // of the thread that waits
-  ContactSet last_ = 0;                // of the builder: the last set that was asked for
-  int next_ = 0;                       // and its next neighbour to build
-  double memory_ = 0.0;                // of flows built ahead [bytes]
+  std::atomic<bool> waiting_{false};   // set by await(); cleared by run() when the flow is built
+  std::atomic<ContactSet> wanted_{0};  // the set that the waiting thread needs
+  std::int64_t awaited_ = 0;           // used by the waiting thread
+  ContactSet last_ = 0;                // used by the builder: the last requested set
+  int next_ = 0;         // the contact by which the next set built ahead differs from it
+  double memory_ = 0.0;  // of flows built ahead [bytes]
 };
 
 }  // namespace sprag

@@ -45,7 +45,7 @@ Health health_of(const IntegrationStatus& status, const ReceptionFigures& recept
       std::accumulate(status.events.skipped.begin(), status.events.skipped.end(), std::int64_t{0});
   health.rollbacks = status.rollbacks;
   health.messages = messages.received;
-  // Below 0 while one is on its way that others have overtaken.
+  // Negative while an overtaken message is still on its way.
   health.lost_messages = std::max<std::int64_t>(messages.lost, 0);
   health.doubled_messages = messages.doubled;
   health.reordered_messages = messages.reordered;

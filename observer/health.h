@@ -1,5 +1,5 @@
-// What the integrating thread says of itself once a second, and what becomes of it: the observer's
-// health (lcmtypes/health_codec.h).
+// The status of the integrating thread once a second, and its conversion to the observer's health
+// message (lcmtypes/health_codec.h).
 #pragma once
 
 #include <cstdint>
@@ -14,18 +14,18 @@ namespace sprag {
 
 inline constexpr std::int64_t health_period = 1'000'000'000;  // ns
 
-/// By the integrating thread. Copies allocate nothing. Wall-clock times in ns.
+/// Status of the integrating thread. Copying does not allocate. Wall-clock times in ns.
 struct IntegrationStatus {
-  bool last = false;  ///< the thread is at its end
+  bool last = false;  ///< the thread has ended
   Health::Master master = Health::Master::awaited;
   std::int64_t session = 0;
-  std::int64_t tick = -1;  ///< the last one that was estimated
-  double t = -1.0;         ///< of it [s]
-  double speed = 0.0;      ///< the master's: simulated s per s
+  std::int64_t tick = -1;  ///< last estimated tick
+  double t = -1.0;         ///< its time [s]
+  double speed = 0.0;      ///< of the master: simulated s per s
 
-  // Since the status before.
+  // Since the previous status.
   std::int64_t period = 0;
-  double simulated = 0.0;  ///< that was estimated for the first time [s]
+  double simulated = 0.0;  ///< simulated time estimated for the first time [s]
   Histogram event_latency;
   Histogram lateness;
 
@@ -39,7 +39,7 @@ struct IntegrationStatus {
   EventCounts events;
   MessageCounts messages;
 
-  /// Begins the time after this status.
+  /// Resets the figures of the period.
   void begin_period() {
     period = 0;
     simulated = 0.0;
@@ -47,10 +47,10 @@ struct IntegrationStatus {
   }
 };
 
-/// All of the health that these two know.
+/// The fields of the health message that follow from these two.
 Health health_of(const IntegrationStatus& status, const ReceptionFigures& reception);
 
-/// Whose estimate it is that has this confidence.
+/// The source of an estimate with this confidence.
 Health::Estimate whose(const Confidence& confidence);
 
 }  // namespace sprag

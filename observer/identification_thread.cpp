@@ -19,7 +19,7 @@ void IdentificationThread::run() {
         asked_.wait_until(monotonic_now() + between_looks);
       }
     }
-  } catch (const Interrupted&) {  // a signal: the run is over
+  } catch (const Interrupted&) {  // a signal ended the run
   }
 }
 

@@ -1,6 +1,5 @@
-// Identifies in a thread of its own what an adaptive estimator wants
-// (detail/identification/task.h), so that the real-time loop never does: it hands over a task and
-// looks now and then for the result.
+// Runs the identification tasks of an adaptive estimator (detail/identification/task.h) in a thread
+// of its own. The real-time loop hands over a task and polls for the result.
 #pragma once
 
 #include <array>
@@ -14,7 +13,7 @@ namespace sprag {
 
 class IdentificationThread {
  public:
-  /// `family` must outlive this; a task has up to `most_events`.
+  /// `family` must outlive this. A task has at most `most_events` events.
   IdentificationThread(const MachineFamily& family, std::size_t most_events);
   IdentificationThread(const IdentificationThread&) = delete;
   IdentificationThread& operator=(const IdentificationThread&) = delete;
@@ -23,9 +22,9 @@ class IdentificationThread {
   void run();
   void stop();
 
-  /// Of the loop; neither blocks nor allocates. False: another task is under way.
+  /// To be called by the loop; neither blocks nor allocates. False: another task is running.
   bool ask(const AdaptationTask& task);
-  /// What has become of the last task, once; null: nothing yet. It stays until the next one.
+  /// The result of the last task, returned once; null: none yet. It is valid until the next result.
   const AdaptationResult* result();
 
  private:
@@ -33,7 +32,7 @@ class IdentificationThread {
 
   const MachineFamily& family_;
   AdaptationTask task_;
-  std::array<AdaptationResult, 2> results_;  // the one that is in use, and the next
+  std::array<AdaptationResult, 2> results_;  // the result in use, and the next one
   std::size_t next_ = 0;
   std::atomic<Stage> stage_{Stage::idle};
   std::atomic<bool> stop_{false};

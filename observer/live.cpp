@@ -37,8 +37,8 @@ std::int64_t history_ticks(const Scene& scene, const ObserverOptions& options) {
                                             : most;
 }
 
-// Says in one line what is not granted; then the run goes on without it. The threads claim their
-// own priorities; whether they may is known here.
+// Requests real-time scheduling for this thread. If it is not permitted, prints one line; the run
+// continues without it. The other threads set their own priorities later.
 bool claim_real_time() {
   std::string refused = lock_memory();
   if (refused.empty()) refused = schedule_fifo(publishing_priority);
@@ -73,7 +73,7 @@ class LiveObserver {
     std::cerr << "listening on " << common.url << '\n';
   }
 
-  /// Until the run is over, or a thread has failed; then finish() says so.
+  /// Runs until the end or until a thread has failed, which finish() reports.
   void run() {
     threads_.run([this] {
       threads_.start([this] {
@@ -96,7 +96,8 @@ class LiveObserver {
     });
   }
 
-  /// Fills the report and closes the files. Throws what a thread has thrown, or a file's error.
+  /// Fills the report and closes the files. Throws the exception of a thread as std::runtime_error,
+  /// or a file's error.
   void finish(nlohmann::ordered_json& report) {
     const EventHistory& events = estimation_.time_line.events();
     LiveFigures figures;
@@ -123,7 +124,7 @@ class LiveObserver {
   }
 
  private:
-  // Whatever it is, the input was good enough to start with: the run has failed.
+  // All exceptions are run-time failures, not usage errors: the input was accepted at the start.
   std::string failure_of_a_thread() const {
     try {
       threads_.rethrow();
@@ -148,9 +149,9 @@ class LiveObserver {
   }
 
   Estimation estimation_;
-  std::optional<FlowBuilder> flow_builder_;             // of the estimator's flows
-  std::optional<IdentificationThread> identification_;  // for an adaptive one
-  std::optional<SettledFollower> follower_;             // where more is asked for
+  std::optional<FlowBuilder> flow_builder_;             // with the exact stepper
+  std::optional<IdentificationThread> identification_;  // with an adaptive estimator
+  std::optional<SettledFollower> follower_;             // with --impacts or --predict
   Inbox inbox_;
   Outbox outbox_;
   Notices notices_;
@@ -161,7 +162,7 @@ class LiveObserver {
   Publication publication_;
   bool real_time_ = false;
   std::atomic<bool> stop_{false};
-  ThreadGroup threads_{[this] { stop(); }};  // goes first: the threads use all of the above
+  ThreadGroup threads_{[this] { stop(); }};  // destroyed first: the threads use all of the above
 };
 
 }  // namespace

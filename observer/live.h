@@ -1,6 +1,7 @@
-// The live observer: three threads with lock-free queues between them (mailboxes.h). One receives
-// reports (reception.h), one integrates (real_time_loop.h: no allocation, no lock, no I/O), one
-// publishes and writes (publication.h).
+// The live observer. Three threads are connected by lock-free queues (mailboxes.h): one receives
+// messages (reception.h), one integrates (real_time_loop.h; it does not allocate, lock or do I/O),
+// one publishes and writes files (publication.h). Further threads build flows, identify parameters
+// and compute impacts and predictions if needed.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -11,7 +12,7 @@
 
 namespace sprag {
 
-/// Observes until tick `duration` has settled or a signal comes. Returns the exit code. Throws
+/// Runs until tick `duration` has settled or a signal arrives. Returns the exit code. Throws
 /// ModelError, BusError, InputError.
 int run_live(const Scene& scene, const ObserverOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report);

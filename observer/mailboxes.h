@@ -1,4 +1,4 @@
-// What the threads of a live observer hand each other, without locks.
+// Lock-free queues and flags between the threads of a live observer.
 #pragma once
 
 #include <algorithm>
@@ -20,21 +20,22 @@ struct ReceivedMessage {
   Arrival arrival;
 };
 
-/// From the receiving thread to the integrating one. Who is followed has a queue of its own, so
-/// that others cannot fill it.
+/// From the receiving thread to the integrating thread. Messages of the followed session have a
+/// queue of their own, so that other senders cannot fill it.
 struct Inbox {
   static constexpr std::size_t slots = 1024;
 
   SpscQueue<ReceivedMessage> followed{slots, ReceivedMessage{}};
   SpscQueue<ReceivedMessage> strangers{slots, ReceivedMessage{}};
   Wake arrived;
-  std::atomic<bool> follows{false};  ///< by the integrating thread, with the session
-  std::atomic<std::int64_t> session{0};
-  std::atomic<std::int64_t> last_arrival{0};  ///< of anything for contacts, monotonic [ns]
-  std::atomic<std::int64_t> last_drop{0};     ///< of what may have been the master's, likewise
+  std::atomic<bool> follows{false};  ///< set by the integrating thread when it follows a session
+  std::atomic<std::int64_t> session{0};       ///< that session; valid once `follows` is set
+  std::atomic<std::int64_t> last_arrival{0};  ///< of any contact message, monotonic [ns]
+  /// Monotonic time [ns] of the last drop of messages that may have been the master's.
+  std::atomic<std::int64_t> last_drop{0};
 };
 
-/// Something to tell people.
+/// A change of the observer's state that is reported on stderr.
 struct Announcement {
   enum class Kind {
     session,
@@ -54,9 +55,9 @@ struct Sample {
   EstimateSample estimate;
 };
 
-/// From the integrating thread to the publishing one.
+/// From the integrating thread to the publishing thread.
 struct Outbox {
-  /// As many samples as go into a few MB. `empty` has room for all that an estimate holds.
+  /// The queue of samples has a size of a few MB. `empty` is a sample with all vectors allocated.
   explicit Outbox(const EstimateSample& empty)
       : samples(sample_slots(empty), Sample{false, empty}),
         announcements(64, Announcement{}),

@@ -1,5 +1,5 @@
-// observer: a machine's full state, live, from nothing but the times at which its contacts close
-// and open. The real-time loop is RealTimeLoop::run() in real_time_loop.cpp.
+// observer: estimates a machine's full state from the times at which its contacts close and open,
+// live or from a recording. The real-time loop is RealTimeLoop::run() in real_time_loop.cpp.
 #include <optional>
 
 #include "command_line/program.h"

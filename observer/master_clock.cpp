@@ -9,7 +9,7 @@ namespace {
 constexpr std::int64_t window = 2'000'000'000;
 constexpr std::int64_t largest_delay = 1'000'000;  // us
 
-// Local time at which the message was sent, as far as the wall clocks tell.
+// Local time at which the message was sent, estimated from the wall clocks.
 std::int64_t sent(const ContactMessage& message, const Arrival& arrival) {
   const std::int64_t late = delay(message.utime, arrival);
   return late >= 0 && late <= largest_delay ? arrival.monotonic - 1000 * late : arrival.monotonic;

@@ -109,7 +109,7 @@ void Notices::tell(Notice notice, Cause& cause, std::ostream& out) {
   if (more > 0) out << " (and " << more << " more)";
   out << '\n';
   out.precision(digits);
-  // What came meanwhile is of the same line, so that the next one has values of its own.
+  // Cases raised meanwhile count for this line, so that the next line has values of its own.
   cause.told.store(cause.raised.load(std::memory_order_acquire), std::memory_order_release);
 }
 

@@ -1,6 +1,6 @@
-// What is refused, skipped or lost is told at once: a line for each cause, with the first case
-// since the last line, at most once a second. Any thread may raise a notice without a lock or
-// allocation, each cause from one thread only; one thread tells them.
+// Messages on stderr about refused, skipped or lost data: one line per cause with its first case
+// since the last line, at most one per second. Any thread may raise a notice without a lock or
+// allocation, but each cause from one thread only. One thread prints them.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace sprag {
 
-/// The comments say what the two values that go with them are.
+/// Causes. The comments give the meaning of the two values of a case.
 enum class Notice {
   unauthenticated,  ///< none
   malformed,        ///< none
@@ -35,24 +35,25 @@ enum class Notice {
   odd_speed,        ///< its speed
   odd_number,       ///< its message number
   odd_records,      ///< its number of records
-  backwards,        ///< time [s] and contact of the event, for these four
+  backwards,        ///< time [s] and contact of the event; also for the next three
   beyond_horizon,
   unknown_contact,
   contradicting,
   gap,      ///< from, to [s]
-  resumed,  ///< from, to [s]: horizons
+  resumed,  ///< from, to [s]: watermarks
 };
 
 inline constexpr std::size_t notice_kinds = 25;
 
 class Notices {
  public:
-  /// Counts `times` cases; of the first since the cause was last told, the values are kept.
+  /// Counts `times` cases. The values are kept only for the first case since the last line of this
+  /// cause.
   void raise(Notice notice, std::int64_t times = 1, double first = 0.0,
              double second = 0.0) noexcept {
     Cause& cause = causes_[static_cast<std::size_t>(notice)];
     const std::int64_t raised = cause.raised.load(std::memory_order_relaxed);
-    // The telling thread reads the values only while there is something to tell.
+    // The printing thread reads the values only while raised > told.
     if (cause.told.load(std::memory_order_acquire) == raised) {
       cause.first = first;
       cause.second = second;
@@ -60,11 +61,11 @@ class Notices {
     cause.raised.store(raised + times, std::memory_order_release);
   }
 
-  /// Tells what has not been told, except causes of which there was a line within the last second.
+  /// Prints the cases since the last line, except of causes with a line within the last second.
   /// `now`: monotonic [ns].
   void tell(std::int64_t now, std::ostream& out);
 
-  /// The same without regard to the time: nothing follows.
+  /// Prints all remaining cases, at the end of a run.
   void tell_rest(std::ostream& out);
 
  private:
@@ -80,11 +81,11 @@ class Notices {
   std::array<Cause, notice_kinds> causes_;
 };
 
-/// Raises what a history has skipped or lost since its counts were `before`.
+/// Raises notices about events that a history has skipped or lost since its counts were `before`.
 void raise_skipped(const EventHistory& history, const EventCounts& before,
                    Notices& notices) noexcept;
 
-/// Raises what did not fit in a message, if anything; `horizon`: the observer's [s].
+/// Raises a notice about an inconsistent message, if any; `horizon`: the observer's watermark [s].
 void raise_odd(Oddity oddity, const ContactMessage& message, double horizon,
                Notices& notices) noexcept;
 

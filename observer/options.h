@@ -1,4 +1,4 @@
-// What an observer runs, live or in a replay.
+// Options of an observer, live or in a replay.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +16,13 @@ struct ObserverOptions {
   StepperKind stepper = StepperKind::exact;                   ///< of the replica
   EstimatorKind estimator = EstimatorKind::both;
   std::filesystem::path states;       ///< settled ticks as CSV; empty: none
-  std::filesystem::path impacts;      ///< what is said of each event as CSV; empty: none
-  double predict = 0.0;               ///< events are foreseen so far ahead [s]; 0: not at all
-  std::filesystem::path predictions;  ///< these as CSV; empty: none
-  double history = 2.0;               ///< simulated [s] of ticks that are kept to go back to
+  std::filesystem::path impacts;      ///< impacts at settled events as CSV; empty: none
+  double predict = 0.0;               ///< horizon of predictions [s]; 0: none
+  std::filesystem::path predictions;  ///< predictions as CSV; empty: none
+  double history = 2.0;               ///< simulated time of ticks kept for rollbacks [s]
   bool real_time = false;             ///< SCHED_FIFO and locked memory
 
-  /// The last tick that is wanted.
+  /// The last requested tick.
   std::int64_t last() const {
     return duration < std::numeric_limits<double>::infinity()
                ? last_tick(duration, tick)

@@ -71,7 +71,7 @@ void Publication::empty_outbox() {
   while (const IntegrationStatus* status = outbox_.statuses.front()) {
     status_ = *status;
     outbox_.statuses.pop();
-    if (status_.last) continue;  // finish() tells it
+    if (status_.last) continue;  // finish() publishes it
     publish_health(reception_.told(), false);
     status_.begin_period();
   }
@@ -111,7 +111,7 @@ void Publication::publish_outputs(const EstimateSample& estimate, bool settled) 
   }
 }
 
-// Where they have changed.
+// Publishes the parameters if they have changed.
 void Publication::publish_parameters(const EstimateSample& estimate) {
   const Confidence& confidence = estimate.confidence;
   const bool same = !parameters_.empty() && confidence.parameters.known == known_ &&

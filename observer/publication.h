@@ -1,5 +1,5 @@
-// The publishing thread: estimates to the bus, settled ones to the file as well, how the observer
-// fares, and what there is to tell people.
+// The publishing thread: sends estimates on the bus, writes settled ones to the file, publishes the
+// health once a second, and prints messages for the user.
 #pragma once
 
 #include <atomic>
@@ -18,21 +18,21 @@ namespace sprag {
 
 class Publication {
  public:
-  /// `duration`: simulated time that is asked for [s]. Everything must outlive this.
+  /// `duration`: requested simulated time [s]. All arguments must outlive this.
   Publication(Bus& bus, const Inbox& inbox, Outbox& outbox, Notices& notices,
               SettledOutput& settled, Reception& reception, double duration,
               std::vector<Output> outputs);
   Publication(const Publication&) = delete;
   Publication& operator=(const Publication&) = delete;
 
-  /// Publishes until `over()`.
+  /// Publishes until over() returns true.
   void run(const std::function<bool()>& over);
 
-  /// What is left, when nobody produces any more. Repeats the last settled estimate and the last
-  /// health: nothing follows that would tell a listener that it missed the end.
+  /// Publishes the rest after the producers have ended. Repeats the last settled estimate and the
+  /// last health message, since nothing follows that would reveal their loss to a listener.
   void finish();
 
-  /// Estimates that could not be sent.
+  /// Number of estimates that could not be sent.
   std::int64_t unsent() const { return unsent_; }
 
  private:
@@ -53,16 +53,16 @@ class Publication {
   double duration_;
   std::vector<Output> outputs_;
   std::vector<std::uint8_t> buffer_;
-  std::vector<std::uint8_t> last_outputs_;  // settled
+  std::vector<std::uint8_t> last_outputs_;  // last settled message
   std::vector<std::uint8_t> last_settled_;
-  std::vector<std::uint8_t> parameters_;  // the last that were sent
-  double known_ = 0.0, accepted_ = 0.0;   // of these
-  bool from_filter_ = false;
-  IntegrationStatus status_;  // the last one
-  Health::Estimate whose_ = Health::Estimate::none;
+  std::vector<std::uint8_t> parameters_;             // last message sent
+  double known_ = 0.0, accepted_ = 0.0;              // values in it
+  bool from_filter_ = false;                         // value in it
+  IntegrationStatus status_;                         // last status received
+  Health::Estimate whose_ = Health::Estimate::none;  // source of the last provisional estimate
   std::vector<std::uint8_t> health_;
   std::int64_t unsent_ = 0;
-  bool observing_ = false;
+  bool observing_ = false;  // set by the announcement of the first session
   std::int64_t reported_session_ = 0;
 };
 

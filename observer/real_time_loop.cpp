@@ -11,13 +11,13 @@ namespace {
 
 constexpr std::size_t strangers_per_turn = 256;
 constexpr std::int64_t longest_wait = 2'000'000;  // ns
-// The loop looks at the clock and at the messages at least as often as this.
+// Most ticks per turn, so that the loop checks the clock and the messages often enough.
 constexpr std::int64_t ticks_per_turn = 4096;
 constexpr std::int64_t real_time_lost_after = 100'000'000;  // ns
 constexpr std::int64_t silent_after = 1'000'000'000;        // ns
-// Messages in a row whose horizon stays: the machine's time has come to its end.
+// The run of the machine has ended when its watermark stays the same in this many further messages.
 constexpr int messages_at_the_end = 3;
-constexpr std::size_t most_new_events = 4096;  // per turn, whose latency is taken
+constexpr std::size_t most_new_events = 4096;  // per turn, with measured latency
 
 }  // namespace
 
@@ -44,7 +44,7 @@ void RealTimeLoop::run(const std::atomic<bool>& stop) {
   status_reported_ = monotonic_now();
   try {
     while (!stop && !done_) turn(in_time);
-  } catch (const Interrupted&) {  // a signal; nothing of the tick under way is handed out
+  } catch (const Interrupted&) {  // a signal; the tick in progress is discarded
   }
   figures_.unsettled_ticks = std::min(reached_, last_) - time_line_.handed_out();
   end_loss(monotonic_now());
@@ -66,14 +66,14 @@ void RealTimeLoop::turn(bool& in_time) {
   outbox_.ready.signal();
 }
 
-// Until the next tick is due, or something is received.
+// Waits until the next tick is due or a message arrives.
 void RealTimeLoop::wait() {
   const std::int64_t latest = monotonic_now() + longest_wait;
   if (!time_line_.started() || !paced()) {
     inbox_.arrived.wait_until(latest);
     return;
   }
-  // Past the last tick, or while the publishing thread is behind, there is nothing to be late for.
+  // After the last tick, or while the publishing thread is slower, no tick has a deadline.
   const bool idle =
       time_line_.now() >= last_ || time_line_.handed_out() < time_line_.settled_tick();
   const double next = tick_instant(time_line_.now() + 1, h_).hi;
@@ -85,7 +85,8 @@ void RealTimeLoop::take_messages() {
   for (std::size_t n = 0; n < strangers_per_turn; ++n) {
     const ReceivedMessage* stranger = inbox_.strangers.front();
     if (stranger == nullptr) break;
-    // What the master sent before this one is here by now: only then does its silence count.
+    // Earlier messages of the master are in its queue by now. They must be taken first, or its
+    // silence would be overestimated.
     take_followed();
     sessions_.note_drop(inbox_.last_drop.load(std::memory_order_acquire));
     take(*stranger);
@@ -126,7 +127,7 @@ void RealTimeLoop::take(const ReceivedMessage& received) {
   }
 }
 
-// A session begins.
+// A new session begins.
 void RealTimeLoop::start(const ReceivedMessage& received) {
   const EventCounts events = time_line_.events().counts();
   time_line_.restart(received.message);
@@ -137,7 +138,7 @@ void RealTimeLoop::start(const ReceivedMessage& received) {
   announce(Announcement::Kind::session);
 }
 
-// The time line has started at this message.
+// The time line has restarted at this message.
 void RealTimeLoop::start_again(const ReceivedMessage& received) {
   clock_.restart();
   clock_.observe(received.message, received.arrival);
@@ -150,7 +151,7 @@ void RealTimeLoop::start_again(const ReceivedMessage& received) {
   corrected_ = false;
 }
 
-// The session goes on where its clock or its counts have jumped to.
+// The session continues after a jump of its clock or its counts.
 void RealTimeLoop::resume(const ReceivedMessage& received) {
   notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), received.message.horizon);
   clock_.restart();
@@ -201,11 +202,11 @@ void RealTimeLoop::receive_events(const ContactMessage& message, bool after_a_lo
 
 bool RealTimeLoop::paced() const { return !std::isinf(clock_.speed()); }
 
-// The machine says that its time has come to an end: nothing is late then, and silence is no news.
+// The machine's time has ended: no tick is late then, and silence is expected.
 bool RealTimeLoop::at_end() const { return stands_still_ >= messages_at_the_end && paced(); }
 
-// Runs to the tick that is due; false if there was more to do than a turn may take. What is for now
-// goes out first: then an event that was taken is in an estimate at once.
+// Advances to the due tick; false if that takes more than one turn. The provisional ticks are sent
+// before the settled ones, so that a new event is in an estimate as soon as possible.
 bool RealTimeLoop::advance(std::int64_t now) {
   const std::int64_t target = std::min(tick_for_now(now), last_);
   const auto on_reached = [this](const State& state) { on_tick(state); };
@@ -220,8 +221,8 @@ bool RealTimeLoop::advance(std::int64_t now) {
   return in_time;
 }
 
-// The tick that is due; the one behind it where an event falls between the two: it is not late
-// then, but early by less than a tick.
+// The due tick, or the next one if the last event lies between the two: that estimate is early by
+// less than a tick.
 std::int64_t RealTimeLoop::tick_for_now(std::int64_t now) const {
   const double simulated = clock_.simulated(now);
   const std::int64_t due = simulated > 0.0 ? last_tick(simulated, h_) : 0;
@@ -260,7 +261,7 @@ bool RealTimeLoop::on_settled(const State& state) {
   return true;
 }
 
-// The events up to a settled tick; false where there is no room for all of them yet.
+// Hands over the events up to a settled tick; false if the queue has no room for all of them yet.
 bool RealTimeLoop::tell_settled(std::int64_t tick) {
   const EventHistory& history = time_line_.events();
   const auto& all = history.events();
@@ -285,18 +286,18 @@ bool RealTimeLoop::tell_settled(std::int64_t tick) {
   return true;
 }
 
-// Settled ticks wait for what is identified; those that are for now do not.
+// Settled ticks wait for identifications; provisional ticks do not.
 void RealTimeLoop::identify() {
   if (identification_ == nullptr) return;
   if (const AdaptationResult* result = identification_->result()) {
     estimation_.estimator.put(*result);
-    // Of a session that is over: nothing takes it.
+    // The result may belong to an earlier session; then the estimator ignores it.
     if (asked_ && time_line_.held()) time_line_.release();
   }
   if (!asked_ && time_line_.held()) asked_ = identification_->ask(wanted_);
 }
 
-// After going back the last tick reached goes out again, once.
+// After a rollback the last tick reached is sent once more.
 void RealTimeLoop::repeat_corrected() {
   if (time_line_.rollbacks().rollbacks > corrected_rollbacks_) corrected_ = true;
   corrected_rollbacks_ = time_line_.rollbacks().rollbacks;
@@ -317,7 +318,7 @@ bool RealTimeLoop::send(bool settled, const State& state) {
   return true;
 }
 
-// Whether the estimate keeps up with the master, and whether the master is still there.
+// Checks whether the estimate keeps up with the master, and whether the master still sends.
 void RealTimeLoop::watch(std::int64_t now) {
   if (!paced() || at_end()) return;
   const double next = tick_instant(reached_ + 1, h_).hi;
@@ -358,12 +359,12 @@ void RealTimeLoop::account(std::int64_t begin) {
   new_events_due_.clear();
 }
 
-// How the loop has fared since this was told last. Where there is no room it is told later.
+// Hands over the status of the period. If the queue is full, the period continues.
 void RealTimeLoop::tell_status(std::int64_t now) {
   IntegrationStatus* slot = outbox_.statuses.free_slot();
   if (slot == nullptr) return;
   const bool started = time_line_.started();
-  // What others send does not count here.
+  // Only messages of the followed session count here.
   const bool silent = now - last_received_ > silent_after;
   status_.master = !started   ? Health::Master::awaited
                    : at_end() ? Health::Master::ended
@@ -389,14 +390,14 @@ void RealTimeLoop::tell_status(std::int64_t now) {
   status_.begin_period();
 }
 
-// The publishing thread does it.
+// Hands the announcement to the publishing thread, which prints it.
 void RealTimeLoop::announce(Announcement::Kind kind) {
   Announcement* slot = outbox_.announcements.free_slot();
   if (slot == nullptr) return;
   slot->kind = kind;
   slot->session =
       kind == Announcement::Kind::other_master ? sessions_.other() : sessions_.session();
-  // A time line that starts is about to reach its first tick.
+  // A time line that starts has not reached its first tick yet.
   const std::int64_t tick = kind == Announcement::Kind::session ? time_line_.now() : reached_;
   slot->t = tick_instant(std::max<std::int64_t>(tick, 0), h_).hi;
   outbox_.announcements.push();

@@ -1,5 +1,5 @@
-// The real-time loop: the integrating thread. It takes messages, brings the time line to the tick
-// that is due and hands estimates on. No allocation, no lock, no I/O.
+// The real-time loop of the integrating thread. It takes messages, advances the time line to the
+// due tick and hands over estimates. It does not allocate, lock or do I/O.
 #pragma once
 
 #include <atomic>
@@ -19,25 +19,25 @@ namespace sprag {
 
 class RealTimeLoop {
  public:
-  /// Estimates up to tick `last`. Everything must outlive this.
+  /// Estimates up to tick `last`. All arguments must outlive this.
   RealTimeLoop(Estimation& estimation, std::int64_t last, Freshness freshness, Inbox& inbox,
                Outbox& outbox, Notices& notices);
   RealTimeLoop(const RealTimeLoop&) = delete;
   RealTimeLoop& operator=(const RealTimeLoop&) = delete;
 
-  /// Where an adaptive estimator's identifications are made; it must outlive this.
+  /// Sets the thread that runs an adaptive estimator's identifications; it must outlive this.
   void identify_in(IdentificationThread& thread);
 
-  /// Who hears of what has settled; it must outlive this.
+  /// Sets the receiver of settled events and ticks; it must outlive this.
   void tell_settled_to(SettledFollower& follower) { follower_ = &follower; }
 
-  /// Runs until tick `last` has settled, or until `stop`. A signal ends it as well.
+  /// Runs until tick `last` has settled, or until `stop` or a signal.
   void run(const std::atomic<bool>& stop);
 
-  /// Whether tick `last` has settled; any thread may ask.
+  /// Whether tick `last` has settled; may be called by any thread.
   bool done() const { return done_; }
 
-  /// After run().
+  /// Valid after run().
   const IntegrationFigures& figures() const { return figures_; }
   const MessageCounts& messages() const { return sessions_.counts(); }
 
@@ -48,7 +48,7 @@ class RealTimeLoop {
   void turn(bool& in_time);
   void wait();
 
-  // Reports.
+  // Messages.
   void take_messages();
   void take_followed();
   void take(const ReceivedMessage& received);
@@ -87,26 +87,30 @@ class RealTimeLoop {
   MasterClock clock_;
   SessionTracker sessions_;
   std::int64_t first_received_ = 0, last_received_ = 0;
-  int stands_still_ = 0;  // messages in a row with the same horizon
+  int stands_still_ = 0;  // consecutive messages with the same watermark
   double last_horizon_ = 0.0;
-  bool corrected_ = false;  // the last tick reached, since it was sent
-  std::int64_t corrected_rollbacks_ = 0;
-  std::int64_t reached_ = -1;
-  std::int64_t rollbacks_ = 0;
-  std::vector<std::int64_t> new_events_due_;  // local times
+  // The last tick reached was corrected by a rollback and is to be sent again. Set by a rollback;
+  // cleared when the tick is sent, when a later tick is reached, or at a new start.
+  bool corrected_ = false;
+  std::int64_t corrected_rollbacks_ = 0;      // rollbacks seen by repeat_corrected()
+  std::int64_t reached_ = -1;                 // last tick estimated
+  std::int64_t rollbacks_ = 0;                // rollbacks seen by account()
+  std::vector<std::int64_t> new_events_due_;  // local times of events received in this turn
   Pace pace_ = Pace::catching_up;
   std::int64_t lost_since_ = 0;
-  bool silent_ = false;
+  bool silent_ = false;  // no contact message for 1 s; updated by watch()
   SettledFollower* follower_ = nullptr;
-  std::int64_t reported_start_ = 0;   // of the time line
-  std::int64_t reported_events_ = 0;  // so many of all that were taken
+  std::int64_t reported_start_ = 0;   // start of the time line that the follower has received
+  std::int64_t reported_events_ = 0;  // number of events that the follower has received
   IdentificationThread* identification_ = nullptr;
   AdaptationTask wanted_;
-  bool asked_ = true;  // the thread has been told of it
+  // False: wanted_ waits to be handed to the identification thread. Set to false when a settled
+  // tick needs an identification; true again when the thread accepts the task.
+  bool asked_ = true;
   std::atomic<bool> done_{false};
   IntegrationFigures figures_;
-  IntegrationStatus status_;          // with what has been since the last one was told
-  std::int64_t status_reported_ = 0;  // local time
+  IntegrationStatus status_;          // accumulates the period since the last status
+  std::int64_t status_reported_ = 0;  // local time of the last status
 };
 
 }  // namespace sprag

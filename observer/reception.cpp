@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::int64_t longest_queued = 60'000'000;  // us, of a message in the kernel
+constexpr std::int64_t longest_queued = 60'000'000;  // us, for a message in the kernel's buffer
 
 Notice notice_of(Refusal refusal) {
   switch (refusal) {
@@ -35,14 +35,15 @@ Notice notice_of(Refusal refusal) {
   }
 }
 
-// Of a message that may be anything; 0 if it is too short.
+// The session number in a message that has not been checked; 0 if it is too short.
 std::int64_t session_of(std::span<const std::uint8_t> data) {
   if (data.size() < 16) return 0;
   const std::uint8_t* from = data.data() + 8;
   return take<std::int64_t>(from);
 }
 
-// By the clocks of this host, when the kernel took it: it may have waited since.
+// When the kernel received a message, by both clocks of this host. The message may have waited
+// since.
 Arrival arrival_of(std::int64_t utime) {
   const std::int64_t wall = wall_clock_us();
   const std::int64_t queued =
@@ -119,12 +120,12 @@ void Reception::hear(std::span<const std::uint8_t> data, std::int64_t utime) {
     notices_.raise(Notice::other_machine, 1, slot->message.contacts, contacts_);
   } else {
     queue.push();
-    // Strangers are looked at in the turns that there are anyway.
+    // Messages of other senders do not wake the loop while a session is followed.
     if (followed || !inbox_.follows.load(std::memory_order_relaxed)) inbox_.arrived.signal();
   }
 }
 
-// What the bus has kept away.
+// Raises notices about packets that the bus has discarded.
 void Reception::tell_refused() {
   const BusCounts& counts = bus_.counts();
   const auto fault = [&counts](PacketFault of) {

@@ -1,4 +1,4 @@
-// The receiving thread: messages of contacts, decoded and told apart by whom they come from.
+// The receiving thread: decodes contact messages and sorts them by sender into two queues.
 #pragma once
 
 #include <array>
@@ -16,7 +16,8 @@ namespace sprag {
 
 class Reception {
  public:
-  /// Subscribes to the machine's contacts, `contacts` of them. Everything must outlive this.
+  /// Subscribes to the messages of a machine with `contacts` contacts. All arguments must outlive
+  /// this.
   Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices);
   Reception(const Reception&) = delete;
   Reception& operator=(const Reception&) = delete;
@@ -24,10 +25,10 @@ class Reception {
   /// Receives until `stop`. Throws BusError.
   void run(const std::atomic<bool>& stop);
 
-  /// The figures, at most some 50 ms old; for one other thread.
+  /// The figures, at most about 50 ms old; may be called by one other thread.
   const ReceptionFigures& told();
 
-  /// After run().
+  /// The final figures; valid after run().
   ReceptionFigures figures() const;
 
  private:
@@ -42,10 +43,10 @@ class Reception {
   Notices& notices_;
   ReceptionFigures figures_;
   SpscQueue<ReceptionFigures> telling_{2, ReceptionFigures{}};
-  ReceptionFigures last_put_;  // into it
-  ReceptionFigures told_;      // the other thread's
+  ReceptionFigures last_put_;  // last entry of the queue
+  ReceptionFigures told_;      // used by the other thread
   std::int64_t kernel_drops_ = 0;
-  std::array<std::int64_t, notice_kinds> kept_away_{};  // by Notice
+  std::array<std::int64_t, notice_kinds> kept_away_{};  // discarded by the bus, by Notice
 };
 
 }  // namespace sprag

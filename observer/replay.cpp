@@ -26,10 +26,10 @@
 namespace sprag {
 namespace {
 
-// What a replay runs without being asked to: seconds of work, and 1e5 s at the default tick.
+// Limit of a replay without --duration: seconds of computing time, and 1e5 s with the default tick.
 constexpr std::int64_t most_ticks = 100'000'000;
 
-// A replay knows the future: it never goes back further than the tick it is at.
+// In a replay all events of a tick are known in advance, so rollbacks go back one tick at most.
 constexpr std::int64_t replay_history = 1;
 
 class Replay {
@@ -87,7 +87,7 @@ class Replay {
   bool lcm_log(InputFile file, const std::optional<Key>& key, nlohmann::ordered_json& report) {
     const std::string name = file.path().string();
     RecordedMessages log(std::move(file), estimation_.contacts, key);
-    // Recordings are as old as they are.
+    // The age of a recording does not matter.
     SessionTracker sessions(Freshness::any, estimation_.estimator.h());
     ContactMessage contacts;
     Arrival arrival;
@@ -98,7 +98,7 @@ class Replay {
         notices_.tell(monotonic_now(), std::cerr);
         settle();
       }
-    } catch (const Interrupted&) {  // what was settled until then counts
+    } catch (const Interrupted&) {  // the settled ticks until then are valid
     }
     const MessageCounts& counts = sessions.counts();
     report["messages"] = {{"received", counts.received},
@@ -164,7 +164,7 @@ class Replay {
         events_->write(all[all.size() - left]);
       }
     }
-    // A guarantee is followed from tick to tick.
+    // A guarantee must be updated at every tick, so no ticks are skipped.
     if (settled_.writes_states() || estimation_.guarantee || !estimation_.estimator.coasts()) {
       run();
     } else {
@@ -177,7 +177,7 @@ class Replay {
     }
   }
 
-  // By `ticks` at most; whether that is as far as everything is known.
+  // Runs at most `ticks` ticks; true when everything up to the watermark has settled.
   bool run(std::int64_t ticks = std::numeric_limits<std::int64_t>::max()) {
     return time_line_.run(
         0, [](const auto&) {},
@@ -189,7 +189,7 @@ class Replay {
         ticks);
   }
 
-  // Ticks of which there is nothing to say.
+  // Skips ticks without anything to note.
   void coast() {
     while (const std::int64_t ticks = time_line_.coast(last_ - 1)) {
       check_interrupt();
@@ -217,7 +217,7 @@ class Replay {
     }
   }
 
-  // Before the next tick: it depends on the result.
+  // To be called before the next tick, which depends on the result.
   void identify(const Estimation::State& state) {
     if (state.tick < last_) identify_now(estimation_.estimator, state, identified_);
   }
@@ -235,7 +235,7 @@ class Replay {
   std::int64_t last_;
   double duration_;
   std::optional<EventsWriter> events_;
-  std::vector<ImpactRecord> impacts_;  // of ticks that are not handed out yet
+  std::vector<ImpactRecord> impacts_;  // of ticks that have not settled
   std::optional<ImpactsWriter> impacts_file_;
   std::optional<PredictionsWriter> predictions_file_;
   std::optional<Predictor> predictor_;
@@ -244,8 +244,8 @@ class Replay {
   std::int64_t written_ = 0;
 };
 
-// Refuses a recording whose last event is too far away, by a wrong time stamp for instance. With
-// --duration the end is what the user says.
+// Throws InputError if a recording's last event is too far away, for example by a wrong time stamp.
+// With --duration the user specifies the end.
 void check_end(const EventsFile& recorded, const std::string& name,
                const ObserverOptions& options) {
   refuse_implausible_end(recorded, name, options.duration);
@@ -258,7 +258,7 @@ void check_end(const EventsFile& recorded, const std::string& name,
   throw InputError(text.str());
 }
 
-// Before any output is opened: a file that is refused costs none.
+// Reads and checks the file before any output is opened, so that a refused file overwrites nothing.
 EventsFile read_checked(InputFile file, const Scene& scene, const ObserverOptions& options) {
   const std::string name = file.path().string();
   EventsFile recorded = read_events(std::move(file), static_cast<int>(scene.model.contacts.size()));

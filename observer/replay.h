@@ -1,4 +1,4 @@
-// Offline replay of recorded contact events, as fast as it goes and always with the same bits.
+// Offline replay of recorded contact events, as fast as possible and with reproducible bits.
 #pragma once
 
 #include <filesystem>
@@ -11,13 +11,13 @@
 namespace sprag {
 
 struct ReplayOptions {
-  std::filesystem::path file;    ///< LCM log or events CSV, told apart by content
-  std::filesystem::path events;  ///< write the events used here, as CSV; empty: do not
+  std::filesystem::path file;    ///< LCM log or events CSV, recognized by content
+  std::filesystem::path events;  ///< CSV for the events used; empty: none
 };
 
-/// Replays from t = 0 up to `duration`, else up to the recording's last horizon (log) or event
-/// (CSV). Returns 1 if the file is damaged (of a CSV everything before the damage is used, of a log
-/// what is readable), else 0. Throws InputError, ModelError.
+/// Replays from t = 0 up to `duration`, or up to the recording's last watermark (log) or event
+/// (CSV). Returns 1 if the file is damaged, else 0. Of a damaged CSV everything before the damage
+/// is used, of a damaged log all readable records. Throws InputError, ModelError.
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report);
 

@@ -1,4 +1,4 @@
-// The observer's figures as JSON, for --report.
+// Event and rollback counts as JSON, for --report.
 #pragma once
 
 #include <nlohmann/json.hpp>

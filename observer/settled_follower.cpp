@@ -49,7 +49,7 @@ void SettledFollower::stop() {
 
 void SettledFollower::finish() {
   take_all();
-  // A last tick that found no room.
+  // The last tick may have been lost because the queue was full.
   if (!events_.empty()) advance(first_tick_after(events_.back().t, estimator_.h()));
   tell();
 }
@@ -61,7 +61,7 @@ void SettledFollower::take_all() {
       queue_.pop();
     }
     predict();
-  } catch (const Interrupted&) {  // within an identification or a prediction: the run is over
+  } catch (const Interrupted&) {  // a signal during an identification or a prediction
     stop_ = true;
   }
   tell();
@@ -88,7 +88,7 @@ void SettledFollower::take(const Settled& item) {
   }
 }
 
-// To this tick, through the events up to it.
+// Advances to this tick, with the events up to it.
 void SettledFollower::advance(std::int64_t tick) {
   std::size_t used = 0;
   const auto due = [&](std::int64_t k) {
@@ -110,7 +110,7 @@ void SettledFollower::advance(std::int64_t tick) {
   events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(used));
 }
 
-// From all that has settled: who is behind does not foresee what is over.
+// Predicts from the last settled state only: a follower that is late must not predict past events.
 void SettledFollower::predict() {
   if (!predictor_ || !foretells_) return;
   foretells_ = false;

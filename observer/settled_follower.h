@@ -1,7 +1,6 @@
-// What a live observer says beside its estimates, in a thread of its own, so that the real-time
-// loop never does: the table of impacts, and the events to come. It hears of the events that have
-// settled and follows them with an estimator of its own, tick by tick as a replay does, which gives
-// the replay's bits.
+// Computes impacts and predictions of a live observer in a thread of its own. It receives the
+// settled events and follows them with a second estimator, tick by tick like a replay, so its
+// results have the bits of the replay.
 #pragma once
 
 #include <atomic>
@@ -22,12 +21,12 @@
 
 namespace sprag {
 
-/// What has settled, from the integrating thread. A start, its events and its ticks come in order.
+/// An item from the integrating thread. A start, its events and its ticks come in order.
 struct Settled {
   enum class Kind : std::int8_t {
-    start,  ///< the time line has started at this tick, with chi
+    start,  ///< the time line has started at this tick, with these contacts closed
     event,
-    tick  ///< all events up to this tick have come
+    tick  ///< all events up to this tick have been handed over
   };
   Kind kind = Kind::tick;
   std::int64_t tick = 0;
@@ -38,22 +37,21 @@ struct Settled {
 
 class SettledFollower {
  public:
-  /// Throws ModelError, or std::runtime_error where the file cannot be written. `bus` must outlive
-  /// this.
+  /// Throws ModelError, or std::runtime_error if a file cannot be written. `bus` must outlive this.
   SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus);
   SettledFollower(const SettledFollower&) = delete;
   SettledFollower& operator=(const SettledFollower&) = delete;
 
-  /// Of the loop; neither blocks nor allocates. False: no room, to be tried again.
+  /// To be called by the loop; neither blocks nor allocates. False: the queue is full, try again.
   bool put(const Settled& item);
 
-  /// Follows until stop().
+  /// Runs until stop().
   void run();
   void stop();
-  /// After run(): what is left.
+  /// Processes the rest; to be called after run().
   void finish();
 
-  /// Throws std::runtime_error if something could not be written.
+  /// Throws std::runtime_error if a file could not be written completely.
   void close();
 
  private:
@@ -70,13 +68,13 @@ class SettledFollower {
   TrackingEstimator estimator_;
   AdaptationResult identified_;
   TrackingEstimator::State state_;
-  bool started_ = false;
+  bool started_ = false;  // the first tick has been estimated; cleared at a start
   std::int64_t session_ = 0;
-  std::vector<ContactEvent> events_;  // behind the present tick
+  std::vector<ContactEvent> events_;  // later than the present tick
   std::vector<ImpactRecord> impacts_;
   std::optional<ImpactsWriter> writer_;
-  std::optional<Predictor> predictor_;  // where events are foreseen
-  double ahead_;                        // [s]
+  std::optional<Predictor> predictor_;  // with --predict
+  double ahead_;                        // horizon of the prediction [s]
   bool foretells_ = false;              // an event has settled since the last prediction
   std::optional<PredictionsWriter> predictions_;
   Bus& bus_;

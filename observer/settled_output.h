@@ -1,5 +1,5 @@
-// What becomes of settled estimates, live and in a replay: rows of a states CSV, and what they say
-// of their own error, told as it happens and summed up at the end.
+// Output of settled estimates, live and in a replay: rows of a states CSV, and the record of their
+// confidence (confidence_record.h).
 #pragma once
 
 #include <cstdint>
@@ -18,41 +18,41 @@ namespace sprag {
 
 class SettledOutput {
  public:
-  /// `states` may be empty: no file then. `empty` has room for all that an estimate holds,
-  /// `initial` is B(0). Throws std::runtime_error where the file cannot be written.
+  /// `states` is empty for no file. `empty` is a sample with all vectors allocated, `initial` is
+  /// B(0). Throws std::runtime_error if the file cannot be written.
   SettledOutput(const std::filesystem::path& states, const EstimateSample& empty, double initial,
                 std::vector<Output> outputs);
 
-  /// Without a file only the last estimate has to be known in full.
+  /// If false, only the last estimate must be complete.
   bool writes_states() const { return states_.has_value(); }
 
-  /// Tick by tick, in order: in full, or what has happened, and now and then in full as well.
+  /// Called tick by tick, in order: take() with a complete estimate, or note() with one that lacks
+  /// q, u, standard deviations and bound. conclude() completes the last noted estimate.
   void take(const EstimateSample& settled);
   void note(const EstimateSample& settled);
   void conclude(const EstimateSample& settled);
-  /// So many more ticks, the last one at t [s], of which there is nothing new to note.
+  /// Counts further ticks, the last one at t [s], without anything to note.
   void pass(std::int64_t ticks, double t);
 
-  /// What was taken is in the file.
+  /// Writes all rows to the file.
   void flush();
 
-  /// How often the filter did not fit the events.
+  /// Number of gate failures of the filter.
   std::int64_t inconsistencies() const { return record_.inconsistencies(); }
-  std::int64_t ticks() const { return ticks_; }  ///< how many were taken
-  double t() const { return t_; }                ///< of the last one [s]
+  std::int64_t ticks() const { return ticks_; }  ///< number of settled ticks
+  double t() const { return t_; }                ///< time of the last one [s]
 
-  /// Adds to a report what the estimates and the events that they come from say of themselves;
-  /// tells people in a few lines.
+  /// Adds the confidence and the counts of events to a report and prints a summary.
   void sum_up(const EventHistory& events, nlohmann::ordered_json& report) const;
 
-  /// Throws std::runtime_error if something could not be written.
+  /// Throws std::runtime_error if a file could not be written completely.
   void close();
 
  private:
   double initial_bound_;
   std::vector<Output> outputs_;
-  bool says_penetrating_ = false;  // the states have that column
-  bool bounded_ = false;           // and those of guaranteed half-widths
+  bool says_penetrating_ = false;  // the states file has the column `penetrating`
+  bool bounded_ = false;           // it has the columns of guaranteed half-widths
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
   std::vector<double> columns_;

@@ -1,4 +1,4 @@
-// Offline: the whole path from a whole recording (sprag/smoother.h).
+// Offline fixed-interval smoothing of a recording (sprag/smoother.h).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -10,9 +10,9 @@
 
 namespace sprag {
 
-/// Writes the smoothed ticks from t = 0 up to `duration`, else up to the last event. Returns the
-/// exit code. Throws InputError, ModelError, and UsageError for what cannot be smoothed: event
-/// times without a jitter, a recording that does not have every event since t = 0.
+/// Writes the smoothed ticks from t = 0 up to `duration`, or up to the last event. Returns the exit
+/// code. Throws InputError, ModelError, and UsageError if smoothing is not possible: event times
+/// without a jitter, or a recording that lacks events since t = 0.
 int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                   const CommonOptions& common, nlohmann::ordered_json& report);
 

@@ -1,5 +1,5 @@
-// A bounded queue from one thread to one other, without locks. Its slots are made once and written
-// in place, so that passing a value allocates nothing.
+// A bounded lock-free queue from one thread to another. Its slots are allocated once and written in
+// place, so that passing a value does not allocate.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,7 @@ class SpscQueue {
   /// `capacity` slots, each a copy of `prototype`.
   SpscQueue(std::size_t capacity, const T& prototype) : slots_(capacity + 1, prototype) {}
 
-  /// Producer: the next free slot, or nullptr while the queue is full. push() hands it over.
+  /// Producer: the next free slot, or nullptr if the queue is full. push() passes it on.
   T* free_slot() {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     return next(tail) == head_.load(std::memory_order_acquire) ? nullptr : &slots_[tail];
@@ -23,7 +23,7 @@ class SpscQueue {
     tail_.store(next(tail_.load(std::memory_order_relaxed)), std::memory_order_release);
   }
 
-  /// Consumer: the oldest value, or nullptr while the queue is empty. pop() gives its slot back.
+  /// Consumer: the oldest value, or nullptr if the queue is empty. pop() frees its slot.
   T* front() {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     return head == tail_.load(std::memory_order_acquire) ? nullptr : &slots_[head];

@@ -1,5 +1,6 @@
-// Threads whose first exception ends them all. It is kept for the thread that started them: an
-// exception that leaves a thread would end the process, without a report and with cut files.
+// Threads that all end after the first exception in one of them. The exception is kept for the
+// thread that started them: if it left its thread, it would end the process without a report and
+// with truncated files.
 #pragma once
 
 #include <exception>
@@ -9,12 +10,14 @@
 #include <utility>
 #include <vector>
 
+#include "sprag/detail/mechanics/interrupt.h"
+
 namespace sprag {
 
 class ThreadGroup {
  public:
-  /// `stop` asks all bodies to return. It is called when a body has thrown, from its thread; it
-  /// must not throw, and may be called again.
+  /// `stop` requests all bodies to return. It is called by the thread of a body that has thrown,
+  /// and by end(). It must not throw and may be called repeatedly.
   explicit ThreadGroup(std::function<void()> stop) : stop_(std::move(stop)) {}
   ~ThreadGroup() { end(); }
   ThreadGroup(const ThreadGroup&) = delete;
@@ -23,10 +26,13 @@ class ThreadGroup {
   /// Runs body() in a thread of its own.
   template <typename Body>
   void start(Body body) {
-    threads_.emplace_back([this, body = std::move(body)] { run(body); });
+    threads_.emplace_back([this, body = std::move(body), stop = thread_stop_token()] {
+      const StopScope scope(stop);
+      run(body);
+    });
   }
 
-  /// Runs body() in the calling thread, as one of the group's.
+  /// Runs body() in the calling thread as a member of the group.
   template <typename Body>
   void run(const Body& body) noexcept {
     try {
@@ -44,7 +50,7 @@ class ThreadGroup {
     threads_.clear();
   }
 
-  /// After end(): throws the first exception that left a body, if any did.
+  /// After end(): rethrows the first exception of a body, if any.
   void rethrow() const {
     if (first_) std::rethrow_exception(first_);
   }

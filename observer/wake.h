@@ -1,4 +1,4 @@
-// Waiting: for another thread, without a lock, or for a time.
+// Waiting for another thread, without a lock, or for a time.
 #pragma once
 
 #include <semaphore.h>
@@ -9,7 +9,7 @@
 
 namespace sprag {
 
-/// A thread that waits for another looks around this often without a signal [ns].
+/// Waiting threads check their conditions at least at this interval, even without a signal [ns].
 inline constexpr std::int64_t between_looks = 100'000'000;
 
 class Wake {
@@ -21,8 +21,8 @@ class Wake {
 
   void signal() { sem_post(&semaphore_); }
 
-  /// Waits for signal() until a time of the monotonic clock [ns]; may return early. Takes all
-  /// signals that have come: the caller looks at everything then.
+  /// Waits for signal() until a time of the monotonic clock [ns]; may return early. Consumes all
+  /// pending signals, so the caller must check all conditions.
   void wait_until(std::int64_t deadline) {
     const timespec time{deadline / 1'000'000'000, deadline % 1'000'000'000};
     if (sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &time) != 0) return;
@@ -34,7 +34,7 @@ class Wake {
   sem_t semaphore_;
 };
 
-/// Sleeps until a time of the monotonic clock [ns], whatever happens meanwhile.
+/// Sleeps until a time of the monotonic clock [ns], in spite of signals.
 inline void sleep_until(std::int64_t time) {
   const timespec until{time / 1'000'000'000, time % 1'000'000'000};
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {

@@ -1,4 +1,4 @@
-// When a message arrived, by the two clocks of the host.
+// Arrival time of a message, by both clocks of the host.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@ struct Arrival {
   std::int64_t wall = 0;       ///< [us]
 };
 
-/// Wall time from the sending of a message to its arrival [us], if both hosts' clocks agree; the
-/// smallest number for a time of sending that cannot be.
+/// Wall time from the sending of a message to its arrival [us]; meaningful if the clocks of both
+/// hosts agree. The smallest integer if the time of sending is out of range.
 inline std::int64_t delay(std::int64_t utime, const Arrival& arrival) {
   constexpr std::int64_t far_future = std::int64_t{1} << 60;
   if (utime < 0 || utime > far_future) return std::numeric_limits<std::int64_t>::min();

@@ -1,6 +1,7 @@
-// Whether a master's messages go on from one another. One message that does not fit is refused: it
-// may be anybody's, or an accident. Three in a row that fit one another are the master's after all:
-// its clock was turned, a host was suspended, or the first message heard was the odd one.
+// Checks that the messages of a master continue each other. A single inconsistent message is
+// refused: it may come from another sender or be an error. Three consecutive messages that are
+// consistent with each other, but not with the earlier ones, are accepted: the master's clock was
+// set, a host was suspended, or the first message received was the wrong one.
 #pragma once
 
 #include <algorithm>
@@ -13,17 +14,19 @@
 
 namespace sprag {
 
-/// What does not fit in a message.
+/// The property of a message that is inconsistent with earlier ones.
 enum class Oddity { none, time, speed, number, records };
 
 class Continuity {
  public:
-  /// `h`: the observer's tick [s]; a time that is not a number of ticks can be nobody's.
+  /// `h`: the observer's tick [s]. Times after half of max_tick ticks are refused.
   explicit Continuity(double h) : latest_(0.5 * static_cast<double>(max_tick) * h) {}
 
+  /// fits: consistent with the accepted messages. odd: inconsistent, refused. resumes:
+  /// inconsistent, but accepted since the odd messages before it agree with it.
   enum class Verdict { fits, odd, resumes };
 
-  /// What can be in no message.
+  /// The property of the message that is out of range, whatever came before it; or Oddity::none.
   Oddity impossible(const ContactMessage& message) const {
     if (!(message.horizon <= latest_)) return Oddity::time;
     if (message.speed > fastest && message.speed < infinity) return Oddity::speed;
@@ -32,14 +35,14 @@ class Continuity {
     return Oddity::none;
   }
 
-  /// Takes the first message of a session.
+  /// Accepts the first message of a session.
   void restart(const ContactMessage& message, const Arrival& arrival) {
     known_ = of(message, arrival);
     agreeing_ = 0;
   }
 
-  /// Judges a later one of the same session. `resumes`: this one and those before it, which were
-  /// odd, fit one another; it is the first of what is right now.
+  /// Checks a later message of the same session. `resumes`: this message and the odd messages
+  /// before it are consistent with each other. It becomes the reference for the next ones.
   Verdict hear(const ContactMessage& message, const Arrival& arrival) {
     oddity_ = between(known_, message, arrival);
     if (oddity_ == Oddity::none) {
@@ -61,17 +64,17 @@ class Continuity {
     return Verdict::resumes;
   }
 
-  /// What did not fit in the last message.
+  /// The inconsistency of the last message.
   Oddity oddity() const { return oddity_; }
 
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
   static constexpr int enough = 3;
   static constexpr double fastest = 1e9;            // simulated s per s
-  static constexpr double largest_step = 10.0;      // s, by which a master's clock may run ahead
-  static constexpr double largest_step_back = 0.5;  // s; a longer one is not waited for
+  static constexpr double largest_step = 10.0;      // s, of time ahead of the expected one
+  static constexpr double largest_step_back = 0.5;  // s
   static constexpr double most_at_once = 1e6;       // messages or records
-  static constexpr double most_in_a_second = 1e7;   // of them
+  static constexpr double most_in_a_second = 1e7;   // of these, in addition
   static constexpr std::int64_t largest_number = std::int64_t{1} << 52;
 
   struct Known {
@@ -98,7 +101,7 @@ class Continuity {
       return Oddity::time;
     }
     if (message.sequence <= known.number) {
-      // An old number is that of an old message.
+      // A message with an old number must have an old watermark.
       return message.horizon > known.horizon ? Oddity::number : Oddity::none;
     }
     const double back = paced ? known.speed * largest_step_back : 0.0;
@@ -107,10 +110,10 @@ class Continuity {
   }
 
   double latest_;
-  Known known_;
-  Known candidate_;   // the last odd message
-  int agreeing_ = 0;  // odd messages in a row that fit one another
-  Oddity oddity_ = Oddity::none;
+  Known known_;                   // of the last accepted message
+  Known candidate_;               // of the last odd message
+  int agreeing_ = 0;              // consecutive odd messages that are consistent with each other
+  Oddity oddity_ = Oddity::none;  // of the last message
 };
 
 }  // namespace sprag

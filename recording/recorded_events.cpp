@@ -14,8 +14,8 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t usual_events = 4096;
-// A session whose first message is from later began elsewhere: a machine's clock may start
-// anywhere. As an observer with ticks of 1e-3 has it.
+// A session whose first watermark is later than this does not start at t = 0, since a machine's
+// clock may start anywhere. The same limit as of an observer with ticks of 1e-3.
 constexpr double near = 100.0;  // s
 
 RecordedEvents read_csv(InputFile file, int contacts, double end) {
@@ -46,7 +46,7 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
   RecordedMessages log(std::move(file), contacts, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
-  std::size_t earlier_gaps = 0;  // of other runs
+  std::size_t earlier_gaps = 0;  // gaps of earlier sessions
   ContactMessage message;
   Arrival arrival;
   while (log.next(message, arrival)) {
@@ -54,7 +54,7 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
     if (verdict == SessionTracker::Verdict::ignored) continue;
     if (verdict == SessionTracker::Verdict::starts) {
       history.restart(0, 0, no_horizon);
-      // A recording that begins later has events before that nobody knows.
+      // A recording that begins later lacks the events before.
       if (message.records_total > message.records || message.horizon > near) {
         history.restart(message.records_total, message.closed, message.horizon);
         recorded.begins = message.horizon;
@@ -65,7 +65,8 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
       }
       earlier_gaps = history.degraded().size();
     }
-    // The clock or the counts went back: what they count now is not what is known.
+    // If the clock or the counts went back, record numbers have lost their meaning: events may be
+    // missing.
     const bool back =
         message.horizon < history.horizon() || message.records_total < history.next_record();
     if (verdict == SessionTracker::Verdict::resumes && back) {

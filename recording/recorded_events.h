@@ -1,5 +1,5 @@
-// The events of a recording, an LCM log or an events CSV, as an observer that replays it hears
-// them. For programs that need them all at once, without a replica and its ticks.
+// The events of a recording, an LCM log or an events CSV, as an observer receives them in a replay.
+// For programs that need all events at once, without a replica and its ticks.
 #pragma once
 
 #include <cstdint>
@@ -17,33 +17,33 @@
 namespace sprag {
 
 struct RecordedEvents {
-  std::vector<ContactEvent> events;   ///< times ascending, all since `begins` but in gaps
-  std::vector<EventGap> gaps;         ///< in order and apart
-  double begins = 0.0;                ///< 0 where every event since t = 0 is known [s]
-  ContactSet closed = 0;              ///< there
-  std::vector<std::string> problems;  ///< for people; each begins with the file's name
-  bool whole = true;                  ///< false: the file is damaged; what is readable is used
-  std::int64_t sessions = 0;          ///< of masters in a log; the events are those of the last
+  std::vector<ContactEvent> events;   ///< ascending; complete since `begins`, except in gaps
+  std::vector<EventGap> gaps;         ///< ascending and disjoint
+  double begins = 0.0;                ///< 0 if every event since t = 0 is known [s]
+  ContactSet closed = 0;              ///< contacts closed at `begins`
+  std::vector<std::string> problems;  ///< for the user; each begins with the file's name
+  bool whole = true;                  ///< false: the file is damaged; the readable part is used
+  std::int64_t sessions = 0;          ///< master sessions in a log; the events are of the last one
 };
 
-/// For a program that runs up to the last event of a CSV, or to `end` [s], infinity where the user
-/// has not said it. Throws InputError for an implausible time that decides where the run ends.
-/// `advice`: what else the user can do, after "correct or remove the row".
+/// Throws InputError if the end of a run is undefined because a CSV's last event has an implausible
+/// time. `end` [s] is the end that the user has specified, infinity if none: then a run ends at the
+/// last event. `advice`: what the user can do besides "correct or remove the row".
 void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
                             const std::string& advice =
                                 ", shift all times (import_events "
                                 "--offset), or give --duration, up to "
                                 "which events count");
 
-/// What to do with events behind records of a log that were lost.
+/// Treatment of the events after lost records of a log.
 enum class AfterLoss { used, dropped };
 
 /// Reads the events of a machine with `contacts` contacts, up to time `end` [s]. With a key only
-/// messages that it has signed count. Throws InputError if the file cannot be opened.
+/// messages signed with it are used. Throws InputError if the file cannot be opened.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
                                     AfterLoss behind, const std::optional<Key>& key);
 
-/// The same for a program: problems go to stderr and into its report.
+/// The same for a program: problems are printed to stderr and added to its report.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
                                     AfterLoss behind, const CommonOptions& common,
                                     nlohmann::ordered_json& report);

@@ -12,7 +12,8 @@
 namespace sprag {
 namespace {
 
-// The log's clock advances a little with every record: not every log's does.
+// The time assigned to arrivals advances at least by this with every record, since the time stamps
+// of a log need not.
 constexpr std::int64_t least_step = 1'000'000;  // ns
 constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
 

@@ -1,4 +1,4 @@
-// Recordings of a master: which kind a file is, and the contact reports of an LCM log.
+// Recordings of a master: recognizes the type of a file and reads the contact messages of a log.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,17 @@
 
 namespace sprag {
 
-/// By its first bytes, which stay ahead, or by its name where it is empty or damaged from the
-/// start.
+/// Whether a file is an LCM log: by its first bytes, which stay unread, or by its name if it is
+/// empty or damaged at the beginning.
 bool is_lcm_log(InputFile& file);
 
-/// The messages on SPRAG_CONTACTS of a log that an observer would take, with the log's own clock.
+/// The valid messages on SPRAG_CONTACTS of a log, with the log's own clock.
 class RecordedMessages {
  public:
-  /// For a machine with `contacts` contacts; with a key only messages that it has signed count.
+  /// For a machine with `contacts` contacts. With a key only messages signed with it are used.
   RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key);
 
-  /// The next one and when it arrived; false at the end of the log.
+  /// Reads the next message and its arrival; false at the end of the log.
   bool next(ContactMessage& report, Arrival& arrival);
 
   std::int64_t refused() const { return refused_; }
@@ -31,8 +31,8 @@ class RecordedMessages {
   bool empty() const { return log_.empty(); }
   const std::vector<LogDamage>& damages() const { return log_.damages(); }
 
-  /// What is wrong with the log, once next() has come to its end: a line for people about each of
-  /// the first 20 damages and one about the others, or that the log is empty.
+  /// Problems of the log, valid after next() has returned false: one line for the user about each
+  /// of the first 20 damaged parts and one about the others, or that the log is empty.
   std::vector<std::string> problems() const;
 
  private:

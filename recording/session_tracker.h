@@ -1,8 +1,8 @@
-// Which master is being heard, and what became of its messages on the way. While a master is heard
-// another one on the same channel is not. A restarted master has a new session; it is followed as
-// soon as the old one is silent and three messages in a row show that somebody is there: single
-// messages with any session may come from anybody. Silence does not count while messages are being
-// dropped on their way here.
+// Decides which master is followed, and counts its lost, repeated and reordered messages. While a
+// master is followed, other masters on the same channel are ignored. A restarted master has a new
+// session. It is followed when the old session is silent and three messages of the new one have
+// arrived, since a single message with any session may come from any sender. Silence does not count
+// while messages are being dropped on this host.
 #pragma once
 
 #include <algorithm>
@@ -19,14 +19,14 @@ namespace sprag {
 
 struct MessageCounts {
   std::int64_t received = 0;
-  std::int64_t lost = 0;  ///< numbers never seen
+  std::int64_t lost = 0;  ///< numbers not received
   std::int64_t doubled = 0;
   std::int64_t reordered = 0;  ///< arrived after a later one
   std::int64_t of_past_sessions = 0;
-  std::int64_t of_other_masters = 0;  ///< beside the one that is heard
-  std::int64_t stale = 0;             ///< began a session too late to be what it says
-  std::int64_t implausible = 0;       ///< cannot be, or did not go on from those before
-  std::int64_t resumed = 0;           ///< times that a session went on elsewhere
+  std::int64_t of_other_masters = 0;  ///< ignored while another master was followed
+  std::int64_t stale = 0;             ///< would have begun a session, but were sent too long ago
+  std::int64_t implausible = 0;       ///< out of range, or inconsistent with earlier messages
+  std::int64_t resumed = 0;           ///< times that a session continued after a jump
   std::int64_t sessions = 0;
 };
 
@@ -38,10 +38,12 @@ class SessionTracker {
     past_.reserve(max_past);
   }
 
-  /// `resumes`: the session goes on, but its clock or its counts have jumped.
+  /// starts: begins a new session. resumes: the session continues after a jump of its clock or
+  /// counts.
   enum class Verdict { starts, continues, resumes, ignored };
 
-  /// Does not allocate. `ignored`: doubled, implausible, or not of the master that is heard.
+  /// Classifies a message; `ignored`: repeated, implausible, or not of the followed master. Does
+  /// not allocate.
   Verdict hear(const ContactMessage& message, const Arrival& arrival) {
     ++counts_.received;
     oddity_ = continuity_.impossible(message);
@@ -65,10 +67,10 @@ class SessionTracker {
     return Verdict::starts;
   }
 
-  /// Messages were dropped at this monotonic time [ns]: the master may have been among them.
+  /// Records that messages were dropped at this monotonic time [ns], possibly those of the master.
   void note_drop(std::int64_t monotonic) { dropped_ = std::max(dropped_, monotonic); }
 
-  /// What was implausible in the last message; `none` if it was ignored for something else.
+  /// Why the last message was implausible; `none` if it was accepted or ignored for another reason.
   Oddity oddity() const { return oddity_; }
 
   std::int64_t session() const { return session_; }
@@ -78,10 +80,10 @@ class SessionTracker {
 
  private:
   static constexpr std::size_t max_past = 64;
-  // More than anybody sends between two heartbeats of a master, short of a flood.
+  // More sessions than are seen between two heartbeats of a master, except in a flood.
   static constexpr std::size_t max_candidates = 1024;
-  static constexpr std::int64_t silence = 100'000'000;  // ns, ten heartbeats: the master is gone
-  static constexpr int enough_messages = 3;             // of a new one
+  static constexpr std::int64_t silence = 100'000'000;  // ns, ten heartbeats
+  static constexpr int enough_messages = 3;             // of a new session
 
   struct Past {
     std::int64_t session, last;
@@ -89,7 +91,7 @@ class SessionTracker {
   struct Candidate {
     std::int64_t session = 0;
     std::int64_t last = -1;  // sequence number
-    int messages = 0;        // with rising numbers; 0: a free place
+    int messages = 0;        // with rising numbers; 0: unused slot
   };
 
   Verdict refuse() {
@@ -123,7 +125,7 @@ class SessionTracker {
     freshness_.note(message.utime);
   }
 
-  // Whether the message's master takes the place of the one that was heard.
+  // Whether the message's master replaces the followed one.
   bool succeeds(const ContactMessage& message, const Arrival& arrival) {
     for (Past& past : past_) {
       if (past.session != message.session) continue;
@@ -131,7 +133,7 @@ class SessionTracker {
       if (message.sequence <= past.last) return false;
       return silent(arrival) && messages_of(message) >= enough_messages;
     }
-    // An unpaced master is no machine, and may be followed by the next at once.
+    // An unpaced master is a simulation, which the next one may replace at once.
     if (!paced_) return true;
     if (messages_of(message) >= enough_messages && silent(arrival)) return true;
     ++counts_.of_other_masters;
@@ -143,7 +145,7 @@ class SessionTracker {
     return !paced_ || arrival.monotonic - std::max(received_, dropped_) >= silence;
   }
 
-  // Counts this one.
+  // Counts this message and returns the number of messages of its session.
   int messages_of(const ContactMessage& message) {
     for (Candidate& candidate : candidates_) {
       if (candidate.messages == 0 || candidate.session != message.session) continue;
@@ -158,7 +160,7 @@ class SessionTracker {
     return 1;
   }
 
-  // Bit i of `seen_` stands for sequence number last_ - i.
+  // Bit i of `seen_` is set if sequence number last_ - i has been received.
   Verdict continue_session(std::int64_t sequence) {
     if (sequence > last_) {
       const std::int64_t step = sequence - last_;

@@ -5,7 +5,9 @@
 #include <cstdio>
 #include <limits>
 #include <numbers>
+#include <utility>
 
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/master.h"
 
 namespace sprag {
@@ -17,11 +19,11 @@ constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double moreau_ticks_per_period = 20.0;
 constexpr double periods = 50.0;
 constexpr double time_constants = 3.0;
-// A trial where nothing vibrates, in the scene's unit of time.
+// Duration of the trial if nothing vibrates, in the scene's unit of time.
 constexpr double trial_without_periods = 100.0;
-// A motion that grows steadily doubles from the trial's second quarter to its last.
+// A linearly growing motion doubles from the trial's second quarter to its last.
 constexpr double steady_growth = 1.7;
-// More than half of a double's digits are lost beyond.
+// Beyond it a double loses more than half of its digits.
 constexpr double ill_conditioned = 1e6;
 
 std::string list(const std::vector<int>& from_zero) {
@@ -35,7 +37,7 @@ std::string list(const std::vector<int>& from_zero) {
 
 std::string percent(double share) { return readable(100.0 * share) + " %"; }
 
-/// "q = (0.7071, 0.7071)", or only what moves most.
+/// "q = (0.7071, 0.7071)"; for many coordinates only the largest.
 std::string motion_text(const Eigen::VectorXd& direction) {
   constexpr Index few = 6;
   if (direction.size() > few) {
@@ -80,7 +82,7 @@ Finding definite_finding(const std::string& id, const Definiteness& matrix,
           change};
 }
 
-// Of stops on either side of one coordinate.
+// Text about stops on either side of one coordinate.
 std::string opposing_text(const OpposingStops& stops) {
   const std::string pair = "Contacts " + list({stops.i, stops.j}) + " are opposing stops with ";
   if (stops.room > 0.0) {
@@ -91,8 +93,8 @@ std::string opposing_text(const OpposingStops& stops) {
          "): they may close together. ";
 }
 
-// By eq. (17) K c = W (mean contact force) for the error c that is left. In a time window in which
-// all contacts are open the right side is zero, whatever the rank of W.
+// Eq. (17): the remaining error c satisfies K c = W (mean contact force). In a time window with all
+// contacts open the right side is zero for any rank of W.
 Finding dependent_directions(const Assessment& a, int contacts) {
   const std::string rank = "W has rank " + std::to_string(a.W.rank) + " with " +
                            std::to_string(contacts) + " contacts: the directions of contacts " +
@@ -161,7 +163,7 @@ Finding contacts_open_again(const Trial& trial) {
 
 Finding bounded_motion(const Assessment& a) {
   const Trial& trial = a.trial;
-  // A machine on its way to a steady state grows, too.
+  // A transient to a steady state grows, too.
   const bool long_enough =
       trial.duration == trial.planned &&
       (a.slow_root == 0.0 || -a.slow_root * trial.duration >= 0.9 * time_constants);
@@ -178,7 +180,7 @@ Finding bounded_motion(const Assessment& a) {
           ""};
 }
 
-// Two stops on either side of one coordinate, with room between them: no impact is of both.
+// Two stops on either side of one coordinate with room between them never close together.
 bool never_together(const Assessment& a, int contacts) {
   return contacts == 2 && !a.opposing.empty() && a.opposing[0].room > 0.0;
 }
@@ -300,7 +302,7 @@ Finding moreau_finding(const Assessment& a) {
           ""};
 }
 
-// Restitutions that the replica has and the master does not.
+// Restitutions of the replica that differ from the master's.
 std::string own_restitutions(const Model& model) {
   std::string own;
   for (const Contact& contact : model.contacts) {
@@ -368,7 +370,7 @@ Finding by_filter(const Assessment& a) {
           ""};
 }
 
-// What fewer coordinates do it, by which correction.
+// Text about the smallest sufficient number of coordinates and its correction.
 std::string corrected(const Accuracy& found) {
   const Reduction& fewest = found.fewest;
   std::string with = std::to_string(fewest.modes) + (fewest.modes == 1 ? " mode" : " modes");
@@ -391,7 +393,7 @@ double trial_duration(const Scene& scene, const Dynamics& dynamics, const Assess
   if (!std::isfinite(slowest)) return trial_without_periods;
   const double period = two_pi / slowest;
   const double decay = a.slow_root < 0.0 ? -1.0 / a.slow_root : 0.0;
-  // Hardly damped machines take too long to settle.
+  // Limits the trial of machines with little damping.
   return std::min(std::max(periods * period, time_constants * decay), 10.0 * periods * period);
 }
 
@@ -416,7 +418,8 @@ std::vector<std::string> Assessment::conditions() const {
 
 bool Assessment::both_follows() const { return synchronizes() || (filter && filter->follows()); }
 
-Assessment assess(const Scene& scene, const TrialLimits& limits) {
+Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   const Model& model = scene.model;
   Assessment a;
   a.scene = scene.name;
@@ -443,7 +446,7 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   a.path = free_flight.path();
   a.slow_root = slow_root(free_flight);
   if (!a.C.definite()) {
-    // Rounding must not pass for damping.
+    // Rounding must not count as damping.
     if (a.slow_root > -1e-14 * free_flight.oscillators().root_kappa().maxCoeff()) a.slow_root = 0.0;
     findings[1].what += a.slow_root < 0.0
                             ? ". All the same every free motion decays, by its coupling to others; "
@@ -486,8 +489,9 @@ Assessment assess(const Scene& scene, const TrialLimits& limits) {
   return a;
 }
 
-void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
-                     Assessment& a) {
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits, Assessment& a,
+                     std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   Finding finding{"accuracy", false, true, "", ""};
   try {
     a.accuracy = find_accuracy(scene, tolerance, a.trial.duration, limits);

@@ -1,12 +1,21 @@
-// What estimators may expect of a scene. The timing filter: whether events tell all of the motion
-// (filter_trial.h). The replica: whether it will synchronize with its master: every assumption of
-// Theorem 1 of Baumann & Leine 2014, and what else decides how fast. The machine (2)-(6) has M, C,
-// K > 0 and independent columns of W; A1: the contacts' switching functions chi are of class K^n,
-// so that no contact stays closed for ever; A2: there is a bounded motion; A3: the impact law is
-// maximal monotone.
+/// \file
+/// \brief Checks what an estimator can achieve with a scene, before any recording exists.
+///
+/// Replica: checks every assumption of Theorem 1 of Baumann & Leine 2014, under which the replica
+/// synchronizes with its master, and the quantities that set the rate. The theorem needs the
+/// machine (2)-(6) with M, C, K > 0 and linearly independent columns of W, and
+///
+/// - A1: the contact states chi are of class K^n, so that no contact stays closed for ever;
+/// - A2: a bounded motion exists;
+/// - A3: the impact law is maximal monotone.
+///
+/// Timing filter: tries whether the machine's events make its state observable.
+///
+/// Contacts are counted from 0 in C++, and from 1 in texts for people.
 #pragma once
 
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -20,65 +29,89 @@
 
 namespace sprag {
 
+/// \brief Result of one check.
 struct Finding {
-  std::string id;
-  bool required = true;  ///< by the theorem or by the clutches; others only tell
-  bool holds = true;
-  std::string what;
-  std::string change;  ///< what to change; empty where nothing needs to be
+  std::string id;        ///< short name: "M", "A1", "by_filter", ...
+  bool required = true;  ///< the theorem or the clutches need it; false: information only
+  bool holds = true;     ///< the check passed
+  std::string what;      ///< result in words, with figures
+  std::string change;    ///< what to change; empty: nothing
   std::string provided =
-      {};  ///< "time windows ... recur": on what it holds; empty: without a condition
+      {};  ///< condition on which it holds, "time windows ... recur"; empty: unconditional
 };
 
+/// \brief All checks of one scene. Times are in the scene's unit of time.
 struct Assessment {
-  std::string scene;
-  int coordinates = 0;
-  ImpactLaw law = ImpactLaw::poisson;
-  Definiteness M, C, K;
-  /// The rest is there only if M is positive definite.
+  std::string scene;                   ///< name of the scene
+  int coordinates = 0;                 ///< f
+  ImpactLaw law = ImpactLaw::poisson;  ///< of the model
+  Definiteness M, C, K;                ///< definiteness of the three matrices
+  /// \brief Independence of the contact directions. This and all fields below are set only if M is
+  /// positive definite.
   Directions W;
-  std::vector<OpposingStops> opposing;
-  Monotonicity monotonicity;
-  std::vector<Mode> modes;
-  FlowPath path = FlowPath::diagonal;
-  double slow_root = 0.0;    ///< largest real part of the damped machine's eigenvalues
-  double decades = 0.0;      ///< of V per unit of time without impacts
-  double omega_max = 0.0;    ///< of the undamped modes
+  std::vector<OpposingStops> opposing;  ///< pairs of contacts on either side of one coordinate
+  Monotonicity monotonicity;            ///< of the impact law
+  std::vector<Mode> modes;              ///< undamped modes, and how contacts see them
+  FlowPath path = FlowPath::diagonal;   ///< kind of exact flow in free flight
+  double slow_root = 0.0;    ///< largest real part of the eigenvalues of the damped machine
+  double decades = 0.0;      ///< decades of V per unit of time by damping alone
+  double omega_max = 0.0;    ///< largest frequency of the undamped modes [rad per unit of time]
   double moreau_tick = 0.0;  ///< 20 ticks per period of the fastest mode; infinity if none vibrates
-  Trial trial;
-  std::optional<FilterTrial> filter;  ///< none for the scene of a reduced machine
-  std::optional<Accuracy> accuracy;   ///< if asked for
+  Trial trial;               ///< short simulation of the master
+  std::optional<FilterTrial> filter;  ///< empty for the scene of a reduced machine
+  std::optional<Accuracy> accuracy;   ///< set by assess_accuracy()
 
-  std::vector<Finding> findings;
+  std::vector<Finding> findings;  ///< in the order of the report
 
-  /// All required findings hold.
+  /// \brief Whether the replica synchronizes.
+  /// \return true if all required findings hold.
   bool synchronizes() const;
-  /// "will synchronize" or "may not synchronize": the replica, by Theorem 1.
+  /// \brief Verdict on the replica, by Theorem 1.
+  /// \return "will synchronize" or "may not synchronize".
   const char* verdict() const;
-  /// On what that depends beyond what can be checked: `provided` of the required findings.
+  /// \brief Conditions of the verdict that cannot be checked in advance.
+  /// \return Finding::provided of the required findings.
   std::vector<std::string> conditions() const;
-  /// Whether the default estimator, `both`, is expected to find the machine's motion: by its
-  /// filter, as in the trial, or by its replica.
+  /// \brief Whether the default estimator `both` is expected to find the machine's motion.
+  /// \return true if the replica synchronizes or the filter of the trial follows the machine.
   bool both_follows() const;
 };
 
-/// Throws ModelError if the machine has no exact flow in free flight.
-Assessment assess(const Scene& scene, const TrialLimits& limits = {});
+/// \brief Runs all checks except the accuracy of fewer modes.
+/// \param scene machine, starts and uncertainties.
+/// \param limits limits of the trial's cost.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return the assessment; incomplete if M is not positive definite.
+/// \throws ModelError if the machine has no exact flow in free flight.
+/// \throws Interrupted if `stop` was requested.
+Assessment assess(const Scene& scene, const TrialLimits& limits = {}, std::stop_token stop = {});
 
-/// Adds how many modes an observer needs for the tolerance [m] > 0, over the duration of the trial:
-/// `accuracy` and a finding that is not required; where damping couples the modes only the finding.
-/// The assessment must be of this scene.
+/// \brief Finds how many modes an observer needs, over the duration of the trial.
+///
+/// Adds Assessment::accuracy and a finding "accuracy" that is not required. If damping couples the
+/// modes, or the master cannot continue, only the finding is added.
+/// \param scene the scene of the assessment.
+/// \param tolerance largest admitted change of the observed tip or gaps [m], > 0.
+/// \param limits limits of the trial's cost.
+/// \param assessment result of assess() for this scene.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \throws Interrupted if `stop` was requested.
 void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
-                     Assessment& assessment);
+                     Assessment& assessment, std::stop_token stop = {});
 
-/// Whether the default estimator follows the machine, why, and on what conditions: the first lines
-/// of to_text(), without the scene's name.
+/// \brief First lines of to_text() without the scene's name.
+/// \param assessment result of assess().
+/// \return whether the default estimator follows the machine, why, and on which conditions.
 std::string headline(const Assessment& assessment);
 
-/// For people: headline, reasons and figures, four significant digits, at most 100 columns.
+/// \brief Report for people.
+/// \param assessment result of assess().
+/// \return headline, reasons and figures with four significant digits, at most 100 columns wide.
 std::string to_text(const Assessment& assessment);
 
-/// Four significant digits.
+/// \brief Formats a number with four significant digits.
+/// \param value the number.
+/// \return the text.
 std::string readable(double value);
 
 }  // namespace sprag

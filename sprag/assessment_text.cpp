@@ -30,7 +30,7 @@ std::string pace(const Assessment& a) {
   return text + "; exact flow by the " + name(a.path) + " path";
 }
 
-// "contact 2" or "contacts 1 and 2", those that never closed; empty: none.
+// Contacts that never closed, "contact 2" or "contacts 1 and 2"; empty: none.
 std::string idle_contacts(const Trial& trial) {
   std::string numbers;
   int count = 0;
@@ -43,7 +43,7 @@ std::string idle_contacts(const Trial& trial) {
   return (count == 1 ? "contact " : "contacts ") + numbers;
 }
 
-// Why the default estimator will follow the machine, or may not.
+// Reason of the verdict on the default estimator.
 std::string reason(const Assessment& a) {
   const bool filter = a.filter && a.filter->follows();
   const std::string known =

@@ -8,8 +8,9 @@ namespace {
 
 constexpr long double pi = std::numbers::pi_v<long double>;
 
-// beta_i l = (i - 1/2) pi + offset. The offset falls like 2 exp(-beta_i l), so it is kept apart:
-// sin(beta_i l) = sign cos(offset) and cos(beta_i l) = -sign sin(offset) have no large argument.
+// beta_i l = (i - 1/2) pi + offset. The offset falls like 2 exp(-beta_i l). Stored separately, it
+// keeps sin(beta_i l) = sign cos(offset) and cos(beta_i l) = -sign sin(offset) free of large
+// arguments.
 struct Root {
   int i;
   long double offset;
@@ -17,7 +18,8 @@ struct Root {
   long double decay;  // exp(-beta_i l)
 
   long double wavenumber() const { return (i - 0.5L) * pi + offset; }
-  // 1 - sigma_i is excess() exp(-beta_i l); formed as a product, exp(beta_i x) never appears alone.
+  // 1 - sigma_i = excess() exp(-beta_i l). As a product it avoids exp(beta_i x) alone, which
+  // overflows.
   long double excess() const {
     const long double sine = sign * std::cos(offset);
     const long double cosine = -sign * std::sin(offset);
@@ -26,7 +28,8 @@ struct Root {
   long double sigma() const { return 1 - excess() * decay; }
 };
 
-// cos(x) cosh(x) = -1 at x = (i - 1/2) pi + e reads sin(e) = sign / cosh(x): smooth, nearly linear.
+// cos(x) cosh(x) = -1 at x = (i - 1/2) pi + e becomes sin(e) = sign / cosh(x), which is nearly
+// linear.
 Root root(int i) {
   Root r{i, 0, i % 2 == 1 ? 1.0L : -1.0L, 0};
   constexpr int newton_steps = 8;  // i = 1 needs 5
@@ -59,7 +62,7 @@ long double shape(const Root& r, long double xi) {
   const long double y = r.wavenumber() * xi;
   const long double sigma = r.sigma();
   if (y < 1) return series(y, sigma);
-  // Whole turns are removed while the argument is still exact: its error must not grow with i.
+  // Removes whole turns while the argument is exact, so that its error does not grow with i.
   const long double angle = std::fmod((r.i - 0.5L) * xi, 2.0L) * pi + r.offset * xi;
   const long double growing = r.excess() * std::exp(r.wavenumber() * (xi - 1)) / 2;
   const long double falling = (1 + sigma) * std::exp(-y) / 2;

@@ -1,5 +1,9 @@
-// Clamped-free Euler-Bernoulli beam by its first n eigenmodes: eqs. (19)-(22) of Baumann & Leine
-// 2014, with the printed sign of (19) (tip value -2 for odd modes, +2 for even ones).
+/// \file
+/// \brief Clamped-free Euler-Bernoulli beam by its first n eigenmodes: eqs. (19)-(22) of Baumann &
+/// Leine 2014.
+///
+/// Mode shapes have the printed sign of (19): the tip value is -2 for odd modes and +2 for even
+/// modes. Coordinates are the modal amplitudes. Contacts are counted from 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,50 +12,88 @@
 
 namespace sprag {
 
+/// \brief Data of a beam.
 struct Beam {
   int modes = 1;                   ///< n, 1..200 in scene files
   double length = 1.0;             ///< l [m]
   double bending_stiffness = 1.0;  ///< EI [N m^2]
   double mass_per_length = 1.0;    ///< rho A [kg/m]
   double damping = 0.0;            ///< d [N s/m^2], viscous against the frame
-  /// zeta_i of each mode, n entries, in place of d; empty: d holds.
+  /// \brief zeta_i of each mode, n entries, instead of d; empty: d is used.
   Eigen::VectorXd damping_ratio = {};
 };
 
-/// beta_i l, i >= 1: i-th positive root of cos(x) cosh(x) + 1 = 0, right to a few units in the last
-/// place.
+/// \brief Wavenumber of a mode.
+/// \param i number of the mode, >= 1.
+/// \return beta_i l, the i-th positive root of cos(x) cosh(x) + 1 = 0, accurate to a few units in
+/// the last place.
 double wavenumber(int i);
 
-/// v_i(x) of (19) at x = xi l, xi in [0, 1]; no overflow or cancellation for any i >= 1.
+/// \brief Mode shape of (19), without overflow or cancellation for any mode.
+/// \param i number of the mode, >= 1.
+/// \param xi x / l in [0, 1].
+/// \return v_i(x).
 double mode_shape(int i, double xi);
 
-/// (1/l) times the integral of v_i over the beam: -2 sigma_i / (beta_i l).
+/// \brief Mean of a mode shape over the beam, -2 sigma_i / (beta_i l).
+/// \param i number of the mode, >= 1.
+/// \return (1/l) times the integral of v_i.
 double mode_mean(int i);
 
-/// v(x_c) for all n modes; x_c in [0, length].
+/// \brief All mode shapes at one point.
+/// \param beam the beam.
+/// \param x_c point in [0, length] [m].
+/// \return v(x_c), n entries.
 Eigen::VectorXd mode_shapes(const Beam& beam, double x_c);
 
-/// Diagonals of M, C, K of (22), n entries each.
+/// \brief Diagonal of M of (22).
+/// \param beam the beam.
+/// \return n entries.
 Eigen::VectorXd mass(const Beam& beam);
+/// \brief Diagonal of C of (22).
+/// \param beam the beam.
+/// \return n entries.
 Eigen::VectorXd damping(const Beam& beam);
+/// \brief Diagonal of K of (22).
+/// \param beam the beam.
+/// \return n entries.
 Eigen::VectorXd stiffness(const Beam& beam);
 
-/// Direction of f(t) per unit of frame acceleration e''(t): -integral of v rho A dx, n entries.
+/// \brief Direction of f(t) per unit of frame acceleration e''(t).
+/// \param beam the beam.
+/// \return minus the integral of v rho A dx, n entries.
 Eigen::VectorXd inertia_direction(const Beam& beam);
 
-/// M, C and K of (22), without contacts; with the force of a shaken frame, e(t) = `excitation`,
-/// where its amplitude is not 0.
+/// \brief Model of the beam without contacts.
+/// \param beam the beam.
+/// \param excitation motion e(t) of the frame [m]; amplitude 0: the frame rests.
+/// \return M, C and K of (22), and the force of the shaken frame if its amplitude is not 0.
 Model beam_model(const Beam& beam, const Harmonic& excitation = {});
 
-/// A support at x_c in [0, length]: below the beam, g = +w + c, or above it, g = -w + c. `motion`:
-/// e(t) where it stands on the ground, which the coordinates' frame moves against; {} where it
-/// moves with the frame.
-enum class Side { below, above };
+/// \brief Side of the beam on which a support is: below, g = +w + c; above, g = -w + c.
+enum class Side {
+  below,  ///< g = +w + c
+  above   ///< g = -w + c
+};
+
+/// \brief Contact of the beam with a support.
+/// \param beam the beam.
+/// \param x_c position in [0, length] [m].
+/// \param side side of the support.
+/// \param clearance c [m].
+/// \param restitution epsilon in [0, 1].
+/// \param motion e(t) for a support on the ground, against which the coordinates' frame moves; {}
+/// for a support that moves with the frame.
+/// \return the contact, w with n entries.
 Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, double restitution,
                      const Harmonic& motion = {});
 
-/// w of a contact, n entries, that is moved along the beam: from x_c = `from`, where its direction
-/// is `w`, to `to`, on the side where it is.
+/// \brief Direction of a contact after a move along the beam. The side stays the same.
+/// \param beam the beam.
+/// \param w direction at `from`, n entries.
+/// \param from old position x_c [m].
+/// \param to new position x_c [m].
+/// \return the direction at `to`, n entries.
 Eigen::VectorXd moved_direction(const Beam& beam, const Eigen::VectorXd& w, double from, double to);
 
 }  // namespace sprag

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/dissipation_cap.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/observer.h"
 
@@ -17,7 +19,8 @@ constexpr double floor_samples = 2000.0;
 }  // namespace
 
 CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent> events,
-                               double duration) {
+                               double duration, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   const ObserverSettings settings{.tick = duration / floor_samples,
                                   .estimator = EstimatorKind::replica};
   const Estimates all = observe(scene, events, duration, settings);
@@ -34,7 +37,7 @@ CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent>
   Scene unknown_start = scene;
   unknown_start.uncertainty.resize(0);
   if (!why_no_bound(unknown_start).empty()) return floor;
-  // With the replica anywhere on its path.
+  // Largest over all states on the replica's path.
   const Dynamics dynamics(scene.model);
   const EnergyMetric metric(dynamics);
   const DissipationCap cap(metric, scene.tolerance);

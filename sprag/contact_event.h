@@ -1,6 +1,8 @@
-// What one contact did, and when: the only thing that travels from master to observer.
-// A pulse closes and opens at the same instant (an isolated impact, restitution epsilon);
-// a contact that closes to stay takes restitution 0 (Baumann & Leine 2014, eq. (5): chi).
+/// \file
+/// \brief Contact events, the only data that a master sends to its observer, and sets of contacts.
+///
+/// Contacts are counted from 0 in C++, and from 1 in files and messages for people. The contact
+/// state chi is that of Baumann & Leine 2014, eq. (5): bit i is set while contact i is closed.
 #pragma once
 
 #include <bit>
@@ -9,38 +11,60 @@
 
 namespace sprag {
 
-/// Contacts are bits of a 64-bit mask in memory and in messages.
+/// \brief Largest number of contacts. A set of contacts is a 64-bit mask in memory and messages.
 inline constexpr int max_contacts = 60;
 
-enum class ContactEventKind : std::int8_t { closes = 1, opens = 2, pulse = 3 };
+/// \brief Kind of a contact event.
+enum class ContactEventKind : std::int8_t {
+  closes = 1,  ///< the contact closes and stays closed: its impact has restitution 0
+  opens = 2,   ///< the contact opens
+  pulse = 3    ///< an isolated impact with restitution epsilon: closes and opens at one instant
+};
 
+/// \brief A contact closes, opens or has a pulse at time t.
 struct ContactEvent {
-  double t;     ///< simulated time [s], unrounded
-  int contact;  ///< index from 0 (files and messages count from 1)
-  ContactEventKind kind;
+  double t;               ///< simulated time [s], unrounded
+  int contact;            ///< from 0
+  ContactEventKind kind;  ///< what happens
 
+  /// \brief Compares all members.
   friend bool operator==(const ContactEvent&, const ContactEvent&) = default;
 };
 
-/// Set of contacts, bit i for contact i (from 0): chi, or a locked set L.
+/// \brief Set of contacts, bit i for contact i (from 0): chi, or a set L of locked contacts.
 using ContactSet = std::uint64_t;
 
+/// \brief Set of one contact.
+/// \param contact from 0.
+/// \return the set.
 constexpr ContactSet bit(int contact) { return ContactSet{1} << contact; }
+
+/// \brief Whether a set contains a contact.
+/// \param set the set.
+/// \param contact from 0.
+/// \return true if it does.
 constexpr bool contains(ContactSet set, int contact) { return ((set >> contact) & 1U) != 0; }
 
-/// visit(i) for each contact of the set, in ascending order.
+/// \brief Calls a function for each contact of a set, in ascending order.
+/// \param set the set.
+/// \param visit visit(i) with i from 0.
 template <typename Visit>
 void for_each(ContactSet set, Visit visit) {
   for (; set != 0; set &= set - 1) visit(std::countr_zero(set));
 }
 
-/// chi after the event, given chi before it.
+/// \brief Contact state after an event.
+/// \param chi contact state before it.
+/// \param event the event.
+/// \return chi after it; a pulse leaves its contact open.
 constexpr ContactSet after(ContactSet chi, const ContactEvent& event) {
   return event.kind == ContactEventKind::closes ? chi | bit(event.contact)
                                                 : chi & ~bit(event.contact);
 }
 
-/// visit(events) for the events of each instant, which are one impact; `events` in order of time.
+/// \brief Calls a function for the events of each instant. Events of one instant are one impact.
+/// \param events in order of time.
+/// \param visit visit(events_of_the_instant) with a span.
 template <typename Visit>
 void for_each_instant(std::span<const ContactEvent> events, Visit visit) {
   while (!events.empty()) {

@@ -37,8 +37,8 @@ NaturalModes natural_modes(const Model& model) {
   if (!CholeskyFactor(M).exists()) throw ModelError("M is not positive definite");
   const auto [values, vectors] = eigenpairs(model.K / unit, M);
   const Eigen::Index f = model.M.rows();
-  // Rounding gives a rigid motion a stiffness, of either sign, that its displacement squared would
-  // make visible.
+  // Rounding gives a rigid motion a small stiffness of either sign. Its square displacement would
+  // make it visible in V.
   const double rounding = static_cast<double>(f) * std::numeric_limits<double>::epsilon() *
                           values.cwiseAbs().maxCoeff();
   return {vectors, Eigen::VectorXd::Constant(f, unit),

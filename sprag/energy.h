@@ -1,5 +1,7 @@
-// Synchronization error energy, eqs. (23) and (24) of Baumann & Leine 2014:
-// V = 1/2 |u_m - u_s|_M^2 + 1/2 |q_m - q_s|_K^2 and its parts V_i >= 0, which sum to V.
+/// \file
+/// \brief Synchronization error energy V, eqs. (23) and (24) of Baumann & Leine 2014.
+///
+///     V = 1/2 |u_m - u_s|_M^2 + 1/2 |q_m - q_s|_K^2 = V_1 + ... + V_f,   V_i >= 0
 #pragma once
 
 #include <Eigen/Core>
@@ -8,30 +10,43 @@
 
 namespace sprag {
 
-/// Undamped modes K Phi = M Phi diag(stiffness / mass), Phi^T M Phi = diag(mass): by ascending
-/// frequency, with one mass for all, a power of two; where M and K are diagonal the coordinates
-/// themselves.
+/// \brief Undamped modes K Phi = M Phi diag(stiffness / mass) with Phi^T M Phi = diag(mass).
+///
+/// The modes are in order of ascending frequency and share one mass, a power of two. If M and K are
+/// diagonal, the modes are the coordinates, in their order.
 struct NaturalModes {
   Eigen::MatrixXd Phi;              ///< f x f
-  Eigen::VectorXd mass, stiffness;  ///< f entries; a rigid motion has stiffness 0 exactly
+  Eigen::VectorXd mass, stiffness;  ///< f entries each; a rigid motion has stiffness 0 exactly
   bool of_coordinates = false;      ///< Phi is the identity
 };
 
-/// Throws ModelError if M is not positive definite.
+/// \brief Computes the undamped modes.
+/// \param model the machine.
+/// \return the modes.
+/// \throws ModelError if M is not positive definite.
 NaturalModes natural_modes(const Model& model);
 
-/// C that gives the natural modes of M and K the damping ratios zeta, f entries >= 0: by coordinate
-/// where M and K are diagonal, else by ascending frequency. Throws ModelError as natural_modes().
+/// \brief Damping matrix that gives the natural modes prescribed damping ratios.
+/// \param model the machine; its C is not used.
+/// \param zeta f entries >= 0, in the order of natural_modes().
+/// \return C, f x f.
+/// \throws ModelError if M is not positive definite.
 Eigen::MatrixXd damping_of_ratios(const Model& model, const Eigen::VectorXd& zeta);
 
-/// The parts V_i belong to the natural modes.
+/// \brief Error energy V and its parts V_i, one for each natural mode.
 class ErrorEnergy {
  public:
-  /// Throws ModelError if M is not positive definite.
+  /// \brief Prepares the modes of a machine.
+  /// \param model the machine.
+  /// \throws ModelError if M is not positive definite.
   explicit ErrorEnergy(const Model& model);
 
-  /// Returns f + 1 entries: V, V_1, ..., V_f, in the scene's unit of energy. q_m and u_m have f
-  /// entries; q_s and u_s may be shorter: the entries they lack count as zero.
+  /// \brief Error energy between two states. Missing entries of q_s and u_s count as 0.
+  /// \param q_m coordinates of the master, f entries.
+  /// \param u_m velocities of the master, f entries.
+  /// \param q_s coordinates of the estimate, at most f entries.
+  /// \param u_s velocities of the estimate, at most f entries.
+  /// \return f + 1 entries: V, V_1, ..., V_f, in the scene's unit of energy.
   Eigen::VectorXd operator()(const Eigen::Ref<const Eigen::VectorXd>& q_m,
                              const Eigen::Ref<const Eigen::VectorXd>& u_m,
                              const Eigen::Ref<const Eigen::VectorXd>& q_s,

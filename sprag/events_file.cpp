@@ -47,8 +47,8 @@ std::optional<Row> parse_row(std::string_view line, bool noted,
   return Row{*t, *contact, *closed};
 }
 
-/// Turns rows into events; add() returns what contradicts the rows before, or nothing. After that
-/// missing_from() is the time from which on an event is missing because of it.
+/// Turns rows into events. add() returns why a row contradicts the rows before it, or an empty
+/// text. After a contradiction missing_from() is the time since which an event is missing.
 class EventList {
  public:
   explicit EventList(std::vector<ContactEvent>& events) : events_(events) {}
@@ -87,12 +87,12 @@ class EventList {
   double missing_from_ = 0.0;
   std::array<double, max_contacts> last_time_of_{};
   ContactSet chi_ = 0;
-  // Index of each contact's last event. Before its first one a contact is open, so it cannot open
-  // and the zero is never looked at.
+  // Index of each contact's last event. A contact without events is open and cannot open, so that
+  // its initial 0 is never used.
   std::array<std::size_t, max_contacts> last_of_{};
 };
 
-// Refuses what no row of this machine's events can have.
+// Throws for values that no row of this machine's events can have.
 void check_row(const Row& row, std::string_view line, const std::vector<std::string_view>& fields,
                int contacts, const std::string& file, std::size_t number) {
   const auto fail = [&](std::size_t field, const std::string& what) {
@@ -114,10 +114,10 @@ void check_row(const Row& row, std::string_view line, const std::vector<std::str
   }
 }
 
-/// Watches for time stamps that cannot be right.
+/// Looks for implausible time stamps.
 class Silences {
  public:
-  /// A row with a time that is not before the last one's.
+  /// Adds a row whose time is not before that of the last row.
   void add(double t, std::size_t line, std::optional<ImplausibleTime>& found) {
     const double most = count_ < few ? strict : lenient;
     if (!found && last_ > 0.0 && t - last_ > most * last_) {

@@ -1,6 +1,9 @@
-// Events CSV `t,contact,closed`: contact from 1, closed 1 or 0; a pulse is two rows of one contact
-// with equal t, 1 then 0. 17 significant digits. A fourth column `note`, where there is one, says
-// of an event what EventNote does.
+/// \file
+/// \brief Reads and writes events CSV files.
+///
+/// The header is `t,contact,closed`. Contacts are counted from 1 in the file and from 0 in C++.
+/// `closed` is 1 or 0. A pulse is two rows of one contact with equal t, 1 then 0. Numbers have 17
+/// significant digits. An optional fourth column `note` holds an EventNote.
 #pragma once
 
 #include <filesystem>
@@ -15,56 +18,85 @@
 
 namespace sprag {
 
+/// \brief Writes an events CSV. The first failure is kept: good() is false and error() describes
+/// it.
 class EventsWriter : public CsvWriter {
  public:
-  /// Writes the header; a failure shows in good().
+  /// \brief Writes the header. A failure is reported by good().
+  /// \param file open output file.
   explicit EventsWriter(OutputFile file);
-  /// The same into a file that is created or emptied.
+  /// \brief Creates or empties a file and writes the header.
+  /// \param file its path.
   explicit EventsWriter(const std::filesystem::path& file) : EventsWriter(OutputFile(file)) {}
 
-  /// Appends the event's row, or a pulse's two rows. Failures are remembered.
+  /// \brief Appends the row of an event, or the two rows of a pulse. A failure is reported by
+  /// good().
+  /// \param event contact from 0.
   void write(const ContactEvent& event) noexcept;
 
  private:
   void write_row(double t, int contact, char closed) noexcept;
 };
 
-/// A row before or after a silence that looks like a wrong time stamp.
+/// \brief A row before or after a silence that looks like a wrong time stamp.
 struct ImplausibleTime {
-  double t;  ///< of the later end of the silence [s]
-  FileProblem problem;
+  double t;             ///< later end of the silence [s]
+  FileProblem problem;  ///< line and text
 };
 
-/// "lost": inserted, no sensor reported it; "spurious": left out by readers; "suspect": its time is
-/// doubtful.
-enum class EventNote { none, lost, spurious, suspect };
+/// \brief Note on an event in the fourth column of a file.
+enum class EventNote {
+  none,      ///< no note
+  lost,      ///< inserted; no sensor reported it
+  spurious,  ///< not an event of the machine; readers ignore the row
+  suspect    ///< its time is doubtful
+};
 
-/// Writes events with the column `note`.
+/// \brief Writes an events CSV with the column `note`.
 class NotedEventsWriter : public CsvWriter {
  public:
+  /// \brief Creates or empties a file and writes the header. A failure is reported by good().
+  /// \param file its path.
   explicit NotedEventsWriter(const std::filesystem::path& file);
+  /// \brief Appends the row of an event, or the two rows of a pulse. A failure is reported by
+  /// good().
+  /// \param event contact from 0.
+  /// \param note its note.
   void write(const ContactEvent& event, EventNote note) noexcept;
 };
 
+/// \brief Content of an events CSV.
 struct EventsFile {
   std::vector<ContactEvent> events;   ///< times ascending; equal times in the file's order
-  std::vector<FileProblem> skipped;   ///< rows that contradict the rest, left out
-  std::optional<FileProblem> damage;  ///< where reading stopped: nothing after it is used
-  /// Where events may be missing, by what was skipped or damaged; +infinity: up to the end.
+  std::vector<FileProblem> skipped;   ///< rows that contradict the others; they are not in events
+  std::optional<FileProblem> damage;  ///< where reading stopped; later rows are not in events
+  /// \brief Intervals in which events may be missing because of skipped or damaged rows. An
+  /// interval up to the end of the file ends at +infinity.
   std::vector<EventGap> gaps;
-  /// The first row that follows a silence of more than 200 times all the time before it (10 000
-  /// times, before the tenth row); or the first row of all, if the time before it is more than
-  /// 10 000 times that of all rows, ten at least.
+  /// \brief The first row after a silence of more than 200 times all the time before it (10 000
+  /// times, among the first ten rows). Or the first row of a file of at least ten rows, if the time
+  /// before it is more than 10 000 times the duration of all rows.
   std::optional<ImplausibleTime> implausible;
 };
 
-/// Reads the events of a machine with `contacts` contacts, all open at first. Damage: a line that
-/// is garbled (also a time that is negative or not finite), a last line without an end, a wrong
-/// header. Skipped: a time that goes backwards, a contact that closes while closed or opens while
-/// open. Empty lines and rows whose note is "spurious" are passed over. Throws InputError if the
-/// file cannot be opened, and, with "FILE:LINE:COLUMN: ", for a contact that the machine does not
-/// have or a flag other than 0 and 1: such a file belongs to another machine, or counts otherwise.
+/// \brief Reads the events of a machine. All contacts are open at first.
+///
+/// Damage ends the reading: a garbled line (also a time that is negative or not finite), a last
+/// line without an end, a wrong header. A row is skipped if its time goes backwards, or its contact
+/// closes while closed or opens while open. Empty lines and rows with the note "spurious" are
+/// ignored.
+/// \param file path of the file.
+/// \param contacts number of the machine's contacts.
+/// \return the events and all problems.
+/// \throws InputError if the file cannot be opened. Also, with "FILE:LINE:COLUMN: ", for a contact
+/// that the machine does not have or a flag other than 0 and 1: the file belongs to another machine
+/// or counts contacts in another way.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
+/// \brief The same for an open file.
+/// \param file open input file.
+/// \param contacts number of the machine's contacts.
+/// \return the events and all problems.
+/// \throws InputError as above.
 EventsFile read_events(InputFile file, int contacts);
 
 }  // namespace sprag

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "sprag/detail/identification/bounces.h"
 #include "sprag/detail/identification/determination.h"
@@ -12,6 +13,7 @@
 #include "sprag/detail/identification/projection.h"
 #include "sprag/detail/identification/record_checks.h"
 #include "sprag/detail/identification/search.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
@@ -19,19 +21,20 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-// Of the usual time between impacts.
-constexpr double exact = 2e-9;          // what is left of a fit to exact times
-constexpr double nearly_exact = 1e-5;   // so little is left along a valley of solutions
-constexpr double least_jitter = 1e-10;  // times cannot be told apart
-constexpr double unreported = 0.05;     // unknown of a stretch's path, of which it tells nothing
-constexpr double promising = 2e-3;  // a search ends where less is left, if the jitter is not told
-constexpr double largest_jitter = 0.02;  // more than this is no jitter
-// Impacts nearer to each other are not told apart; where they do not fit so, not these either.
+// Shares of the typical time between impacts.
+constexpr double exact = 2e-9;          // residual of a fit to exact times
+constexpr double nearly_exact = 1e-5;   // residual along a valley of solutions
+constexpr double least_jitter = 1e-10;  // times cannot be distinguished
+constexpr double unreported =
+    0.05;  // uncertainty of a stretch's path beyond which its events do not determine it
+constexpr double promising = 2e-3;  // a search ends below this residual if the jitter is not given
+constexpr double largest_jitter = 0.02;  // a larger scatter is not jitter
+// Impacts closer together are merged; the larger value is tried if the smaller gives no fit.
 constexpr double close = 3e-4, less_close = 0.0065;
 constexpr double close_in_jitters = 6.0;
 constexpr double search_in_jitters = 30.0;
-constexpr double better_by = 0.5;  // of the scatter, of another minimum than the one found
-// A flight that all but touches may seem to pass through, where its state is least sure.
+constexpr double better_by = 0.5;  // share of the scatter that another minimum must reach
+// A flight that nearly touches a support may seem to cross it where its state is most uncertain.
 constexpr double passage_in_jitters = 50.0;
 
 double largest_chi2(int freedom) {
@@ -39,7 +42,7 @@ double largest_chi2(int freedom) {
   return of * (1.0 + 6.0 * std::sqrt(2.0 / of));
 }
 
-// A standard deviation of which a few large ones change little.
+// Robust standard deviation: 1.4826 times the median, insensitive to outliers.
 double usual(std::vector<double> sizes) {
   if (sizes.empty()) return 0.0;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
@@ -50,12 +53,12 @@ double usual(std::vector<double> sizes) {
 enum class Judged { good, none, unconverged, scatter, inside };
 
 struct Attempt {
-  Stretches stretches;  // that it is a fit to
+  Stretches stretches;  // data of the fit
   Likelihood solution;
-  std::vector<Eigen::VectorXd> others;  // values of other minima that fit as well
+  std::vector<Eigen::VectorXd> others;  // values at other minima that fit as well
   double jitter = 0.0;                  // specified, or found
   Judged judged = Judged::none;
-  int bounces = 0;  // that are passed, or were before they became impacts
+  int bounces = 0;  // passed bounces, and those that became impacts
   std::vector<std::size_t> spurious;
   std::vector<MissingImpact> missing;
   std::vector<std::size_t> held;  // unknowns that are held at their nominal values
@@ -180,14 +183,13 @@ Judged Identifier::judge(const MachineFamily& family, const Likelihood& solution
 
 std::size_t Identifier::needed(const Stretches& of) const {
   const std::size_t unknowns = family_.unknowns().size();
-  // A jitter that is found is an unknown, too: few equations beyond the others do not tell it.
+  // An estimated jitter is an unknown, too: it needs more equations than unknowns.
   const std::size_t of_jitter = settings_.jitter ? 0 : unknowns;
   return unknowns + of_jitter + 2 * static_cast<std::size_t>(family_.n()) * of.size() + 2;
 }
 
-// Where they do not fit otherwise, stretches whose times do not tell where the machine is in them,
-// bounces of a chatter alone for one, are left out: they say no more of it than of their own start,
-// and a path of theirs may be any.
+// If the stretches do not fit, tries again without those whose times do not determine their own
+// path, such as the bounces of a single chatter. They determine hardly more than their own start.
 Likelihood Identifier::maximize(const PathFit& found, Stretches& stretches) const {
   Likelihood solution = maximize_likelihood(family_, stretches, found);
   if (stretches.size() < 2 || !solution.values.allFinite()) return solution;
@@ -210,7 +212,7 @@ Likelihood Identifier::maximize(const PathFit& found, Stretches& stretches) cons
   return without;
 }
 
-// Takes an attempt that is better than the best one so far. Solutions at other values are kept.
+// Replaces the best attempt by a better one. Solutions at other values are kept in `others`.
 void Identifier::consider(Attempt next, Attempt& best) const {
   constexpr double same = 1e-6;  // in coordinates
   const auto differ = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
@@ -262,7 +264,7 @@ Attempt Identifier::attempt(const Stretches& stretches) const {
   return best;
 }
 
-// From a solution with fewer unknowns, the others being at their nominal values.
+// Starts from a solution with fewer unknowns, the others at their nominal values.
 void Identifier::from_values(const MachineFamily& fewer, const Likelihood& of_fewer,
                              const Stretches& stretches, Attempt& best) const {
   Likelihood start = of_fewer;
@@ -279,7 +281,7 @@ void Identifier::from_values(const MachineFamily& fewer, const Likelihood& of_fe
       start.values[static_cast<Eigen::Index>(k)] = of_fewer.values[same - of.begin()];
     }
   }
-  // All together; those that the events determine; those that were found.
+  // Frees all unknowns; those that the events determine; those of the solution.
   const double sigma = std::max(settings_.jitter.value_or(0.0), of_fewer.scatter());
   std::vector<std::size_t> weak = undetermined_at(family_, stretches, start, sigma);
   for (const std::vector<std::size_t>& of : {std::vector<std::size_t>{}, weak, held}) {
@@ -294,7 +296,7 @@ void Identifier::from_values(const MachineFamily& fewer, const Likelihood& of_fe
   }
 }
 
-// The scene as it is, but for the start.
+// Starts from the nominal machine, with only the start fitted.
 void Identifier::from_nominal(const Stretches& stretches, Attempt& best) const {
   if (family_.unknowns().empty()) return;
   const MachineFamily fixed(family_.scene(), {});
@@ -329,7 +331,7 @@ void Identifier::from_fewer(const Stretches& stretches, Attempt& best) const {
   }
 }
 
-// What comes too soon after another is known when the jitter is.
+// Merges impacts that are too close for the estimated jitter, and fits again.
 void Identifier::cut_by_the_jitter(Attempt& best) const {
   if (settings_.jitter || !best.good()) return;
   Attempt again;
@@ -346,8 +348,8 @@ void Identifier::cut_by_the_jitter(Attempt& best) const {
   if (again.good()) best = std::move(again);
 }
 
-// Exact times are those of the machine's bounces. Bounces are sought along the solution, and, where
-// that is none, along the measured times.
+// With exact times the passed bounces are impacts as well. They are located along the solution, or
+// along the measured times if that fails.
 void Identifier::through_bounces(Attempt& best) const {
   best.bounces = bounces_of(best.stretches);
   if (best.bounces == 0 || !(best.solution.scatter() > exact * interval_) ||
@@ -371,7 +373,7 @@ void Identifier::through_bounces(Attempt& best) const {
   }
 }
 
-// A spurious event beside a missing one of the same contact: the event was moved, which is no
+// A spurious event next to a missing one of the same contact is a moved event, which is not a
 // repair.
 bool moves_an_event(const std::vector<std::size_t>& spurious,
                     const std::vector<MissingImpact>& missing, std::span<const ContactEvent> events,
@@ -385,7 +387,7 @@ bool moves_an_event(const std::vector<std::size_t>& spurious,
   });
 }
 
-// Repairs the longest stretch, then adds the others, as they are or repaired, as far as all fit
+// Repairs the longest stretch, then adds the other stretches, unchanged or repaired, while all fit
 // together.
 void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attempt& best) const {
   std::stable_sort(stretches.begin(), stretches.end(),
@@ -393,7 +395,7 @@ void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attemp
   std::optional<Attempt> repaired;
   constexpr double far_less = 0.1;
   const double unrepaired = best.exists() ? best.solution.scatter() : infinity;
-  // Whether a stretch, repaired or not, fits together with those before it.
+  // Whether a stretch, repaired or unchanged, fits together with those added before.
   const auto add = [&](const Mended& mended) {
     Attempt next;
     if (repaired) next = *repaired;
@@ -402,7 +404,7 @@ void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attemp
     if (moves_an_event(next.spurious, next.missing, events_, interval_)) return false;
     Likelihood start = mended.solution;
     if (repaired) {
-      // In order of time.
+      // Keeps the order of time.
       const double t = mended.stretches.front().start;
       const auto behind = std::find_if(next.stretches.begin(), next.stretches.end(),
                                        [&](const Stretch& stretch) { return stretch.start > t; });
@@ -442,7 +444,7 @@ void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attemp
   }
 }
 
-// The fit to the first four fifths, and how far off it expects what comes.
+// Fits the first four fifths and compares its predictions with the last fifth.
 void Identifier::predict(const Attempt& best, const std::vector<std::size_t>& held,
                          Identification& result) const {
   const Stretches& stretches = best.stretches;
@@ -462,8 +464,8 @@ void Identifier::predict(const Attempt& best, const std::vector<std::size_t>& he
   if (!fit.values.allFinite()) return;
   result.first_squares = fit.squares;
   result.first_freedom = fit.freedom;
-  // Along the measured times the path finds to the machine's, so that each impact is expected from
-  // those before it.
+  // A path along the measured times follows the machine, so that its gap at each impact is a
+  // prediction from the impacts before.
   const Machine machine = family_.at(fit.values);
   const Eigen::VectorXd inputs = family_.inputs(fit.values);
   Flights flights;
@@ -484,7 +486,7 @@ void Identifier::predict(const Attempt& best, const std::vector<std::size_t>& he
       for (std::size_t k = from; k < to; ++k) {
         if (!compared[s].impacts[k].timed) continue;
         const auto i = static_cast<Eigen::Index>(k);
-        // Of an impact that hardly touches the time says little.
+        // The time of a grazing impact is uncertain, so that its speed is limited from below.
         off.push_back(std::abs(path.g[i]) / std::max(speed[i - at], speed.mean() / 3.0));
       }
     };
@@ -498,7 +500,7 @@ void Identifier::predict(const Attempt& best, const std::vector<std::size_t>& he
   result.predicted = usual(beyond);
 }
 
-// `sigma`: of event times.
+// `sigma`: standard deviation of event times.
 void Identifier::put_start(const Likelihood& solution, double sigma, Identification& result) const {
   const Machine machine = family_.at(solution.values);
   const Eigen::VectorXd inputs = family_.inputs(solution.values);
@@ -522,7 +524,7 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
                         sigma * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
 }
 
-// Where the machine would be inside a support.
+// Interval in which the machine would be inside a support.
 void Identifier::put_inside(const Attempt& best, Identification& result) const {
   double worst = -1.0;
   const std::vector<StretchPath> checks = check_paths(family_, best.solution, best.jitter);
@@ -605,7 +607,7 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   result.fitted.jitter = result.jitter;
 }
 
-// The principal directions of the undetermined unknowns that the events determine.
+// Principal directions in the space of the undetermined unknowns that the events do determine.
 void Identifier::put_combinations(const Attempt& best, Identification& result) const {
   constexpr double known = 0.05, least_weight = 0.1;
   std::vector<Eigen::Index> open;
@@ -631,12 +633,12 @@ void Identifier::put_combinations(const Attempt& best, Identification& result) c
   }
 }
 
-// What the last fifth adds to the sum of squares is chi^2 with as many degrees of freedom, its
-// jitter that of the rest.
+// If the model is right, the squares that the last fifth adds, over the jitter^2 of the rest, are
+// chi^2 distributed with the added degrees of freedom.
 bool Identifier::is_unpredictable(const Attempt& best, const Identification& result) const {
   const int added = result.freedom - result.first_freedom;
   if (!(result.first_freedom > 0) || added <= 0) return false;
-  // A jitter that is found from few impacts is badly known.
+  // A jitter estimated from few impacts is uncertain.
   const double of_few = settings_.jitter ? 1.0 : 1.0 + 3.0 * std::sqrt(2.0 / result.first_freedom);
   if (result.departure.is_scatter()) {
     return result.departure.scatter->growth * added > of_few * largest_chi2(added);
@@ -648,18 +650,18 @@ bool Identifier::is_unpredictable(const Attempt& best, const Identification& res
   return squares > of_few * (square(jitter) + square(exact * interval_)) * largest_chi2(added);
 }
 
-// Whether something else than a jitter is likelier to scatter the times. A restitution that
-// scatters from impact to impact is no wrong model.
+// Whether another cause of scatter is likelier than jitter. A restitution that scatters from impact
+// to impact is not a wrong model.
 bool Identifier::is_structured(const Identification& result) const {
   return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
-// Whether the motion is so large that forces and clearances, which set its scale, do not matter.
+// Whether the motion is so large that the inputs, which set its scale, do not matter.
 bool Identifier::has_lost_its_scale(const Attempt& best) const {
   constexpr double far_larger = 1e6;
   const Machine machine = family_.at(best.solution.values);
   const Eigen::VectorXd inputs = family_.inputs(best.solution.values);
-  double set = 0.0;  // by the inputs, in gaps
+  double set = 0.0;  // largest gap that the inputs cause
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     set = std::max(
         set, machine.gap_response.col(g).cwiseAbs().maxCoeff() * inputs.segment(2 * g, 2).norm());
@@ -679,8 +681,8 @@ bool Identifier::has_lost_its_scale(const Attempt& best) const {
 void Identifier::put_verdict(const Attempt& best, Identification& result) const {
   const Determination& determination = determination_;
   constexpr double least_used = 0.9;      // of the events
-  constexpr double largest_start = 30.0;  // in motions on the path
-  constexpr double tolerance = 3.0;       // standard deviations beyond the range
+  constexpr double largest_start = 30.0;  // relative to the motions on the path
+  constexpr double tolerance = 3.0;       // in standard deviations beyond the range
   const auto end_of_range = [&]() -> int {
     for (std::size_t k = 0; k < family_.unknowns().size(); ++k) {
       const Unknown& unknown = family_.unknowns()[k];
@@ -701,7 +703,7 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
   if (best.judged != Judged::good && is_periodic(events_, settings_.jitter.value_or(0.0)))
     return refuse(FitProblem::degenerate_orbit);
   if (best.judged == Judged::unconverged) {
-    // Where the times fit all the same, they do so along a valley.
+    // An unconverged fit whose times fit lies in a valley of solutions.
     const bool valley = settings_.jitter ? result.chi2 < result.largest_chi2
                                          : result.scatter < nearly_exact * interval_;
     return refuse(valley ? FitProblem::degenerate_orbit : FitProblem::no_convergence);
@@ -750,7 +752,7 @@ Identification Identifier::run() {
   }
   Attempt best = attempt(stretches);
   from_nominal(stretches, best);
-  // Bounces of a chatter may be too near to each other for their jitter.
+  // Bounces of a chatter may be too close together for their jitter.
   const Stretches coarse = stretches_of(less_close, settings_.through_contact, settings_.jitter);
   if (!best.good() && settings_.jitter != 0.0 && count(coarse) != count(stretches) &&
       equations(coarse) >= needed(coarse)) {
@@ -759,14 +761,14 @@ Identification Identifier::run() {
   }
   cut_by_the_jitter(best);
   through_bounces(best);
-  // Before any repair, which could make another machine of the record.
+  // Runs before any repair, because a repair could make the recording fit another machine.
   from_fewer(stretches, best);
   if (!best.good() && settings_.mend) {
-    // Near to each other, a bounce and what is none are hard to tell apart.
+    // Close bounces and spurious detections are hard to distinguish with jitter.
     const bool jitters = settings_.jitter.value_or(0.0) > 0.0;
     const Stretches flights = stretches_of(jitters ? less_close : close, false, settings_.jitter);
     if (!flights.empty()) mends(flights, settings_.jitter, best);
-    // With a jitter that is specified too small nothing is found.
+    // A given jitter that is too small admits no solution: estimates it.
     if (!flights.empty() && !best.good() && jitters) mends(flights, std::nullopt, best);
   }
   if (!best.exists()) {
@@ -775,7 +777,7 @@ Identification Identifier::run() {
     return result;
   }
   conclude(best, result);
-  // A scatter with a structure is the first sign of a wrong minimum.
+  // A structured scatter may mean a wrong minimum: searches for a far better one.
   const bool doubtful = result.departure.is_scatter() || result.departure.is_structured();
   if (best.good() && settings_.white && !settings_.jitter && doubtful) {
     good_limit_ = better_by * best.solution.scatter();
@@ -792,7 +794,7 @@ Identification Identifier::run() {
   return result;
 }
 
-// All of a result but its verdict.
+// Fills in the result except for its verdict.
 void Identifier::conclude(Attempt& best, Identification& result) {
   determination_ = {};
   std::vector<std::size_t> held;
@@ -819,7 +821,8 @@ void Identifier::conclude(Attempt& best, Identification& result) {
 }  // namespace
 
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
-                        const IdentificationSettings& settings) {
+                        const IdentificationSettings& settings, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   return Identifier(scene, events, settings).run();
 }
 

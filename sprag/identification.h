@@ -1,23 +1,24 @@
-// Identifies parameters of a scene's machine from the times of its contact events alone.
-//
-//   1. search.h finds candidates by variable projection on windows of impacts;
-//   2. maximum_likelihood.h refines each with the true event times among the unknowns;
-//   3. a candidate is a solution if it has converged, its times scatter as their jitter does,
-//
-//        chi^2 / freedom < 1 + 6 sqrt(2 / freedom),
-//
-//      and the machine meets every support from outside;
-//   4. where none is, mending.h looks for lost and spurious events;
-//   5. determination.h finds by the likelihood which parameters the events determine;
-//   6. the first four fifths of the record must predict the last one.
-//
-// The result has one verdict (FitProblem); no other part of a report judges the fit.
+/// \file
+/// \brief Identifies parameters of a machine from the times of its contact events alone.
+///
+/// 1. search.h finds candidates by variable projection on windows of impacts.
+/// 2. maximum_likelihood.h refines each, with the true event times among the unknowns.
+/// 3. A candidate is a solution if it has converged, if the machine meets every support from
+///    outside, and if its times scatter as their jitter does:
+///    chi^2 / freedom < 1 + 6 sqrt(2 / freedom).
+/// 4. If there is none, mending.h looks for missed and spurious detections.
+/// 5. determination.h finds by the profile likelihood which parameters the events determine.
+/// 6. The first four fifths of the recording must predict the last fifth.
+///
+/// The result has one verdict (FitProblem). No other part of a result judges the fit. Contacts,
+/// events and unknowns are counted from 0.
 #pragma once
 
 #include <Eigen/Core>
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <utility>
 #include <vector>
@@ -28,125 +29,145 @@
 #include "sprag/detail/identification/record.h"
 #include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/error.h"
 #include "sprag/scene.h"
 
 namespace sprag {
 
+/// \brief What to identify, and what is known of the recording.
 struct IdentificationSettings {
-  std::vector<Unknown> unknowns;     ///< what is sought; may be empty
-  std::optional<double> jitter;      ///< sigma of event times, >= 0 [s]; none: it is estimated
-  double begins = 0.0;               ///< all events since then are known [s]
-  ContactSet closed = 0;             ///< there
-  std::vector<EventGap> gaps;        ///< where events may be missing, in order and apart
-  bool mend = true;                  ///< look for events that are spurious or were lost
-  std::vector<std::size_t> guessed;  ///< numbers of events whose times are guesses
-  bool through_contact = true;       ///< follow the path where contacts stay closed as well
+  std::vector<Unknown> unknowns;     ///< parameters to identify; may be empty
+  std::optional<double> jitter;      ///< sigma of event times, >= 0 [s]; empty: estimated
+  double begins = 0.0;               ///< the recording is complete from here on [s]
+  ContactSet closed = 0;             ///< contacts that are closed at `begins`
+  std::vector<EventGap> gaps;        ///< where events may be missing, in order and disjoint
+  bool mend = true;                  ///< look for missed and spurious detections
+  std::vector<std::size_t> guessed;  ///< indices of events whose times are guesses
+  bool through_contact = true;       ///< follow the path through sustained contacts
   bool white = true;                 ///< without a jitter, refuse a scatter that is not white
-  /// Refuse values outside of Unknown::within, although the search reaches farther.
+  /// \brief Refuse values outside of Unknown::within, although the search covers a larger range.
   bool strictly_within = true;
 };
 
+/// \brief Result for one parameter.
 struct FittedUnknown {
-  Unknown unknown;
-  double value = 0.0;
+  Unknown unknown;         ///< the parameter
+  double value = 0.0;      ///< identified value
   double sigma = 0.0;      ///< standard deviation
-  bool determined = true;  ///< the events determine it; otherwise value and sigma mean nothing
+  bool determined = true;  ///< the events determine it; false: value and sigma are meaningless
   double low = 0.0, high = 0.0;  ///< 95 % interval
-  /// The likelihood is largest at a physical bound, which is `value`. The other one of `low` and
-  /// `high` is a one-sided 95 % limit.
+  /// \brief The likelihood is largest at a physical bound, which is `value`. The other end of the
+  /// interval is a one-sided 95 % limit.
   bool at_bound = false;
-  /// The other determined unknown with the largest correlation, and that correlation; -1: none.
-  int partner = -1;
-  double correlation = 0.0;
+  int partner = -1;          ///< determined unknown with the largest correlation; -1: none
+  double correlation = 0.0;  ///< correlation with `partner`
 };
 
-/// A combination of undetermined unknowns that the events determine: sum of weight times relative
-/// change from the nominal value (of phases: change in rad; of clearances: in usual lengths).
+/// \brief A combination of undetermined unknowns that the events determine.
+///
+/// It is the sum of weight times relative change from the nominal value. For a phase the change is
+/// in rad, for a clearance in typical lengths of the machine.
 struct Combination {
-  std::vector<std::pair<std::size_t, double>> weights;  ///< numbers of unknowns; norm 1
-  double sigma = 0.0;
+  std::vector<std::pair<std::size_t, double>> weights;  ///< index of unknown and weight; norm 1
+  double sigma = 0.0;                                   ///< standard deviation of the combination
 };
 
-/// An impact whose event is missing.
+/// \brief An impact without an event.
 struct MissingImpact {
-  double t = 0.0;
+  double t = 0.0;   ///< [s]
   int contact = 0;  ///< from 0
 };
 
-/// Why a fit is refused; the first that holds.
+/// \brief Why a fit is refused: the first reason that holds.
 enum class FitProblem {
-  none,
+  none,                     ///< the fit is accepted
   no_convergence,           ///< no optimum was found at which the machine has these impacts
   events_left_out,          ///< the fit uses less than 90 % of the events
-  merged_bounces,           ///< the model has many impacts closer than any recorded
+  merged_bounces,           ///< the model has many impacts closer together than any recorded
   lost_or_spurious_events,  ///< between two impacts the machine would be inside a support
-  bound_reached,            ///< a parameter ends at or beyond the range it is sought in
+  bound_reached,            ///< a parameter ends at or beyond the range of the search
   degenerate_orbit,         ///< the events determine only combinations of parameters
-  wrong_model               ///< what is left is not the jitter
+  wrong_model               ///< the residuals are not the jitter
 };
 
-/// What shows that a model is wrong.
+/// \brief What shows that a model is wrong.
 enum class Misfit {
-  none,
+  none,        ///< nothing does
   scatter,     ///< times scatter by more than their jitter
-  structured,  ///< the scatter that would be the jitter depends on the path
-  prediction,  ///< the first four fifths do not predict the last one
+  structured,  ///< residuals that should be the jitter depend on the path
+  prediction,  ///< the first four fifths do not predict the last fifth
   start        ///< the motion at the start is far larger than on the path
 };
 
+/// \brief Result of identify().
 struct Identification {
-  FitProblem problem = FitProblem::none;
-  Misfit misfit = Misfit::none;  ///< of FitProblem::wrong_model, and of a bound that is reached so
-  int culprit = -1;              ///< the unknown of FitProblem::bound_reached
-  std::vector<FittedUnknown> unknowns;
-  std::vector<Combination> combinations;  ///< of FitProblem::degenerate_orbit
-  Scene fitted;                           ///< with the values, and the replica where the machine is
-  double jitter = 0.0;                    ///< as told, or as found [s]
-  bool jitter_given = false;
-  double scatter = 0.0;  ///< of events about the machine's own, root mean square by freedom [s]
-  double chi2 = 0.0;     ///< sum of (tau - t)^2 / jitter^2
-  double largest_chi2 = 0.0;  ///< that is believed
-  int freedom = 0;
-  int impacts = 0, stretches = 0;
-  int events = 0;             ///< events at which a contact closes
-  int left_out = 0;           ///< of them, those that the fit does not use
-  int spurious_left_out = 0;  ///< of these, spurious ones; the others lie in parts that are too
-                              ///< short or contradict the rest
-  double from = 0.0, to = 0.0;
-  double interval = 0.0;  ///< usual time between impacts [s]
-  /// How far the impacts of the last fifth usually come from where the fit to the first four
-  /// expects each, knowing those before it; and the same within the first four [s].
+  FitProblem problem = FitProblem::none;  ///< verdict
+  Misfit misfit =
+      Misfit::none;  ///< for FitProblem::wrong_model, and for a bound reached by scatter
+  int culprit = -1;  ///< index of the unknown of FitProblem::bound_reached; -1: none
+  std::vector<FittedUnknown> unknowns;    ///< in the order of the settings
+  std::vector<Combination> combinations;  ///< for FitProblem::degenerate_orbit
+  Scene fitted;                           ///< scene with the values; its replica starts at `start`
+  double jitter = 0.0;                    ///< as given, or as estimated [s]
+  bool jitter_given = false;              ///< the settings gave the jitter
+  double scatter = 0.0;            ///< root of the residuals' squares per degree of freedom [s]
+  double chi2 = 0.0;               ///< sum of (tau - t)^2 / jitter^2
+  double largest_chi2 = 0.0;       ///< largest chi2 that is accepted
+  int freedom = 0;                 ///< degrees of freedom
+  int impacts = 0, stretches = 0;  ///< impacts used, and uninterrupted parts they form
+  int events = 0;                  ///< events at which a contact closes
+  int left_out = 0;                ///< those of `events` that the fit does not use
+  int spurious_left_out = 0;    ///< those of `left_out` that are spurious; the others lie in parts
+                                ///< that are too short or contradict the rest
+  double from = 0.0, to = 0.0;  ///< first and last impact used [s]
+  double interval = 0.0;        ///< typical time between impacts [s]
+  /// \brief Typical error of predicting each impact of the last fifth from those before it, with
+  /// the fit to the first four fifths; and the same error within the first four fifths [s].
   double predicted = 0.0, predicted_before = 0.0;
-  double first_squares = 0.0;  ///< of the first four fifths alone [s^2]
-  int first_freedom = 0;
-  State start, start_sigma;  ///< at start_t
-  double start_t = 0.0;
-  double inside_from = 0.0, inside_to = 0.0;  ///< of FitProblem::lost_or_spurious_events [s]
-  std::vector<std::size_t> spurious;          ///< numbers of events
-  std::vector<MissingImpact> missing;
-  Likelihood likelihood;  ///< the solution: path and covariance; its stretches are `measured`
-  Stretches measured;
-  Departure departure;  ///< what is found beside the jitter; in the sigmas of the unknowns
-  /// Values, of all unknowns, of other minima that fit as well.
+  double first_squares = 0.0;  ///< sum of squares of the first four fifths alone [s^2]
+  int first_freedom = 0;       ///< degrees of freedom of the first four fifths
+  State start, start_sigma;    ///< state at `start_t` and its standard deviations
+  double start_t = 0.0;        ///< [s]
+  double inside_from = 0.0, inside_to = 0.0;  ///< for FitProblem::lost_or_spurious_events [s]
+  std::vector<std::size_t> spurious;          ///< indices of spurious events
+  std::vector<MissingImpact> missing;         ///< impacts without an event
+  Likelihood likelihood;  ///< the solution: path and covariance, for the stretches `measured`
+  Stretches measured;     ///< impacts with their measured times
+  Departure departure;    ///< other causes of scatter than jitter; included in the sigmas
+  /// \brief Values of all unknowns at other minima that fit as well.
   std::vector<Eigen::VectorXd> others;
 
+  /// \brief Whether the fit is accepted.
+  /// \return true if it is.
   bool fits() const { return problem == FitProblem::none; }
+  /// \brief Whether other minima fit as well.
+  /// \return true if some do.
   bool ambiguous() const { return !others.empty(); }
-  /// Whether there are values at all, of a fit that may be refused.
+  /// \brief Whether there are values, of a fit that may be refused.
+  /// \return true if there are.
   bool converged() const { return problem != FitProblem::no_convergence; }
+  /// \brief Share of the events that the fit uses.
+  /// \return 0 to 1.
   double used_share() const {
     return events > 0 ? 1.0 - static_cast<double>(left_out) / events : 0.0;
   }
 };
 
-/// Too few impacts to say anything.
-struct TooFewImpacts : std::runtime_error {
-  using std::runtime_error::runtime_error;
+/// \brief The recording has too few impacts for the unknowns. Does not derive from Error.
+struct TooFewImpacts : Error {
+  using Error::Error;
 };
 
-/// Throws TooFewImpacts, ModelError where M is not positive definite, and Interrupted
-/// (interrupt.h).
+/// \brief Identifies parameters of a machine.
+/// \param scene machine with nominal values.
+/// \param events in order of time; contacts from 0.
+/// \param settings parameters, jitter and gaps.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return values, deviations and the verdict.
+/// \throws TooFewImpacts if the recording has too few impacts.
+/// \throws ModelError if M is not positive definite.
+/// \throws Interrupted if `stop` was requested.
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
-                        const IdentificationSettings& settings);
+                        const IdentificationSettings& settings, std::stop_token stop = {});
 
 }  // namespace sprag

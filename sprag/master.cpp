@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -14,17 +15,17 @@
 namespace sprag {
 namespace {
 
-// So many events that are no further apart than a few roundings of t are a standstill of time.
+// This many events, each within a few roundings of t of the next, are a standstill of time.
 constexpr int events_of_standstill = 10000;
 constexpr double roundings_of_standstill = 4.0;
-// Bounces that are shorter than this share of a chatter's rest cannot be told apart either.
+// Bounces shorter than this share of chatter_time cannot be distinguished either.
 constexpr double resolvable_of_chatter = 1e-6;
-// A joint chatter: so many brief contacts closely one after the other are held together, and so
-// many in spite of that are a standstill of time.
+// Joint chatter: after this many brief contacts in close succession the contacts are held together.
+// This many in spite of that are a standstill of time.
 constexpr int brief_contacts_of_chatter = 16;
 constexpr int brief_contacts_of_standstill = 1000;
 constexpr double chatters_of_brief_contact = 128.0;
-constexpr double brief_share = 1e-4;  // of the machine's time_scale()
+constexpr double brief_share = 1e-4;  // share of the machine's time_scale()
 
 // "contact 2" or "contacts 1, 2 and 4".
 std::string list(ContactSet contacts) {
@@ -75,9 +76,9 @@ void Master::record(int contact, ContactEventKind kind, std::vector<ContactEvent
   events.push_back(event);
 }
 
-// A chatter of one contact takes 1 / (1 - epsilon) times as long as its first flight: sustained
-// contacts shorter than a few of those that chatter_time completes belong to one joint chatter,
-// unless chatter_time is so long that the machine moves in it.
+// Whether a sustained contact of this duration belongs to a joint chatter. A chatter of one contact
+// takes 1 / (1 - epsilon) times its first flight. The limit is a multiple of the chatters that
+// chatter_time completes, and a small share of the machine's own time.
 bool Master::is_brief(double duration) {
   double least = 1.0;
   for (const Contact& contact : flows_.dynamics().model().contacts) {
@@ -92,7 +93,7 @@ bool Master::in_brief_contacts() {
   return is_brief((now() - brief_since_) / (brief_contacts_ + 1));
 }
 
-// One that opens soon again, or that no closing comes of.
+// Counts a contact that soon opens again, or a completed chatter that does not stay closed.
 void Master::count_brief_contact() {
   if (!in_brief_contacts()) {
     brief_contacts_ = 0;
@@ -107,13 +108,13 @@ void Master::count_brief_contact() {
        "clearances and motions; a larger impact.chatter_time may help");
 }
 
-// Whether the contacts that are closed have come to throw each other off in turn, for flights that
-// never end: what completes the chatter of one throws another off, which chatters as long again.
+// Whether the closed contacts release each other in turn without end: completing the chatter of one
+// contact releases another, which chatters as long again.
 bool Master::holds_together() {
   return brief_contacts_ >= brief_contacts_of_chatter && in_brief_contacts();
 }
 
-// Contacts that are closed or had one of the last impacts.
+// Contacts that are closed or took part in one of the last impacts.
 ContactSet Master::recently_active() const {
   ContactSet active = closed_;
   for (const Impact& impact : recent_) active |= impact.closing;
@@ -166,7 +167,8 @@ void Master::start_contacts(std::vector<ContactEvent>& events) {
   if (closing != 0) close(closing, penetrating_, events);
 }
 
-// Lists what can end the present phase, and starts the search for the first of it.
+// Lists the signals whose zeros can end the present phase, and starts the search for the first
+// zero.
 void Master::watch() {
   watches_.clear();
   const Flow& flow = *motion_.flow;
@@ -192,7 +194,7 @@ void Master::begin(std::vector<ContactEvent>& events) {
   watch();
 }
 
-// When the next instant is at which anything happens, if it is not after t.
+// Finds the time of the next change. Returns whether it is not after t.
 bool Master::find_next(Instant t, double& event) {
   check_interrupt();
   const double completion =
@@ -211,7 +213,9 @@ void Master::take_next(double event, std::vector<ContactEvent>& events) {
   watch();
 }
 
-bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough) {
+bool Master::advance(Instant t, std::vector<ContactEvent>& events, std::size_t enough,
+                     std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   const std::size_t most = events.size() + std::min(enough, events.max_size() - events.size());
   begin(events);
   double event = infinity;
@@ -242,7 +246,7 @@ void Master::check_progress(double event) {
   since_ = event;
 }
 
-// Chatters that have ended are none any more.
+// Collects the changes due now. Resets the completion time of each ended chatter.
 Master::Due Master::take_due(bool from_search) {
   Due due;
   for (std::size_t w = 0; from_search && w < watches_.size(); ++w) {
@@ -291,7 +295,7 @@ void Master::surface(ContactSet surfacing, std::vector<ContactEvent>& events) {
   });
 }
 
-// Penetrating contacts stay closed, though not locked.
+// Unlocks contacts. Penetrating ones stay closed, the others open.
 void Master::release(ContactSet releasing, std::vector<ContactEvent>& events) {
   solver_.release(releasing, motion_);
   for_each(releasing, [&](int i) {
@@ -315,20 +319,20 @@ void Master::arrest(ContactSet arrested) {
            [&](int i) { order_[index(i)] = contains(locking.unloaded, i) ? 1 : 0; });
 }
 
-// Bounces that time cannot tell apart would never end.
+// Shortest flight that t resolves. Shorter bounces would never end.
 double Master::shortest_time() const {
   return resolvable * now() + resolvable_of_chatter * flows_.dynamics().model().chatter_time;
 }
 
-// Rest of a bounce sequence that is completed.
+// Longest remainder of a bounce sequence that is completed.
 double Master::shortest_chatter() const {
   return std::max(flows_.dynamics().model().chatter_time, shortest_time());
 }
 
-// The contacts whose impacts on each other have come to chatter, counting this one.
+// Contacts in a joint chatter by their last impacts, this one included; 0: none.
 ContactSet Master::wedged(ContactSet closing) {
   constexpr int repeatedly = 3;
-  constexpr double window = 16.0;  // chatter times
+  constexpr double window = 16.0;  // in chatter times
   const auto size = static_cast<long>(recent_.size());
   recent_[static_cast<std::size_t>(impacts_ % size)] = {now(), closing};
   const Impact& oldest = recent_[static_cast<std::size_t>((impacts_ + 1) % size)];
@@ -346,8 +350,8 @@ ContactSet Master::wedged(ContactSet closing) {
   return wedged;
 }
 
-// A contact that has parted at this very instant takes part in the impacts that follow it: the next
-// search takes its gap for zero and would not see that it is pressed in.
+// Whether a gap is zero to rounding. Such a contact takes part in an impact, because the event
+// search cannot detect its penetration from a gap of zero.
 bool Master::touches(int contact) const {
   const Signal& g = motion_.flow->gap(contact);
   const double scale =
@@ -355,9 +359,9 @@ bool Master::touches(int contact) const {
   return std::abs(value(g, motion_)) <= touching * scale;
 }
 
-// Those of `contacts` that an impact has thrown off for less than the rest of a chatter: they would
-// come back at once, throw others off in turn, and so on without end. In a joint chatter all that
-// would come back.
+// Those of `contacts` that the impact released for less than the remainder of a completed chatter.
+// They would return at once and release others, without end. In a joint chatter: all that would
+// return.
 ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision) {
   const double longest = holds_together() ? infinity : shortest_chatter();
   ContactSet brief = 0;
@@ -370,7 +374,7 @@ ContactSet Master::hardly_parted(ContactSet contacts, const Collision& collision
   return brief;
 }
 
-// Contacts that touch without being among these.
+// Touching contacts that are not in `contacts`.
 ContactSet Master::touching_beside(ContactSet contacts) const {
   ContactSet touched = 0;
   for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
@@ -379,9 +383,9 @@ ContactSet Master::touching_beside(ContactSet contacts) const {
   return touched;
 }
 
-// Impact of the contacts `closing` on the machine as it is. A closing contact that ends up staying
-// takes restitution 0, one that is thrown off its own: that is how a replica knows it. Either may
-// change who stays; `staying` is what has come of it.
+// Impact of the contacts `closing`. A closing contact that stays closed takes restitution 0, one
+// that is released its own restitution, as in a replica. Both choices can change which contacts
+// stay closed, so that the impact is solved until they agree. `staying` receives the result.
 Collision Master::collide(ContactSet closing, ContactSet& staying) {
   const Model& model = flows_.dynamics().model();
   const ContactSet participants = closed_ | closing;
@@ -398,7 +402,7 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
            ", which close at once, have linearly dependent directions: supports that squeeze the "
            "machine between them, or one support too many; check their clearances and motions");
     }
-    // To hold one may lift another as little.
+    // Holding one contact may lift another as little.
     while (const ContactSet brief = hardly_parted(closed_ | staying, collision)) {
       const Collision held = solver_.hold(collision, brief, ~penetrating_, motion_);
       if (held.solved != Solved::yes) break;
@@ -418,7 +422,7 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
   }
 }
 
-// Impact of the contacts `closing` on the machine as it is; those of `to_stay` close for good.
+// Impact of the contacts `closing`. Those of `to_stay` have restitution 0.
 void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events) {
   const ContactSet closed_before = closed_;
   const ContactSet touched = touching_beside(closed_before | closing);
@@ -453,12 +457,13 @@ void Master::close(ContactSet closing, ContactSet to_stay, std::vector<ContactEv
            [&](int i) { foresee_completion(i, collision.gamma_plus[i]); });
 }
 
-// Of a contact that leaves with gamma [m/s]: whether its bounces are to be completed, and when.
+// Sets the completion time of a contact that opens with gamma [m/s], if its chatter is to be
+// completed.
 void Master::foresee_completion(int contact, double gamma) {
   if (!(gamma > 0.0)) return;
   const double epsilon = flows_.dynamics().model().contacts[index(contact)].restitution;
   const double acceleration = rate(motion_.flow->gap_velocity(contact), motion_);
-  // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the very next landing is not resolvable.
+  // 2 gamma / (|g''| (1 - epsilon)) < chatter_time, or the next landing is not resolvable.
   if (2.0 * gamma < -acceleration * (1.0 - epsilon) * shortest_chatter()) {
     completion_[index(contact)] = now() + 2.0 * gamma / (-acceleration * (1.0 - epsilon));
   } else if (2.0 * gamma < -acceleration * shortest_time()) {

@@ -1,18 +1,24 @@
-// The master: the machine with geometric unilateral constraints, eq. (5) of Baumann & Leine 2014,
-// simulated event by event with exact flows. It produces the contact events an observer lives on.
-//
-// An isolated impact is a pulse with the contact's restitution. A bounce sequence whose rest
-// 2 gamma+ / (|g''| (1 - epsilon)) is shorter than Model::chatter_time is completed: the contact
-// closes to stay, with restitution 0, at the instant where the sequence would have ended. Contacts
-// that throw the machine to and fro between them, as in a wedge, have no such formula: they are
-// completed together once 32 impacts take less than 16 chatter_time. Closed contacts that go on to
-// throw each other off, each for longer than chatter_time, are held together (holds_together()).
-// A closed contact opens when its force would turn negative.
+/// \file
+/// \brief The master: simulates the machine with geometric unilateral constraints, eq. (5) of
+/// Baumann & Leine 2014, event by event with exact flows, and produces its contact events.
+///
+/// - Isolated impact: a pulse with the contact's restitution.
+/// - Chatter: a bounce sequence whose remainder 2 gamma+ / (|g''| (1 - epsilon)) is shorter than
+///   Model::chatter_time is completed. The contact closes to stay, with restitution 0, at the
+///   accumulation point.
+/// - Joint chatter: contacts that throw the machine to and fro between them, as in a wedge, have no
+///   such formula. They are completed together after 32 impacts in less than 16 chatter_time.
+/// - Closed contacts that release each other repeatedly, each for longer than chatter_time, are
+///   held together (holds_together()).
+/// - Release: a closed contact opens when its force would become negative.
+///
+/// Contacts are counted from 0.
 #pragma once
 
 #include <array>
 #include <limits>
 #include <memory>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -25,60 +31,93 @@
 
 namespace sprag {
 
-/// A gap below this share of its terms is closed.
+/// \brief A gap below this share of its terms counts as closed.
 inline constexpr double touching = 1e-12;
-/// Bounces that are shorter than this share of the time cannot be told apart.
+/// \brief Bounces shorter than this share of the time t cannot be distinguished in t.
 inline constexpr double resolvable = 1e-14;
 
-/// The simulation cannot go on; what() says when and why.
+/// \brief The simulation cannot continue; what() says when and why.
 struct SimulationError : Error {
   using Error::Error;
 };
 
+/// \brief Simulates one machine from event to event.
 class Master {
  public:
-  /// Starts at t = 0. A contact with g < 0 stays closed (gamma >= 0) until g rises through zero;
-  /// the scene reader decides whether such a start is allowed. Throws ModelError.
+  /// \brief Starts at t = 0.
+  ///
+  /// A contact with g < 0 stays closed (gamma >= 0) until g rises through zero. The scene reader
+  /// decides whether such a start is allowed.
+  /// \param model the machine, f coordinates.
+  /// \param start state at t = 0.
+  /// \throws ModelError if the machine has no exact flow.
   Master(Model model, const State& start);
-  /// Goes on from (q, u) at t >= 0 [s], the contacts `closed` held at g = 0. Their closing is told
-  /// once more, at t. `flows` must outlive this.
+  /// \brief Continues from a state at time t. The closing of the closed contacts is reported again,
+  /// at t.
+  /// \param flows flows of the machine; must outlive this.
+  /// \param start state at t.
+  /// \param t time, >= 0 [s].
+  /// \param closed contacts that are held at g = 0.
   Master(const Flows& flows, const State& start, double t, ContactSet closed);
   Master(const Master&) = delete;
   Master& operator=(const Master&) = delete;
 
-  /// Simulates every event up to and including t and appends them to `events` in order. Gives up
-  /// before t, with false, after `enough` of them; call again to go on. Throws SimulationError (no
-  /// progress, dependent directions) or Interrupted (interrupt.h); events found until then are
-  /// kept, and the master is not to be advanced any more.
+  /// \brief Simulates up to and including t.
+  ///
+  /// After an exception the events found before it are kept, and the master must not be advanced
+  /// again.
+  /// \param t end.
+  /// \param events receives the new events, appended in order.
+  /// \param enough number of new events after which it stops before t.
+  /// \param stop token by which another thread or a signal handler cancels the computation.
+  /// \return false if it stopped before t; call again to continue.
+  /// \throws SimulationError for no progress of time, or linearly dependent directions of closed
+  /// contacts.
+  /// \throws Interrupted if `stop` was requested.
   bool advance(Instant t, std::vector<ContactEvent>& events,
-               std::size_t enough = std::numeric_limits<std::size_t>::max());
+               std::size_t enough = std::numeric_limits<std::size_t>::max(),
+               std::stop_token stop = {});
 
-  /// Takes the next instant at which anything happens, told or not, if it is not after t; whether
-  /// there was one. The first call takes what happens at the start as well. Throws as advance().
+  /// \brief Moves to the next instant at which anything changes, also without an event, if it is
+  /// not after t. The first call also handles the start.
+  /// \param t end.
+  /// \param events receives the new events, appended in order.
+  /// \return whether there was such an instant.
+  /// \throws SimulationError, Interrupted as advance() does.
   bool advance_once(Instant t, std::vector<ContactEvent>& events);
 
-  /// State at t, right-continuous; t between the last event and the next one, as after advance(t).
-  /// q and u have f entries each.
+  /// \brief State at t, right-continuous.
+  /// \param t time between the last and the next event, as after advance(t).
+  /// \param q receives the coordinates, f entries.
+  /// \param u receives the velocities, f entries.
   void state(Instant t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
 
-  /// Time of the next event if it is known already, else infinity. It is known at the latest when
-  /// advance() comes close to it.
+  /// \brief Time of the next event, if it is known already. advance() knows it at the latest when
+  /// it comes close to it.
+  /// \return time [s], else infinity.
   double next_event() const;
 
-  /// chi at the time of the last advance().
+  /// \brief Closed contacts at the time of the last advance().
+  /// \return chi.
   ContactSet closed() const { return closed_; }
+  /// \brief Flows of the machine.
+  /// \return the flows.
   const Flows& flows() const { return flows_; }
-  /// Where it is behind the last instant at which anything happened; its flow is the present one.
+  /// \brief Motion just after the last instant at which anything changed, on the present flow.
+  /// \return the motion.
   const Motion& motion() const { return motion_; }
 
-  /// Work done so far.
+  /// \brief Number of impacts so far.
+  /// \return the number.
   long impacts() const { return impacts_; }
+  /// \brief Number of series expansions of the event search so far.
+  /// \return the number.
   long expansions() const { return search_.expansions(); }
 
  private:
   enum WatchKind { gap_falls, gap_rises, velocity_falls, force_falls };
 
-  // What happens at one instant.
+  // Changes at one instant.
   struct Due {
     ContactSet closing = 0;    // gaps fall to zero
     ContactSet completed = 0;  // chatters end
@@ -122,7 +161,7 @@ class Master {
 
   Master(std::unique_ptr<const Flows> own, const State& start);
 
-  std::unique_ptr<const Flows> own_flows_;  // null: another's
+  std::unique_ptr<const Flows> own_flows_;  // null: flows_ belongs to the caller
   const Flows& flows_;
   ContactSolver solver_;
   EventSearch search_;
@@ -133,20 +172,20 @@ class Master {
   ContactSet held_at_start_ = 0;
   ContactSet closed_ = 0;       // chi
   ContactSet penetrating_ = 0;  // closed since the start, g < 0
-  std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
+  std::vector<int>
+      order_;  // per contact: number of leading derivatives of its watched signal that are zero
   std::vector<double> completion_;  // per contact: time at which its chatter ends, or infinity
   std::vector<double> closed_at_;   // per contact: time at which it closed to stay last
-  std::array<Impact, 32> recent_;   // ring of the last impacts
-  // Brief contacts since brief_since_ [s], closely one after the other; restarted by a longer
-  // pause.
+  std::array<Impact, 32> recent_;   // ring buffer of the last impacts
+  // Number of brief contacts in close succession since brief_since_ [s]. A longer pause resets it.
   int brief_contacts_ = 0;
   double brief_since_ = 0.0;
-  double machine_time_ = 0.0;    // time_scale() of the machine [s]; 0 until it is needed
+  double machine_time_ = 0.0;    // time_scale() of the machine [s]; 0: not computed yet
   std::vector<double> epsilon_;  // scratch
   std::vector<Watch> watches_;   // scratch
   bool started_ = false;
   long impacts_ = 0;
-  int events_since_ = 0;  // since_ [s]
+  int events_since_ = 0;  // number of events since since_ [s]
   double since_ = 0.0;
 };
 

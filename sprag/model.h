@@ -1,6 +1,9 @@
-// The machine: M u' + C u + K q = W lambda + f(t), q' = u (Baumann & Leine 2014, eq. (2)), with
-// contacts g_i = w_i^T q + s_i(t) + c_i and gamma_i = w_i^T u + s_i'(t).
-// Units are the scene's own, consistently (SI in the scenes that ship).
+/// \file
+/// \brief The machine: M u' + C u + K q = W lambda + f(t), q' = u (Baumann & Leine 2014, eq. (2)).
+///
+/// Contact i has the gap g_i = w_i^T q + s_i(t) + c_i and the gap velocity
+/// gamma_i = w_i^T u + s_i'(t). Contacts are counted from 0. Units are the scene's own, consistent;
+/// the shipped scenes use SI.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,61 +19,74 @@
 
 namespace sprag {
 
-/// amplitude cos(frequency t + phase); frequency in rad per unit of time, >= 0.
+/// \brief amplitude cos(frequency t + phase).
 struct Harmonic {
-  double amplitude = 0.0;
-  double frequency = 0.0;
-  double phase = 0.0;
+  double amplitude = 0.0;  ///< in the unit of the quantity
+  double frequency = 0.0;  ///< >= 0 [rad per unit of time]
+  double phase = 0.0;      ///< [rad]
 };
 
-/// f(t) += direction (constant + harmonic(t)); direction has f entries.
+/// \brief Adds direction (constant + harmonic(t)) to f(t).
 struct Force {
-  Eigen::VectorXd direction;
-  double constant = 0.0;
-  Harmonic harmonic;
+  Eigen::VectorXd direction;  ///< f entries
+  double constant = 0.0;      ///< constant part
+  Harmonic harmonic;          ///< harmonic part
 };
 
-/// One unilateral contact; w has f entries.
+/// \brief One unilateral contact.
 struct Contact {
-  Eigen::VectorXd w;
+  Eigen::VectorXd w;         ///< contact direction w_i, f entries
   double clearance = 0.0;    ///< c_i [m]
   Harmonic motion;           ///< s_i(t) [m], motion of the support against the coordinates' frame
   double restitution = 0.0;  ///< epsilon_i in [0, 1]
-  /// In [-1, 1]: epsilon_i of a replica's pulses, where something is left out of its machine that
-  /// gives way as well (reduction.h). A contact that closes to stay takes 0 as ever.
+  /// \brief Restitution of the replica's pulses, in [-1, 1], for a replica with fewer modes than
+  /// its machine (reduction.h). Empty: epsilon_i. Events of kind `closes` have restitution 0
+  /// anyway.
   std::optional<double> replica_restitution = {};
 };
 
+/// \brief Restitution that a replica uses for pulses.
+/// \param contact the contact.
+/// \return Contact::replica_restitution, or Contact::restitution if that is empty.
 inline double restitution_of_replica(const Contact& contact) {
   return contact.replica_restitution.value_or(contact.restitution);
 }
 
-/// A quantity with a name that somebody asks for: direction^T q or direction^T u; direction has f
-/// entries.
+/// \brief A named quantity: direction^T q or direction^T u.
 struct Output {
-  std::string name;
-  Eigen::VectorXd direction;
-  bool velocity = false;
+  std::string name;           ///< as in the scene file
+  Eigen::VectorXd direction;  ///< f entries
+  bool velocity = false;      ///< direction^T u instead of direction^T q
 };
 
-enum class ImpactLaw { poisson, newton };
+/// \brief Impact law. Both coincide for an impact of one contact alone.
+enum class ImpactLaw {
+  poisson,  ///< impulse of the expansion = epsilon times that of the compression
+  newton    ///< gamma+ = -epsilon gamma-
+};
 
-/// Constant data of a machine with f coordinates and m = contacts.size() contacts.
-/// M is symmetric positive definite, C and K symmetric positive semidefinite, all f x f.
+/// \brief Constant data of a machine with f coordinates and m = contacts.size() contacts.
+///
+/// M is symmetric positive definite. C and K are symmetric positive semidefinite. All are f x f.
 struct Model {
-  Eigen::MatrixXd M, C, K;
-  std::vector<Force> forces;
-  std::vector<Contact> contacts;
-  ImpactLaw law = ImpactLaw::poisson;
-  double chatter_time = 1e-8;  ///< rest of a bounce sequence below which it is completed [s]; a
-                               ///< scene that does not give it takes 1e-8 time_scale() (scale.h)
-  std::vector<Output> outputs = {};
+  Eigen::MatrixXd M, C, K;             ///< mass, damping and stiffness matrix
+  std::vector<Force> forces;           ///< their sum is f(t)
+  std::vector<Contact> contacts;       ///< m contacts
+  ImpactLaw law = ImpactLaw::poisson;  ///< impact law of all contacts
+  double chatter_time = 1e-8;  ///< a chatter whose remainder is shorter is completed [s]; a scene
+                               ///< without it takes 1e-8 time_scale() (scale.h)
+  std::vector<Output> outputs = {};  ///< named quantities
 
+  /// \brief Number of coordinates.
+  /// \return f.
   Eigen::Index coordinates() const { return M.rows(); }
 };
 
-/// Whether nothing moves the machine but its own state: no force, no clearance and no motion of a
-/// support. It is hit at the same times whatever the scale of its motion.
+/// \brief Whether the machine has no input: no force, no clearance and no motion of a support.
+///
+/// The event times of such a machine do not depend on the scale of its motion.
+/// \param model the machine.
+/// \return true if it has none.
 inline bool is_homogeneous(const Model& model) {
   const auto no_force = [](const Force& force) {
     return (force.constant == 0.0 && force.harmonic.amplitude == 0.0) ||
@@ -83,41 +99,67 @@ inline bool is_homogeneous(const Model& model) {
          std::all_of(model.contacts.begin(), model.contacts.end(), at_zero);
 }
 
-/// Generalized coordinates and velocities, f entries each.
+/// \brief State of a machine.
 struct State {
-  Eigen::VectorXd q, u;
+  Eigen::VectorXd q, u;  ///< coordinates and velocities, f entries each
 };
 
-/// A machine whose motion has no exact flow (M not positive definite, defective modes, ...).
+/// \brief The machine has no exact flow, or a computation does not apply to it: M not positive
+/// definite, defective modes, damping that couples the modes, ... what() says which.
 struct ModelError : Error {
   using Error::Error;
 };
 
-/// What the output shows of q and u, f entries each.
+/// \brief Value of an output.
+/// \param output the output.
+/// \param q coordinates, f entries.
+/// \param u velocities, f entries.
+/// \return direction^T q or direction^T u.
 double value(const Output& output, const Eigen::Ref<const Eigen::VectorXd>& q,
              const Eigen::Ref<const Eigen::VectorXd>& u);
 
+/// \brief Value of a harmonic at time t.
+/// \param harmonic the harmonic.
+/// \param t time [s].
+/// \return amplitude cos(frequency t + phase).
 inline double value(const Harmonic& harmonic, double t) {
   return harmonic.amplitude * std::cos(harmonic.frequency * t + harmonic.phase);
 }
+/// \brief Time derivative of a harmonic at time t.
+/// \param harmonic the harmonic.
+/// \param t time [s].
+/// \return -amplitude frequency sin(frequency t + phase).
 inline double rate(const Harmonic& harmonic, double t) {
   return -harmonic.amplitude * harmonic.frequency *
          std::sin(harmonic.frequency * t + harmonic.phase);
 }
 
+/// \brief Second time derivative of a harmonic, as a harmonic.
+/// \param harmonic the harmonic.
+/// \return its second derivative.
 inline Harmonic second_derivative(const Harmonic& harmonic) {
   return {-harmonic.amplitude * harmonic.frequency * harmonic.frequency, harmonic.frequency,
           harmonic.phase};
 }
 
-/// g_i(q, t) [m].
+/// \brief Gap g_i(q, t).
+/// \param contact the contact.
+/// \param q coordinates, f entries.
+/// \param t time [s].
+/// \return the gap [m]; negative inside the support.
 inline double gap(const Contact& contact, const Eigen::VectorXd& q, double t) {
   return contact.w.dot(q) + value(contact.motion, t) + contact.clearance;
 }
-/// The largest that the absolute terms of g_i(q, t) sum up to at any t [m]: what rounding is a
-/// share of.
+/// \brief Scale of the rounding errors of a gap.
+/// \param contact the contact.
+/// \param q coordinates, f entries.
+/// \return upper bound over all t of the sum of the absolute terms of g_i(q, t) [m].
 double gap_scale(const Contact& contact, const Eigen::VectorXd& q);
-/// gamma_i(u, t) [m/s].
+/// \brief Gap velocity gamma_i(u, t).
+/// \param contact the contact.
+/// \param u velocities, f entries.
+/// \param t time [s].
+/// \return the gap velocity [m/s].
 inline double gap_velocity(const Contact& contact, const Eigen::VectorXd& u, double t) {
   return contact.w.dot(u) + rate(contact.motion, t);
 }

@@ -20,7 +20,7 @@
 namespace sprag {
 namespace {
 
-// As wide as its first row.
+// Sets n rows; the columns are those of the first estimate.
 void resize(Eigen::Index n, const Estimate& first, Estimates& all) {
   all.t.resize(n);
   all.q.resize(n, first.q.size());
@@ -49,7 +49,8 @@ void require_tick(double tick) {
 
 }  // namespace
 
-// TimeLine, what waits after the horizon, and a provisional state ahead of what is settled.
+// A TimeLine up to the horizon, the events after it, and a provisional state after the settled
+// ticks.
 class Observer::Core {
  public:
   Core(const Scene& scene, const ObserverSettings& settings)
@@ -74,7 +75,7 @@ class Observer::Core {
   }
 
   bool take(const ContactEvent& event) {
-    // The history refuses it and says why.
+    // The history refuses the event and counts the reason.
     if (!(event.t >= 0.0) || !std::isfinite(event.t) || event.contact < 0 ||
         event.contact >= contacts_ || event.t <= time_line_.events().horizon()) {
       time_line_.receive(event);
@@ -130,18 +131,18 @@ class Observer::Core {
 
  private:
   using State = TrackingState;
-  // What is settled is never gone back behind.
+  // Settled ticks are never rolled back.
   static constexpr std::int64_t history = 1;
 
   static bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
-  // Behind those of the same instant.
+  // Inserts after the events of the same instant.
   static void insert(const ContactEvent& event, std::vector<ContactEvent>& ordered) {
     ordered.insert(std::upper_bound(ordered.begin(), ordered.end(), event, earlier), event);
   }
 
   double time_of(std::int64_t k) const { return tick_instant(k, estimator_.h()).hi; }
 
-  // The next events up to this tick; what contradicts those before it is left out.
+  // Next events up to this tick, without those that contradict earlier events.
   std::span<const ContactEvent> events_of(std::int64_t tick, ContactSet chi) {
     of_tick_.clear();
     for (; next_ < known_.size() && first_tick_after(known_[next_].t, estimator_.h()) <= tick;
@@ -154,7 +155,7 @@ class Observer::Core {
     return of_tick_;
   }
 
-  // From the last tick handed out, with all that is known behind it.
+  // Restarts the provisional state from the last settled tick, with all later events.
   void start_ahead() {
     const auto& history_events = time_line_.events().events();
     const bool from_start = time_line_.handed_out() < 0;
@@ -192,7 +193,7 @@ class Observer::Core {
     estimate.closed = state.chi;
     estimate.settled = settled;
     estimate.of_filter = confidence_.from_filter;
-    // An adaptive filter has supports of its own.
+    // An adaptive filter has its own clearances.
     estimate.penetrating =
         !(confidence_.parameters.any() && confidence_.from_filter) &&
         penetration(supports_, q_, estimate.t, confidence_.sigma_g, length_) > 0.0;
@@ -228,10 +229,10 @@ class Observer::Core {
   Confidence confidence_;
   std::unique_ptr<Guarantee> guarantee_;
   Eigen::VectorXd q_, u_;
-  State settled_;                      // at the last tick handed out; at first, at tick 0
-  std::vector<ContactEvent> waiting_;  // behind the horizon, in order
-  std::optional<State> ahead_;         // and further, provisional
-  std::vector<ContactEvent> known_;    // what ahead_ goes through, `next_` comes next
+  State settled_;                      // at the last tick that was returned; initially at tick 0
+  std::vector<ContactEvent> waiting_;  // events after the horizon, in order
+  std::optional<State> ahead_;  // provisional state after settled_; empty: restart from settled_
+  std::vector<ContactEvent> known_;  // events of ahead_; next_ is the index of the next
   std::size_t next_ = 0;
   std::vector<ContactEvent> of_tick_;
 };
@@ -257,11 +258,14 @@ double Observer::tick() const { return core_->tick(); }
 const EventHistory& Observer::events() const { return core_->events(); }
 
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
-                  const ObserverSettings& settings) {
+                  const ObserverSettings& settings, std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   return observe(Observer(scene, settings), events, duration);
 }
 
-Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration) {
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration,
+                  std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   if (!(duration >= 0.0) || !std::isfinite(duration)) {
     throw std::invalid_argument("duration is " + std::to_string(duration) + "; must be >= 0");
   }
@@ -272,7 +276,7 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
     if (event.t <= duration) observer.take(event);
   }
   observer.set_end(duration);
-  // In pieces, so that few estimates are held twice.
+  // In pieces, to limit the memory of estimates held twice.
   constexpr Eigen::Index piece = 4096;
   Eigen::Index last = -1;
   for (Eigen::Index k = 0; k < n;) {

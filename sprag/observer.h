@@ -1,16 +1,20 @@
-// The observer as a library: contact events in, in any order and late; estimates of the full state
-// out. One object is what a process `observer` or its --replay is, without LCM and without a clock:
-// settled estimates are the same bits.
-//
-//   sprag::Observer observer(sprag::read_scene("scenes/paper_beam.toml"), {.tick = 0.01});
-//   observer.take({0.4565, 0, sprag::ContactEventKind::pulse});
-//   observer.set_horizon(1.0);                     // every event up to t = 1 has been taken
-//   for (const sprag::Estimate& estimate : observer.settle()) use(estimate.t, estimate.q);
-//   sprag::Estimate now = observer.at(1.2);        // provisional: events may still come
-//
-// An object belongs to one thread at a time; different objects do not share anything. Everything
-// allocates: what must not, takes TimeLine (time_line.h) and an estimator. An adaptive observer
-// identifies the machine where it settles, so that settle() takes some tenths of a second there.
+/// \file
+/// \brief The observer as a library: takes contact events in any order, returns estimates of the
+/// full state.
+///
+/// An Observer corresponds to the program `observer`, without LCM and without a clock. Its settled
+/// estimates equal those of the program bit by bit.
+///
+///     sprag::Observer observer(sprag::read_scene("scenes/paper_beam.toml"), {.tick = 0.01});
+///     observer.take({0.4565, 0, sprag::ContactEventKind::pulse});
+///     observer.set_horizon(1.0);             // every event up to t = 1 has been taken
+///     for (const sprag::Estimate& estimate : observer.settle()) use(estimate.t, estimate.q);
+///     sprag::Estimate now = observer.at(1.2);  // provisional: later events may change it
+///
+/// Use an object from one thread at a time. Different objects share nothing. All functions allocate
+/// memory; a real-time loop uses TimeLine (time_line.h) with an estimator instead. An adaptive
+/// observer identifies the machine in settle(), which takes some tenths of a second. Contacts are
+/// counted from 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,6 +22,7 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -29,69 +34,92 @@
 
 namespace sprag {
 
-/// What an observer says of one tick. f coordinates, m contacts, in the scene's units.
+/// \brief Estimate of one tick, for f coordinates and m contacts, in the scene's units.
 struct Estimate {
-  std::int64_t tick = 0;
-  double t = 0.0;            ///< tick h [s]
+  std::int64_t tick = 0;     ///< number k of the tick
+  double t = 0.0;            ///< k h [s]
   Eigen::VectorXd q, u;      ///< f entries each
-  ContactSet closed = 0;     ///< chi: bit i for contact i, as reported
-  bool settled = false;      ///< it never changes: every event up to t was taken
-  bool of_filter = false;    ///< q and u are a filter's; else the replica's
+  ContactSet closed = 0;     ///< chi as reported, bit i for contact i (from 0)
+  bool settled = false;      ///< final: every event up to t has been taken
+  bool of_filter = false;    ///< q and u are the filter's; false: the replica's
   bool penetrating = false;  ///< q lies inside a support, where the machine cannot be
-  /// Standard deviations of q, u (f entries each) and of the gaps (m entries); infinite where
-  /// nothing is known, empty without a timing filter.
+  /// \brief Standard deviations of q, u (f entries each) and of the gaps (m entries). Infinite
+  /// where unknown, empty for an estimator without a filter.
   Eigen::VectorXd sigma_q, sigma_u, sigma_gap;
-  /// Of the model's outputs, one each; infinite where nothing is known.
+  /// \brief The model's outputs and their standard deviations, one entry each; infinite where
+  /// unknown.
   Eigen::VectorXd outputs, sigma_outputs;
-  /// The replica's V is at most this; infinite where nothing guarantees it.
+  /// \brief Upper bound on the replica's error energy V; infinite where none is guaranteed.
   double bound = std::numeric_limits<double>::infinity();
-  /// The same as guaranteed half-widths about q, the gaps and the outputs; infinite where nothing
-  /// is guaranteed, empty where the scene allows no bound.
+  /// \brief The bound as half-widths about q, the gaps and the outputs. Infinite where nothing is
+  /// guaranteed, empty if the scene admits no bound.
   Eigen::VectorXd bound_q, bound_gap, bound_outputs;
-  /// Of an adaptive observer: what it has found of the machine's parameters; else empty.
+  /// \brief Parameters that an adaptive observer has identified; empty for others.
   ParameterEstimates parameters;
 };
 
+/// \brief Settings of an observer.
 struct ObserverSettings {
-  double tick = 0.01;  ///< h > 0 [s]
-  EstimatorKind estimator = EstimatorKind::both;
-  StepperKind stepper = StepperKind::exact;  ///< of EstimatorKind::replica
+  double tick = 0.01;                             ///< step h > 0 [s]
+  EstimatorKind estimator = EstimatorKind::both;  ///< kind of estimator
+  StepperKind stepper = StepperKind::exact;       ///< `moreau`: EstimatorKind::replica only
 };
 
+/// \brief Estimates the state of a machine from its contact events.
 class Observer {
  public:
-  /// At tick 0, in scene.replica. Throws ModelError, also where there is no adaptive estimator of
-  /// this scene, and std::invalid_argument for a tick that is not > 0, an estimator that has no
-  /// such stepper, or a key in scene.adaptation that is none.
+  /// \brief Starts at tick 0 in scene.replica.
+  /// \param scene machine, start and uncertainties.
+  /// \param settings tick and estimator.
+  /// \throws ModelError if the machine has no exact flow, or the scene has no adaptive estimator.
+  /// \throws std::invalid_argument for a tick that is not > 0, a stepper that the estimator does
+  /// not have, or an unknown key in scene.adaptation.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   ~Observer();
+  /// \brief Moves an observer.
   Observer(Observer&&) noexcept;
+  /// \brief Moves an observer.
+  /// \return this observer.
   Observer& operator=(Observer&&) noexcept;
 
-  /// Takes an event of any time behind the horizon, in any order: estimates are as if it had come
-  /// in time. False if it is refused: at or before the horizon, at a time that is no number or
-  /// negative, or of a contact that the machine does not have. Events that contradict those before
-  /// them (a contact closes that is closed) are skipped where they settle. Both leave the bound
-  /// infinite; events() counts them.
+  /// \brief Takes an event of any time after the horizon, in any order.
+  ///
+  /// Later estimates do not depend on the order in which events were taken. An event that
+  /// contradicts the events before it (it closes a closed contact) is skipped when its time
+  /// settles. Without a tolerance the bound is infinite after a refused or skipped event. events()
+  /// counts both. \param event contact from 0. \return false if the event is refused: its time is
+  /// at or before the horizon, negative or not finite, or the machine does not have its contact.
   bool take(const ContactEvent& event);
 
-  /// Every event up to t has been taken; never goes back.
+  /// \brief Sets the horizon (watermark): every event up to t has been taken.
+  /// \param t [s]; ignored if not after the present horizon.
   void set_horizon(double t);
 
-  /// No estimate after t will be asked for. The ticks up to t then settle when every event up to t
-  /// is known; else, with a tolerance of event times, when every event up to so much later is.
+  /// \brief Declares that no estimate after t will be requested.
+  ///
+  /// Without this, and with a tolerance of event times, a tick settles only when the horizon is
+  /// later than the tick by that tolerance. The ticks up to t then settle with the horizon at t.
+  /// \param t [s].
   void set_end(double t);
 
-  /// The estimates of the ticks up to the horizon that were not handed out yet, in order.
+  /// \brief Returns the estimates of the ticks that have settled since the last call.
+  /// \return settled estimates, in order.
   std::vector<Estimate> settle();
 
-  /// The estimate at the last tick at or before t, with all events that have been taken; t is not
-  /// before the last settled tick, else it throws std::invalid_argument. It costs the ticks from
-  /// the last call, or from the last settled tick where an event came late.
+  /// \brief Provisional estimate from all events taken so far.
+  ///
+  /// The cost is that of the ticks since the last call, or since the last settled tick after an
+  /// event that was older than the last call's estimate.
+  /// \param t [s].
+  /// \return the estimate at the last tick at or before t.
+  /// \throws std::invalid_argument if t is before the last settled tick or not finite.
   Estimate at(double t);
 
-  double tick() const;  ///< h [s]
-  /// Events taken and skipped, and where they may be missing.
+  /// \brief Step h.
+  /// \return h [s].
+  double tick() const;
+  /// \brief Events that were taken and skipped, and intervals in which events may be missing.
+  /// \return the history.
   const EventHistory& events() const;
 
  private:
@@ -99,30 +127,45 @@ class Observer {
   std::unique_ptr<Core> core_;
 };
 
-/// Estimates of many ticks, one a row: row k is tick k.
+/// \brief Estimates of n ticks, row k for tick k.
 struct Estimates {
+  /// \brief Matrix stored by rows.
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::VectorXd t;                 ///< n entries [s]
-  Rows q, u;                         ///< n x f
-  Rows sigma_q, sigma_u, sigma_gap;  ///< n x f, n x f, n x m; no columns without a timing filter
-  Rows outputs, sigma_outputs;       ///< n x the model's outputs
-  Eigen::VectorXd bound;             ///< n entries
-  Rows bound_q, bound_gap, bound_outputs;  ///< no columns where the scene allows no bound
+  Eigen::VectorXd t;                       ///< n entries [s]
+  Rows q, u;                               ///< n x f
+  Rows sigma_q, sigma_u, sigma_gap;        ///< n x f, n x f, n x m; no columns without a filter
+  Rows outputs, sigma_outputs;             ///< n x number of the model's outputs
+  Eigen::VectorXd bound;                   ///< n entries
+  Rows bound_q, bound_gap, bound_outputs;  ///< no columns if the scene admits no bound
   std::vector<std::uint8_t> of_filter;     ///< n entries, 0 or 1
   std::vector<std::uint8_t> penetrating;   ///< n entries, 0 or 1
-  /// Of an adaptive observer: the parameters that it seeks, P of them, as the scene file names
-  /// them, with their values and standard deviations, n x P; infinite until they are found.
+  /// \brief Keys of the P parameters that an adaptive observer seeks, as in the scene file.
   std::vector<std::string> keys;
-  Rows parameters, sigma_parameters;
-  EventCounts counts;  ///< events taken and skipped
+  Rows parameters, sigma_parameters;  ///< n x P; sigma is infinite until a value is found
+  EventCounts counts;                 ///< events taken and skipped
 };
 
-/// What an observer says of recorded events, in any order, up to `duration`: as --replay. Throws
-/// ModelError, std::invalid_argument, or Interrupted (interrupt.h).
+/// \brief Settled estimates of a recording, as from `observer --replay`.
+/// \param scene machine, start and uncertainties.
+/// \param events in any order; contacts from 0.
+/// \param duration end of the run, >= 0 [s].
+/// \param settings tick and estimator.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return estimates at the ticks from 0 to `duration`.
+/// \throws ModelError, std::invalid_argument as Observer does, also for a negative duration.
+/// \throws Interrupted if `stop` was requested.
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
-                  const ObserverSettings& settings = {});
+                  const ObserverSettings& settings = {}, std::stop_token stop = {});
 
-/// The same with an observer that has taken nothing yet.
-Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration);
+/// \brief The same with a given observer.
+/// \param observer observer that has taken no event yet.
+/// \param events in any order; contacts from 0.
+/// \param duration end of the run, >= 0 [s].
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return estimates at the ticks from 0 to `duration`.
+/// \throws std::invalid_argument for a negative duration.
+/// \throws Interrupted if `stop` was requested.
+Estimates observe(Observer observer, std::span<const ContactEvent> events, double duration,
+                  std::stop_token stop = {});
 
 }  // namespace sprag

@@ -15,15 +15,17 @@ namespace sprag {
 namespace {
 
 constexpr double spread_of_points = 2.0;      // c
-constexpr double certain_share = 0.25;        // of an interval
+constexpr double certain_share = 0.25;        // largest sigma of an interval, as a share of it
 constexpr std::size_t most_predicted = 1000;  // events
-constexpr double look_beyond = 2.0;  // of the time ahead, for those that come later than the mean
+constexpr double look_beyond =
+    2.0;  // in times ahead, for events that are later than those of the mean
 constexpr double rounding_of_time = 32.0 * std::numeric_limits<double>::epsilon();
 constexpr int corners = 32;
-constexpr double most_bent = 0.5;    // of the deviation of a corner
-constexpr double inside_by = 1e-12;  // share of a gap's terms
+constexpr double most_bent = 0.5;    // share of a corner's deviation that may be nonlinear
+constexpr double inside_by = 1e-12;  // share of a gap's terms that is rounding
 
-// A contact that its last event leaves just inside the support, and on its way out.
+// Contacts just inside their supports and moving out, as after their last event. `inside`: another
+// contact is inside and not moving out.
 ContactSet surfacing(const Model& model, const State& start, double t, ContactSet closed,
                      bool& inside) {
   ContactSet leaving = 0;
@@ -40,8 +42,8 @@ ContactSet surfacing(const Model& model, const State& start, double t, ContactSe
   return leaving;
 }
 
-// The events of a master from here, up to `count` of them and up to `end`; none where it starts in
-// a support, or cannot go on.
+// Events of a master from this state, at most `count` and up to `end`. Empty if it starts inside a
+// support or cannot continue.
 std::optional<std::vector<ContactEvent>> events_from(const Flows& flows, const State& start,
                                                      double t, ContactSet closed, double end,
                                                      std::size_t count) {
@@ -58,7 +60,8 @@ std::optional<std::vector<ContactEvent>> events_from(const Flows& flows, const S
   } catch (const ModelError&) {
     return std::nullopt;
   }
-  // Those that are closed close at t once more, and those that surface close and then open.
+  // The master reports closed contacts again at t, and for surfacing contacts a closing and an
+  // opening.
   ContactSet once = closed | leaving, then = leaving;
   std::vector<ContactEvent> ahead;
   for (const ContactEvent& event : events) {
@@ -67,7 +70,7 @@ std::optional<std::vector<ContactEvent>> events_from(const Flows& flows, const S
     } else if (event.kind == ContactEventKind::opens && contains(then, event.contact)) {
       then &= ~bit(event.contact);
     } else if (once != 0 || then != 0) {
-      return std::nullopt;  // something else comes first
+      return std::nullopt;  // another event comes first
     } else if (ahead.size() < count) {
       ahead.push_back(event);
     }
@@ -104,9 +107,10 @@ Prediction Predictor::predict(double t, ContactSet closed, const Belief& belief,
   Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(size, columns);
   Eigen::VectorXd sigma(size);
   bool nothing_else = true;
-  // fits(k, by how much later it is) for the events that both have; false ends the list there.
+  // Shortens the list to the events that another master has as well. fits(k, delay) is called for
+  // each; false ends the list before it.
   const auto compare = [&](const Eigen::VectorXd& xi, const auto& fits) {
-    // One more tells whether another event comes within the time ahead.
+    // One more event shows whether another event comes within the time ahead.
     const auto other = events_from(machine(xi), {belief.q + S_q * xi, belief.u + S_u * xi}, t,
                                    closed, t + look_beyond * ahead, count + 1);
     std::size_t agreed = 0;

@@ -1,17 +1,20 @@
-// Prediction: the contact events that a machine is about to have, from what is known of its state x
-// = (q, u) now, mean m and covariance S S^T.
-//
-// The mean goes on as the exact master (master.h). How its event times T_k move with the state is
-// found by masters that start from m +- c S_j for every column j, c = 2:
-//
-//   tau_kj = (T_k(m + c S_j) - T_k(m - c S_j)) / (2 c),   sigma_k = |tau_k|,
-//
-// which is saltation through all impacts, chatters and releases, and in no need of the law by which
-// they happen. A list goes on as long as all of these masters have the same events in the same
-// order, and masters that start from 32 corners m + S xi, xi_j = +-c, as well. It ends before the
-// first event where they have not, where the interval from the one before is known to no better
-// than a share, |tau_k - tau_(k-1)| > 1/4 (T_k - T_(k-1)), or where T_k is not linear: where a
-// corner's is off what tau says by more than sigma_k.
+/// \file
+/// \brief Predicts the next contact events of a machine from a belief about its state.
+///
+/// The belief has mean m and covariance S S^T of x = (q, u). The exact master (master.h) continues
+/// from the mean, with events at T_k. Masters from m +- c S_j for each column j, c = 2, give the
+/// derivatives of the event times:
+///
+///     tau_kj = (T_k(m + c S_j) - T_k(m - c S_j)) / (2 c),   sigma_k = |tau_k|
+///
+/// This includes the saltation of all impacts, chatters and releases, for any impact law. 32 more
+/// masters start from corners m + S xi, xi_j = +-c. The list ends before the first event k at which
+///
+/// - one of these masters has another event, or the events in another order;
+/// - the interval before it is too uncertain: |tau_k - tau_(k-1)| > 1/4 (T_k - T_(k-1));
+/// - T_k is not linear: at a corner it differs from its linearization by more than sigma_k.
+///
+/// Contacts are counted from 0.
 #pragma once
 
 #include <functional>
@@ -25,35 +28,53 @@
 
 namespace sprag {
 
+/// \brief One predicted event.
 struct PredictedEvent {
   double t = 0.0;                                   ///< [s]
   int contact = 0;                                  ///< from 0
-  ContactEventKind kind = ContactEventKind::pulse;  ///< closes: it comes to rest
-  double sigma = 0.0;                               ///< of t [s]
+  ContactEventKind kind = ContactEventKind::pulse;  ///< `closes`: a sustained contact begins
+  double sigma = 0.0;                               ///< standard deviation of t [s]
 };
 
+/// \brief Predicted events of a machine.
 struct Prediction {
-  double made_at = 0.0;        ///< [s]
-  double certain_until = 0.0;  ///< no other event is foreseen up to here [s]
-  std::vector<PredictedEvent> events;
+  double made_at = 0.0;                ///< time of the belief [s]
+  double certain_until = 0.0;          ///< no event but the listed is expected up to here [s]
+  std::vector<PredictedEvent> events;  ///< in order of time
 };
 
+/// \brief Predicts events of one machine.
 class Predictor {
  public:
-  /// Throws ModelError.
+  /// \brief Prepares the machine's flows.
+  /// \param model the machine.
+  /// \throws ModelError if the machine has no exact flow.
   explicit Predictor(Model model) : flows_(std::move(model)) {}
 
-  /// The events after t >= 0 and up to t + ahead [s], `ahead` > 0, at most 1000; `closed` are the
-  /// contacts that are closed at t. None where the machine may be in its supports. Throws
-  /// Interrupted (interrupt.h).
+  /// \brief Predicts the events in (t, t + ahead], at most 1000.
+  ///
+  /// The list is empty if one of the masters starts inside a support and does not move out of it.
+  /// \param t time of the belief, >= 0 [s].
+  /// \param closed contacts that are closed at t.
+  /// \param belief mean and covariance of the state at t.
+  /// \param ahead duration, > 0 [s].
+  /// \return the prediction.
+  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
   Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const {
     return predict(t, closed, belief, ahead, {});
   }
 
-  /// The machine that goes with m + S xi, where parameters are uncertain too: xi has an entry for
-  /// each column of S.
+  /// \brief Machine at m + S xi where parameters are uncertain too. xi has one entry for each
+  /// column of S.
   using MachineOf = std::function<std::shared_ptr<const Flows>(const Eigen::VectorXd& xi)>;
-  /// The same with machines that xi changes.
+  /// \brief The same for a machine that depends on xi.
+  /// \param t time of the belief, >= 0 [s].
+  /// \param closed contacts that are closed at t.
+  /// \param belief mean and covariance at t.
+  /// \param ahead duration, > 0 [s].
+  /// \param machine_of returns the machine for xi; empty: the machine of the constructor.
+  /// \return the prediction.
+  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
   Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead,
                      const MachineOf& machine_of) const;
 

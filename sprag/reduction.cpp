@@ -13,11 +13,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Damping between modes below this share of their own is rounding.
+// Coupling of modes by damping below this share is rounding.
 constexpr double uncoupled = 1e-9;
-// The same where it was computed in extended precision.
+// The same for damping computed in extended precision.
 constexpr Extended rounded = 1e-15L;
-// A vector of which less is left by those before it depends on them.
+// A vector with a smaller remainder after orthogonalization depends on those before it.
 constexpr Extended dependent = 1e-10L;
 
 MatrixXd observed(const Scene& scene) {
@@ -37,8 +37,8 @@ std::vector<Index> all(const ModalMachine& machine) {
 
 VectorR masses(const ModalMachine& machine) { return machine.model.M.diagonal().cast<Extended>(); }
 
-// Makes b M-orthogonal to the basis and of length 1; twice is enough (Giraud, Langou & Rozloznik
-// 2005). Whether it is independent of the basis.
+// Makes b M-orthogonal to the basis and of length 1; two passes are enough (Giraud, Langou &
+// Rozloznik 2005). Returns whether b is independent of the basis.
 bool orthonormalize(const VectorR& m, const std::vector<VectorR>& basis, VectorR& b) {
   const auto shrink = [&] {
     const Extended length = std::sqrt(b.cwiseAbs2().cwiseProduct(m).sum());
@@ -53,7 +53,7 @@ bool orthonormalize(const VectorR& m, const std::vector<VectorR>& basis, VectorR
   return true;
 }
 
-// Columns b_j of every contact, M-orthonormal; zero at the coordinates that are kept.
+// Columns b_j of every contact, M-orthonormal; zero at the kept coordinates.
 MatrixR static_vectors(const ModalMachine& machine, const std::vector<Index>& kept,
                        std::span<const int> orders) {
   const VectorR m = masses(machine);
@@ -152,7 +152,7 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
   ModalMachine part = reduced(machine, kept);
   MatrixR B = static_vectors(machine, kept, orders);
   if (B.cols() == 0) return part;
-  // In their own modes, so that K stays diagonal.
+  // Transforms them to their own modes, so that K stays diagonal.
   const MatrixR K = machine.model.K.cast<Extended>();
   const auto [kappa, V] = eigenpairs(congruent(B, K));
   B = product(B, V);
@@ -192,7 +192,7 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
   if (part.uncertainty.size() > 0) {
     VectorXd left_out = machine.uncertainty;
     left_out(kept).setZero();
-    // Nobody knows how it is spread over them.
+    // Spread evenly: its distribution over the static vectors is not known.
     part.uncertainty =
         joined(part.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
   }

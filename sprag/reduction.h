@@ -1,19 +1,22 @@
-// A machine in some of its modes: what is left of M, C, K, W and f when the other modes are taken
-// to rest at zero, and two corrections for what these give way at the contacts.
-//
-// Static vectors (Ritz vectors, as of Wilson, Yuan & Dickens, Earthq. Eng. Struct. Dyn. 10, 1982)
-// of a contact: how the modes that are left out move under its impulse, and under its steady force,
-//
-//   b_0 = M^-1 w - Phi Phi^T w,  b_j = K^-1 M b_(j-1),  Phi the modes that are kept,
-//
-// M-orthonormalized and appended to these. With b_0 G = W^T M^-1 W is that of all modes, with b_1
-// the contact's static flexibility as well.
-//
-// Effective restitution: the replica takes the share x of each pulse's impulse,
-//
-//   u+ = u- - x (1 + epsilon) M^-1 w G^-1 min(gamma-, 0),
-//
-// which is the restitution x (1 + epsilon) - 1. It expands no distance while that is in [-1, 1].
+/// \file
+/// \brief Reduces a machine to some of its modes, with two corrections for the flexibility of the
+/// omitted modes at the contacts.
+///
+/// Static vectors (Ritz vectors; Wilson, Yuan & Dickens, Earthq. Eng. Struct. Dyn. 10, 1982) of a
+/// contact: the motion of the omitted modes under its impulse, and under its steady force,
+///
+///     b_0 = M^-1 w - Phi Phi^T w,  b_j = K^-1 M b_(j-1),  Phi the kept modes,
+///
+/// M-orthonormalized and appended to the kept modes. With b_0 the matrix G = W^T M^-1 W equals that
+/// of all modes. With b_1 the contact's static flexibility does as well.
+///
+/// Effective restitution: the replica applies the share x of the impulse of each pulse,
+///
+///     u+ = u- - x (1 + epsilon) M^-1 w G^-1 min(gamma-, 0),
+///
+/// which is the restitution x (1 + epsilon) - 1. It expands no distance while that is in [-1, 1].
+///
+/// Coordinates and contacts are counted from 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,41 +28,66 @@
 
 namespace sprag {
 
-/// A machine whose M, C and K are diagonal, and what of it is looked at.
+/// \brief A machine whose M, C and K are diagonal, with its observed quantities. After
+/// with_static_vectors() C may couple the static vectors.
 struct ModalMachine {
-  Model model;
-  State master, replica;        ///< f entries each
+  Model model;                  ///< f coordinates
+  State master, replica;        ///< starts, f entries each
   Eigen::MatrixXd observed;     ///< rows x f: the tip of a beam, else the gap at each contact
   Eigen::VectorXd uncertainty;  ///< Scene::uncertainty by coordinate; empty: not given
 };
 
-/// The scene in its modes; a scene that is diagonal already keeps its coordinates. Throws
-/// ModelError where damping couples the modes.
+/// \brief Transforms a scene to its modes. A scene that is diagonal already keeps its coordinates.
+/// \param scene the scene.
+/// \return the machine in modal coordinates.
+/// \throws ModelError if damping couples the modes.
 ModalMachine modal_machine(const Scene& scene);
 
-/// Keeps those coordinates alone, in the order given.
+/// \brief Keeps some coordinates only.
+/// \param machine the machine.
+/// \param kept coordinates, in the order of the result.
+/// \return the reduced machine.
 ModalMachine reduced(const ModalMachine& machine, const std::vector<Eigen::Index>& kept);
 
-/// The same and behind them the static vectors b_j of every contact, j in `orders`; what depends on
-/// those before it is left out. Their masses are 1, and K is diagonal. Their damping ratios are at
-/// least `least_zeta`. Throws ModelError if a motion without stiffness is left out and some j > 0.
+/// \brief Keeps some coordinates and appends static vectors b_j of every contact.
+///
+/// A vector that depends linearly on those before it is omitted. The static vectors are
+/// transformed to their own modes, with mass 1 and a diagonal K.
+/// \param machine the machine.
+/// \param kept coordinates, in the order of the result.
+/// \param orders the numbers j, ascending.
+/// \param least_zeta smallest damping ratio of the static vectors.
+/// \return the reduced machine.
+/// \throws ModelError if a motion without stiffness is omitted and some j > 0.
 ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<Eigen::Index>& kept,
                                  std::span<const int> orders, double least_zeta = 0.0);
 
-/// The replica's restitution of every contact becomes x (1 + epsilon) - 1, within [-1, 1]; x >= 0.
+/// \brief Sets the replica's restitution of every contact to x (1 + epsilon) - 1, clamped to
+/// [-1, 1].
+/// \param x share of the impulse, >= 0.
+/// \param model model to change.
 void set_impulse_share(double x, Model& model);
 
-/// The machine as a scene of its own, a [system], with the rest from the scene that it is made
-/// from. A master that starts inside a support for want of modes is let out of it. Throws
-/// ModelError if a contact does not see what is kept.
+/// \brief Scene of a reduced machine, as a [system].
+///
+/// A master that starts inside a support because modes are missing gets penetration = "release".
+/// \param scene original scene; gives the name, drift, jitter and the flags of the master.
+/// \param machine reduced machine.
+/// \return the scene.
+/// \throws ModelError if the direction of a contact is zero in the kept coordinates.
 Scene reduced_scene(const Scene& scene, const ModalMachine& machine);
 
-/// All coordinates, by ascending frequency.
+/// \brief Order of the coordinates by ascending frequency.
+/// \param machine the machine.
+/// \return numbers of all coordinates.
 std::vector<Eigen::Index> by_frequency(const ModalMachine& machine);
 
-/// The scene in coordinates that are its modes, the `modes` lowest of them, by ascending frequency;
-/// 0: all, and a beam, which is in them already, as it is. Throws ModelError as modal_machine() and
-/// reduced_scene() do.
+/// \brief Scene in modal coordinates, by ascending frequency.
+/// \param scene the scene.
+/// \param modes number of the lowest modes to keep; 0: all, and a beam, which is in modal
+/// coordinates already, is returned unchanged.
+/// \return the scene.
+/// \throws ModelError as modal_machine() and reduced_scene() do.
 Scene in_modes(const Scene& scene, int modes);
 
 }  // namespace sprag

@@ -10,7 +10,7 @@
 namespace sprag {
 namespace {
 
-// Clutch switchings within one interval before the rest of it is taken as it is.
+// Largest number of clutch switchings in one interval. The rest of the interval then has none.
 constexpr int max_switchings = 1000;
 
 }  // namespace
@@ -67,7 +67,7 @@ void Replica::take(std::span<const ContactEvent> of_one_instant, ReplicaState& s
   take_here(of_one_instant, state);
 }
 
-// Events of the present instant, recorded.
+// Applies the events of the present instant and records them.
 void Replica::take_here(std::span<const ContactEvent> events, ReplicaState& state) {
   if (recorder_ == nullptr) return apply_group(events, state);
   const ContactSet before = state.motion.flow->locked();
@@ -84,7 +84,7 @@ void Replica::take_here(std::span<const ContactEvent> events, ReplicaState& stat
   recorder_->after(u_, events.front().t, struck, events);
 }
 
-// On the present flow.
+// Moves on the present flow to t.
 void Replica::fly(Instant t, Motion& motion) {
   if (recorder_ != nullptr) recorder_->fly(motion, t - motion.t);
   motion.flow->propagate(motion, t, motion);
@@ -101,7 +101,8 @@ void Replica::apply(std::span<const ContactEvent> events, ReplicaState& state) {
   TickedFlight::set_anchor(state.motion, state.anchor);
 }
 
-// Events of one instant: one impact of the contacts that close, pulse or are closed already.
+// Applies the events of one instant: one impact of the contacts that close, have a pulse or are
+// closed.
 void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& state) {
   const Model& model = flows_->dynamics().model();
   const ContactSet before = state.chi;
@@ -137,8 +138,8 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
   }
 }
 
-// Takes `leaving`, which open, and `unlocking`, which stay closed, out of the locked set. What they
-// held together with others is then held by itself.
+// Removes `leaving`, which open, and `unlocking`, which stay closed, from the locked set. Contacts
+// that depended on them are then locked by themselves.
 void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& state) {
   ContactSet carried = state.motion.flow->tied() & state.chi;
   ContactSet unsatisfied = solver_.release(leaving | unlocking, state.motion);
@@ -155,7 +156,8 @@ void Replica::release(ContactSet leaving, ContactSet unlocking, ReplicaState& st
   note_idle(0, unsatisfied, state);
 }
 
-// `closing`: contacts that have just closed; `unsatisfied` as of the last change of the locked set.
+// `closing`: contacts that have just closed; `unsatisfied`: result of the last change of the locked
+// set.
 void Replica::note_idle(ContactSet closing, ContactSet unsatisfied, ReplicaState& state) const {
   if (unsatisfied != 0) ++state.refused_impacts;
   const ContactSet tied = state.motion.flow->tied() & state.chi;
@@ -183,7 +185,7 @@ double Replica::error_bound(const ReplicaState& state, double initial) {
                             state.chi == 0);
 }
 
-// Exact flow to t, through the clutches' own switchings.
+// Moves with the exact flow to t, through the clutches' own switchings.
 void Replica::advance(Instant t, ReplicaState& state) {
   Motion& motion = state.motion;
   for (int switchings = 0; state.chi != 0 && switchings < max_switchings; ++switchings) {
@@ -218,7 +220,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
       break;
     }
     note_idle(0, outcome.unsatisfied, state);
-    // What is pressed in and not to be held is let be until something else happens.
+    // A contact that is pressed in and cannot be held stays idle until the next change.
     const ContactSet free = locking & ~motion.flow->locked();
     state.idle |= solver_.pressed_in(free, motion);
     for_each(free & ~state.idle, [&](int i) { order_[index(i)] = 1; });
@@ -227,8 +229,7 @@ void Replica::advance(Instant t, ReplicaState& state) {
     }
   }
   if (t - motion.t > 0.0) fly(t, motion);
-  // Across a tick a signal that started from zero is known by its value alone: all that a tick
-  // depends on is in the state.
+  // Resets the orders: a tick must depend on the state alone.
   std::fill(order_.begin(), order_.end(), 0);
 }
 

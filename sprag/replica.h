@@ -1,8 +1,13 @@
-// The replica: the machine with switched kinematic constraints (one-way clutches), eq. (4) of
-// Baumann & Leine 2014, driven by the master's contact events alone. While chi_i = 1 gamma_i >= 0
-// is enforced: the clutch locks when gamma_i falls to zero and unlocks when its force would turn
-// negative. An event takes effect at its own time, inside a tick; between events the flow is exact,
-// so the tick h is a sampling interval and no source of error.
+/// \file
+/// \brief The replica: the machine with switched kinematic constraints (one-way clutches), eq. (4)
+/// of Baumann & Leine 2014, driven by the master's contact events alone.
+///
+/// While chi_i = 1 the clutch enforces gamma_i >= 0. It locks when gamma_i falls to zero and
+/// unlocks when its force would become negative. An event takes effect at its own time inside a
+/// tick. The flow between events is exact, so that the tick h samples the motion and causes no
+/// error.
+///
+/// Contacts are counted from 0.
 #pragma once
 
 #include <cstdint>
@@ -24,39 +29,58 @@
 
 namespace sprag {
 
-/// Everything that changes, at tick `tick`. Copies between states of one replica do not allocate.
+/// \brief Everything of a replica that changes, at tick `tick`. Copies between states of one
+/// replica do not allocate.
 struct ReplicaState {
-  std::int64_t tick = 0;
-  ContactSet chi = 0;
-  Motion motion;  ///< at the tick; t is no_instant behind a tick of free flight
-  TickedFlight::Anchor anchor;
-  /// Closed contacts without a force of their own: their directions depend on those of the locked
-  /// ones, or nothing satisfies them beside these.
+  std::int64_t tick = 0;        ///< number of the tick
+  ContactSet chi = 0;           ///< closed contacts
+  Motion motion;                ///< at the tick; t is no_instant after a tick of free flight
+  TickedFlight::Anchor anchor;  ///< start of the present free flight
+  /// \brief Closed contacts without a force of their own. Their directions depend on those of
+  /// locked contacts, or no motion satisfies them together with the locked contacts.
   ContactSet idle = 0;
-  Redundancy redundancy;
-  std::int64_t refused_impacts = 0;  ///< contradictory contacts: no motion satisfies them all
+  Redundancy redundancy;             ///< closings of contacts that depend on locked ones
+  std::int64_t refused_impacts = 0;  ///< contradictory contacts: no motion satisfies all of them
   ErrorBoundState error_bound;       ///< since the start
-  Innovation innovation;
+  Innovation innovation;             ///< at the last closing
 };
 
+/// \brief Exact replica of one machine, f coordinates. Follows the Estimator interface
+/// (estimator.h).
 class Replica {
  public:
+  /// \brief Everything that changes.
   using State = ReplicaState;
 
-  /// Tick h > 0. Builds the flows of the locked sets that it can foresee. Throws ModelError.
+  /// \brief Builds the flows of the locked sets that can be foreseen.
+  /// \param model the machine.
+  /// \param h tick, > 0 [s].
+  /// \throws ModelError if the machine has no exact flow.
   Replica(Model model, double h);
+  /// \brief The same for the machine of a scene.
+  /// \param scene the scene.
+  /// \param h tick, > 0 [s].
+  /// \throws ModelError if the machine has no exact flow.
   Replica(const Scene& scene, double h) : Replica(scene.model, h) {}
-  /// The same with flows that others use as well.
+  /// \brief The same with shared flows.
+  /// \param flows flows of the machine.
+  /// \param h tick, > 0 [s].
+  /// \throws ModelError if the machine has no exact flow.
   Replica(std::shared_ptr<Flows> flows, double h);
   Replica(const Replica&) = delete;
   Replica& operator=(const Replica&) = delete;
 
-  /// Puts the replica at (q, u) with chi at tick k. May allocate.
+  /// \brief Puts a state at (q, u). May allocate.
+  /// \param start q and u, f entries each.
+  /// \param k number of the tick.
+  /// \param chi closed contacts.
+  /// \param state receives the state.
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, ReplicaState& state);
 
-  /// Moves to the next tick, through `events`: those after the present tick, up to and including
-  /// the next, in order. Records of one instant are one impact. Does not allocate once the locked
-  /// sets that occur have been met.
+  /// \brief Moves to the next tick. Does not allocate once the locked sets that occur have been
+  /// met. \param events events in (present tick, next tick], in order; those of one instant are one
+  /// impact.
+  /// \param state state to move.
   void tick(std::span<const ContactEvent> events, ReplicaState& state) {
     if (events.empty() && state.chi == 0) {
       ++state.tick;
@@ -66,8 +90,11 @@ class Replica {
     }
   }
 
-  /// Moves through up to n >= 0 ticks of free flight without events, of which note() would say
-  /// nothing new, as tick() does one by one; returns how many. Does not allocate.
+  /// \brief Moves through up to n ticks of free flight without events, with the same result as
+  /// tick(). note() has nothing new at these ticks. Does not allocate.
+  /// \param n number of ticks, >= 0.
+  /// \param state state to move.
+  /// \return number of ticks moved; 0 while a contact is closed.
   std::int64_t coast(std::int64_t n, ReplicaState& state) const {
     if (state.chi != 0) return 0;
     for (const std::int64_t last = state.tick + n; state.tick < last;) {
@@ -77,39 +104,72 @@ class Replica {
     return n;
   }
 
-  /// A tick in parts, for who looks at each instant in it: opened, through the events of one
-  /// instant after the other, closed.
+  /// \brief First part of a tick that is taken instant by instant: open_tick(), take() for the
+  /// events of each instant, close_tick().
+  /// \param state state to move.
   void open_tick(ReplicaState& state) const;
+  /// \brief Moves to an instant of the open tick and applies its events.
+  /// \param of_one_instant events of one time.
+  /// \param state state to move.
   void take(std::span<const ContactEvent> of_one_instant, ReplicaState& state);
+  /// \brief Moves to the end of the open tick.
+  /// \param state state to move.
   void close_tick(ReplicaState& state);
 
-  /// Moves to an instant t, not before the motion's, without events. Of the tick that is open.
+  /// \brief Moves to an instant of the open tick, without events.
+  /// \param t not before the motion's time.
+  /// \param state state to move.
   void move(Instant t, ReplicaState& state) { advance(t, state); }
 
-  /// Applies events of the present instant without moving: those that a start begins with.
+  /// \brief Applies events of the present instant without moving, as at a start.
+  /// \param events events of one time.
+  /// \param state state to change.
   void apply(std::span<const ContactEvent> events, ReplicaState& state);
 
-  /// q and u at the present tick, f entries each.
+  /// \brief q and u at the present tick.
+  /// \param state the state.
+  /// \param q receives the coordinates, f entries.
+  /// \param u receives the velocities, f entries.
   void output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
 
-  /// Room for what confidence() says, without allocating: a bound on V (error_bound()), how far the
-  /// contact that closed last was from closing in the estimate, and contacts it could not hold.
+  /// \brief Makes a Confidence with room for the results of confidence(), which then does not
+  /// allocate.
+  /// \return the Confidence.
   Confidence no_confidence() const;
-  void note(const ReplicaState& state, Confidence& confidence) const;  ///< all but the bound
+  /// \brief Fills in all fields except the bound: the innovation at the last closing, redundant and
+  /// refused contacts.
+  /// \param state the state.
+  /// \param confidence receives the fields.
+  void note(const ReplicaState& state, Confidence& confidence) const;
+  /// \brief Fills in all fields.
+  /// \param state the state.
+  /// \param initial bound on V at the start; infinite: not known.
+  /// \param confidence receives the fields.
   void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
-  /// Records each event from now on, of a replica of which one state alone is moved and never back;
-  /// null: none. Of the error nothing is known.
+  /// \brief Records each event from now on, with unknown error. Only one state of the replica may
+  /// be moved then, and never back.
+  /// \param recorder the recorder; null: stop recording.
   void record_in(ImpactRecorder* recorder) { recorder_ = recorder; }
 
+  /// \brief Tick.
+  /// \return h [s].
   double h() const { return h_; }
+  /// \brief Flows of the machine.
+  /// \return the flows.
   const Flows& flows() const { return *flows_; }
+  /// \brief Flows of the machine.
+  /// \return the flows.
   Flows& flows() { return *flows_; }
+  /// \brief Free flight from tick to tick.
+  /// \return the stepper.
   const TickedFlight& flight() const { return flight_; }
 
-  /// Upper bound on the error energy V at the tick, if it was at most `initial` at the start and
-  /// the events are exact and complete; +infinity where the machine's law is not monotone.
+  /// \brief Upper bound on the error energy V at the tick, for exact and complete events.
+  /// \param state the state.
+  /// \param initial bound on V at the start.
+  /// \return the bound; infinite if the machine's law is not monotone or an impact was refused.
   double error_bound(const ReplicaState& state, double initial);
 
  private:
@@ -129,8 +189,9 @@ class Replica {
   EventSearch search_;
   TickedFlight flight_;
   ImpactRecorder* recorder_ = nullptr;
-  Eigen::VectorXd q_, u_;   // scratch of a record
-  std::vector<int> order_;  // per contact: leading derivatives of its watched signal that vanish
+  Eigen::VectorXd q_, u_;  // scratch of recording
+  std::vector<int>
+      order_;  // per contact: number of leading derivatives of its watched signal that are zero
   std::vector<double> epsilon_;
   std::vector<Watch> watches_;
 };

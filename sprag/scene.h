@@ -1,5 +1,7 @@
-// A scene: one machine, where its master starts, where the replica starts, and how sure of it all
-// the scene is.
+/// \file
+/// \brief A scene: a machine, the starts of its master and of its replica, and their uncertainties.
+///
+/// Contacts are counted from 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,52 +16,64 @@
 
 namespace sprag {
 
-/// What of a machine may be wrong, for who looks for it (parameters/unknowns.h).
+/// \brief Parameters that identification may change (parameters/unknowns.h): [adapt] of a scene.
 struct Adaptation {
-  std::vector<std::string> free;  ///< keys of parameters; empty: all that events tell
-  /// How far each may be off, as a share: one for all, or one each of `free`.
+  std::vector<std::string> free;  ///< keys of parameters; empty: all that are identifiable
+  /// \brief Largest relative error of each parameter: one value for all, or one for each of `free`.
   Eigen::VectorXd within = Eigen::VectorXd::Constant(1, 0.2);
-  /// Standard deviation of its random walk after a unit of time, as a share; likewise.
+  /// \brief Relative standard deviation of each parameter's random walk after a unit of time;
+  /// entries as in `within`.
   Eigen::VectorXd walk = Eigen::VectorXd::Zero(1);
 
+  /// \brief Whether some parameter has a random walk.
+  /// \return true if one has.
   bool walks() const { return (walk.array() > 0.0).any(); }
 };
 
-/// The shaken frame of a general system, against which its coordinates are measured: e(t) acts as
-/// the force -M r e''(t), and moves supports on the ground by w_i^T r e(t).
+/// \brief Shaken frame of a general system. The coordinates are measured against the frame.
+///
+/// The frame's motion e(t) acts as the force -M r e''(t), and moves supports on the ground by
+/// w_i^T r e(t).
 struct ShakenFrame {
-  Eigen::VectorXd influence;   ///< r, f entries: q = r where the ground moves by 1 and the machine
-                               ///< keeps its shape
+  Eigen::VectorXd influence;   ///< r, f entries: q of the ground's motion by 1 with the machine
+                               ///< keeping its shape
   Harmonic motion;             ///< e(t)
-  std::size_t force = 0;       ///< the number of -M r e''(t) among the model's forces
-  std::vector<int> on_ground;  ///< contacts whose motion is w_i^T r e(t), from 0
+  std::size_t force = 0;       ///< index of -M r e''(t) in the model's forces
+  std::vector<int> on_ground;  ///< contacts whose support moves by w_i^T r e(t), from 0
 };
 
-/// -M r e''(t).
+/// \brief Force of a shaken frame.
+/// \param M mass matrix, f x f.
+/// \param frame the frame.
+/// \return -M r e''(t).
 Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame);
 
-/// s(t) of a support on the ground, w having f entries.
+/// \brief Motion of a support on the ground, seen from a shaken frame.
+/// \param w direction of the contact, f entries.
+/// \param frame the frame.
+/// \return s(t) = w^T r e(t).
 Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame);
 
+/// \brief Content of a scene file. f coordinates, m contacts.
 struct Scene {
-  std::string name;
-  Model model;
-  std::optional<Beam> beam;          ///< set when the scene has a [beam]
-  std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty where there is no beam
-  std::optional<ShakenFrame> frame;  ///< set when a [system] has an [excitation]
+  std::string name;                  ///< key `name`, or the file's stem
+  Model model;                       ///< the machine
+  std::optional<Beam> beam;          ///< set if the scene has a [beam]
+  std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty without a beam
+  std::optional<ShakenFrame> frame;  ///< set if a [system] has an [excitation]
   State master;                      ///< start of the master, padded with zeros to f entries
   State replica;                     ///< start of the replica, padded with zeros to f entries
-  Eigen::VectorXd uncertainty;       ///< of the replica's start, energies by coordinate or, where M
-                                     ///< and K are not diagonal, by mode; empty: not given
-  std::optional<State> sigma;        ///< in place of uncertainty: standard deviations of its start
-  double drift = 0.0;                ///< energy by which the model departs, per unit of time
+  Eigen::VectorXd uncertainty;       ///< energies of the replica's start error, by coordinate if M
+                                     ///< and K are diagonal, else by mode; empty: not given
+  std::optional<State> sigma;        ///< standard deviations of the start, instead of uncertainty
+  double drift = 0.0;                ///< energy of the model's process noise per unit of time
   double jitter = 0.0;               ///< standard deviation of event times [s]
-  Tolerance tolerance;               ///< hard limits of what may be off; all 0: nothing is
-  Adaptation adaptation;
-  ParameterUncertainty parameters;   ///< how uncertain parameters are; empty: not given
-  bool has_master = true;            ///< false: where the machine starts is not said
+  Tolerance tolerance;               ///< hard limits of deviations; all 0: the scene is exact
+  Adaptation adaptation;             ///< parameters that identification may change
+  ParameterUncertainty parameters;   ///< uncertain parameters; empty: not given
+  bool has_master = true;            ///< false: the scene does not give the master's start
   bool release_penetration = false;  ///< master.penetration = "release"
-  std::vector<std::string> remarks;  ///< of its reader, for people: a line each
+  std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each
 };
 
 }  // namespace sprag

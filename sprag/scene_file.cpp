@@ -33,7 +33,7 @@ Harmonic read_harmonic(const TomlTable& table) {
           .phase = table.number_or("phase", 0.0, any_number)};
 }
 
-// e(t), the motion of the frame.
+// Reads e(t), the motion of the frame.
 Harmonic read_frame_motion(const TomlTable& table) {
   const Harmonic excitation = read_harmonic(table);
   if (!std::isfinite(second_derivative(excitation).amplitude)) {
@@ -62,12 +62,12 @@ Eigen::VectorXd read_direction(const TomlTable& table, Eigen::Index f) {
   return direction;
 }
 
-// Below this ||w||^2 the quotients by w^T M^-1 w that the impact law needs have no meaning.
+// Below this ||w||^2 the impact law's division by w^T M^-1 w is meaningless.
 bool sees_nothing(const Eigen::VectorXd& w) {
   return w.squaredNorm() < std::numeric_limits<double>::min();
 }
 
-// n numbers, given by one for all or one each.
+// Reads n numbers: one for all, or one each.
 Eigen::VectorXd one_or_each(const TomlTable& table, const char* key, Eigen::Index n) {
   const Eigen::VectorXd given = table.numbers(key);
   if (given.size() != 1 && given.size() != n) {
@@ -77,7 +77,7 @@ Eigen::VectorXd one_or_each(const TomlTable& table, const char* key, Eigen::Inde
   return given.size() == n ? given : Eigen::VectorXd::Constant(n, given[0]);
 }
 
-// Only one of these keys says the damping.
+// Refuses a second key for the same quantity.
 void refuse_other(const TomlTable& table, const char* key, TomlKeys others) {
   for (const std::string_view other : others) {
     if (!table.has(other)) continue;
@@ -85,14 +85,14 @@ void refuse_other(const TomlTable& table, const char* key, TomlKeys others) {
   }
 }
 
-// Under which of its two names a table has zeta; null: under neither.
+// Name of the key for zeta that the table has; null: none.
 const char* damping_ratio_key(const TomlTable& table) {
   if (!table.has("modal_damping")) return table.has("damping_ratio") ? "damping_ratio" : nullptr;
   refuse_other(table, "modal_damping", {"damping_ratio"});
   return "modal_damping";
 }
 
-// zeta_i of n modes, given by one number for all or one each. `others` say the damping as well.
+// Reads zeta_i of n modes: one number for all, or one each. `others` are other keys for damping.
 Eigen::VectorXd read_damping_ratio(const TomlTable& table, const char* key, TomlKeys others,
                                    Eigen::Index n) {
   refuse_other(table, key, others);
@@ -126,7 +126,7 @@ Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmon
   const double x_c = table.number("position", {0.0, beam.length, true});
   const Side side = table.choice("side", {"below", "above"}) == "below" ? Side::below : Side::above;
   const bool on_ground = table.choice("mount", {"ground", "frame"}) == "ground";
-  // restitution is read with [impact]'s.
+  // read_impact() reads the restitution.
   Contact contact = beam_contact(beam, x_c, side, table.number_or("clearance", 0.0, any_number),
                                  0.0, on_ground ? excitation : Harmonic{});
   if (sees_nothing(contact.w)) {
@@ -295,7 +295,7 @@ void read_outputs(const TomlTable& root, Scene& scene) {
   }
 }
 
-// Whether it gives the chatter_time.
+// Reads [impact] and the restitutions. Returns whether the scene gives chatter_time.
 bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
   const Limits restitution{0.0, 1.0};
   const auto impact = root.table("impact", {"law", "restitution", "chatter_time"});
@@ -334,7 +334,7 @@ State read_state(const TomlTable& table, Eigen::Index f) {
   return {read_padded(table, "q", f), read_padded(table, "u", f)};
 }
 
-// A start on the support must not be refused for the rounding of q or c.
+// Admits the rounding of q and c of a start on the support.
 bool starts_inside(const Contact& contact, const Eigen::VectorXd& q) {
   const double scale = contact.w.cwiseAbs().dot(q.cwiseAbs()) + std::abs(contact.clearance) +
                        std::abs(value(contact.motion, 0.0));

@@ -3,13 +3,17 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/master.h"
 
 namespace sprag {
 
-Simulation simulate(const Model& model, const State& start, double duration, double h) {
+Simulation simulate(const Model& model, const State& start, double duration, double h,
+                    std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   if (!(duration >= 0.0) || !std::isfinite(duration)) {
     throw std::invalid_argument("duration is " + std::to_string(duration) + "; must be >= 0");
   }

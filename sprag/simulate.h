@@ -1,7 +1,9 @@
-// A machine's run in one call: its contact events and its states at ticks, by the exact master.
+/// \file
+/// \brief Simulates a machine with the exact master (master.h) in one call.
 #pragma once
 
 #include <Eigen/Core>
+#include <stop_token>
 #include <vector>
 
 #include "sprag/contact_event.h"
@@ -9,15 +11,27 @@
 
 namespace sprag {
 
+/// \brief Contact events of a machine, and its states at n ticks.
 struct Simulation {
+  /// \brief Matrix stored by rows.
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  std::vector<ContactEvent> events;  ///< in order
+  std::vector<ContactEvent> events;  ///< in order of time; contacts from 0
   Eigen::VectorXd t;                 ///< n entries: k h [s]
   Rows q, u;                         ///< n x f, right-continuous
 };
 
-/// From `start` at t = 0 up to `duration`, with the states at every tick h > 0; no states where h
-/// is 0. Throws ModelError, SimulationError, std::invalid_argument, or Interrupted (interrupt.h).
-Simulation simulate(const Model& model, const State& start, double duration, double h);
+/// \brief Simulates from t = 0.
+/// \param model the machine, f coordinates.
+/// \param start state at t = 0.
+/// \param duration end of the simulation [s].
+/// \param h step between states [s]; 0: no states.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return events up to `duration`, and states at all ticks up to it.
+/// \throws ModelError if the machine has no exact flow.
+/// \throws SimulationError if the master cannot continue.
+/// \throws std::invalid_argument for an argument outside of its range.
+/// \throws Interrupted if `stop` was requested.
+Simulation simulate(const Model& model, const State& start, double duration, double h,
+                    std::stop_token stop = {});
 
 }  // namespace sprag

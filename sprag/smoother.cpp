@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/instant.h"
@@ -12,20 +13,20 @@
 namespace sprag {
 namespace {
 
-// A tick that precedes an impact by more deviations of its time is before it. Nearer ones have the
-// covariance of the state after it.
+// Ticks that precede an impact by more than this many deviations of its time are before it. Closer
+// ticks get the covariance of the state after it.
 constexpr double around_impact = 3.0;
-// Passes, until no estimate moves by more than this share of its deviation.
+// Passes end when no estimate moves by more than this share of its deviation.
 constexpr int most_passes = 8;
 constexpr double settled_move = 0.05;
 
-// What is known by all events from `from` on: beliefs whose state is that of their own time.
+// Smoothed beliefs from `from` on; each has the state at its own time.
 struct Chain {
   double from = 0.0;
   double misfit = 0.0;
   bool fits = true;
   std::vector<FilterBelief> beliefs;
-  // From when on each of them or a later one is meant; none decreases.
+  // Time from which on each belief, or a later one, applies; ascending.
   std::vector<double> begins;
 };
 
@@ -36,11 +37,12 @@ Eigen::MatrixXd root_of_sum(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) 
   return QR(both.transpose()).R().transpose();
 }
 
-// When the impact of a step was, by the belief before it; where its gap hardly closes, by the step.
+// Sets the time of a step's impact from the smoothed belief before it. For a grazing impact the
+// time of the step stays.
 void set_impact(EventFilter& filter, const FilterBelief& before, int contact, FilterBelief& after) {
   ImpactEstimate& impact = after.impact;
   if (!(impact.time_sigma > 0.0)) return;
-  // The path without it is that of the belief before.
+  // Without the impact the path is that of the belief before.
   impact.jump = after.z.head(2 * filter.n()) - filter.mean(after.t, before);
   double t = impact.time, sigma = infinity;
   for (int i = 0; i < 2; ++i) {
@@ -48,7 +50,7 @@ void set_impact(EventFilter& filter, const FilterBelief& before, int contact, Fi
     if (!(crossing.velocity < 0.0)) return;
     t -= crossing.gap / crossing.velocity;
     sigma = crossing.deviation / -crossing.velocity;
-    // All events tell no less than those so far.
+    // Smoothing must not increase the deviation.
     const double off = std::abs(t - impact.time);
     if (!(sigma <= impact.time_sigma && off < around_impact * impact.time_sigma)) return;
   }
@@ -56,7 +58,7 @@ void set_impact(EventFilter& filter, const FilterBelief& before, int contact, Fi
   impact.time_sigma = sigma;
 }
 
-// Forward through a run; `about` are smoothed beliefs from the pass before, or none.
+// Runs the filter forward; `about`: smoothed beliefs of the last pass to linearize about, or empty.
 std::vector<FilterStep> forward(EventFilter& filter, const TrackingEstimator::FilterRun& run,
                                 const std::vector<FilterBelief>& about) {
   std::vector<FilterStep> steps;
@@ -68,7 +70,7 @@ std::vector<FilterStep> forward(EventFilter& filter, const TrackingEstimator::Fi
     const double sigma = belief.sigma;
     belief.sigma = run.sigmas[i];
     if (belief.sigma > sigma) belief.reported[run.events[i].contact] = -infinity;
-    // The end of a burst is a step of its own.
+    // The end of a burst is a separate step.
     filter.expire(run.events[i].t, belief);
     const std::size_t k = steps.size() - 1;
     const bool known = k < about.size();
@@ -79,7 +81,7 @@ std::vector<FilterStep> forward(EventFilter& filter, const TrackingEstimator::Fi
   return steps;
 }
 
-// From the last step back; the first one is the start.
+// Runs backward from the last step to the start, the first step.
 std::vector<FilterBelief> backward(const std::vector<FilterStep>& steps) {
   std::vector<FilterBelief> beliefs(steps.size());
   const Eigen::Index size = steps.front().after.z.size();
@@ -113,8 +115,8 @@ double largest_move(EventFilter& filter, const std::vector<FilterBelief>& from,
   return largest;
 }
 
-// From when on each belief is meant: that of an impact somewhat before it, that of a contact that
-// is reported closed after a burst once it certainly is.
+// Sets from when on each belief applies: after an impact slightly before its time, after a burst
+// that ends in a sustained contact only when the contact is certainly closed.
 void find_begins(Chain& chain) {
   chain.begins.resize(chain.beliefs.size());
   double least = infinity;
@@ -130,8 +132,8 @@ void find_begins(Chain& chain) {
   }
 }
 
-// Forward and back, linearized about the path of the pass before, until it stays. A run whose
-// passes do not converge is not smoothed.
+// Runs forward and backward, linearized about the path of the last pass, until the path converges.
+// Without convergence the run is not smoothed.
 Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
   Chain chain;
   chain.from = run.start.t;
@@ -153,12 +155,12 @@ Chain smoothed(EventFilter& filter, const TrackingEstimator::FilterRun& run) {
     set_impact(filter, chain.beliefs[k - 1], steps[k].contact, chain.beliefs[k]);
   }
   find_begins(chain);
-  // No report is late: all of them are here.
+  // All reports have been received, so that none can be late.
   for (FilterBelief& belief : chain.beliefs) belief.sigma = 0.0;
   return chain;
 }
 
-// The last belief that begins by t.
+// Last belief that applies at t.
 const FilterBelief& at(const Chain& chain, double t) {
   const auto later = std::upper_bound(chain.begins.begin() + 1, chain.begins.end(), t);
   return chain.beliefs[static_cast<std::size_t>(later - chain.begins.begin()) - 1];
@@ -168,7 +170,9 @@ const FilterBelief& at(const Chain& chain, double t) {
 
 std::vector<SmoothedStretch> smooth(
     const Scene& given, std::span<const ContactEvent> events, double h, std::int64_t last,
-    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take) {
+    const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take,
+    std::stop_token stop) {
+  const StopScope scope(std::move(stop));
   if (given.jitter == 0.0 && given.parameters.empty()) {
     throw SmoothingError("event times are exact ([events] jitter is 0): the filter knows all");
   }
@@ -183,11 +187,11 @@ std::vector<SmoothedStretch> smooth(
     while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
     return events.subspan(first, next - first);
   };
-  // Forward.
+  // Forward pass, which finds the runs of the filter.
   TrackingEstimator estimator(scene, h, EstimatorKind::both);
   std::vector<TrackingEstimator::FilterRun> runs;
   estimator.record_runs(&runs);
-  std::vector<bool> confirmed;  // of each run
+  std::vector<bool> confirmed;  // per run: the track was confirmed
   TrackingState state;
   std::size_t next = 0;
   const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
@@ -204,18 +208,18 @@ std::vector<SmoothedStretch> smooth(
     confirmed.resize(runs.size(), false);
     if (state.track.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
   }
-  // Back.
+  // Smoothing of each run.
   std::vector<Chain> chains;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     check_interrupt();
-    // Nothing is claimed by a run that few events fit.
+    // A run whose track was never confirmed claims no estimate.
     runs[i].failed = runs[i].failed || !confirmed[i];
     chains.push_back(smoothed(estimator.filter()->filter, runs[i]));
   }
   std::vector<SmoothedStretch> stretches;
-  // The filter's own estimate between chains.
+  // Second forward pass: its estimate applies between chains.
   TrackingEstimator again(scene, h, EstimatorKind::both);
-  TrackingState at_tick;  // of `again`, which must outlive it
+  TrackingState at_tick;  // state of `again`, which must outlive it
   next = 0;
   Confidence confidence = again.no_confidence();
   SmoothedEstimate estimate;

@@ -1,6 +1,9 @@
-// All public headers. Each header directly below sprag/ belongs to the public interface; what lies
-// below sprag/detail/ may change with any version. sprag/assessment.h and sprag/reduction.h need
-// the library sprag::analysis, all others sprag::sprag.
+/// \file
+/// \brief Includes all public headers.
+///
+/// Each header directly in sprag/ belongs to the public interface. Headers in sprag/detail/ may
+/// change with any version. sprag/assessment.h and sprag/reduction.h need the library
+/// sprag::analysis, all others sprag::sprag. Contacts and all other indices are counted from 0.
 #pragma once
 
 #include "sprag/assessment.h"
@@ -23,3 +26,6 @@
 #include "sprag/smoother.h"
 #include "sprag/states_file.h"
 #include "sprag/version.h"
+
+/// \namespace sprag
+/// \brief State observer for machines with impacts.

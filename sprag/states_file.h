@@ -1,5 +1,8 @@
-// States CSV `k,t,q1,...,qf,u1,...,uf`: the state at ticks k = 0, 1, ... (post-event values),
-// 17 significant digits. More columns may follow, which readers of states pass over.
+/// \file
+/// \brief Reads and writes states CSV files: the state at ticks k = 0, 1, ...
+///
+/// The header is `k,t,q1,...,qf,u1,...,uf`. Values are those after events at the tick, with 17
+/// significant digits. More columns may follow; StatesReader ignores them.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,40 +19,54 @@
 
 namespace sprag {
 
+/// \brief Writes a states CSV. The first failure is kept: good() is false and error() describes it.
 class StatesWriter : public CsvWriter {
  public:
-  /// Creates or empties the file and writes the header for f = `coordinates`, with the names of the
-  /// columns that follow; a failure shows in good().
+  /// \brief Creates or empties a file and writes the header. A failure is reported by good().
+  /// \param file its path.
+  /// \param coordinates f.
+  /// \param more names of additional columns.
   StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates,
                const std::vector<std::string>& more = {});
 
-  /// Appends the row of tick k at time t [s]; q and u have f entries, `more` one for each column
-  /// that follows. Failures are remembered.
+  /// \brief Appends the row of a tick. A failure is reported by good().
+  /// \param k number of the tick.
+  /// \param t its time [s].
+  /// \param q coordinates, f entries.
+  /// \param u velocities, f entries.
+  /// \param more values of the additional columns.
   void write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
              const Eigen::Ref<const Eigen::VectorXd>& u,
              std::span<const double> more = {}) noexcept;
 };
 
+/// \brief State at one tick.
 struct StateRow {
-  std::int64_t k = 0;
+  std::int64_t k = 0;    ///< number of the tick
   double t = 0.0;        ///< [s]
   Eigen::VectorXd q, u;  ///< f entries each
 };
 
-/// Reads a states CSV row by row.
+/// \brief Reads a states CSV row by row.
 class StatesReader {
  public:
-  /// Throws InputError if the file cannot be opened or its header is not that of a states CSV.
+  /// \brief Opens a file and reads its header.
+  /// \param file its path.
+  /// \throws InputError if the file cannot be opened or its header is not that of a states CSV.
   explicit StatesReader(const std::filesystem::path& file);
 
-  /// f, from the header.
+  /// \brief Number of coordinates, from the header.
+  /// \return f.
   Eigen::Index coordinates() const { return coordinates_; }
 
-  /// Reads the next row. Returns false at the end of the file or at damage (a garbled or truncated
-  /// line, a number that is not finite, a time that does not rise), which ends the reading.
+  /// \brief Reads the next row.
+  /// \param row receives the state.
+  /// \return false at the end of the file or at damage, which ends the reading: a garbled or
+  /// truncated line, a number that is not finite, a time that does not rise.
   bool next(StateRow& row);
 
-  /// Where and why reading stopped before the end of the file.
+  /// \brief Where and why reading stopped before the end of the file.
+  /// \return empty if there was no damage.
   const std::optional<FileProblem>& damage() const { return damage_; }
 
  private:

@@ -1,5 +1,6 @@
-// The version of the library. SPRAG_VERSION is the one place where it is written: CMake, the
-// programs and the package for Python read it from here.
+/// \file
+/// \brief Version of the library. CMake, the programs and the Python package read it from here.
 #pragma once
 
+/// \brief Version "MAJOR.MINOR.PATCH".
 #define SPRAG_VERSION "0.2.0"

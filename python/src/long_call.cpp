@@ -12,9 +12,10 @@ std::mutex mutex;
 int calls = 0;
 bool relays = false;
 struct sigaction python_handler;
+std::stop_source stop;  // of the calls under way; none registers a std::stop_callback
 
 void relay(int signal) {
-  request_interrupt();
+  stop.request_stop();
   python_handler.sa_handler(signal);
 }
 
@@ -28,7 +29,7 @@ bool is_function(const struct sigaction& action) {
 InterruptRelay::InterruptRelay() {
   const std::lock_guard lock(mutex);
   if (calls++ > 0) return;
-  clear_interrupt();
+  stop = std::stop_source();
   relays = sigaction(SIGINT, nullptr, &python_handler) == 0 && is_function(python_handler);
   if (!relays) return;
   struct sigaction action = python_handler;
@@ -40,7 +41,11 @@ InterruptRelay::~InterruptRelay() {
   const std::lock_guard lock(mutex);
   if (--calls > 0) return;
   if (relays) sigaction(SIGINT, &python_handler, nullptr);
-  clear_interrupt();
+}
+
+std::stop_token InterruptRelay::token() const {
+  const std::lock_guard lock(mutex);
+  return stop.get_token();
 }
 
 void raise_interrupt() {

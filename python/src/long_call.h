@@ -3,6 +3,8 @@
 
 #include <pybind11/pybind11.h>
 
+#include <stop_token>
+
 #include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag::python {
@@ -14,6 +16,9 @@ class InterruptRelay {
   InterruptRelay(const InterruptRelay&) = delete;
   InterruptRelay& operator=(const InterruptRelay&) = delete;
   ~InterruptRelay();
+
+  /// Of the calls under way.
+  std::stop_token token() const;
 };
 
 /// Raises what Python's handler of Ctrl-C raises, or KeyboardInterrupt.
@@ -24,6 +29,7 @@ template <typename Compute>
 auto long_call(const Compute& compute) {
   try {
     const InterruptRelay relay;
+    const StopScope scope(relay.token());
     const pybind11::gil_scoped_release released;
     return compute();
   } catch (const Interrupted&) {

@@ -80,9 +80,9 @@ struct Said {
   double closest = 0.0;                   // largest V / B
 };
 
-class Observer {
+class BoundFollower {
  public:
-  Observer(const Model& model, const State& replica, double h)
+  BoundFollower(const Model& model, const State& replica, double h)
       : stepper_(model, h),
         line_(stepper_, static_cast<int>(model.contacts.size()), replica, 40),
         energy_(model),
@@ -169,7 +169,7 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
   const State replica = random_state(random, model);
   const Flows flows(model);
   const FlightNorm norm(flows);
-  Observer observer(model, replica, h);
+  BoundFollower observer(model, replica, h);
   for (int session = 1; session <= 3; ++session) {
     State start = machine.start;
     start.u *= random.uniform(-1.0, 1.0);

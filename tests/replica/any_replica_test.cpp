@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-constexpr double tick_length = 0.02;
+constexpr double step_length = 0.02;
 constexpr double duration = 20.0;
 
 /// A run tick by tick with the same events in both; the state is copied away and back during it.
@@ -19,8 +19,8 @@ void expect_same(StepperKind stepper) {
   const Eigen::Index f = scene.model.coordinates();
   const std::vector<ContactEvent> events = master_events(scene, duration);
   ASSERT_GT(events.size(), 20U);
-  E typed(scene, tick_length);
-  AnyReplica any(scene, tick_length, stepper);
+  E typed(scene, step_length);
+  AnyReplica any(scene, step_length, stepper);
   EXPECT_EQ(any.h(), typed.h());
   typename E::State typed_state;
   AnyReplica::State state, other;
@@ -31,9 +31,9 @@ void expect_same(StepperKind stepper) {
   EXPECT_EQ(actual.has_replica, expected.has_replica);
   EXPECT_EQ(actual.has_filter, expected.has_filter);
   std::size_t next = 0;
-  for (std::int64_t k = 1; k <= last_tick(duration, tick_length); ++k) {
+  for (std::int64_t k = 1; k <= last_tick(duration, step_length); ++k) {
     const std::size_t first = next;
-    while (next < events.size() && first_tick_after(events[next].t, tick_length) <= k) ++next;
+    while (next < events.size() && first_tick_after(events[next].t, step_length) <= k) ++next;
     const auto of_tick = std::span(events).subspan(first, next - first);
     typed.tick(of_tick, typed_state);
     other = state;
@@ -59,10 +59,10 @@ TEST(AnyReplica, HasTheBitsOfTheOneThatItIs) {
 
 TEST(AnyReplica, SaysHowItMoves) {
   const Scene& scene = cached_scene("paper_beam.toml");
-  AnyReplica exact(scene, tick_length);
+  AnyReplica exact(scene, step_length);
   ASSERT_NE(exact.flows(), nullptr);
   EXPECT_STREQ(exact.flow_path(), "diagonal");
-  AnyReplica moreau(scene, tick_length, StepperKind::moreau);
+  AnyReplica moreau(scene, step_length, StepperKind::moreau);
   EXPECT_EQ(moreau.flows(), nullptr);
   EXPECT_STREQ(moreau.flow_path(), "moreau");
 }
@@ -70,8 +70,8 @@ TEST(AnyReplica, SaysHowItMoves) {
 // A state of one estimator is invalid for another until start().
 TEST(AnyReplica, TakesAnyStateAtItsStart) {
   const Scene& scene = cached_scene("paper_beam.toml");
-  AnyReplica moreau(scene, tick_length, StepperKind::moreau);
-  AnyReplica replica(scene, tick_length);
+  AnyReplica moreau(scene, step_length, StepperKind::moreau);
+  AnyReplica replica(scene, step_length);
   AnyReplica::State state;
   moreau.start(scene.replica, 0, 0, state);
   moreau.tick({}, state);

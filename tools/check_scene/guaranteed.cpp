@@ -15,7 +15,7 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t wanted_events = 400;
-constexpr double slow_periods = 20.0;  // of the first look
+constexpr double slow_periods = 20.0;  // of the first trial run
 constexpr int most_doublings = 8;
 
 std::string with_unit(double value, double scale, const char* unit) {

@@ -1,4 +1,4 @@
-// An assessment for machines.
+// An assessment as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -7,7 +7,7 @@
 
 namespace sprag {
 
-/// Adds all figures, exact, and the findings. What is infinite is null.
+/// Adds all figures without rounding, and the findings. Infinite figures are null.
 void write_json(const Assessment& assessment, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -1,4 +1,4 @@
-// check_scene: whether the replica of a scene will synchronize with its master, and why.
+// check_scene: predicts whether the replica of a scene will synchronize with its master, and why.
 #include <chrono>
 #include <nlohmann/json.hpp>
 
@@ -13,7 +13,7 @@
 
 namespace {
 
-constexpr int exit_may_not = 3;  // a verdict, not a failure
+constexpr int exit_may_not = 3;  // the replica may not synchronize, no failure
 constexpr auto longest_trial = std::chrono::seconds(5);
 
 }  // namespace

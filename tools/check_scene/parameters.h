@@ -1,4 +1,4 @@
-// The uncertain parameters of a scene, in reports.
+// Uncertain parameters of a scene, for reports.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -9,10 +9,10 @@
 namespace sprag {
 
 /// "uncertain parameters: impact.restitution 0.7 +- 0.01, beam.damping 0.2 +- 0.002 (considered)",
-/// wrapped; empty where the scene has none.
+/// wrapped; empty if the scene has none.
 std::string parameters_text(const Scene& scene);
 
-/// Adds `uncertain_parameters`, an array; nothing where the scene has none.
+/// Adds `uncertain_parameters`, an array, if the scene has any.
 void write_parameters(const Scene& scene, nlohmann::ordered_json& object);
 
 }  // namespace sprag

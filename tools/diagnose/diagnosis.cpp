@@ -11,14 +11,15 @@
 namespace sprag {
 namespace {
 
-// Of the usual time between impacts: what is as good as exact, and the largest scatter that makes
-// sense.
+// In units of the usual time between impacts: residuals that count as exact, and the largest
+// reasonable scatter.
 constexpr double exact = 1e-9;
 constexpr double widest = 0.05;
-constexpr int least_closings = 8;  // beyond those that the state takes
-// In J; a chance once in 10000 for a parameter that is right.
+constexpr int least_closings = 8;  // besides those that determine the state
+// Gain of J that a correct parameter reaches once in 10000 records.
 constexpr double significant_gain = 20.0;
-// Of a second parameter; among ten of them a chance once in 200 where the first is alone.
+// Gain of J by a second parameter. If the first is the only wrong one, the best of ten others
+// reaches it once in 200 records.
 constexpr double gain_of_second = 12.0;
 
 int closings_of(std::span<const ContactEvent> events, int at_least) {
@@ -37,7 +38,7 @@ double largest_misfit(int freedom) {
   return 1.0 + 6.0 * std::sqrt(2.0 / of);
 }
 
-/// The same as an unknown of identification.
+/// The parameter as an unknown of identification.
 Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
   using Kind = Unknown::Kind;
   const auto kind = [&] {
@@ -71,14 +72,14 @@ Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
   Unknown unknown = *std::find_if(all.begin(), all.end(), [&](const Unknown& of) {
     return of.kind == kind && of.index == index;
   });
-  // As far as its values may be off.
+  // The range covers the parameter's own limits.
   const double size = std::abs(parameter.nominal);
   if (size > 0.0) unknown.within = std::min((parameter.highest - parameter.nominal) / size, 1.0);
   if (kind == Kind::restitution || kind == Kind::position) unknown.within = 0.3;
   return unknown;
 }
 
-// Whether nothing else of the machine has a size, so that events do not tell this one.
+// Whether the parameter alone sets the scale of the motion, so that events cannot determine it.
 bool is_the_scale(const Scene& scene, const Unknown& unknown) {
   const MachineFamily family(scene, {unknown});
   return carries_scale(unknown) && Projection(family).homogeneous();
@@ -94,8 +95,8 @@ class Judge {
     settings_.closed = beginning.closed;
   }
 
-  /// With or without repairs of the events. None where there is no minimum, or too little to find
-  /// one.
+  /// A fit with or without repairs of the events. Empty if it has no minimum, or if there are too
+  /// few events.
   std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) {
     settings_.unknowns = std::move(unknowns);
     settings_.mend = mend;
@@ -159,8 +160,8 @@ Candidate candidate_of(const Parameter& parameter, const std::optional<Identific
   return candidate;
 }
 
-// Squares that the fit of a single unknown loses where a second one, from its nominal value on, is
-// sought beside it.
+// Reduction of the sum of squares of a single unknown's fit by a second unknown that starts at its
+// nominal value.
 double squares_lost(const Scene& scene, const Identification& first, const Unknown& second) {
   const MachineFamily family(scene, {first.unknowns.front().unknown, second});
   Likelihood start = first.likelihood;
@@ -238,7 +239,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.common_scatter = diagnosis.scatter;
   for (const Found& of : found) {
     diagnosis.common_scatter = std::min(diagnosis.common_scatter, of.candidate.scatter);
-    // What is as good as exact has no distribution to hold a gain against.
+    // Exact times have no distribution to judge a gain by.
     if (jitter > 0.0 && of.candidate.gain > significant_gain) diagnosis.fits = false;
   }
   diagnosis.misfit_before = misfit_of(*nominal, diagnosis.common_scatter);
@@ -253,7 +254,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
       for (const std::size_t i : repaired->spurious) diagnosis.spurious.push_back(events[i]);
     }
   }
-  // Without jitter there is no distribution to hold a gain against, and what fits leaves nothing.
+  // Exact times have no distribution to judge a gain by.
   const Candidate* best = diagnosis.explanation();
   if (!(jitter > 0.0) || best == nullptr) return diagnosis;
   for (const Parameter& second : parameters) {

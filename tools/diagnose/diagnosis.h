@@ -1,14 +1,15 @@
-// Whether contact events fit a scene's machine and, if not, which of its parameters, wrong by
-// itself, would explain them best, and by what value: each is sought alone by identification
-// (sprag/identification.h), with all else as the scene says.
+// Diagnosis of a model by contact events: whether the events fit a scene's machine and, if not,
+// which single parameter and which value of it would explain them best. Each parameter is
+// identified alone (sprag/identification.h); all others keep the scene's values.
 //
-// A fit is compared with that of the scene's own machine by J = -2 log L, up to a constant,
+// The fit of a parameter is compared with that of the nominal machine by J = -2 log L, up to a
+// constant,
 //
 //   J = n (mean (tau - t)^2 / s^2 + log s^2),
 //
-// n being the freedom of the scene's own, s the *scatter* that is left of event times, or what is
-// as good as exact. A parameter explains the events only if they fit with its value and the jitter
-// alone, and no second one beside it makes them significantly likelier.
+// with the degrees of freedom n of the nominal fit and the *scatter* s of the event times, at least
+// the resolution of times. A parameter explains the events only if they fit with its value and the
+// jitter alone, and no second parameter makes them significantly more likely.
 #pragma once
 
 #include <span>
@@ -25,61 +26,66 @@ namespace sprag {
 
 struct Candidate {
   Parameter parameter;
-  /// Whether the events tell it at all: otherwise `value` is the nominal one, and nothing is
-  /// gained.
+  /// Whether the events determine the parameter. If false, `value` is the nominal one and `gain` is
+  /// 0.
   bool told = false;
   double value = 0.0;
   double deviation = 0.0;    ///< standard deviation of the value
-  double sensitivity = 0.0;  ///< how far events move, root mean square, per unit of the value [s]
-  double scatter = 0.0;      ///< of event times that is left [s]
-  double misfit = 0.0;       ///< mean square of what is left, at the smallest scatter of all
+  double sensitivity = 0.0;  ///< root mean square shift of the events per unit of the value [s]
+  double scatter = 0.0;      ///< scatter of event times in this fit [s]
+  double misfit = 0.0;       ///< mean square of the residuals, in units of common_scatter
   double gain = 0.0;         ///< J of the nominal model minus J, both at their own scatter
   double explained = 0.0;    ///< share of the nominal scatter's square above the jitter
-  bool fits = false;         ///< with this value the events fit with the jitter alone
-  /// Of the best: another parameter that with this one explains significantly more; else empty.
+  bool fits = false;         ///< the events fit with this value and the jitter alone
+  /// For the best candidate: another parameter that explains significantly more together with it;
+  /// else empty.
   std::string improved_by;
 };
 
 struct Diagnosis {
   std::string scene;
-  int closings = 0;  ///< that count
+  int closings = 0;  ///< closings that are used
   double from = 0.0, to = 0.0;
-  double jitter = 0.0;          ///< of event times, as told; 0: exact
-  double resolved = 0.0;        ///< the jitter, or what is as good as exact [s]
-  double scatter = 0.0;         ///< of event times that the scene's own model needs [s]
-  double misfit = 0.0;          ///< of the scene's own model with the jitter, by freedom
-  double largest_misfit = 0.0;  ///< that still fits
-  double common_scatter = 0.0;  ///< at which misfits are compared: the smallest of all [s]
-  double misfit_before = 0.0;   ///< of the scene's own model at that scatter
-  int unsure = 0;               ///< instants at which several contacts close, which are left out
+  double jitter = 0.0;    ///< specified jitter [s]; 0: exact
+  double resolved = 0.0;  ///< the jitter, at least the resolution of times [s]
+  double scatter = 0.0;   ///< scatter of event times about the nominal model [s]
+  /// Misfit of the nominal model with the jitter, per degree of freedom.
+  double misfit = 0.0;
+  double largest_misfit = 0.0;  ///< largest misfit of a fit
+  double common_scatter = 0.0;  ///< smallest scatter of all fits, the unit of all misfits [s]
+  double misfit_before = 0.0;   ///< misfit of the nominal model in that unit
+  int unsure = 0;               ///< instants at which several contacts close, which are ignored
   bool fits = false;
   std::vector<Candidate> candidates;  ///< best first
-  /// Where the events do not fit as they are, but fit the scene's own model once these are
-  /// repaired.
+  /// Repairs of the events, if they do not fit as recorded but fit the nominal model after the
+  /// repairs.
   std::vector<MissingImpact> missing;
   std::vector<ContactEvent> spurious;
-  double only_frequency = 0.0;  ///< of all harmonics; a clock offset is then a phase
+  /// Common frequency of all harmonics, if they have one; a clock offset is then a phase.
+  double only_frequency = 0.0;
 
   /// Whether lost or spurious events explain the misfit.
   bool is_repaired() const { return !missing.empty() || !spurious.empty(); }
-  /// The parameter that explains the misfit, if one does: with its value the events fit.
+  /// The parameter that explains the misfit, null if none does: with its value the events fit.
   const Candidate* explanation() const;
-  /// Others that explain it as well: the events do not tell them apart.
+  /// Other parameters that explain the misfit as well, so that the events do not distinguish them.
   std::vector<const Candidate*> ties() const;
 };
 
-/// Where the events begin: all since t [s] are known, and which contacts were closed then.
+/// Beginning of the record: all events after t [s] are known; and the contacts that were closed
+/// then.
 struct Beginning {
   double t = 0.0;
   ContactSet closed = 0;
 };
 
-/// Too few events to say anything.
+/// There are too few events for a diagnosis.
 struct TooFewEvents : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// `jitter` >= 0 [s]. Throws TooFewEvents, and ModelError where M is not positive definite.
+/// Diagnoses a scene. `jitter` >= 0 [s]. Throws TooFewEvents, and ModelError if M is not positive
+/// definite.
 Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
                    const Beginning& beginning = {});
 

@@ -10,7 +10,7 @@ namespace sprag {
 namespace {
 
 constexpr double nearly_all = 0.9999;
-constexpr double worth_telling = 0.5;  // of the misfit
+constexpr double worth_telling = 0.5;  // of the misfit: smaller explained shares are not reported
 
 std::string number(double value, int digits) {
   char text[32];

@@ -1,4 +1,4 @@
-// A diagnosis for people and for machines.
+// Output of a diagnosis as text and as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -8,13 +8,13 @@
 
 namespace sprag {
 
-/// What follows from it, in words.
+/// The verdict in words.
 std::string verdict(const Diagnosis& diagnosis);
 
 /// Verdict and a table of the parameters, the best first, at most 100 columns.
 std::string to_text(const Diagnosis& diagnosis);
 
-/// Adds all figures, exact.
+/// Adds all figures without rounding.
 void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object);
 
 }  // namespace sprag

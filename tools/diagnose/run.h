@@ -1,4 +1,4 @@
-// diagnose: reads the events, says what is wrong with the file, diagnoses and prints.
+// diagnose: reads the events, reports damage of the file, diagnoses and prints.
 #pragma once
 
 #include <filesystem>
@@ -10,13 +10,13 @@
 
 namespace sprag {
 
-inline constexpr int exit_does_not_fit = 3;  ///< a verdict, not a failure
+inline constexpr int exit_does_not_fit = 3;  ///< the events do not fit, no failure
 
 struct DiagnoseRun {
   std::filesystem::path log, scene;
   bool json = false;
-  std::optional<double> jitter;                               ///< [s]; none: the scene's
-  double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
+  std::optional<double> jitter;                               ///< [s]; empty: the scene's
+  double duration = std::numeric_limits<double>::infinity();  ///< later events are ignored [s]
 };
 
 /// Prints the diagnosis to standard output, fills `report` and returns the exit code: that of a

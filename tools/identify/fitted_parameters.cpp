@@ -11,7 +11,7 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-// The standard deviation in the unit that the key has in the written scene.
+// The standard deviation in the unit of the key in the written scene.
 double sigma_in(const Scene& written, const FittedUnknown& of) {
   const Kind kind = of.unknown.kind;
   const bool absolute =
@@ -26,7 +26,7 @@ bool is_considered(const ParameterUncertainty& before, const std::string& key) {
          before.consider[static_cast<std::size_t>(at - before.keys.begin())];
 }
 
-// Of values, from the covariance of their coordinates.
+// Correlation of values, from the covariance of their coordinates.
 Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std::size_t>& numbers) {
   const auto n = std::ssize(numbers);
   const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
@@ -42,7 +42,7 @@ Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std:
     }
   }
   if (n == 0) return correlation;
-  // Rounding may have left an eigenvalue below zero.
+  // Rounding may leave a negative eigenvalue.
   const double least = eigenvalues(correlation)[0];
   if (least < 0.0) {
     const double diagonal = 1.0 - 2.0 * least;

@@ -1,4 +1,4 @@
-// The uncertainty of the parameters that identify found, as the fitted scene carries it.
+// Uncertainty of the parameters that identify has determined, for [parameters] of the fitted scene.
 #pragma once
 
 #include <string>
@@ -11,15 +11,15 @@ namespace sprag {
 
 struct FittedParameters {
   ParameterUncertainty uncertainty;
-  /// Keys of parameters that were determined and that a filter cannot follow.
+  /// Keys of determined parameters that a filter cannot estimate.
   std::vector<std::string> left_out;
 };
 
 /// \brief Standard deviations and correlations of the parameters that are determined and not at a
 /// bound.
-/// \param written is the scene with the fitted values, whose factors are 1 again: a standard
-/// deviation of a factor is relative to its fitted value.
-/// \return `consider` as the scene that was fitted has it.
+/// \param written the scene with the fitted values. Its factors are 1, so the standard deviation of
+/// a factor is relative to the fitted value.
+/// \return `consider` is that of the scene that was fitted.
 FittedParameters fitted_parameters(const Identification& fit, const Scene& written);
 
 }  // namespace sprag

@@ -46,7 +46,7 @@ std::string entry(const char* matrix, Eigen::Index i, Eigen::Index j) {
   return std::string(matrix) + '.' + std::to_string(i + 1) + '.' + std::to_string(j + 1);
 }
 
-// A matrix of a file is written in its place.
+// A matrix that was read from a file is written in place of the file's name.
 void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
   if (text.is_file(path)) {
     text.set(path, matrix);
@@ -57,7 +57,7 @@ void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
   }
 }
 
-// Under which of its two names `table` has zeta.
+// The one of the two keys for zeta that `table` uses.
 std::string damping_ratio_path(const Text& text, const std::string& table) {
   const std::string other = table + ".modal_damping";
   return text.has(other) ? other : table + ".damping_ratio";
@@ -100,7 +100,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
   switch (unknown.kind) {
     case Kind::restitution: {
       if (unknown.index >= 0) break;
-      // Contacts that have one of their own keep it unless it is written as well.
+      // Contacts with a restitution of their own keep it unless it is written as well.
       bool is_factor = false;
       for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
         const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
@@ -165,7 +165,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
   text.set(unknown.key, of.value);
 }
 
-// A system's Rayleigh damping that gives its fitted C with its fitted K.
+// Sets a system's Rayleigh damping such that the fitted K gives the fitted C.
 void set_rayleigh(const Identification& fit, const std::string& file, Text& text) {
   double of_C = 1.0, of_K = 1.0;
   for (const FittedUnknown& of : fit.unknowns) {
@@ -180,7 +180,7 @@ void set_rayleigh(const Identification& fit, const std::string& file, Text& text
   if (of_C != of_K) text.set(beta, of_C / of_K * text.number(beta, 0.0));
 }
 
-// A system's damping ratios that give its fitted C with its fitted K.
+// Sets a system's damping ratios such that the fitted K gives the fitted C.
 void set_system_ratio(const Identification& fit, const std::string& file, Text& text) {
   const std::string path = damping_ratio_path(text, "system");
   double factor = 1.0;
@@ -209,18 +209,18 @@ bool starts_outside(const Scene& fitted, const State& start) {
                      [&](const Contact& contact) { return gap(contact, start.q, 0.0) >= 0.0; });
 }
 
-// The energy that the start may be off by, and never 0.
+// Bound of the error energy of the start, never 0.
 double start_energy(const Identification& fit) {
   const Model& model = fit.fitted.model;
   const double of_u = fit.start_sigma.u.cwiseAbs2().dot(model.M.diagonal());
   const double of_q = fit.start_sigma.q.cwiseAbs2().dot(model.K.diagonal());
   const double kinetic = fit.start.u.cwiseAbs2().dot(model.M.diagonal()) +
                          fit.start.q.cwiseAbs2().dot(model.K.diagonal());
-  // V within nine times its mean, and what rounding leaves.
+  // Nine times the mean of V, at least the rounding error.
   return std::max(4.5 * (of_u + of_q), 1e-18 * kinetic);
 }
 
-// Never 0.
+// Standard deviations of the start, never 0.
 Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::VectorXd& start) {
   const double largest = std::max(start.cwiseAbs().maxCoeff(), sigma.maxCoeff());
   return sigma.cwiseMax(1e-9 * (largest > 0.0 ? largest : 1.0));
@@ -228,7 +228,7 @@ Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::Vect
 
 constexpr std::string_view not_covered = "# The bound B covers no error of";
 
-// Without the comment of an earlier fit.
+// The text without [tolerance] and the comment of an earlier fit.
 std::string without_tolerance(std::string_view given) {
   std::string text = without_table(given, "tolerance");
   const std::size_t begin = text.find(not_covered);
@@ -242,14 +242,14 @@ std::string without_tolerance(std::string_view given) {
   return text;
 }
 
-// An empty line, and the beginning of one more.
+// Adds an empty line, as the beginning of a table.
 void begin_table(std::string& text) {
   if (!text.ends_with("\n")) text += '\n';
   if (!text.ends_with("\n\n")) text += '\n';
 }
 
-// Where a fitted parameter is covered by no tolerance the table is a comment: the bound does not
-// hold for such a machine.
+// If no tolerance covers one of the fitted parameters, the table is written as a comment: the bound
+// does not hold for such a machine.
 void add_tolerance(const Identification& fit, double jitter, std::string& text) {
   const std::string table =
       to_toml(fitted_tolerance(fit, jitter),
@@ -300,7 +300,7 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
     }
   }
   if (fit.fitted.drift != scene.drift) out.set("replica.drift", fit.fitted.drift);
-  // Times that are exact to within what can be told have no jitter.
+  // A jitter below the resolution of times counts as none.
   const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
   if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);
   std::string written = out.written();

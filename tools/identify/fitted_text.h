@@ -1,5 +1,4 @@
-// The scene file of a machine that was identified: the file that was given, comments kept, with the
-// fitted values in place.
+// Text of the fitted scene's file: the given file, with its comments, and with the fitted values.
 #pragma once
 
 #include <filesystem>
@@ -17,10 +16,14 @@ struct FittedText {
   std::vector<std::string> not_filtered;
 };
 
-/// `given` is the text of the scene that was fitted, in the file `from`, `begins` where its replica
-/// starts [s]. The start is left as it is where the fit does not reach back to there. Files of
-/// matrices that it names are named as seen from the file `to`, or written in place where what they
-/// hold was fitted. [parameters] is replaced. Throws SceneError.
+/// Writes the fitted values into the text of a scene and replaces [parameters]. The start does not
+/// change if the fit does not reach back to `begins`.
+/// \param given   text of the scene that was fitted
+/// \param begins  start of the replica [s]
+/// \param from    file of `given`
+/// \param to      file of the result. Paths of matrix files are written relative to it;
+///                matrices with fitted values are written in place.
+/// \throws SceneError
 FittedText fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
                        double begins, const std::filesystem::path& from,
                        const std::filesystem::path& to);

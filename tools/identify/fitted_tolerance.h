@@ -1,4 +1,4 @@
-// [tolerance] of a fitted scene: hard limits from the deviations of a fit.
+// [tolerance] of a fitted scene: hard limits from the standard deviations of a fit.
 #pragma once
 
 #include <string>
@@ -9,12 +9,12 @@
 
 namespace sprag {
 
-/// How many standard deviations a limit has.
+/// A limit in standard deviations.
 inline constexpr double tolerated_sigmas = 4.0;
 
-/// Four standard deviations of the event times (`jitter`) and of every fitted restitution, factor
-/// on stiffness or damping, and clearance. A limit of normal deviations is no proof: the bound
-/// holds as long as nothing is off by more.
+/// Limits of four standard deviations for the event times (`jitter`) and for every fitted
+/// restitution, factor on stiffness or damping, and clearance. Such limits are no proof: the bound
+/// holds while no error exceeds its limit.
 Tolerance fitted_tolerance(const Identification& fit, double jitter);
 
 /// Keys of fitted parameters that no tolerance covers, such as positions and frequencies.

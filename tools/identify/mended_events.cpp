@@ -11,7 +11,7 @@
 namespace sprag {
 namespace {
 
-// Of each event: whether its time is far from the fit's.
+// For each event: whether its time is far from the fit's.
 std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
   constexpr double far = 4.0, no_say = 0.95;
   std::vector<bool> suspects(events, false);

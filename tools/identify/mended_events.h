@@ -1,5 +1,5 @@
-// The events that a fit used, as an events CSV with a column `note`: lost events inserted where the
-// fit has their impacts, spurious ones and suspects marked.
+// The events of a fit as an events CSV with a column `note`: lost events are inserted at the fit's
+// impacts; spurious and suspect events are marked.
 #pragma once
 
 #include <filesystem>
@@ -10,9 +10,9 @@
 
 namespace sprag {
 
-/// `events` are those that were fitted. Notes: "lost" of an inserted event; "spurious" of one that
-/// is not used, which readers skip; "suspect" of one whose time is off by more than four of its
-/// deviations. Throws std::runtime_error if the file cannot be written.
+/// Writes the file. `events` are those that were fitted. Notes: "lost" for an inserted event;
+/// "spurious" for an unused one, which readers skip; "suspect" for one whose residual exceeds four
+/// standard deviations. Throws std::runtime_error if the file cannot be written.
 void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,
                   const Identification& fit);
 

@@ -65,7 +65,7 @@ std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options) {
   } else {
     unknowns = all_but_the_scale(scene, known);
   }
-  // One --within for all, then those of single names.
+  // Collects the value of --within for all unknowns and those for single names.
   std::string for_all, for_names;
   for (const std::string& word : words(options.within)) {
     (word.find('=') == std::string::npos ? for_all : for_names) += word + ',';
@@ -83,7 +83,7 @@ std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sough
   std::string held;
   for (const Unknown& unknown : unknowns_of(scene)) {
     if (!carries_scale(unknown) || is_sought(unknown)) continue;
-    if (!held.empty()) return "";  // two of them: the scale is the scene's
+    if (!held.empty()) return "";  // two are known: the scene gives the scale
     held = unknown.key;
   }
   return held;
@@ -92,7 +92,7 @@ std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sough
 std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown>& sought) {
   std::vector<Unknown> causes = sought;
   const std::vector<Unknown> all = unknowns_of(scene);
-  // An amplitude shows where something else says how large it is.
+  // An amplitude is identifiable only if something else fixes the scale.
   const auto scales = std::count_if(all.begin(), all.end(), carries_scale);
   for (const Unknown& unknown : all) {
     const bool is_there = std::any_of(causes.begin(), causes.end(), [&](const Unknown& other) {

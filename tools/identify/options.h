@@ -1,4 +1,4 @@
-// What --free, --known and --within say.
+// Options --free, --known and --within.
 #pragma once
 
 #include <string>
@@ -10,19 +10,20 @@
 namespace sprag {
 
 struct SoughtOptions {
-  std::string free;    ///< "all", or keys with commas between; empty: what the events can tell
-  std::string known;   ///< keys with commas between
-  std::string within;  ///< "0.2", "beam.damping=1,0.1": of all that are not named
+  /// "all", or keys separated by commas; empty: all that the events can determine.
+  std::string free;
+  std::string known;   ///< keys separated by commas
+  std::string within;  ///< a value without a key applies to all others
 };
 
-/// The unknowns that are sought. Of what only a common scale tells apart, amplitudes, constant
-/// forces and clearances, what --known names is held, else an amplitude. Throws UsageError.
+/// The unknowns to identify. Amplitudes, constant forces and clearances have a common unobservable
+/// scale, so one of them is held: the one that --known names, else an amplitude. Throws UsageError.
 std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options);
 
-/// Those that may be wrong by themselves: what is sought, and what is held for its scale.
+/// The unknowns that may be wrong alone: the sought ones and the one that is held for its scale.
 std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown>& sought);
 
-/// The key that is held for the scale of what is sought; empty where none has to be.
+/// The key that is held to fix the scale; empty if none has to be.
 std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sought);
 
 }  // namespace sprag

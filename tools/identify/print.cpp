@@ -13,12 +13,12 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-constexpr double hides = 0.8;   // a correlation that is worth telling
-constexpr double exact = 1e-8;  // of the usual time between impacts: no jitter
+constexpr double hides = 0.8;   // correlations above this are reported
+constexpr double exact = 1e-8;  // of the usual time between impacts: below it there is no jitter
 
 std::string number(double value, int digits) { return short_number(value, digits); }
 
-// As many digits as sigma leaves, and at most what people read.
+// As many digits as sigma supports, within a readable limit.
 std::string rounded(double value, double sigma) {
   if (!(sigma > 0.0) || value == 0.0) return number(value, 8);
   const double digits = std::ceil(std::log10(std::abs(value) / sigma)) + 1.0;
@@ -251,7 +251,7 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["used_share"] = fit.used_share();
   object["from"] = fit.from;
   object["to"] = fit.to;
-  // What did not converge has no numbers.
+  // A fit that has not converged reports no numbers.
   const auto found = [&](double value) { return fit.converged() ? Json(value) : Json(nullptr); };
   object["jitter"] = found(fit.jitter);
   object["jitter_told"] = fit.jitter_given;

@@ -1,4 +1,4 @@
-// An identification for people and for machines.
+// Output of an identification as text and as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -13,23 +13,23 @@ namespace sprag {
 struct IdentifyResult {
   std::string scene;
   Identification fit;
-  bool accepted = false;          ///< although it does not fit, since the user says so
-  bool asked_for_causes = false;  ///< whether `causes` were looked for
+  bool accepted = false;          ///< set by the user: the fit is written although it was refused
+  bool asked_for_causes = false;  ///< whether `causes` were searched
   Explanations causes;
-  std::string held;  ///< what is held for its scale; empty: nothing
+  std::string held;  ///< key that is held to fix the scale; empty: none
   std::vector<ContactEvent> events;
 };
 
-/// Whether the machine drifts from its model.
+/// Whether a significant drift was found.
 inline bool drifts(const IdentifyResult& result) { return result.fit.departure.is_drift(); }
 
-/// What follows from it, in words.
+/// The verdict in words.
 std::string verdict(const IdentifyResult& result);
 
 /// Verdict and a table of the parameters, at most 100 columns.
 std::string to_text(const IdentifyResult& result);
 
-/// Adds all figures, exact.
+/// Adds all figures without rounding.
 void write_json(const IdentifyResult& result, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -21,8 +21,8 @@ std::string text_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-// What the fit leaves of a departure from the model: a drift, or where none is found the 95 % limit
-// of one.
+// Writes the drift into the fitted scene: the estimate if a departure was found, else the 95 %
+// limit.
 void put_drift(const IdentifyRun& run, Identification& fit) {
   const std::optional<DriftEstimate>& drift = fit.departure.drift;
   if (!drift) return;
@@ -77,7 +77,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   result.events = recorded.events;
   result.held = held_for_scale(scene, settings.unknowns);
   result.fit = identify(scene, recorded.events, settings);
-  // Judged by the jitter that is told, else by what the fit of all leaves.
+  // The causes are judged by the specified jitter, else by the scatter of the full fit.
   if (run.sought.free.empty() && result.fit.fits()) {
     IdentificationSettings of_causes = settings;
     of_causes.unknowns = single_causes(scene, settings.unknowns);

@@ -11,16 +11,16 @@
 
 namespace sprag {
 
-inline constexpr int exit_not_identified = 3;  ///< a verdict, not a failure
+inline constexpr int exit_not_identified = 3;  ///< the fit was refused, no failure
 
 struct IdentifyRun {
   std::filesystem::path log, scene, output, events;
   SoughtOptions sought;
   bool json = false;
   bool accept = false;
-  bool no_drift_limit = false;   ///< no upper limit of a drift that was not found is written
-  std::optional<double> jitter;  ///< [s]; none: the scene's
-  double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
+  bool no_drift_limit = false;   ///< set: if no drift was found, no upper limit is written
+  std::optional<double> jitter;  ///< [s]; empty: the scene's
+  double duration = std::numeric_limits<double>::infinity();  ///< later events are ignored [s]
 };
 
 /// Prints to standard output, fills `report` and returns the exit code: that of a failure if the

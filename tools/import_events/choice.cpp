@@ -34,7 +34,7 @@ NamedColumn parse_option(const ColumnOption& option) {
                         digits.find_first_not_of("0123456789") == std::string::npos;
   if (!numbered) return {option.role, std::nullopt, option.text};
   const auto contact = parse_integer(digits);
-  // What does not fit is beyond every scene's contacts as well.
+  // A number that does not fit is larger than the number of contacts of every scene.
   return {option.role, contact.value_or(max_contacts + 1), option.text.substr(sign + 1)};
 }
 

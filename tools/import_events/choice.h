@@ -1,4 +1,4 @@
-// Which columns of a file belong to which contact, from what the command line says.
+// Assigns columns of a file to contacts by the options of the command line.
 #pragma once
 
 #include <optional>
@@ -17,18 +17,18 @@ struct ColumnOption {
   std::string text;
 };
 
-/// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which becomes one
-/// of these (levels.h). Indices from 0.
+/// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which is converted
+/// to one of these (levels.h). Indices from 0.
 struct ContactColumns {
   int contact = 0;
   std::optional<std::size_t> impacts, on, off;
   std::optional<std::size_t> level = {};
 };
 
-/// The columns of each contact that is named, contacts ascending. Either all options have a contact
-/// (from 1) or none: then every --impacts, --on and --level is the next contact, and the k-th --off
-/// belongs to the k-th --on. Without options a file's only column is the impacts of a scene's only
-/// contact. Throws UsageError, InputError; `file` is the name that errors carry.
+/// The columns of each named contact, contacts ascending. Either all options have a contact (from
+/// 1) or none. Without numbers every --impacts, --on and --level is the next contact, and the k-th
+/// --off belongs to the k-th --on. Without options the only column of a file is the impacts of a
+/// scene's only contact. Throws UsageError, InputError; `file` is the name in errors.
 std::vector<ContactColumns> choose_columns(const std::vector<ColumnOption>& options,
                                            const ColumnFile& columns, int contacts,
                                            const std::string& file);

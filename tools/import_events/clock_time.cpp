@@ -12,7 +12,7 @@ constexpr int day = 86400;
 
 bool decimal_digit(char c) { return c >= '0' && c <= '9'; }
 
-// `digits` of them, exactly.
+// Reads a number of exactly `digits` digits.
 std::optional<int> take_number(std::string_view& text, std::size_t digits) {
   if (text.size() < digits) return std::nullopt;
   int value = 0;
@@ -30,7 +30,7 @@ bool take(char c, std::string_view& text) {
   return true;
 }
 
-// Whole seconds are added to a number of seconds below 61, without loss.
+// Adds whole seconds to a number of seconds below 61, exactly.
 Decimal plus(Decimal seconds, std::int64_t whole) {
   if (seconds.mantissa == 0) seconds.exponent = 0;
   Decimal::Integer unit = 1;
@@ -40,7 +40,7 @@ Decimal plus(Decimal seconds, std::int64_t whole) {
   return seconds;
 }
 
-// "12:34:56.789" up to what follows it.
+// Reads "12:34:56.789" from the front of the text.
 std::optional<Decimal> take_time(std::string_view& text) {
   const std::size_t hour_digits = text.size() > 1 && text[1] == ':' ? 1 : 2;
   const auto hours = take_number(text, hour_digits);
@@ -61,7 +61,7 @@ std::optional<Decimal> take_time(std::string_view& text) {
   return plus(*seconds, 3600 * *hours + 60 * *minutes);
 }
 
-// "Z", "+02:00", "-0530" or nothing: seconds ahead of UTC.
+// Reads "Z", "+02:00", "-0530" or nothing; returns the seconds ahead of UTC.
 std::optional<int> take_zone(std::string_view& text) {
   if (take('Z', text) || text.empty()) return 0;
   const int sign = text.starts_with('-') ? -1 : 1;

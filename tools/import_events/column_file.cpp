@@ -26,7 +26,7 @@ std::string located(const std::string& file, std::size_t line, const std::string
   return file + ":" + std::to_string(line) + ": " + what;
 }
 
-/// The lines that say something, one by one.
+/// The lines that are neither empty nor comments.
 class Lines {
  public:
   explicit Lines(std::string_view text)
@@ -46,17 +46,17 @@ class Lines {
     return std::nullopt;
   }
 
-  /// Of the line that next() returned last, from 1.
+  /// Number of the line that next() returned last, from 1.
   std::size_t number() const { return number_; }
 
  private:
   std::string_view rest_;
-  char end_;  // of a line: CR in a file without any LF
+  char end_;  // end of a line: CR in a file without LF
   std::size_t number_ = 0;
 };
 
-/// Length of the field that `text` begins with, up to its separator; nothing if a quote in it is
-/// not closed. A quote doubled within quotes closes and opens, which ends at the same place.
+/// Length of the field at the beginning of `text`, up to its separator; nullopt if a quote is not
+/// closed. A doubled quote closes and reopens the quotes, which gives the same length.
 std::optional<std::size_t> field_length(std::string_view text, char separator) {
   const std::size_t first = text.find_first_not_of(' ');
   bool in_quotes = false;
@@ -69,7 +69,7 @@ std::optional<std::size_t> field_length(std::string_view text, char separator) {
   return in_quotes ? std::nullopt : std::optional(text.size());
 }
 
-/// What stands in a field: without blanks and one pair of quotes around it.
+/// Content of a field: without surrounding blanks and quotes.
 std::string_view content_of(std::string_view field) {
   field = trimmed(field);
   if (field.size() >= 2 && field.front() == '"' && field.back() == '"')
@@ -146,7 +146,7 @@ std::optional<char> parse_separator(std::string_view text) {
 
 namespace {
 
-// The separator and the names of the columns, from the first line.
+// Reads the separator and the names of the columns from the first line.
 ColumnFile read_header(Lines lines, const std::string& file, std::optional<char> separator) {
   const auto header = lines.next();
   if (!header) throw InputError(located(file, 1, "there is no header with the columns' names"));
@@ -167,7 +167,7 @@ ColumnFile read_header(Lines lines, const std::string& file, std::optional<char>
   return result;
 }
 
-// The same where the first line has data and the names are given.
+// Determines the separator if the first line contains data and the names are specified.
 ColumnFile name_columns(Lines lines, const std::string& file, std::optional<char> separator,
                         const std::vector<std::string>& names) {
   ColumnFile result;

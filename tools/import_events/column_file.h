@@ -1,6 +1,6 @@
-// Text files with columns, as spreadsheets, loggers and scripts export them: CSV or TSV with a
-// header line of names. Quoted fields, CRLF or CR, a UTF-8 byte order mark, blanks around fields,
-// empty cells, empty lines and lines that start with # are ordinary.
+// Text files with columns, as exported by spreadsheets, loggers and scripts: CSV or TSV with a
+// header line of names. Allowed are quoted fields, CRLF or CR, a UTF-8 byte order mark, blanks
+// around fields, empty cells, empty lines, and comment lines that start with #.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace sprag {
 
-/// What a row has that cannot be used.
+/// A part of a row that cannot be used.
 struct RowProblem {
   std::size_t line;    ///< from 1
   std::string column;  ///< its name; empty: the whole row
@@ -26,12 +26,12 @@ std::string quoted(const std::string& name);
 
 struct Cell {
   std::size_t line;       ///< from 1
-  std::string_view text;  ///< without quotes and blanks around it; never empty
+  std::string_view text;  ///< without surrounding quotes and blanks; never empty
 };
 
 struct Column {
   std::string name;
-  std::vector<Cell> cells;  ///< in the file's order, without the empty ones
+  std::vector<Cell> cells;  ///< nonempty cells in the file's order
 };
 
 struct ColumnFile {
@@ -39,22 +39,21 @@ struct ColumnFile {
   std::vector<Column> columns;
   std::vector<RowProblem> problems;  ///< rows with a wrong number of fields or an open quote
 
-  /// Index of the column. Throws InputError (sprag/detail/files/input_file.h), which lists the
-  /// names that exist, if there is none or more than one of that name. `file` is the name that
-  /// errors carry.
+  /// Index of the column. Throws InputError (sprag/detail/files/input_file.h) with the list of
+  /// names if there is no column, or more than one, of that name. `file` is the name in errors.
   std::size_t find(std::string_view name, const std::string& file) const;
 };
 
-/// "comma", "semicolon", "tab" or the character itself; nothing for anything else.
+/// "comma", "semicolon", "tab" or the character itself; nullopt for any other text.
 std::optional<char> parse_separator(std::string_view text);
 
-/// Reads the columns of `text`, which must outlive them. Without `separator` it is the one of tab,
-/// semicolon and comma that comes first in this order and stands in the header; a file with a
-/// single column counts as separated by semicolons, so that its commas are decimal ones. `names`
-/// are those of the columns of a file without a header, whose separator is then the one that makes
-/// as many fields of its first line; empty: the first line is the header. Throws InputError if
-/// there is no header line, or only numbers in it, or not as many columns as names; `file` is the
-/// name that errors carry.
+/// Reads the columns of `text`, which must outlive them. `separator`: if not specified, it is the
+/// first of tab, semicolon and comma that occurs in the header. A file with a single column counts
+/// as separated by semicolons, so that its commas are decimal commas. `names`: column names of a
+/// file without a header; its separator is the one that splits the first line into as many fields.
+/// Empty: the first line is the header. Throws InputError if there is no header line, if it
+/// consists of numbers, or if the number of columns differs from that of names; `file` is the name
+/// in errors.
 ColumnFile parse_columns(std::string_view text, const std::string& file,
                          std::optional<char> separator = std::nullopt,
                          const std::vector<std::string>& names = {});

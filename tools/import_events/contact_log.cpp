@@ -15,9 +15,9 @@ namespace sprag {
 
 namespace {
 
-// Half of what a message holds: each record is in two messages or more.
+// Half of the records of a message, so that each record is in at least two messages.
 constexpr std::size_t most_events = max_records / 2;
-constexpr double longest_wait = 1e-2;  // s, a heartbeat: of an event that is sent with later ones
+constexpr double longest_wait = 1e-2;  // s, a heartbeat: longest delay of an event in a message
 
 std::int64_t session_of(std::span<const ContactEvent> events) {
   std::uint64_t hash = 0xcbf29ce484222325;  // FNV-1a
@@ -31,9 +31,9 @@ std::int64_t session_of(std::span<const ContactEvent> events) {
   return static_cast<std::int64_t>(hash >> 1U);
 }
 
-/// Microseconds, not before t.
+/// t in microseconds, rounded up.
 std::int64_t utime_of(double t) {
-  constexpr double latest = 9e15;  // what observers read from a log
+  constexpr double latest = 9e15;  // limit of times that observers accept in a log
   return static_cast<std::int64_t>(std::min(std::ceil(1e6 * t), latest));
 }
 
@@ -69,7 +69,7 @@ class ContactLog {
   std::vector<std::uint8_t> data_;
 };
 
-/// How many events go with the first one: all of its instant, and those that follow soon.
+/// Number of events in the next message: all of the first instant, and those that follow soon.
 std::size_t events_together(std::span<const ContactEvent> events) {
   std::size_t count = 1;
   while (count < events.size() &&

@@ -12,13 +12,13 @@ namespace {
 
 using Integer = Decimal::Integer;
 
-constexpr int most_digits = 36;  // one less than fit, so that a sign and a last carry do as well
+constexpr int most_digits = 36;  // fewer than 128 bits hold, which leaves room for a carry
 constexpr int largest_exponent = 300;
 constexpr std::size_t longest_text = 1000;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// number * 10^power; nothing if it does not fit.
+/// number * 10^power; nullopt on overflow.
 std::optional<Integer> scaled(Integer number, int power) {
   for (; power > 0 && number != 0; --power) {
     if (__builtin_mul_overflow(number, 10, &number)) return std::nullopt;
@@ -47,7 +47,7 @@ std::optional<Decimal> product(const Decimal& a, const Decimal& b) {
 double nearest_double(const Decimal& number) {
   std::array<char, 64> text;
   char* const end = text.data() + text.size();
-  char* digit = end - 8;  // the exponent goes behind
+  char* digit = end - 8;  // the exponent is written after the digits
   const char* const exponent_end = std::to_chars(digit + 1, end, number.exponent).ptr;
   *digit = 'e';
   const bool negative = number.mantissa < 0;
@@ -61,7 +61,7 @@ double nearest_double(const Decimal& number) {
   double value = 0.0;
   if (std::from_chars(digit, exponent_end, value).ec != std::errc::result_out_of_range)
     return value;
-  // Too large or too small, which from_chars does not tell apart.
+  // from_chars does not distinguish overflow from underflow.
   return number.exponent > 0 ? std::numeric_limits<double>::infinity() : 0.0;
 }
 

@@ -1,5 +1,5 @@
-// Decimal numbers as they are written, without rounding: a clock's count of nanoseconds since 1970
-// does not fit a double, its difference from another one does.
+// Exact decimal numbers. A clock's count of nanoseconds since 1970 does not fit a double; the
+// difference of two such counts does.
 #pragma once
 
 #include <optional>
@@ -17,13 +17,12 @@ struct Decimal {
 /// The character between a number's whole part and its fraction.
 enum class DecimalMark { point, point_or_comma };
 
-/// "-12", "+1.5", ".5", "2.5E-3"; nothing for anything else, also for numbers beyond 10^336.
-/// Digits after the 36th are dropped.
+/// "-12", "+1.5", ".5", "2.5E-3". Nullopt for any other text, and for numbers beyond 10^336. Digits
+/// after the 36th are dropped.
 std::optional<Decimal> parse_decimal(std::string_view text, DecimalMark mark = DecimalMark::point);
 
-/// (value - offset) * unit, rounded once, to the nearest double. Terms that differ so much in size
-/// that 38 digits do not hold their difference or product are rounded to long double before.
-/// May be infinite.
+/// (value - offset) * unit, rounded once, to the nearest double. If 38 digits cannot hold the
+/// difference or the product, the terms are rounded to long double first. May be infinite.
 double difference_in(const Decimal& value, const Decimal& offset, const Decimal& unit);
 
 }  // namespace sprag

@@ -11,15 +11,15 @@ namespace {
 
 constexpr double short_contact = 1e-3;    // [s]
 constexpr double share_of_median = 1e-3;  // of the intervals between closings
-// Gaps within a batch are shorter than those between batches by more than this factor.
+// Gaps between batches are longer than those within a batch by more than this factor.
 constexpr double apart = 10.0;
 constexpr std::size_t fewest_small = 3;
 constexpr std::size_t fewest_batches = 12;
-constexpr double smallest_share = 0.1;  // of closings that share a batch
-// Mean of cos(2 pi d / P) of the distances d of batches: 1 where all are multiples of P. That of 12
-// random ones is as large in some 0.1 % of searches.
+constexpr double smallest_share = 0.1;  // of closings in shared batches
+// Threshold of the mean of cos(2 pi d / P) over the distances d of batches, which is 1 if all are
+// multiples of P. For 12 random distances a search exceeds it with a probability of about 0.1 %.
 constexpr double coherent = 0.95;
-constexpr double longest_distance = 50.0;  // of those that count, over the shortest
+constexpr double longest_distance = 50.0;  // relative to the shortest; longer ones are not used
 constexpr std::size_t most_distances = 2000;
 
 std::string readable(double value) {
@@ -35,7 +35,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// Of one contact [s].
+// Times of one contact [s].
 struct Spans {
   std::vector<double> lengths;    // of sustained contacts
   std::vector<double> intervals;  // from a closing to the next
@@ -78,7 +78,7 @@ std::vector<Batch> batches_of(std::span<const Closing> closings, double between)
   return batches;
 }
 
-// The largest gap between two sorted gaps, as a factor: the smallest gap beyond it, or nothing.
+// Finds the largest jump in the sorted gaps, as a factor, and returns the smallest gap above it.
 std::optional<double> smallest_between(std::vector<double> gaps) {
   std::sort(gaps.begin(), gaps.end());
   std::optional<double> between;
@@ -169,7 +169,7 @@ std::optional<Batches> find_batches(std::span<const Closing> closings) {
       static_cast<double>(found.events) < smallest_share * static_cast<double>(closings.size())) {
     return std::nullopt;
   }
-  // A contact that closes several times in a batch may as well bounce.
+  // A contact that closes several times in a batch may be bouncing instead.
   const bool at_one_instant =
       std::none_of(gaps.begin(), gaps.end(), [&](double g) { return g > 0.0 && g < *between; });
   const bool impacts =

@@ -1,5 +1,5 @@
-// What imported events look like, apart from the machine: contacts too short to be sustained, and
-// stamps of a sensor that is read now and then.
+// Recognizes properties of the recording, not of the machine: contacts that are too short to be
+// sustained, and time stamps of a sensor that is polled.
 #pragma once
 
 #include <optional>
@@ -11,23 +11,23 @@
 
 namespace sprag {
 
-/// A hint at --debounce and --pulse-shorter-than for each contact whose sustained contacts are
-/// shorter than a millisecond or a thousandth of the median interval between its closings, or
-/// follow as closely on each other; a line each.
+/// A hint, one line each, to use --debounce and --pulse-shorter-than for each contact whose
+/// sustained contacts, or the pauses between them, are shorter than a millisecond or a thousandth
+/// of the median interval between its closings.
 std::vector<std::string> hints_at_bounces(const Import& import);
 
-/// Stamps that come in batches: of a sensor that is read periodically, which stamps all that has
-/// happened since with the time at which it is read.
+/// Time stamps that come in batches, since a sensor is polled and all events since the last poll
+/// get the time of the poll.
 struct Batches {
   double period = 0.0;     ///< of the sensor [s]
-  std::size_t events = 0;  ///< that share a batch with others
+  std::size_t events = 0;  ///< number of events in batches of more than one
 };
 
-/// Where gaps between closings fall into two kinds, more than ten times apart, and the starts of
-/// batches are whole multiples of one period apart. Closings ascending in time.
+/// Finds batches if the gaps between closings are of two kinds, more than a factor of ten apart,
+/// and the distances of the batches are multiples of one period. Closings ascending in time.
 std::optional<Batches> find_batches(std::span<const Closing> closings);
 
-/// For people.
+/// Message for the user.
 std::string to_text(const Batches& batches, std::size_t closings);
 
 }  // namespace sprag

@@ -22,12 +22,12 @@ struct Stamp {
   std::size_t line;
 };
 
-/// While a contact is closed.
+/// The interval in which a contact is closed.
 struct Span {
   double on, off;
 };
 
-/// Whether `to` - `from` < `limit`, beyond what rounding of the two can feign.
+/// Whether `to` - `from` < `limit` by more than the rounding of the two.
 bool shorter(double from, double to, double limit) {
   const double rounding =
       2.0 * std::numeric_limits<double>::epsilon() * std::max(std::abs(from), std::abs(to));
@@ -65,7 +65,7 @@ class Importer {
   }
 
  private:
-  /// A column's times in order.
+  /// The times of a column in ascending order.
   std::vector<Stamp> stamps(std::size_t index) {
     const auto mark = columns_.separator == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
     std::vector<Stamp> stamps;
@@ -118,7 +118,7 @@ class Importer {
     while (on != ons.end() || off != offs.end()) {
       const double next_on = on != ons.end() ? on->t : never;
       const double next_off = off != offs.end() ? off->t : never;
-      // Of a closing and an opening at one instant comes first what the contact can do.
+      // For a closing and an opening at one instant, the one that is possible comes first.
       if (next_on < next_off || (next_on == next_off && !closed)) {
         if (const std::string what = close(next_on, closed, last_on, spans); !what.empty())
           refuse(on_column, on->line, what);

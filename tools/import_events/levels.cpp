@@ -39,7 +39,7 @@ struct Level {
   double value;
 };
 
-// Of the rows that have both.
+// Time and level of the rows that have both.
 std::vector<Level> levels_of(std::size_t times, std::size_t channel, ColumnFile& columns) {
   const auto mark = columns.separator == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
   std::vector<Level> levels;
@@ -92,7 +92,7 @@ std::vector<std::string> expand_levels(const LevelOptions& options, const std::s
     }
     const std::vector<Level> levels = levels_of(times, *contact.level, columns);
     const double threshold = threshold_of(options, name, levels);
-    // The time's name behind it says the unit.
+    // The time column's name at the end provides the unit.
     const std::string of = name + " at " + columns.columns[times].name;
     Column rises{of, {}}, falls{of, {}}, edges{of, {}};
     bool before = false;

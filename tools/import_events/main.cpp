@@ -1,5 +1,5 @@
-// import_events: turns time stamps of contacts, as spreadsheets and loggers export them, into what
-// observer --replay reads. import.h says what is measured.
+// import_events: converts time stamps of contacts, as exported by spreadsheets and loggers, to the
+// input of observer --replay. The rules are in import.h.
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
@@ -27,7 +27,7 @@ constexpr const char* description =
 void add_columns(CLI::App& app, const std::string& name, sprag::ColumnRole role,
                  std::vector<sprag::ColumnOption>& columns, const std::string& help) {
   const auto add = [&columns, role](const std::string& text) { columns.push_back({role, text}); };
-  // At once, one by one: contacts are counted in the order given, across the three options.
+  // Called for each option in turn, since contacts are numbered in the order of all these options.
   app.add_option_function<std::string>(name, add, help)
       ->trigger_on_parse()
       ->type_name("[CONTACT=]NAME");

@@ -1,4 +1,4 @@
-// The unit of a file's times: as it is told, or as the columns' names say it.
+// The unit of a file's times: specified, or part of the columns' names.
 #pragma once
 
 #include <optional>
@@ -12,27 +12,28 @@
 
 namespace sprag {
 
-/// "s", "ms", "us", "ns" or a finite number > 0, in seconds; nothing for anything else.
+/// "s", "ms", "us", "ns" or a finite number > 0, in seconds; nullopt for any other text.
 std::optional<Decimal> parse_unit(std::string_view text);
 
 /// A unit of time that a column's name ends with or has in brackets: "Impact [ms]", "on (s)",
 /// "Zeit / us", "t in µs", "off_ns".
 struct NamedUnit {
   std::string text;
-  std::optional<Decimal> seconds;  ///< none: a unit that --unit has no name for, like minutes
+  std::optional<Decimal> seconds;  ///< none: a unit that --unit does not support, such as minutes
 };
 
-/// Nothing if the name says no unit.
+/// Nullopt if the name contains no unit.
 std::optional<NamedUnit> unit_in(std::string_view column);
 
 struct ChosenUnit {
   Decimal seconds{1, 0};
-  std::string remark;  ///< for people: where it comes from, or what contradicts it; may be empty
+  std::string
+      remark;  ///< message for the user: source of the unit, or a contradiction; may be empty
 };
 
-/// `given` if it is there; else what the names of the chosen columns say; else seconds. Throws
-/// UsageError (command_line/program.h) if nothing is given and the names disagree or say a unit
-/// that is not known.
+/// `given` if it is specified; else the unit in the names of the chosen columns; else seconds.
+/// Throws UsageError (command_line/program.h) if no unit is specified and the names disagree or
+/// contain an unsupported unit.
 ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
                        const std::vector<ContactColumns>& chosen, const std::string& file);
 

@@ -33,23 +33,23 @@ bool at_ticks(const Table& table) {
   return table.kind == TableKind::states || table.kind == TableKind::energy;
 }
 
-// What a master writes says nothing of its own error.
+// An estimate has columns about its own error; the states of a master do not.
 bool is_estimate(const Table& states) {
   return std::any_of(states.names.begin(), states.names.end(), [](const std::string& name) {
     return name == "B" || name.starts_with("sigma_") || name.starts_with("bound_");
   });
 }
 
-// Whether a column has a panel as one of the machine's coordinates, or says how far off an event
-// was.
+// Whether a column is a coordinate, which has a panel of its own, or an innovation.
 bool is_coordinate_or_innovation(const std::string& name) {
   const bool letter = name[0] == 'q' || name[0] == 'u';
   return name == "filter_gap" ||
          (letter && name.find_first_not_of("0123456789", 1) == std::string::npos);
 }
 
-// Columns of what people have named: a scene's outputs, and behind them parameters by their keys,
-// which have a dot. An estimate has them with a sigma, a machine has nothing else behind its state.
+// Columns of quantities with names given by users: outputs of the scene, then parameters by their
+// keys, which contain a dot. In an estimate each has a sigma. The states of a master have only
+// these after its state.
 std::vector<std::string> named_quantities(const std::vector<Table>& tables) {
   std::vector<std::string> names;
   for (const Table& table : tables) {
@@ -68,7 +68,8 @@ std::vector<std::string> named_quantities(const std::vector<Table>& tables) {
   return names;
 }
 
-// A run keeps its colour in all panels: by its label, whatever files it is made of.
+// A run has one colour in all panels, identified by its label, even if it consists of several
+// files.
 class Colours {
  public:
   explicit Colours(const std::vector<Table>& tables) {
@@ -91,8 +92,8 @@ class Colours {
   std::map<std::string, Colour> of_;
 };
 
-// Parts a curve in two: where its estimate was inside a support, which the column `penetrating`
-// says, the line is dashed. Both have the points between them.
+// Splits a curve in two. The parts where the estimate penetrates a support (column `penetrating`)
+// are dashed. The points next to a change belong to both.
 void add_parted(Curve curve, const std::vector<double>& penetrating, Panel& panel) {
   Curve inside{curve.title + ", inside a support", curve.colour, Line::dashed, curve.t, curve.y};
   const std::size_t n = curve.y.size();
@@ -111,7 +112,7 @@ void add_parted(Curve curve, const std::vector<double>& penetrating, Panel& pane
   if (any) panel.curves.push_back(std::move(inside));
 }
 
-// y with a band of some times a half-width, where that is finite.
+// y with a band of `times` half-widths, where the half-width is finite.
 Band band_about(std::string title, Colour colour, const std::vector<double>& t,
                 const std::vector<double>& y, const std::vector<double>& width, double times) {
   Band band{std::move(title), colour, t, y, y};
@@ -123,7 +124,7 @@ Band band_about(std::string title, Colour colour, const std::vector<double>& t,
   return band;
 }
 
-// A column with its bands, as one run's part of a panel.
+// Adds a column of one run with its bands to a panel.
 void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
                std::vector<double> y, const std::string& name, Panel& panel) {
   if (const auto* bound = table.column("bound_" + name)) {
@@ -196,8 +197,8 @@ std::vector<Panel::Contacts> contacts_over_time(const std::vector<Table>& tables
   return contacts;
 }
 
-// alpha of C = alpha M, which takes alpha V of the error energy a unit of time where there is no
-// impact; nothing for another damping.
+// alpha of C = alpha M. Without impacts the error energy then decays as exp(-alpha t). Nullopt for
+// other damping.
 std::optional<double> decay_rate(const Model& model) {
   const double alpha = model.C.trace() / model.M.trace();
   const bool proportional =
@@ -212,7 +213,8 @@ Panel named(std::string name, std::string y_label) {
   return panel;
 }
 
-// Which panels are shown unasked: as many of single quantities as are legible, all that sum up.
+// Selection of the panels shown by default: as many single quantities as are legible, all
+// summaries.
 enum class Rank { single, summary, unasked };
 
 struct RankedPanel {
@@ -297,7 +299,7 @@ class Panels {
     return panel;
   }
 
-  // A column of an impact table, contact by contact.
+  // A column of an impacts table, one set of dots for each contact.
   Panel of_impacts(const std::string& column, const std::string& y_label) const {
     Panel panel = named(column, y_label);
     each(TableKind::impacts, [&](const Table& impacts) {
@@ -345,7 +347,7 @@ class Panels {
     return panel;
   }
 
-  // V_i, eq. (24), of the first run.
+  // V_i, eq. (24) of Baumann & Leine 2014, of the first run.
   static void add_modes(const Table& energy, Panel& panel) {
     const std::vector<Colour> colours{Colour::blue, Colour::green, Colour::orange};
     for (std::size_t i = 0; i < most_modes; ++i) {
@@ -390,7 +392,7 @@ Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
   figure.title = options.title.empty() && scene != nullptr ? scene->name : options.title;
   figure.from = std::numeric_limits<double>::infinity();
   figure.to = -figure.from;
-  // Of what is written at ticks, where there is any: events do not tell how long a run was.
+  // The time axis follows tables at ticks if there are any: events do not show the length of a run.
   const bool ticks = std::any_of(tables.begin(), tables.end(), [](const Table& table) {
     return at_ticks(table) && !table.columns.front().empty();
   });
@@ -419,7 +421,7 @@ Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
   }
   for (const std::string& name : options.show) {
     const std::size_t before = figure.panels.size();
-    // An output may have the name of another panel.
+    // Several panels may have this name, since an output may have any name.
     for (const RankedPanel& each : panels) {
       if (each.panel.name == name) figure.panels.push_back(each.panel);
     }

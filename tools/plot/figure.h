@@ -1,5 +1,5 @@
-// What a picture of runs shows, apart from how it is drawn: panels on one time axis, each with
-// curves, bands of two sigma and marks of contacts. One colour has one meaning in all panels.
+// Content of a picture of runs, independent of how it is drawn: panels on one time axis with
+// curves, bands of two sigma and marks of contacts. A colour has the same meaning in all panels.
 #pragma once
 
 #include <limits>
@@ -12,7 +12,7 @@
 
 namespace sprag::plot {
 
-/// Colours of Okabe and Ito, which colour-blind readers tell apart.
+/// Colours of Okabe and Ito, which colour-blind readers can distinguish.
 enum class Colour { black, vermilion, purple, sky, blue, green, orange, grey };
 
 enum class Line { thick, solid, thin, dashed, dotted };
@@ -30,24 +30,24 @@ struct Band {
   std::vector<double> t, low, high;
 };
 
-/// Values of single instants, with bars of two sigma where these are known.
+/// Values at single instants, with bars of two sigma where sigma is known.
 struct Dots {
   std::string title;
   Colour colour = Colour::black;
-  int shape = 0;  ///< one for each contact, from 0
+  int shape = 0;  ///< number of the contact, from 0
   std::vector<double> t, y, sigma;
 };
 
 struct Panel {
-  std::string name;  ///< as --show has it
+  std::string name;  ///< as in --show
   std::string y_label;
   bool logarithmic = false;
-  bool whole_run = false;  ///< stays whole where the others are zoomed in
+  bool whole_run = false;  ///< shows the whole run even if the others are zoomed in
   std::vector<Band> bands;
   std::vector<Curve> curves;
   std::vector<Dots> dots;
-  std::vector<double> impacts;  ///< times, marked where the gap is zero
-  /// Contacts over time, one row for each from below; of no other panel.
+  std::vector<double> impacts;  ///< times, marked at gap zero
+  /// Contacts over time, one row for each, from below. Only the panel of contacts has them.
   struct Contacts {
     std::vector<double> pulses;
     std::vector<std::pair<double, double>> closed;  ///< from, to
@@ -62,7 +62,7 @@ struct Figure {
   struct Zoom {
     double from = 0.0, to = 0.0;
   };
-  std::optional<Zoom> zoom;  ///< of all panels but those of a whole run
+  std::optional<Zoom> zoom;  ///< of all panels except those of the whole run
 };
 
 struct FigureOptions {
@@ -73,10 +73,10 @@ struct FigureOptions {
   std::optional<Figure::Zoom> zoom;
 };
 
-/// The picture of these tables; `scene` makes gaps of states, null: coordinates are shown. Names of
-/// panels that were left out, since more would not be legible, go to `left_out`. Throws InputError:
-/// nothing to show, states that do not fit the scene; std::invalid_argument: a name in `show` that
-/// is no panel's, with those that there are.
+/// Makes the picture of these tables. `scene` converts states to gaps; null: coordinates are shown.
+/// Panels beyond the legible number are omitted, and their names are added to `left_out`. Throws
+/// InputError if there is nothing to show or states do not match the scene; std::invalid_argument,
+/// with the names of all panels, for an unknown name in `show`.
 Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
                    const FigureOptions& options, std::vector<std::string>& left_out);
 

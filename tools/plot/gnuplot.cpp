@@ -10,13 +10,13 @@
 namespace sprag::plot {
 namespace {
 
-// In points of the picture.
+// Lengths in pixels of the picture.
 constexpr int pixels_across = 1000, pixels_across_of_two = 620;
 constexpr int panel_height = 250, contact_height = 40, least_height = 110, least_picture = 420;
 constexpr int above = 46, above_without_title = 16, below = 58, between = 20, to_the_left = 84;
 constexpr double letter = 7.4, room_of_sample = 70.0;
 
-// Widths and dashes tell lines apart where a printer has no colours.
+// Widths and dashes distinguish lines that are printed without colours.
 std::string style(Line line) {
   switch (line) {
     case Line::thick:
@@ -117,7 +117,7 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
   }
   for (const Curve& curve : panel.curves) {
     std::vector<double> y = curve.y;
-    // What a logarithmic axis cannot show.
+    // A logarithmic axis cannot show these values.
     if (panel.logarithmic) {
       for (double& value : y) value = value > 0.0 ? value : std::nan("");
     }
@@ -183,7 +183,7 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
   script.line(panel.logarithmic ? "set logscale y" : "unset logscale y");
   script.line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
-    // What stays as it is has no range of its own.
+    // A constant curve has no range of its own.
     const bool constant = least == greatest && panel.dots.empty() && impacts.empty();
     const double around = least == 0.0 ? 1.0 : 0.1 * std::abs(least);
     script.line(constant && !panel.logarithmic
@@ -196,7 +196,7 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
     script.line("set ytics 1");
   }
   if (parts.empty()) {
-    // An empty frame: nothing is known in this time.
+    // An empty frame: there is no data in this interval.
     script.line("unset logscale y");
     script.line("plot [][0:1] -1 notitle");
   } else {
@@ -205,7 +205,7 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
   script.line("unset label 1");
 }
 
-// Panels share the height of the picture.
+// Panels of a column share the height of the picture.
 void draw(const Column& column, const Layout& layout, Script& script) {
   const double scale =
       (layout.height - layout.above - below + between) / (height_of(column.panels) + between);

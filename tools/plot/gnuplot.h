@@ -1,6 +1,6 @@
-// Draws a figure with gnuplot: panels below each other, those of a whole run to the left where the
-// others are zoomed in, every legend to the right of its panel. Curves are thinned to what a
-// picture shows: the first, least, greatest and last value of every pixel.
+// Draws a figure with gnuplot: panels below each other, the whole-run panels to the left of a zoom,
+// and each legend to the right of its panel. Curves are thinned to the resolution of the picture:
+// the first, least, greatest and last value of every pixel.
 #pragma once
 
 #include <filesystem>
@@ -10,8 +10,8 @@
 
 namespace sprag::plot {
 
-/// gnuplot's script for a .png, .svg or .pdf file, data included. Throws std::invalid_argument for
-/// another extension.
+/// gnuplot's script for a .png, .svg or .pdf file, including the data. Throws std::invalid_argument
+/// for another extension.
 std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output);
 
 }  // namespace sprag::plot

@@ -1,4 +1,4 @@
-// plot: draws what the programs write. What is shown: figure.h.
+// plot: draws the files that the programs write. The content of pictures is in figure.h.
 #include "command_line/program.h"
 #include "tools/plot/run.h"
 

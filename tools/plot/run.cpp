@@ -35,7 +35,7 @@ void note_damage(const std::filesystem::path& file, const FileProblem& damage,
   report["damage"].push_back(what);
 }
 
-// Manifests are read without being named.
+// Throws if the output would overwrite a manifest, which is read although no option names it.
 void keep_manifest(const std::filesystem::path& manifest, const CommonOptions& common) {
   std::vector<NamedFile> files{{"the manifest of FILE", manifest, NamedFile::Use::read}};
   for (const auto& file : common.files) files.push_back(file());
@@ -80,7 +80,7 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
   bool whole = true;
   const auto is_scene = [](const std::string& text) {
     const std::filesystem::path file = file_of(text);
-    std::error_code error;  // as of a name that is too long
+    std::error_code error;  // the name may be too long
     return file.extension() == ".toml" || (file.extension().empty() && !exists(file, error));
   };
   for (const std::string& text : run.files) {

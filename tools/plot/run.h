@@ -1,4 +1,4 @@
-// plot: reads what programs have written and draws it.
+// plot: reads and draws files that other programs have written.
 #pragma once
 
 #include <filesystem>
@@ -18,12 +18,12 @@ struct PlotRun {
   std::filesystem::path output;    ///< .png, .svg or .pdf
   FigureOptions figure;
   std::string zoom;    ///< FROM:TO; empty: none
-  StudyOptions study;  ///< of the rows of a study; title and show are the figure's
+  StudyOptions study;  ///< for rows of a study; its title and show are those of `figure`
 };
 
-/// Draws, says on stderr which panels were left out and which files are damaged, and returns the
-/// exit code: that of a failure if a file is damaged. Throws UsageError, InputError, SceneError,
-/// and std::runtime_error where gnuplot fails.
+/// Draws the picture, reports omitted panels and damaged files on stderr, and returns the exit
+/// code, exit_failed if a file is damaged. Throws UsageError, InputError, SceneError, and
+/// std::runtime_error if gnuplot fails.
 int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_json& report);
 
 }  // namespace sprag::plot

@@ -27,7 +27,7 @@ bool begins_character(char byte) { return (static_cast<unsigned char>(byte) & 0x
   throw std::runtime_error(what + ": " + std::generic_category().message(error));
 }
 
-// One end of a connection.
+// One end of a socket pair.
 class Socket {
  public:
   explicit Socket(int descriptor) : descriptor_(descriptor) {}
@@ -45,7 +45,7 @@ class Socket {
   int descriptor_;
 };
 
-// Without a shell, and without the settings of whoever calls.
+// Starts gnuplot without a shell and without the user's settings.
 pid_t start_gnuplot(const Socket& end) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
@@ -68,7 +68,7 @@ pid_t start_gnuplot(const Socket& end) {
 
 bool is_passing(int error) { return error == EINTR || error == EAGAIN || error == EWOULDBLOCK; }
 
-// Sends the script, and takes what comes meanwhile, up to the end.
+// Sends the script and reads the picture until the end of the stream.
 std::string picture_of(std::string_view script, const Socket& gnuplot) {
   std::string picture;
   std::array<char, 65536> piece;
@@ -80,7 +80,7 @@ std::string picture_of(std::string_view script, const Socket& gnuplot) {
       const ssize_t sent =
           ::send(*gnuplot, script.data(), script.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
       if (sent > 0) script.remove_prefix(static_cast<std::size_t>(sent));
-      // It has ended before it has read all: its exit code says why.
+      // gnuplot has ended before reading all; its exit code is checked later.
       if (sent < 0 && !is_passing(errno)) script = {};
       if (script.empty()) ::shutdown(*gnuplot, SHUT_WR);
     }
@@ -179,7 +179,7 @@ std::string terminal(const std::filesystem::path& output, double width, double h
   const std::string font = " enhanced font 'DejaVu Sans,11' background '#ffffff'";
   if (extension == ".png") return "pngcairo size " + size + font;
   if (extension == ".svg") return "svg size " + size + font;
-  // Inches; 96 pixels in each.
+  // In inches, with 96 pixels per inch.
   if (extension == ".pdf") {
     return "pdfcairo size " + number(width / 96.0) + "in," + number(height / 96.0) + "in" + font;
   }
@@ -216,7 +216,7 @@ void Script::panel(const Place& place, const std::string& y_label, double x) {
   margins(place);
   line("set key at " + screen(place.right + 12.0, place.top) +
        " left top vertical Left reverse noenhanced samplen 2.2 spacing 1.15 width 0");
-  // At one place whatever the numbers beside it are; a ylabel would move, even out of the picture.
+  // A label at a fixed position; gnuplot would move a ylabel with the width of the numbers.
   line("set label 2 " + quoted(y_label) + " at " + screen(x, (place.top + place.bottom) / 2.0) +
        " center rotate by 90 noenhanced");
 }

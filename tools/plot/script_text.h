@@ -1,6 +1,6 @@
-// gnuplot's scripts: what those of all pictures have in common, and how gnuplot runs them. Names
-// come from files and command lines. They reach gnuplot through quoted() alone; file names never
-// do: curves are blocks of numbers in the script, and the picture comes back through a socket.
+// Common parts of gnuplot scripts, and running gnuplot. Names come from files and command lines and
+// reach gnuplot only through quoted(). File names never reach it: data are blocks in the script,
+// and the picture is returned through a socket.
 #pragma once
 
 #include <filesystem>
@@ -12,16 +12,16 @@
 
 namespace sprag::plot {
 
-/// The one of an estimator, by its name, in all pictures; black: of none.
+/// The colour of an estimator in all pictures; black for any other name.
 Colour colour_of(std::string_view estimator);
 /// '#rrggbb', in quotes.
 std::string rgb(Colour colour);
-/// `text` as a picture shows it: printable() and cut after 200 characters, and without what
-/// gnuplot's SVG passes on as markup, "&#" and "]]>".
+/// `text` for a picture: printable(), cut after 200 characters, and without "&#" and "]]>", which
+/// gnuplot's SVG terminal would pass on as markup.
 std::string legible(const std::string& text);
-/// legible() as a string of gnuplot's, in double quotes. Four characters are special there, and
-/// escaped: the quote, the backslash, ` of a command and @ of a macro. In single quotes gnuplot 5.4
-/// takes '' for a quote only between other characters, and ends the string elsewhere.
+/// legible() as a gnuplot string in double quotes. Four characters are special there and escaped:
+/// the quote, the backslash, ` (command) and @ (macro). Single quotes are not safe: gnuplot 5.4
+/// reads '' as a quote only between other characters, and as the end of the string elsewhere.
 std::string quoted(const std::string& text);
 /// Number of characters of legible().
 std::size_t shown_length(const std::string& text);
@@ -33,31 +33,32 @@ std::string terminal(const std::filesystem::path& output, double width, double h
 
 inline constexpr const char* grid = "set grid xtics ytics lt 1 lw 0.8 lc rgb '#d9d9d9'";
 
-/// A plane of curves, in pixels from the left and from above.
+/// The area of a plot, in pixels from the left and from the top.
 struct Place {
   double left, right, top, bottom;
 };
 
-/// The script of one picture, as it grows. Places are in pixels from the left and from above.
+/// The script of one picture. Positions are in pixels from the left and from the top.
 class Script {
  public:
-  /// Terminal for the extension of `output`, and frames, ticks and grid as all pictures have them.
-  /// Throws as terminal().
+  /// Sets the terminal for the extension of `output`, and frames, ticks and grid. Throws as
+  /// terminal().
   Script(const std::filesystem::path& output, double width, double height);
 
   void line(const std::string& of) { text_ += of + '\n'; }
 
-  /// "screen x, screen y", by which gnuplot names a place in the picture.
+  /// "screen x, screen y", gnuplot's notation of a position in the picture.
   std::string screen(double x, double y) const;
 
-  /// Left of the line; gnuplot's label 1.
+  /// Puts the title at (x, y), left-aligned; uses gnuplot's label 1.
   void title(const std::string& text, double x, double y, int font);
   void margins(const Place& place);
-  /// Margins, the legend to the right, and upward at x what the y axis is; gnuplot's label 2.
+  /// Sets the margins, the legend to the right, and a vertical label of the y axis at x; uses
+  /// gnuplot's label 2.
   void panel(const Place& place, const std::string& y_label, double x);
 
-  /// A block of data, so that the script is a picture by itself; returns its name. Columns are of
-  /// one length; rows with something that is not finite are breaks.
+  /// Adds a block of data, so that the script is self-contained; returns its name. Columns have
+  /// equal length; a row with a value that is not finite is a break.
   std::string data(const std::vector<std::vector<double>>& columns);
 
   void plot(const std::vector<std::string>& parts);
@@ -70,7 +71,7 @@ class Script {
   int blocks_ = 0;
 };
 
-/// Runs a script and returns the picture. Throws std::runtime_error: gnuplot is not there or fails.
+/// Runs a script and returns the picture. Throws std::runtime_error if gnuplot is missing or fails.
 std::string drawn(const std::string& script);
 
 }  // namespace sprag::plot

@@ -15,7 +15,7 @@
 namespace sprag::plot {
 namespace {
 
-// As the study's columns name them, with what the rest of the name means.
+// Prefixes of the study's columns.
 const std::vector<std::string> estimators{"replica", "timing", "both", "adaptive"};
 
 std::string listed(const std::vector<std::string>& names) {
@@ -24,7 +24,7 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
-// Values that differ by a constant factor, over more than a decade.
+// Whether values differ by a constant factor and span more than a decade.
 bool spaced_by_factors(const std::vector<double>& values) {
   if (values.size() < 3 || !(values.front() > 0.0)) return false;
   if (!(values.back() > 10.0 * values.front())) return false;
@@ -35,7 +35,7 @@ bool spaced_by_factors(const std::vector<double>& values) {
   return true;
 }
 
-// Positive values over more than two decades are shown by their logarithms.
+// Whether values are positive and span more than two decades; these are shown by logarithms.
 bool wide(const std::vector<double>& values) {
   double least = std::numeric_limits<double>::infinity(), greatest = 0.0;
   for (const double value : values) {
@@ -98,7 +98,7 @@ class Maker {
 
   void choose_axes() {
     std::vector<std::string> names = options_.over.empty() ? table_.axes : options_.over;
-    // What --where holds varies no more.
+    // A key that --where fixes does not vary.
     if (options_.over.empty()) {
       std::erase_if(names, [&](const std::string& name) { return values_of(name).size() < 2; });
     }
@@ -127,7 +127,7 @@ class Maker {
     return {values.begin(), values.end()};
   }
 
-  // What may be shown: columns that the study has recorded.
+  // The recorded quantities: columns other than axes and numbering.
   std::vector<std::string> recorded() const {
     std::vector<std::string> names;
     const std::set<std::string> axes(table_.axes.begin(), table_.axes.end());
@@ -138,7 +138,7 @@ class Maker {
     return names;
   }
 
-  // An estimator's name in front of it, or nothing.
+  // The estimator of a column by its prefix; empty if there is none.
   static std::string estimator_of(const std::string& name) {
     for (const std::string& estimator : estimators) {
       if (name.starts_with(estimator + ".")) return estimator;
@@ -150,7 +150,7 @@ class Maker {
     return estimator.empty() ? name : name.substr(estimator.size() + 1);
   }
 
-  // Of estimators, without their names.
+  // The quantities to show, without the prefixes of estimators.
   std::vector<std::string> quantities() const {
     std::vector<std::string> all;
     const auto add = [&all](const std::string& name) {
@@ -196,7 +196,7 @@ class Maker {
                        [&](const Axis& axis) { return axis.name == name; });
   }
 
-  // The columns of a quantity: one, or one for each estimator.
+  // The columns of a quantity: one, or one per estimator.
   std::vector<std::string> columns_of(const std::string& quantity) const {
     if (table_.column(quantity) != nullptr) return {quantity};
     std::vector<std::string> names;
@@ -213,7 +213,7 @@ class Maker {
            name.find_first_not_of("0123456789", 1) == std::string::npos;
   }
 
-  // Rows that repeat what does not change from point to point of the stroboscope count once.
+  // Points of the stroboscope repeat the other quantities of their run, which count once.
   bool first_of_run(std::size_t row) const {
     const std::vector<double>* n = table_.column("n");
     return n == nullptr || (*n)[row] <= 1.0;
@@ -340,7 +340,7 @@ class Maker {
     }
     const auto f = static_cast<Eigen::Index>(std::max(q.size(), u.size()));
     if (shown.empty() || f == 0) return;
-    // A study may have recorded some of them only.
+    // A study may have recorded only some of the coordinates.
     Simulation::Rows points = Simulation::Rows::Zero(std::ssize(shown), 2 * f);
     for (std::size_t k = 0; k < shown.size(); ++k) {
       const auto row = static_cast<Eigen::Index>(k);

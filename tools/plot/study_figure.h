@@ -1,10 +1,10 @@
-// What a picture of a study shows: quantities over the one or two keys that vary, in panels of one
+// Content of a picture of a study: quantities over the one or two keys that vary, in panels of one
 // kind each.
 //
 //   points  one key: every point of the stroboscope, a bifurcation diagram
 //   bands   one key: median and 5 to 95 % of the runs, one colour for each estimator
 //   map     two keys: the median of the runs as a colour
-//   labels  two keys: which attractor a start has led to, a basin
+//   labels  two keys: the attractor that each start leads to, basins of attraction
 #pragma once
 
 #include <string>
@@ -18,18 +18,18 @@ namespace sprag::plot {
 struct Axis {
   std::string name;
   bool logarithmic = false;
-  std::vector<double> values;  ///< that occur, ascending, finite
+  std::vector<double> values;  ///< occurring values, ascending, finite
 };
 
 struct StudyPanel {
   enum class Kind { points, bands, map, labels };
   Kind kind = Kind::points;
   std::string name;
-  bool logarithmic = false;  ///< the quantity, as height or colour
-  std::vector<Band> bands;   ///< t: the key
+  bool logarithmic = false;  ///< scale of the quantity, as height or colour
+  std::vector<Band> bands;   ///< t is the key
   std::vector<Curve> curves;
   std::vector<double> x, y, z;      ///< points: x, y; map and labels: x, y and quantity or label
-  double least = 0.0, most = 0.0;   ///< map: ends of the colours, the same for all estimators
+  double least = 0.0, most = 0.0;   ///< map: range of the colours, the same for all estimators
   std::vector<std::string> titles;  ///< of the labels 0, 1, ...
 };
 
@@ -41,16 +41,16 @@ struct StudyFigure {
 
 struct StudyOptions {
   std::string title;               ///< empty: the study's name
-  std::vector<std::string> show;   ///< quantities; empty: what the kind is for
-  std::vector<std::string> over;   ///< one or two keys; empty: what the study varies
-  std::vector<std::string> where;  ///< KEY=VALUE: only rows with the value of KEY next to VALUE
+  std::vector<std::string> show;   ///< quantities; empty: a default by the kind of study
+  std::vector<std::string> over;   ///< one or two keys; empty: those that the study varies
+  std::vector<std::string> where;  ///< KEY=VALUE: only rows with the value of KEY nearest to VALUE
 };
 
-/// Throws InputError: nothing to show; std::invalid_argument: an option that does not fit the
-/// table, with what there is.
+/// Throws InputError if there is nothing to show; std::invalid_argument, with the available names,
+/// for an option that does not match the table.
 StudyFigure make_study_figure(const StudyTable& table, const StudyOptions& options);
 
-/// gnuplot's script, as gnuplot_script().
+/// gnuplot's script; see gnuplot_script().
 std::string study_script(const StudyFigure& figure, const std::filesystem::path& output);
 
 }  // namespace sprag::plot

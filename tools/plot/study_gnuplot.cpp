@@ -11,20 +11,20 @@
 namespace sprag::plot {
 namespace {
 
-// In points of the picture.
+// Lengths in pixels of the picture.
 constexpr double across = 860.0, to_plane = 96.0, above_title = 46.0, above_nothing = 16.0;
 constexpr double below_axis = 58.0, below_plane = 76.0, between_panels = 22.0;
 constexpr double of_points = 420.0, of_bands = 260.0, of_map = 480.0;
 constexpr double letter_width = 7.4, beside_map = 170.0, beside_points = 30.0;
 
-// Cividis (Nunez, Anderton & Renslow, PLoS ONE 13, 2018): even steps of lightness, for all eyes and
-// in grey.
+// Cividis (Nunez, Anderton & Renslow, PLoS ONE 13, 2018): uniform in lightness, so it can be read
+// by colour-blind readers and in grey.
 constexpr const char* cividis =
     "set palette defined (0 '#00224e', 1 '#123570', 2 '#3b496c', 3 '#575d6d', 4 '#707173', "
     "5 '#8a8678', 6 '#a59c74', 7 '#c3b369', 8 '#e1cc55', 9 '#fee838')";
 
-// What no attractor has been found for, then the labels; what comes behind them all shares the
-// last.
+// Colours of label 0 (no attractor found) and of the other labels. All labels beyond the last share
+// its colour.
 constexpr std::array<unsigned, 9> label_colours{0xd9d9d9, 0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7,
                                                 0x56b4e9, 0xd55e00, 0xf0e442, 0x000000};
 constexpr std::size_t labels_named = label_colours.size() - 1;
@@ -52,10 +52,10 @@ double shown(const Axis& axis, double value) {
   return axis.logarithmic ? std::log10(value) : value;
 }
 
-// The borders of cells around values, in the axis's own scale.
+// Boundaries of the cells around values, in the scale of the axis.
 struct Cells {
   std::vector<double> centres;
-  bool even = true;  ///< all of one width
+  bool even = true;  ///< all cells have the same width
   double low(std::size_t i) const {
     return i == 0 ? centres[0] - 0.5 * width(0) : 0.5 * (centres[i - 1] + centres[i]);
   }
@@ -81,7 +81,7 @@ Cells cells_of(const Axis& axis) {
   return cells;
 }
 
-// A script of the figure's size.
+// A script with the size of the figure.
 Script begun(const StudyFigure& figure, double over, const std::filesystem::path& output) {
   double beside = beside_points;
   double height = over + below_axis - between_panels;
@@ -155,7 +155,7 @@ void StudyScript::range(char axis, double low, double high) {
   script_.line(std::string("set ") + axis + "range [" + number(low) + ":" + number(high) + "]");
 }
 
-// What stays as it is has no range of its own.
+// Sets a range for constant values, which have none of their own.
 void StudyScript::range_of_constant(const std::vector<double>& values) {
   double least = std::numeric_limits<double>::infinity(), most = -least;
   for (const double value : values) {
@@ -169,7 +169,7 @@ void StudyScript::range_of_constant(const std::vector<double>& values) {
   range('y', middle - around, middle + around);
 }
 
-// Decades where the axis is logarithmic: it is drawn in logarithms, which images can do.
+// Ticks at decades of a logarithmic axis, which is drawn in logarithms since images require it.
 void StudyScript::ticks(char name, const Axis& axis, bool labels) {
   const std::string which = std::string(1, name) + "tics";
   if (!axis.logarithmic) {
@@ -206,7 +206,7 @@ void StudyScript::frame(const StudyPanel& panel, const Place& place, bool lowest
   script_.line("unset logscale cb");
 }
 
-// One of the points in a pixel is enough.
+// Draws at most one point per half pixel.
 void StudyScript::draw_points(const StudyPanel& panel, const Place& place) {
   const Axis& axis = figure_.axes.front();
   const auto [least, most] = std::minmax_element(panel.y.begin(), panel.y.end());
@@ -220,7 +220,7 @@ void StudyScript::draw_points(const StudyPanel& panel, const Place& place) {
   std::vector<double> x, y;
   for (std::size_t i = 0; i < panel.x.size(); ++i) {
     const double at = shown(axis, panel.x[i]);
-    // Twice as fine as the picture: dots are drawn between its pixels.
+    // Half a pixel, since dots are drawn between pixels.
     const std::pair pixel{std::lround((at - first) / length * 2.0 * across),
                           std::lround((panel.y[i] - *least) / height * 2.0 * rows)};
     if (!taken.insert(pixel).second) continue;
@@ -266,12 +266,12 @@ void StudyScript::draw_bands(const StudyPanel& panel) {
                     " using 1:2 with linespoints pt 7 ps 0.3 lw 1.4 lc rgb " + rgb(curve.colour) +
                     (told ? " title " + quoted(curve.title) : " notitle"));
   }
-  // Stable and unstable are told by the sign.
+  // The sign distinguishes stable from unstable, so the zero line is drawn.
   if (negative && others) parts.emplace_back("0 with lines lw 1 lc rgb '#404040' notitle");
   script_.plot(parts);
 }
 
-// Whether every pair of values occurs, as in a grid and not in random starts.
+// Whether at least half of all pairs of values occur, as in a grid but not with random starts.
 bool StudyScript::on_grid(const StudyPanel& panel) const {
   return panel.x.size() <= figure_.axes[0].values.size() * figure_.axes[1].values.size() &&
          2 * panel.x.size() >= figure_.axes[0].values.size() * figure_.axes[1].values.size();
@@ -291,7 +291,7 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
     return static_cast<std::size_t>(std::lower_bound(values.begin(), values.end(), value) -
                                     values.begin());
   };
-  // Neighbours that only touch would let the background through.
+  // Cells overlap slightly; otherwise the background would show between them.
   const auto overlap = [](const Cells& cells, double pixels) {
     return (cells.high(cells.centres.size() - 1) - cells.low(0)) / pixels;
   };
@@ -316,7 +316,7 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
     green.push_back((colour >> 8) & 0xff);
     blue.push_back(colour & 0xff);
   }
-  // gnuplot's images are of 2 x 2 values at least.
+  // gnuplot's images need at least 2 x 2 values.
   const bool image =
       x_cells.even && y_cells.even && x_cells.centres.size() > 1 && y_cells.centres.size() > 1;
   std::vector<std::string> parts;

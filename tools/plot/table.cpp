@@ -11,10 +11,10 @@
 namespace sprag::plot {
 namespace {
 
-// A file may have a = in its own name.
+// A file name may contain '='.
 std::size_t label_end(const std::string& text) {
   const std::size_t equals = text.find('=');
-  std::error_code no_such_name;  // as of a text that is too long for one
+  std::error_code no_such_name;  // the text may be too long for a name
   if (equals == std::string::npos || std::filesystem::exists(text, no_such_name)) {
     return std::string::npos;
   }
@@ -32,12 +32,12 @@ std::optional<TableKind> kind_of(const std::vector<std::string>& names) {
   return std::nullopt;
 }
 
-// Machines have at most 60 contacts, which count from 1: another number would only take room.
+// Machines have at most 60 contacts, numbered from 1. Larger numbers would waste memory.
 constexpr double most_contacts = 60.0;
 
 bool has_contact(TableKind kind) { return kind == TableKind::events || kind == TableKind::impacts; }
 
-// Unlike parse_double() with what is not finite: a sigma may be.
+// Accepts infinite values, unlike parse_double(), since a sigma may be infinite.
 double number(std::string_view field) {
   double value = 0.0;
   const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);

@@ -1,4 +1,4 @@
-// A CSV that one of the programs wrote, as columns of numbers.
+// Reads a CSV written by one of the programs as columns of numbers.
 #pragma once
 
 #include <filesystem>
@@ -14,21 +14,22 @@ namespace sprag::plot {
 enum class TableKind { states, events, energy, impacts };
 
 struct Table {
-  std::string label;  ///< what curves from it are called
+  std::string label;  ///< name of its curves
   TableKind kind = TableKind::states;
   std::vector<std::string> names;
-  std::vector<std::vector<double>> columns;  ///< of one length; what is no number is NaN
-  std::optional<FileProblem> damage;         ///< where reading stopped: nothing after it is used
+  std::vector<std::vector<double>>
+      columns;                        ///< of equal length; NaN for cells that are not numbers
+  std::optional<FileProblem> damage;  ///< damage after which nothing is used
 
   /// The column of this name; null if there is none.
   const std::vector<double>* column(std::string_view name) const;
 };
 
-/// Reads `[LABEL=]FILE`; without a label it is the file's name without its extension. Throws
-/// InputError: no such file, or a header that is none of a TableKind's.
+/// Reads `[LABEL=]FILE`; the default label is the file's name without extension. Throws InputError
+/// if the file does not exist or its header is not that of a TableKind.
 Table read_table(const std::string& text);
 
-/// FILE of `[LABEL=]FILE`; of a name in scenes_folder(), its file.
+/// FILE of `[LABEL=]FILE`; the name of a scene in scenes_folder() is replaced by its file.
 std::filesystem::path file_of(const std::string& text);
 
 }  // namespace sprag::plot

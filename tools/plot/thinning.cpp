@@ -11,7 +11,7 @@ struct Range {
   std::size_t first = 0, end = 0;
 };
 
-// With a point on either side, so that a line reaches the edge.
+// Includes one point on either side, so that a line reaches the edge.
 Range inside(const std::vector<double>& t, double from, double to) {
   const auto first = std::lower_bound(t.begin(), t.end(), from);
   const auto end = std::upper_bound(first, t.end(), to);

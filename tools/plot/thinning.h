@@ -1,4 +1,4 @@
-// Curves of more points than a picture has pixels: what is left out would not be seen.
+// Thins curves that have more points than a picture has pixels, without a visible change.
 #pragma once
 
 #include <vector>
@@ -9,8 +9,9 @@ struct Points {
   std::vector<double> t, y;
 };
 
-/// The points of [from, to], and one on either side, of which each of `pixels` equal intervals
-/// keeps its first, least, greatest and last. Order stays, and so do breaks: NaN in y. t ascends.
+/// The points in [from, to] and one on either side. Of each of `pixels` equal intervals the first,
+/// least, greatest and last point are kept. Order is kept, and so are breaks: NaN in y. t must
+/// ascend.
 Points thinned(const std::vector<double>& t, const std::vector<double>& y, double from, double to,
                int pixels);
 
@@ -18,7 +19,7 @@ struct BandPoints {
   std::vector<double> t, low, high;
 };
 
-/// The same for a band, of which every interval keeps the least of low and the greatest of high.
+/// The same for a band; each interval keeps the least of low and the greatest of high.
 BandPoints thinned(const std::vector<double>& t, const std::vector<double>& low,
                    const std::vector<double>& high, double from, double to, int pixels);
 

@@ -1,4 +1,5 @@
-// reduce: a scene in its first modes, with the correction that recorded contact events choose.
+// reduce: reduces a scene to its first modes, with the correction for the other modes that recorded
+// contact events select.
 #include "command_line/program.h"
 #include "tools/reduce/run.h"
 

@@ -1,4 +1,4 @@
-// The candidates of a reduction, for people and for machines.
+// Output of the candidates of a reduction as text and as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -15,10 +15,10 @@ struct ReductionTable {
   std::vector<Reduction> reductions;  ///< the best first; at least one
 };
 
-/// The chosen one, and all of them in a table, at most 100 columns.
+/// The chosen candidate, and a table of all, at most 100 columns.
 std::string to_text(const ReductionTable& table);
 
-/// Adds all figures, exact. An rms that is infinite is null.
+/// Adds all figures without rounding. An infinite rms is null.
 void write_json(const ReductionTable& table, nlohmann::ordered_json& object);
 
 }  // namespace sprag

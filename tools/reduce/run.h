@@ -1,5 +1,4 @@
-// reduce: reads the events, says what is wrong with the file, chooses a correction, prints and
-// writes.
+// reduce: reads the events, reports damage of the file, chooses a correction, prints and writes.
 #pragma once
 
 #include <filesystem>
@@ -12,10 +11,10 @@ namespace sprag {
 
 struct ReduceRun {
   std::filesystem::path events, scene;
-  std::filesystem::path output;  ///< empty: the table alone
+  std::filesystem::path output;  ///< empty: only the table is printed
   int modes = 0;
   bool json = false;
-  double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]
+  double duration = std::numeric_limits<double>::infinity();  ///< later events are ignored [s]
 };
 
 /// Prints the table of candidates to standard output, writes the scene, fills `report` and returns

@@ -14,7 +14,7 @@
 namespace sprag::study {
 namespace {
 
-// A share of the observer's becomes its value.
+// Converts a relative deviation of the observer's value to the value.
 double observed_value(const Study& study, const std::vector<double>& values, const Axis& axis,
                       double share) {
   double base = axis.base;
@@ -31,7 +31,7 @@ double drawn(const Axis& axis, Random& random) {
   return axis.low + (axis.high - axis.low) * x;
 }
 
-// An entry of a symmetric matrix, system.K.1.2, is two.
+// Adds a value. An off-diagonal entry of a symmetric matrix, such as system.K.1.2, is set twice.
 void add_value(const std::string& key, double value, std::vector<SceneValue>& values) {
   values.push_back({key, {value}});
   int row = 0, column = 0, length = 0;
@@ -50,7 +50,8 @@ Scene scene_with(const Study& study, const std::vector<SceneValue>& values) {
   return parse_scene(with_values(study.scene_text, values, file), file);
 }
 
-// A state off by the energy, in a direction that is drawn: ||.||^2 of (23) is uniform on a sphere.
+// A random state with this error energy; its direction is uniform on a sphere in the norm of (23)
+// of Baumann & Leine 2014.
 State drawn_offset(const Model& model, double energy, Random& random) {
   const NaturalModes modes = natural_modes(model);
   const Eigen::Index f = model.coordinates();
@@ -59,7 +60,7 @@ State drawn_offset(const Model& model, double energy, Random& random) {
   for (Eigen::Index i = 0; i < f; ++i) {
     const double of_q = random.normal();
     const double of_u = random.normal();
-    // A rigid motion has no energy of position.
+    // A rigid motion has no potential energy.
     if (modes.stiffness[i] > 0.0) {
       eta[i] = of_q / std::sqrt(modes.stiffness[i]);
       squares += of_q * of_q;
@@ -154,7 +155,7 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
   if (of_observer.empty()) {
     setting.told = setting.machine;
   } else {
-    // The observer's own key counts where both are varied.
+    // If both are varied, the observer's own value takes precedence.
     std::erase_if(of_machine, [&](const SceneValue& value) {
       return std::any_of(of_observer.begin(), of_observer.end(),
                          [&](const SceneValue& own) { return own.path == value.path; });

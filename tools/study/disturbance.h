@@ -1,4 +1,4 @@
-// What can happen to event times between a machine and its observer.
+// Disturbances of event times between a machine and its observer.
 #pragma once
 
 #include <algorithm>
@@ -14,32 +14,33 @@ namespace sprag::study {
 
 struct Disturbance {
   double jitter = 0.0;    ///< standard deviation of event times [s]
-  double offset = 0.0;    ///< of all event times [s]
-  double lost = 0.0;      ///< share of events that never arrive
-  double spurious = 0.0;  ///< pulses that were none, of each contact, per unit of time, at Poisson
+  double offset = 0.0;    ///< added to all event times [s]
+  double lost = 0.0;      ///< fraction of events that never arrive
+  double spurious = 0.0;  ///< rate of spurious pulses of each contact per unit of time, at Poisson
                           ///< times
 };
 
-/// Drops what closes or pulses while closed, or opens while open, as observer/event_history.h does.
+/// Drops events that close or pulse a closed contact, or open an open one, as event_history.h does.
 void drop_contradicting(std::vector<ContactEvent>& events);
 
-/// The events as they arrive, up to `end`: each at its time plus offset and noise, but later than
-/// the one before it and than t = 0, by an ulp at least, unless neither offset nor noise moves any;
-/// none that contradicts the ones before it. A pure function of its arguments. With one seed and
-/// run the noise is the same but for its size, and what is lost with a small share is lost with a
-/// larger one too.
+/// The events as they arrive, up to `end`. Each is shifted by offset and noise, but stays later
+/// than the previous one and than t = 0 by at least an ulp, unless both offset and noise are zero.
+/// Events that contradict earlier ones are dropped. A pure function of its arguments. With the same
+/// seed and run the noise is proportional to the jitter, and events lost at a small fraction are
+/// also lost at a larger one.
 std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                   const Disturbance& disturbance, int contacts, double end,
                                   std::uint64_t seed, std::uint64_t run);
 
-/// The same with draws from elsewhere: a source each for times, losses and pulses, that one does
-/// not change the draws of another. A source has uniform(), exponential() and normal().
+/// The same with other sources of random numbers. Times, losses and pulses have one source each, so
+/// that one does not change the draws of another. A source has uniform(), exponential() and
+/// normal().
 template <class Source>
 std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                   const Disturbance& disturbance, int contacts, double end,
                                   Source of_times, Source of_losses, Source of_pulses) {
   const auto earlier = [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; };
-  // Events of one instant are one impact: they stay so where nothing moves them.
+  // Events of one instant are one impact and stay simultaneous without offset and noise.
   const bool moved = disturbance.jitter != 0.0 || disturbance.offset != 0.0;
   std::vector<ContactEvent> arrived;
   double last = 0.0;

@@ -1,5 +1,5 @@
-// study: many runs of a scene, by threads, shards or MPI ranks. What is recorded:
-// docs/reference/study_files.md.
+// study: computes many runs of a scene with threads, shards or MPI ranks. Its quantities are
+// described in docs/reference/study_files.md.
 #include "command_line/program.h"
 #include "tools/study/run.h"
 

@@ -1,5 +1,5 @@
-// What a folder of results belongs to: study, scene, version, compiler. Rows are gone on with only
-// where all of these are the same.
+// The manifest of a folder of results: study, scene, version, compiler. A study is continued only
+// if all of these are the same.
 #pragma once
 
 #include <filesystem>
@@ -14,17 +14,17 @@ namespace sprag::study {
 struct Origin {
   std::string version;  ///< of the program
   int workers = 1, hosts = 1;
-  int chunk = 0;  ///< 0: chosen by time
+  int chunk = 0;  ///< 0: chosen by computing time
   int shard = 1, shards = 1;
   Range indices;
 };
 
 nlohmann::ordered_json manifest(const Study& study, const Origin& origin);
 
-/// Writes it, complete or not at all. Throws std::runtime_error.
+/// Writes the manifest completely or not at all. Throws std::runtime_error.
 void write_manifest(const std::filesystem::path& file, const nlohmann::ordered_json& manifest);
 
-/// Throws InputError if the file is there and belongs to another study, version, compiler or shard.
+/// Throws InputError if the file exists and belongs to another study, version, compiler or shard.
 void check_manifest(const std::filesystem::path& file, const nlohmann::ordered_json& manifest);
 
 }  // namespace sprag::study

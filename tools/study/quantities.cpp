@@ -19,7 +19,7 @@ struct OfEstimator {
   const char* name;
   bool Record::*recorded;
   double Figures::*value;
-  bool of_replica;  // too
+  bool of_replica;  // also defined for a replica
 };
 constexpr OfEstimator of_estimators[] = {
     {"V_floor", &Record::V_floor, &Figures::V_floor, true},
@@ -31,7 +31,7 @@ constexpr OfEstimator of_estimators[] = {
     {"trusted", &Record::trusted, &Figures::trusted, false},
     {"worse", &Record::worse, &Figures::worse, false}};
 
-// visit(quantity) for those that are recorded of this estimator.
+// Calls visit(quantity) for the quantities recorded of this estimator.
 template <typename Visit>
 void for_each_of(EstimatorKind kind, const Record& record, const Visit& visit) {
   for (const OfEstimator& quantity : of_estimators) {
@@ -67,7 +67,7 @@ std::int64_t closings(const std::vector<ContactEvent>& events) {
   });
 }
 
-// A field of a CSV file without quotes.
+// Makes a text a field of a CSV file without quotes.
 std::string one_field(std::string text) {
   for (char& c : text) {
     if (c == ',') c = ';';
@@ -76,7 +76,7 @@ std::string one_field(std::string text) {
   return text.empty() ? "failed" : text;
 }
 
-// What goes wrong, but for a signal, is the run's failure.
+// Runs act(). Exceptions except Interrupted become the failure of the run.
 template <typename Run, typename Act>
 void note_failure(Run& run, const Act& act) {
   try {
@@ -104,15 +104,15 @@ int rows_of_run(const Study& study) {
   return study.record.poincare ? study.stroboscope.periods : 1;
 }
 
-// What is computed of a run before its rows are written.
+// Results of a run before its rows are written.
 struct Measurement::Run {
   std::int64_t index = 0;
   std::vector<double> values;  // of the axes
-  std::string failure;         // empty: none so far
+  std::string failure;         // empty: none
   Setting setting;
   Truth truth;
   std::vector<ContactEvent> arrived;
-  std::vector<Figures> figures;  // of the study's estimators
+  std::vector<Figures> figures;  // one for each of the study's estimators
   double impacts = 0.0;
   std::optional<Recurrence> found;
 };
@@ -136,7 +136,7 @@ const Setting& Measurement::setting_at(const std::vector<double>& values) {
   return *setting_;
 }
 
-// All but the observers.
+// Computes everything of a run except the observers.
 void Measurement::begin(Run& run) {
   const Record& record = study_.record;
   run.values = values_at(study_, run.index);
@@ -191,7 +191,7 @@ void Measurement::follow_all(std::vector<Run>& runs) const {
   }
 }
 
-// What is recorded, a row or one for each n.
+// The recorded values: one row, or one for each n.
 std::vector<std::vector<double>> Measurement::recorded(const Run& run) const {
   if (!run.failure.empty()) {
     return {std::vector<double>(recorded_, std::numeric_limits<double>::quiet_NaN())};

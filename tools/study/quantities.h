@@ -1,4 +1,4 @@
-// The rows of a study: a pure function of the study and the index of a run.
+// Computes the rows of a study. They are a pure function of the study and the index of a run.
 #pragma once
 
 #include <cstdint>
@@ -14,21 +14,20 @@
 
 namespace sprag::study {
 
-/// index, point, run, the axes, n where a run has several rows, what is recorded, failure.
+/// index, point, run, the axes, n if a run has several rows, the recorded quantities, failure.
 std::vector<std::string> columns(const Study& study);
 
-/// Rows of a run that does not fail.
+/// Number of rows of a run that does not fail.
 int rows_of_run(const Study& study);
 
-/// Computes runs, some of them side by side. What it keeps between them saves time and changes
-/// nothing.
+/// Computes runs, replicas of several runs at once. Data kept between calls only saves time.
 class Measurement {
  public:
   /// `study` must outlive this.
   explicit Measurement(const Study& study);
 
-  /// Appends the rows of the first runs of a range that is not empty, each row with its end of
-  /// line. A run that has failed is one row, with NaN and the reason. Throws Interrupted.
+  /// Appends the rows of the first runs of a nonempty range, each with its end of line. A failed
+  /// run is one row with NaN and the reason. Throws Interrupted.
   Computed append_rows(Range range, std::string& text);
 
  private:
@@ -41,10 +40,10 @@ class Measurement {
   void append(const Run& run, std::string& text) const;
 
   const Study& study_;
-  std::size_t recorded_;  // columns
-  std::size_t together_;  // most runs side by side
+  std::size_t recorded_;  // number of recorded columns
+  std::size_t together_;  // largest number of runs computed at once
   std::vector<double> values_;
-  std::unique_ptr<const Setting> setting_;  // of values_
+  std::unique_ptr<const Setting> setting_;  // for values_
   std::unique_ptr<const Flows> flows_;      // of its machine
 };
 

@@ -1,6 +1,6 @@
-// Random numbers by counter: Philox4x32-10 (Salmon, Moraes, Dror & Shaw, "Parallel random numbers:
-// as easy as 1, 2, 3", SC 2011). A stream is a pure function of its three numbers: it needs no
-// state from streams before it, so that a run draws the same wherever and whenever it is computed.
+// Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror & Shaw, "Parallel random
+// numbers: as easy as 1, 2, 3", SC 2011). A stream is a pure function of seed, run and purpose, so
+// a run has the same random numbers wherever and whenever it is computed.
 #pragma once
 
 #include <array>
@@ -10,11 +10,11 @@
 
 namespace sprag::study {
 
-/// Ten rounds of Philox on a block of four words, under a key of two.
+/// Ten rounds of Philox on a counter of four words with a key of two.
 std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter,
                                     std::array<std::uint32_t, 2> key);
 
-/// What draws are for: a stream each, so that one does not change the draws of another.
+/// Purposes of random numbers. Each has its own stream, so that one does not change another.
 enum class Purpose : std::uint32_t {
   jitter,
   losses,
@@ -30,11 +30,11 @@ class Random {
   Random(std::uint64_t seed, std::uint64_t run, Purpose purpose)
       : seed_(seed), run_(run), purpose_(purpose) {}
 
-  /// In [0, 1), 53 bits.
+  /// Uniform in [0, 1), 53 bits.
   double uniform();
-  /// Of mean 1.
+  /// Exponential with mean 1.
   double exponential() { return -std::log1p(-uniform()); }
-  /// Of mean 0 and variance 1 (Box & Muller, one of the pair).
+  /// Normal with mean 0 and variance 1 (Box & Muller, one number of the pair).
   double normal() {
     const double radius = std::sqrt(2.0 * exponential());
     return radius * std::cos(2.0 * std::numbers::pi * uniform());

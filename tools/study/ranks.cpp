@@ -22,12 +22,12 @@
 namespace sprag::study {
 namespace {
 
-// As Open MPI's mpirun, MPICH's and srun set them.
+// Number of processes, from variables of Open MPI's mpirun, MPICH's mpirun and srun.
 int processes_of_environment() {
   for (const char* variable : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE"}) {
     if (const char* value = std::getenv(variable)) return std::max(std::atoi(value), 1);
   }
-  // A launcher with PMIx tells the size only to who asks it.
+  // A launcher with PMIx provides the size only through its library.
   if (std::getenv("PMIX_RANK") == nullptr) return 1;
   const char* tasks = std::getenv("SLURM_NTASKS");
   return tasks != nullptr ? std::max(std::atoi(tasks), 1) : 1;
@@ -68,18 +68,19 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr int tag_to_manager = 1, tag_to_worker = 2;
-// After a signal ranks that still compute are not waited for any longer.
+// Waiting time for computing ranks after a signal.
 constexpr auto patience = milliseconds(300);
 
-// What a worker sends: this, and the rows behind it.
+// Header of a worker's message, which is followed by the rows.
 struct Header {
   Range range;
   std::int64_t failures = 0;
   double seconds = 0.0;
-  bool asked = false;  // the first message has no chunk
+  bool asked = false;  // the first message, a request without a chunk
 };
 
-// MPI waits by spinning. Naps leave the core to who computes; they grow while nothing comes.
+// MPI waits by spinning. Sleeping leaves the core to computing threads; the time grows while no
+// message arrives.
 class Nap {
  public:
   void take() {
@@ -93,7 +94,7 @@ class Nap {
   microseconds length_ = shortest;
 };
 
-// Whether the signal came so long ago that nobody is waited for.
+// Whether the time after a signal has passed in which other ranks are waited for.
 class Patience {
  public:
   bool over() {
@@ -158,7 +159,8 @@ std::uint64_t Ranks::from_manager(std::uint64_t number) const {
 
 void Ranks::manage(Coordinator& coordinator, const std::function<Compute()>& make_compute,
                    const std::function<void()>& on_wait) {
-  std::thread own([&] {
+  std::thread own([&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       work(coordinator, make_compute());
     } catch (...) {

@@ -1,6 +1,6 @@
-// The processes of one study: alone, or ranks that mpirun or srun has started. Rank 0 hands out
-// chunks, writes what comes back, and computes too, in a thread of its own; the others compute, and
-// touch no file of results. The only place that knows MPI.
+// The processes of a study: one, or the ranks started by mpirun or srun. Rank 0 hands out chunks
+// and writes the results, and also computes in a thread of its own. The other ranks compute and
+// access no file of results. Only this unit uses MPI.
 #pragma once
 
 #include <cstdint>
@@ -12,41 +12,42 @@ namespace sprag::study {
 
 class Ranks {
  public:
-  /// One process until begin() is called.
+  /// A single process until begin() is called.
   Ranks() = default;
   Ranks(const Ranks&) = delete;
   Ranks& operator=(const Ranks&) = delete;
-  /// Ends MPI or, where a rank has given up, all ranks.
+  /// Finalizes MPI, or aborts all ranks if a rank has given up.
   ~Ranks();
 
-  /// Starts MPI where the environment says that there are several processes; else this costs
-  /// nothing. Throws UsageError where there are and the program was built without MPI.
+  /// Initializes MPI if the environment indicates several processes; otherwise does nothing. Throws
+  /// UsageError if there are several and the program was built without MPI.
   void begin();
 
   int rank() const { return rank_; }
   int size() const { return size_; }
   int hosts() const { return hosts_; }
 
-  /// All ranks call it; returns rank 0's number.
+  /// Broadcasts rank 0's number; to be called by all ranks.
   std::uint64_t from_manager(std::uint64_t number) const;
 
-  /// Rank 0: serves the others until the study ends, while `workers` of its own threads compute.
-  /// `on_wait` as in run_threads. Throws what stopped the study.
+  /// Rank 0: serves the other ranks until the study ends, while one thread of its own computes.
+  /// `on_wait` as in run_threads(). Throws the exception that stopped the study.
   void manage(Coordinator& coordinator, const std::function<Compute()>& make_compute,
               const std::function<void()>& on_wait);
 
-  /// The others.
+  /// Other ranks: computes chunks until the study ends.
   void serve(const Compute& compute);
 
-  /// Waits until all ranks are here; after a signal not for long.
+  /// Waits until all ranks call it; after a signal only for a short time.
   void leave();
-  /// This rank cannot go on: the study ends.
+  /// To be called if this rank cannot continue: the study ends.
   void give_up() { abandoned_ = true; }
 
  private:
   int rank_ = 0, size_ = 1, hosts_ = 1;
   bool begun_ = false;
-  bool abandoned_ = false;  // a rank has given up, or did not answer after a signal
+  // A rank has given up, or did not answer after a signal. Never cleared; the destructor aborts.
+  bool abandoned_ = false;
 };
 
 }  // namespace sprag::study

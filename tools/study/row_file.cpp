@@ -23,10 +23,10 @@ namespace {
 
 constexpr auto time_between_syncs = std::chrono::seconds(10);
 
-// What a line says of its run.
+// Position of a line within its run.
 struct Row {
   std::int64_t index = 0;
-  bool first = true, last = true;  // of its run
+  bool first = true, last = true;  // row of its run
   bool failed = false;
 };
 
@@ -74,12 +74,12 @@ Contents read_rows(const std::filesystem::path& file, const Layout& layout, Rang
   contents.end = at;
   std::vector<std::string_view> fields;
   std::optional<Row> before;
-  std::uint64_t begin = at;  // of the present run
+  std::uint64_t begin = at;  // of the current run
   while ((result = lines.next(line)) == LineReader::Result::line) {
     if (lines.number() % 10000 == 0) check_interrupt();
     const std::optional<Row> row = parse_row(line, layout, fields);
     if (!row) refuse(file, lines.number(), "is no row");
-    const bool within = before && !before->last;  // a run
+    const bool within = before && !before->last;  // the run of `before` continues
     if (within ? row->index != before->index || row->first : !row->first) {
       refuse(file, lines.number(), "does not follow the row before it");
     }
@@ -153,7 +153,7 @@ void RowFile::write(const std::string& text) {
       rest.remove_prefix(static_cast<std::size_t>(written));
     } else if (written == 0 || errno != EINTR) {
       const int error = written == 0 ? ENOSPC : errno;
-      // What went before stays.
+      // Removes an incomplete chunk; earlier ones remain.
       (void)!::ftruncate(descriptor_, static_cast<off_t>(size_));
       errno = error;
       fail();

@@ -45,7 +45,7 @@ Shard parse_shard(const std::string& text) {
   return shard;
 }
 
-// The i-th of n parts of the indices, from 1.
+// Part i of n of the indices, i from 1.
 Range part_of(std::int64_t total, int i, int n) {
   const auto begin = [&](int parts) { return total / n * parts + total % n * parts / n; };
   return {begin(i - 1), begin(i)};
@@ -55,7 +55,7 @@ std::string shard_name(int i, int n) {
   return "shard-" + std::to_string(i) + "-of-" + std::to_string(n);
 }
 
-// The files of a study or of a shard.
+// The files of a study or a shard.
 struct Files {
   path rows, partly, manifest;
 };
@@ -93,7 +93,7 @@ Layout layout_of(const Study& study) {
   return layout;
 }
 
-// Shards in the folder, finished or not.
+// The shards in the folder, finished or not.
 std::vector<RowSource> shards_in(const path& folder, const Study& study, const Layout& layout,
                                  const Origin& whole) {
   std::vector<RowSource> sources;
@@ -120,7 +120,7 @@ std::vector<RowSource> shards_in(const path& folder, const Study& study, const L
     const bool finished = std::filesystem::exists(files.rows);
     const path& rows = finished ? files.rows : files.partly;
     if (!std::filesystem::exists(rows)) continue;
-    if (!finished) const RowFile unused(rows);  // throws if it still runs
+    if (!finished) const RowFile unused(rows);  // throws if another process computes it
     sources.push_back({rows, read_rows(rows, layout, origin.indices), false});
   }
   return sources;
@@ -140,7 +140,7 @@ void refuse_overlaps(const std::vector<RowSource>& sources) {
   }
 }
 
-// On a terminal a line that is renewed, else a line now and then.
+// Progress on stderr: on a terminal an updated line, else a line per minute.
 class ProgressLine {
  public:
   void show(const Progress& progress) {
@@ -169,7 +169,7 @@ class ProgressLine {
   std::size_t width_ = 0;
 };
 
-// A name is no path: it must not lead out of the working directory.
+// The name of a study must not be a path that leads out of the working directory.
 path folder_named(const Study& study) {
   const path folder(study.name);
   const bool plain = printable(study.name) == study.name && folder == folder.filename();
@@ -178,14 +178,14 @@ path folder_named(const Study& study) {
                    "\", which no folder in the working directory can have; use --output FOLDER");
 }
 
-// What the first rank does before anything is computed.
+// Preparations of rank 0 before the computation.
 struct Session {
   Files files;
   Layout layout;
   Origin origin;
-  std::vector<RowSource> sources;  // the own file last
-  std::optional<RowFile> output;   // none: there is nothing to do
-  std::int64_t failures = 0;       // of rows that were there
+  std::vector<RowSource> sources;  // this session's file last
+  std::optional<RowFile> output;   // none: all runs have been computed
+  std::int64_t failures = 0;       // failed runs of earlier sessions
 
   Session(const Study& study, const StudyRun& run, const CommonOptions& common, Origin given)
       : layout(layout_of(study)), origin(std::move(given)) {
@@ -230,7 +230,7 @@ struct Session {
     return missing_ranges(origin.indices, done);
   }
 
-  // Puts the rows in order.
+  // Sorts the rows and finishes the study.
   void complete(const Study& study) {
     output->close();
     RowSource& own = sources.back();
@@ -262,7 +262,7 @@ void fill_report(const Study& study, const Session& session, const Progress& pro
   report["seconds"] = progress.seconds;
   report["computing_seconds"] = progress.busy;
   if (progress.done > 0) {
-    // Of all workers: what is not spent in runs.
+    // Time of all workers outside of runs.
     report["overhead_seconds_per_run"] =
         (progress.seconds * session.origin.workers - progress.busy) /
         static_cast<double>(progress.done);
@@ -290,7 +290,7 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
   constexpr std::uint64_t refused = 0;
   if (!first) {
     const std::uint64_t hash = ranks.from_manager(refused);
-    if (hash == refused) return exit_usage;  // the first rank says why
+    if (hash == refused) return exit_usage;  // rank 0 prints the reason
     try {
       const Study study = read_study(run.study);
       if (study.hash != hash) {

@@ -1,4 +1,4 @@
-// study: the runs of a study file, into a folder.
+// study: computes the runs of a study file into a folder.
 #pragma once
 
 #include <filesystem>
@@ -13,13 +13,13 @@ namespace sprag::study {
 struct StudyRun {
   std::filesystem::path study;
   std::filesystem::path output;  ///< empty: the study's name
-  std::string shard;             ///< "i/n"; empty: all of the study
-  int jobs = 0;                  ///< threads; 0: as many as the machine has cores
-  int chunk = 0;                 ///< runs that are handed out together; 0: what takes a second
+  std::string shard;             ///< "i/n"; empty: the whole study
+  int jobs = 0;                  ///< threads; 0: the number of cores
+  int chunk = 0;                 ///< runs handed out together; 0: as many as take about a second
 };
 
-/// Returns the exit code. Ranks other than the first write no report. Throws UsageError,
-/// InputError, SceneError, std::runtime_error, or Interrupted.
+/// Returns the exit code. Only rank 0 writes a report. Throws UsageError, InputError, SceneError,
+/// std::runtime_error, or Interrupted.
 int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common,
               nlohmann::ordered_json& report);
 

@@ -55,7 +55,7 @@ Chunk compute_chunk(const Compute& compute, Range range) {
       chunk.range.end += computed.runs;
       chunk.failures += computed.failures;
     }
-  } catch (const Interrupted&) {  // the chunk ends with the run before
+  } catch (const Interrupted&) {  // the chunk ends with the last completed run
   }
   chunk.seconds = seconds_since(begin);
   return chunk;
@@ -78,8 +78,8 @@ std::optional<Range> Coordinator::take() {
   if (reason_ || interrupted() || missing_.empty()) return std::nullopt;
   std::int64_t size = options_.chunk;
   if (size == 0) {
-    // The first chunks are single runs: nothing is known of their cost. At the end chunks shrink,
-    // so that all workers end together.
+    // The first chunks are single runs, since their cost is unknown. At the end chunks shrink, so
+    // that all workers end at about the same time.
     const double of_time = seconds_per_run_ > 0.0 ? usual_chunk_seconds / seconds_per_run_ : 1.0;
     const std::int64_t share = left_ / (std::int64_t{4} * options_.workers);
     size = std::min({static_cast<std::int64_t>(std::min(of_time, 1e9)), share, options_.longest});
@@ -180,7 +180,8 @@ void run_threads(Coordinator& coordinator, int threads,
                  const std::function<void()>& on_wait) {
   std::vector<std::thread> workers;
   workers.reserve(static_cast<std::size_t>(threads));
-  const auto serve = [&] {
+  const auto serve = [&, stop = thread_stop_token()] {
+    const StopScope scope(stop);
     try {
       work(coordinator, make_compute());
     } catch (...) {
@@ -189,7 +190,7 @@ void run_threads(Coordinator& coordinator, int threads,
   };
   try {
     for (int i = 0; i < threads; ++i) workers.emplace_back(serve);
-  } catch (const std::system_error&) {  // the system has no more of them
+  } catch (const std::system_error&) {  // the system provides no more threads
     if (workers.empty()) throw;
   }
   while (!coordinator.finished()) {

@@ -1,4 +1,4 @@
-// Runs by their indices, in chunks, by several workers: threads here, ranks in ranks.h.
+// Distributes runs by index, in chunks, to several workers: threads here, ranks in ranks.h.
 #pragma once
 
 #include <chrono>
@@ -21,93 +21,93 @@ struct Range {
   friend bool operator==(const Range&, const Range&) = default;
 };
 
-/// What is left of `all` without `done`, which are within it, in any order, and do not overlap.
+/// The parts of `all` outside of `done`. These must lie in `all` without overlap, in any order.
 std::vector<Range> missing_ranges(Range all, std::vector<Range> done);
 
-/// Rows of runs that have been computed.
+/// Rows of computed runs.
 struct Chunk {
   Range range;
   std::string text;
   std::int64_t failures = 0;
-  double seconds = 0.0;  ///< of computing
+  double seconds = 0.0;  ///< computing time
 };
 
-/// Runs of which the rows are there, and how many of them have failed.
+/// Number of computed runs, and how many of them failed.
 struct Computed {
   std::int64_t runs = 0, failures = 0;
 };
 
-/// Appends the rows of the first runs of a range that is not empty, at least of one: as many as are
-/// computed together. Throws Interrupted, having appended none.
+/// Appends the rows of the first runs of a nonempty range: as many as are computed at once, at
+/// least one. Throws Interrupted without appending any.
 using Compute = std::function<Computed(Range range, std::string& text)>;
 
-/// Computes a range; of what is interrupted, the runs that are done.
+/// Computes a range; if interrupted, the chunk contains the completed runs.
 Chunk compute_chunk(const Compute& compute, Range range);
 
-/// How long a chunk should take: what a killed study loses at most [s].
+/// Intended time of a chunk [s], which is the most that a killed study loses.
 inline constexpr double usual_chunk_seconds = 1.0;
 
 struct Progress {
   std::int64_t total = 0;     ///< runs of the study, or of its shard
-  std::int64_t before = 0;    ///< that were there already
-  std::int64_t done = 0;      ///< of this session
-  std::int64_t failures = 0;  ///< of this session
+  std::int64_t before = 0;    ///< computed in earlier sessions
+  std::int64_t done = 0;      ///< computed in this session
+  std::int64_t failures = 0;  ///< failed in this session
   double seconds = 0.0;       ///< since the session began
-  double busy = 0.0;          ///< of all workers, computing [s]
+  double busy = 0.0;          ///< computing time of all workers [s]
 };
 
-/// Hands out chunks and has them written. Any thread may call it.
+/// Hands out chunks and has their results written. Thread-safe.
 class Coordinator {
  public:
   struct Options {
     std::int64_t total = 0;
     int workers = 1;
-    std::int64_t chunk = 0;        ///< runs; 0: as many as take usual_chunk_seconds
+    std::int64_t chunk = 0;        ///< runs of a chunk; 0: as many as take usual_chunk_seconds
     std::int64_t longest = 16384;  ///< most runs of a chunk
   };
 
-  /// `write` gets each chunk once, one at a time; what it throws ends the study.
+  /// Calls `write` once for each chunk, one at a time. An exception from it ends the study.
   Coordinator(std::vector<Range> missing, const Options& options,
               std::function<void(const Chunk&)> write);
 
-  /// The next range to compute; none when there is no more or the study is to end.
+  /// The next range to compute; none if there is none left or the study is ending.
   std::optional<Range> take();
   void put(const Chunk& chunk);
-  /// No more chunks are handed out; finish() throws `reason`.
+  /// Ends the study: no more chunks are handed out, and finish() throws `reason`.
   void stop(std::exception_ptr reason) noexcept;
 
   bool stopped() const;
-  /// Everything that was handed out has come back or was given up.
+  /// Whether all chunks have been returned.
   bool finished() const;
   Progress progress() const;
-  /// Throws what has stopped it, or Interrupted where the signal came before the end.
+  /// Throws the reason of the stop, or Interrupted if a signal came before the end.
   void finish() const;
 
-  /// Waits for something to happen, at most so long.
+  /// Waits for a change, at most this long.
   void wait(std::chrono::milliseconds longest);
 
  private:
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::vector<Range> missing_;  // the next one last
+  std::vector<Range> missing_;  // in descending order: the next one is last
   Options options_;
   std::function<void(const Chunk&)> write_;
   Progress progress_;
-  std::int64_t left_ = 0;  // not handed out
-  int out_ = 0;            // chunks that are handed out
+  std::int64_t left_ = 0;  // runs not handed out
+  int out_ = 0;            // chunks handed out and not returned
   double seconds_per_run_ = 0.0;
   std::exception_ptr reason_;
   std::chrono::steady_clock::time_point begin_;
 };
 
-/// What a worker does: takes chunks and puts them back until there are no more.
+/// The loop of a worker: takes and returns chunks until there are none left.
 void work(Coordinator& coordinator, const Compute& compute);
 
 /// "1200 of 80000 runs, 312 per second, 4 min 12 s left, 3 failed"
 std::string describe(const Progress& progress);
 
-/// By threads; each gets a Compute of its own. `on_wait` is called by this thread every 100 ms or
-/// so. Throws what stopped it.
+/// Computes with threads, each with a Compute of its own. This thread calls `on_wait` about every
+/// 100 ms. Throws the exception that stopped the study.
 void run_threads(Coordinator& coordinator, int threads,
                  const std::function<Compute()>& make_compute,
                  const std::function<void()>& on_wait);

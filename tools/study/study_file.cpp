@@ -46,7 +46,7 @@ const std::vector<std::pair<const char*, bool Record::*>> record_names = {
     {"lyapunov", &Record::lyapunov},
     {"attractor", &Record::attractor}};
 
-// Paths of what is no key of a scene, and the values that each accepts.
+// Paths of quantities that are not keys of the scene, and their limits.
 struct Knob {
   const char* path;
   Target target;
@@ -68,7 +68,7 @@ std::string one_of(const std::vector<std::string_view>& words) {
   return text;
 }
 
-// "is X, which is not known; did you mean Y?"
+// "is X; did you mean Y?", or the list of words.
 std::string unknown_word(const std::string& given, const std::vector<std::string_view>& words) {
   const auto suggestion = nearest_word(given, words);
   return " is \"" + given + "\"; " +
@@ -104,7 +104,7 @@ std::uint64_t hash_of(std::string_view text, std::uint64_t hash) {
   return hash;
 }
 
-// The leaves of [vary] with their paths, in the order of the file.
+// The entries of [vary] with their paths, in the order of the file.
 struct Leaf {
   std::string path;
   const toml::node* node;
@@ -174,7 +174,7 @@ class Reader {
     return nullptr;
   }
 
-  // The scene's own number; nothing if it does not give one.
+  // The number in the scene file; nullopt if there is none.
   std::optional<double> scene_number(const std::string& key) const {
     const std::string file = study_.scene_file.string();
     const double value =
@@ -214,7 +214,7 @@ class Reader {
     study_.axes.push_back(std::move(axis));
   }
 
-  // A number or an array of them.
+  // A number or an array of numbers.
   std::vector<double> numbers_of(const Leaf& leaf) const {
     const auto one = [&](const toml::node& node) {
       const std::optional<double> value =
@@ -341,7 +341,8 @@ class Reader {
     for (const std::int64_t size : study_.group_size) study_.points *= size;
   }
 
-  // Its least and its largest value, the other axes at their first, make a scene.
+  // Checks that the least and the largest value make a valid scene, with the first values of the
+  // other axes.
   void check_in_scene(const Leaf& leaf, std::size_t i) const {
     const Axis& axis = study_.axes[i];
     if (axis.target != Target::scene && axis.target != Target::observer) return;
@@ -372,7 +373,7 @@ class Reader {
 
   TomlDocument& document_;
   Study& study_;
-  std::vector<std::string> zips_;  // of each group; empty: none
+  std::vector<std::string> zips_;  // zip name of each group; empty: none
 };
 
 void read_stroboscope(const TomlTable& root, Study& study) {

@@ -1,5 +1,5 @@
-// A study file (TOML): a scene, what of it varies, what befalls its events, and what is recorded of
-// each run. docs/reference/study_files.md has the format.
+// A study file (TOML): a scene, its varied keys, the disturbances of its events, and the recorded
+// quantities. The format is described in docs/reference/study_files.md.
 #pragma once
 
 #include <cstdint>
@@ -16,11 +16,11 @@
 
 namespace sprag::study {
 
-/// What an axis varies.
+/// The quantity that an axis varies.
 enum class Target {
   scene,     ///< a key of the scene, for the machine and its observer
-  observer,  ///< a key of the scene, for the observer's model alone
-  modes,     ///< that the observer keeps, the lowest ones
+  observer,  ///< a key of the scene, in the observer's model only
+  modes,     ///< number of lowest modes that the observer keeps
   jitter,
   offset,
   lost,
@@ -32,19 +32,20 @@ enum class Target {
 };
 
 struct Axis {
-  std::string path;  ///< as the study file has it, the name of its column
+  std::string path;  ///< as in the study file; name of its column
   Target target = Target::scene;
   std::string key;             ///< of the scene
-  std::vector<double> values;  ///< on the grid; empty: drawn for each run, between low and high
+  std::vector<double> values;  ///< grid; empty: drawn for each run, between low and high
   double low = 0.0, high = 0.0;
   bool logarithmic = false;  ///< drawn uniformly in the logarithm
-  /// Values are shares by which the observer's is off the machine's, which the scene has as `base`.
+  /// Values are relative deviations of the observer's value from the machine's. `base` is the
+  /// scene's.
   bool relative = false;
   double base = 0.0;
-  std::size_t group = 0;  ///< axes of one group go on together
+  std::size_t group = 0;  ///< axes of one group vary together
 };
 
-/// What is recorded, of each estimator and of the machine.
+/// The recorded quantities, of each estimator and of the machine.
 struct Record {
   bool V_floor = false, V_max = false, rate = false, time_below = false;
   bool nees = false, beyond_3_sigma = false, trusted = false;
@@ -58,12 +59,12 @@ struct Record {
   bool of_recurrence() const { return poincare || impacts_per_period || lyapunov || attractor; }
 };
 
-/// How the machine alone is looked at.
+/// Settings for quantities of the machine alone (recurrence.h).
 struct Stroboscope {
   double period = 0.0;                        ///< [s]; 0: that of the excitation
-  int transient = 300;                        ///< periods before anything is recorded
-  int periods = 200;                          ///< that are recorded
-  int longest = 32;                           ///< cycle that is looked for, in periods
+  int transient = 300;                        ///< periods before recording
+  int periods = 200;                          ///< recorded periods
+  int longest = 32;                           ///< longest cycle to search for, in periods
   std::vector<int> coordinates;               ///< of the state (q, u), from 0
   std::vector<std::string> coordinate_names;  ///< q1, u1, ...
 };
@@ -73,13 +74,13 @@ struct Study {
   std::string file, text;
   std::filesystem::path scene_file;
   std::string scene_text;
-  Scene scene;                                ///< as it is, nothing varied
-  std::vector<std::filesystem::path> inputs;  ///< the scene, and the files that it names
-  std::uint64_t hash = 0;                     ///< of all that the inputs hold
+  Scene scene;                                ///< without variations
+  std::vector<std::filesystem::path> inputs;  ///< the scene and the files that it names
+  std::uint64_t hash = 0;                     ///< of the study file and the contents of all inputs
 
   std::uint64_t seed = 1;
-  bool common_draws = false;          ///< run r of every point draws the same
-  std::int64_t runs = 1;              ///< of a point
+  bool common_draws = false;          ///< run r uses the same random numbers at every point
+  std::int64_t runs = 1;              ///< per point
   double duration = 0.0, tick = 0.0;  ///< [s]; tick 0: the interval of samples
   int samples = 1000;
   double threshold = 0.0;  ///< of V; 0: 1e-4 of V at the start
@@ -87,28 +88,28 @@ struct Study {
   Record record;
   Stroboscope stroboscope;
   Disturbance disturbance;
-  bool jitter_given = false;  ///< else the machine's scene says it
+  bool jitter_given = false;  ///< else the jitter is that of the machine's scene
   std::optional<double> start_replica;
   double start_machine = 0.0;
   std::vector<Axis> axes;                ///< in the order of the file
-  std::vector<std::int64_t> group_size;  ///< points of each group of axes; the last runs fastest
+  std::vector<std::int64_t> group_size;  ///< points of each group of axes; the last varies fastest
   std::int64_t points = 1;
 
   std::int64_t indices() const { return points * runs; }
   bool varies(Target target) const;
 };
 
-/// The estimator's name, as study files and columns have it.
+/// The estimator's name in study files and columns.
 const char* name(EstimatorKind kind);
 
-/// Reads and checks a study and its scene. `names` is told the files that they name before anything
-/// else in them can be wrong. Throws SceneError, with the place in the study file, InputError, and
-/// what `names` throws.
+/// Reads and checks a study and its scene. Calls `names` with each file that they name before the
+/// contents are checked further. Throws SceneError, with the position in the study file,
+/// InputError, and the exceptions of `names`.
 Study read_study(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names = {});
 
-/// The same from text; `file` is the name that errors carry, and its folder is that from which the
-/// scene is seen.
+/// The same from text. `file` is the name in errors; its folder is the one to which the scene's
+/// path is relative.
 Study parse_study(const std::string& text, const std::filesystem::path& file,
                   const std::function<void(const std::filesystem::path&)>& names = {});
 

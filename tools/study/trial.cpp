@@ -21,7 +21,7 @@ constexpr double usual_threshold = 1e-4;  // of V at the start
 constexpr double near_floor = 10.0;
 constexpr double much_worse = 10.0;
 constexpr double rounding = 1e-20;                     // of V at the start
-constexpr std::int64_t ticks_between_looks = 1 << 12;  // for a signal to end
+constexpr std::int64_t ticks_between_looks = 1 << 12;  // between checks for a stop request
 
 double median(std::vector<double> values) {
   if (values.empty()) return undefined;
@@ -32,13 +32,13 @@ double median(std::vector<double> values) {
   return 0.5 * (*std::max_element(values.begin(), middle) + above);
 }
 
-// The second half of the run, of V at all samples.
+// The settled samples: the second half of V.
 std::vector<double>::const_iterator settled(const std::vector<double>& V) {
   return V.begin() + static_cast<std::ptrdiff_t>((V.size() - 1) / 2 + 1);
 }
 
-// Squares of errors over the standard deviations that go with them. A deviation of infinity says
-// that nothing is known: it is left out.
+// Sum of the squared errors over their standard deviations. Infinite standard deviations, which
+// claim nothing, are left out.
 struct NormalizedSquares {
   double sum = 0.0;
   std::int64_t count = 0, beyond = 0;
@@ -58,7 +58,7 @@ double error_energy(const ErrorEnergy& energy, const Truth& truth, Eigen::Index 
   return std::isfinite(V) ? V : infinite;
 }
 
-// What V alone tells, of samples so far apart.
+// Figures that follow from V alone; `interval` between samples.
 Figures figures_of(std::vector<double> samples, double interval, double threshold) {
   Figures figures;
   figures.V = std::move(samples);
@@ -233,7 +233,7 @@ std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, 
     } catch (const Interrupted&) {
       throw;
     } catch (const std::exception&) {
-      // One of them cannot be followed: alone, each says so for itself.
+      // A run of the group failed. Each is followed alone later, where its error is reported.
     }
   }
   return figures;

@@ -1,5 +1,5 @@
-// One run of a machine with its observers: what the machine does, what an estimator makes of the
-// events that it is told, and figures of its error.
+// One run of a machine with its observers: the motion of the machine, the estimates from the
+// disturbed events, and figures of their error.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@
 
 namespace sprag::study {
 
-/// A machine's run, and its states at sampled ticks.
+/// A machine's run: its events and its states at sampled ticks.
 struct Truth {
   Model model;
   std::vector<ContactEvent> events;  ///< up to the duration
@@ -28,55 +28,58 @@ struct Truth {
   double interval() const { return static_cast<double>(stride) * tick; }  ///< of samples [s]
 };
 
-/// Samples at most, at least two, evenly over the duration > 0; tick 0: one tick a sample. Throws
-/// ModelError, SimulationError, Interrupted, or Error where there are fewer than two ticks.
+/// Runs the machine over the duration > 0 with at most `samples` samples, at least two, evenly
+/// spaced. tick 0: one tick per sample. Throws ModelError, SimulationError, Interrupted, or Error
+/// if there are fewer than two ticks.
 Truth run_machine(const Scene& machine, double duration, double tick, int samples);
 
-/// Tells an estimator, which starts from `start`, the events as they arrive, tick by tick of the
-/// truth, and visits its state at every sample, 0 ... truth.samples(). What the adaptive one wants
-/// identified is, at once. Throws Interrupted.
+/// Runs an estimator from `start` with the events as they arrive, tick by tick, and visits its
+/// state at every sample 0 ... truth.samples(). Identifications of an adaptive estimator are
+/// computed at once. Throws Interrupted.
 void pursue(
     TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
     const Truth& truth,
     const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit);
 
-/// What comes of one estimator in one run. V is (23); "settled": in the second half of the run.
+/// Figures of one estimator in one run. V is (23) of Baumann & Leine 2014. "Settled" means the
+/// second half of the run.
 struct Figures {
   double V_floor = 0.0;  ///< median of V, settled
   double V_max = 0.0;    ///< largest V, settled
-  /// ln(V(0) / V(t)) / t at the first sample t at which V is at most ten times the floor: the rate
-  /// at which V falls.
+  /// Rate of decay of V: ln(V(0) / V(t)) / t at the first sample t at which V is at most ten times
+  /// the floor.
   double rate = 0.0;
   double time_below = 0.0;  ///< first sample with V below the threshold [s]; infinity: none
   double nees = 0.0;        ///< mean of (error / sigma)^2 of all q and u, settled; NaN: no filter
-  double beyond_3_sigma = 0.0;  ///< share of them beyond 3 sigma; NaN: no filter
-  double trusted = 0.0;         ///< share of samples that are the filter's; NaN: no filter
+  double beyond_3_sigma = 0.0;  ///< fraction of these errors beyond 3 sigma; NaN: no filter
+  double trusted = 0.0;         ///< fraction of samples from the filter; NaN: no filter
   double worse = std::numeric_limits<double>::quiet_NaN();  ///< see add_worse()
   std::vector<double> V;  ///< at the samples, from the start on; infinity where it is not finite
 };
 
-/// `told` is the machine as the estimator knows it, with the start of its estimate; it may have
-/// fewer coordinates than the machine: what they lack counts as zero. `events` as they arrive.
-/// threshold 0: 1e-4 of V at the start. Throws as TrackingEstimator's constructor, or Interrupted.
+/// Runs an estimator. `told` is its model of the machine, with the start of the estimate. It may
+/// have fewer coordinates than the machine; the missing ones count as zero. `events` are those that
+/// arrive. threshold 0: 1e-4 of V at the start. Throws as the constructor of TrackingEstimator, or
+/// Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& told, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
 
-/// A run, as an estimator is told of it.
+/// A run with the input of an estimator.
 struct Told {
   const Scene& scene;
   std::span<const ContactEvent> events;
   const Truth& truth;
 };
 
-/// What follow() gives for the replica of each run, bit for bit, but in a fraction of the time:
-/// runs of one structure, with the same ticks, go side by side (replica_sweep.h). None for a run
-/// that has to be followed alone: of no other is the structure the same, its ticks are no more than
-/// its samples, which leaves nothing to gain, or one of those beside it throws. Throws Interrupted.
+/// The results of follow() for the replica of each run, bit for bit, in a fraction of the time:
+/// runs with the same structure and ticks are computed at once (replica_sweep.h). Nullopt for a run
+/// that must be followed alone: no other run has its structure, it has no ticks between its
+/// samples, so that nothing would be gained, or a run of its group throws. Throws Interrupted.
 std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, double threshold);
 
-/// Of all but the replica: the share of settled samples at which V is more than ten times the
-/// replica's, and above rounding, 1e-20 of V at the start. Without a replica in `kinds` it stays
-/// NaN. `figures` are those of `kinds` in one run.
+/// Sets `worse` of all estimators except the replica: the fraction of settled samples at which V is
+/// more than ten times the replica's, and above the rounding level, 1e-20 of V at the start.
+/// Without a replica in `kinds` it stays NaN. `figures` are those of `kinds` in one run.
 void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures);
 
 }  // namespace sprag::study

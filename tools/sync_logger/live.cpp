@@ -29,23 +29,23 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto silence = 100ms;           // ten heartbeats: the master is gone
-constexpr std::size_t enough_states = 3;  // to follow another master
+constexpr auto silence = 100ms;           // ten heartbeats
+constexpr std::size_t enough_states = 3;  // required to follow another master
 constexpr std::size_t most_held = 10000;
-constexpr auto patience = 3s;  // for a last row whose other half was lost
+constexpr auto patience = 3s;  // waiting time for the missing half of the last row
 
 constexpr std::array<std::pair<Losses::Channel, const char*>, Losses::channels> numbered_channels{
     {{Losses::Channel::contacts, contacts_channel},
      {Losses::Channel::settled, settled_channel},
      {Losses::Channel::truth, truth_channel}}};
 
-/// Unpaired samples to keep, of f coordinates: at most 64 MiB.
+/// Number of unpaired samples of f coordinates to keep: at most 64 MiB.
 std::size_t window_for(Eigen::Index coordinates) {
   const auto bytes = static_cast<std::size_t>(16 * coordinates + 160);
   return std::clamp<std::size_t>((64U << 20U) / bytes, 1000, 200000);
 }
 
-/// When the run is over: at the last row before `duration`, whatever the step is.
+/// Detects the end of the run: the last row before `duration`, for any step.
 class Finish {
  public:
   explicit Finish(double duration) : duration_(duration) {}
@@ -64,7 +64,7 @@ class Finish {
 
   bool paired() const { return paired_; }
 
-  /// The last instant came from one side, and nothing more comes from the other.
+  /// The last instant has arrived from one side only, and nothing more arrives.
   bool lost(Clock::time_point now) const { return seen_ && now - received_ > patience; }
 
  private:
@@ -206,7 +206,7 @@ class Live {
     }
   }
 
-  // A master that was restarted, or a second one? Its states wait until the first is silent.
+  // Another session: a restarted or a second master. Its states wait until the first is silent.
   void another_master(Clock::time_point now) {
     if (!held_.empty() && held_.front().session != state_.session) drop_held();
     if (held_.size() < most_held) held_.push_back(state_);
@@ -221,7 +221,8 @@ class Live {
   void follow_the_other(Clock::time_point now) {
     const auto silent = now - truth_received_;
     if (held_.empty() || silent < silence) return;
-    // A single state may come from anybody; one that is alone after a second is all there is.
+    // Few states may come from any sender. They are accepted if the first master stays silent for
+    // 1 s.
     if (held_.size() < enough_states && silent < 10 * silence) return;
     truth_received_ = now;
     for (const StateSample& state : std::exchange(held_, {})) {
@@ -258,8 +259,8 @@ class Live {
     if (pairing_.session() == sample.session) finish_.sample(sample.t, Clock::now());
   }
 
-  // An estimate is corrected as late events come, until the next tick's is there: the last word on
-  // a tick counts.
+  // The estimate of a tick is repeated when late events correct it, until the next tick's arrives.
+  // Only the last estimate of each tick is paired.
   void estimate_for_now() {
     if (last_word_ && last_word_->session == estimate_.session &&
         estimate_.tick < last_word_->tick) {
@@ -290,12 +291,12 @@ class Live {
     }
   }
 
-  // Nothing that could still be written: the disk is full, or the reader of stdout has gone.
+  // No output is left: the disk is full, or the reader of stdout has ended.
   bool received_in_vain() const {
     return !csv_.good() && (!now_csv_ || !now_csv_->good()) && (!record_ || !record_->good());
   }
 
-  // The run goes on with the files that are left.
+  // The run continues with the remaining files.
   void tell_failures() {
     const auto tell = [](const auto& file, bool& told) {
       if (told || file.good()) return;
@@ -309,7 +310,7 @@ class Live {
 
   std::string lost() const { return describe(losses_, bus_.counts().overflowed); }
 
-  // As soon as it is known, and once a second while it grows.
+  // Reports losses as soon as they are known, at most once a second.
   void tell_losses(Clock::time_point now) {
     const std::string all = lost();
     if (all == reported_losses_) return;
@@ -348,18 +349,18 @@ class Live {
   bool csv_failure_reported_ = false, now_failure_reported_ = false,
        record_failure_reported_ = false;
   Clock::time_point truth_received_;
-  std::vector<StateSample> held_;  // of another session than the one that is paired
+  std::vector<StateSample> held_;  // states of another session, which wait for its acceptance
   std::int64_t of_other_masters_ = 0;
-  std::int64_t stale_ = 0;  // began a session, but were not sent just then
+  std::int64_t stale_ = 0;  // messages that would have begun a session but were sent too long ago
   Finish finish_;
   StateSample state_;
   EstimateSample estimate_;
-  std::optional<EstimateSample> last_word_;  // for now, on the latest tick
+  std::optional<EstimateSample> last_word_;  // latest estimate of the latest tick
   std::array<std::int64_t, refusal_kinds> refused_{};
   ContactMessage contacts_;
   Losses losses_;
   std::string reported_losses_;
-  Clock::time_point next_loss_line_;  // not before
+  Clock::time_point next_loss_line_;  // earliest time of the next line
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// sync_logger on the bus: SPRAG_TRUTH against SPRAG_SETTLED, as they arrive.
+// sync_logger on the bus: compares SPRAG_TRUTH with SPRAG_SETTLED as the messages arrive.
 #pragma once
 
 #include <filesystem>
@@ -18,14 +18,13 @@ struct LiveOptions {
   bool now = false;              ///< also SPRAG_ESTIMATE, into now_file(csv)
 };
 
-/// "runs/a.csv" -> "runs/a_now.csv".
+/// File of the provisional estimates: "runs/a.csv" -> "runs/a_now.csv".
 std::filesystem::path now_file(const std::filesystem::path& csv);
 
-/// Listens until the instant `duration` has been paired or a signal comes; says "listening" on
-/// stderr once it does, then its progress about once a second. Messages that are lost on the way
-/// here are reported on stderr as soon as that is known. Fills `report` and returns exit_done, or
-/// exit_failed where a recording is not complete. Throws BusError, InputError, ModelError, or
-/// another exception if a file cannot be written.
+/// Runs until the instant `duration` has been paired or a signal arrives. Prints "listening" on
+/// stderr at the start, the progress about once a second, and lost messages as soon as they are
+/// known. Fills `report` and returns exit_done, or exit_failed if a recording is incomplete. Throws
+/// BusError, InputError, ModelError, or another exception if a file cannot be written.
 int run_live(const Model& model, const LiveOptions& options, const CommonOptions& common,
              nlohmann::ordered_json& report);
 

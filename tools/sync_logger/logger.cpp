@@ -11,7 +11,7 @@ namespace {
 constexpr double same_instant = 1e-9;  // relative
 constexpr std::size_t remembered_sessions = 64;
 
-/// The sample nearest to t if it is of the same instant, else end.
+/// The sample nearest to t if it is of the same instant, else end().
 template <class Side>
 typename Side::iterator find_instant(Side& side, double t) {
   auto nearest = side.lower_bound(t);
@@ -73,7 +73,7 @@ const SyncRow* Pairing::pair(const StateSample& sample, Side& own, Side& other) 
   const double t = is_truth ? match->first : sample.t;
   const SyncRow* row =
       is_truth ? make_row(here, t, match->second) : make_row(match->second, t, here);
-  // Rows rise in t, so nothing before this one can be paired any more.
+  // Rows have ascending t, so earlier samples cannot be paired any more.
   const auto after = other.erase(match);
   drop(other, after);
   drop(own, own.upper_bound(t));

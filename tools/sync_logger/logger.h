@@ -1,5 +1,6 @@
 // Pairs the states of a master with the estimates of an observer and computes the synchronization
-// error energy V and its parts V_i, eqs. (23) and (24) of Baumann & Leine 2014. Knows no transport.
+// error energy V and its parts V_i, eqs. (23) and (24) of Baumann & Leine 2014. Independent of the
+// transport.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,17 +24,17 @@ struct SyncRow {
 
 struct SyncFigures {
   std::int64_t rows = 0;
-  std::int64_t sessions = 0;           ///< masters seen
+  std::int64_t sessions = 0;           ///< number of masters
   double first_t = 0.0, last_t = 0.0;  ///< of the first and the last row [s]
   double first_v = 0.0, last_v = 0.0;
-  double max_growth = 0.0;             ///< largest rise of V from one row to the next of a session
-  double max_growth_t = 0.0;           ///< where [s]
-  std::int64_t unpaired_truth = 0;     ///< states without an estimate, given up
-  std::int64_t unpaired_estimate = 0;  ///< estimates without a state, given up
-  std::int64_t doubled = 0;            ///< the same instant once more, from the same side
-  std::int64_t late = 0;               ///< at or before the last row, hence doubled or out of order
-  std::int64_t old_session = 0;        ///< of a master that has been followed by another
-  std::int64_t wrong_truth_size = 0;   ///< states whose f is not the scene's
+  double max_growth = 0.0;               ///< largest increase of V between rows of a session
+  double max_growth_t = 0.0;             ///< its time [s]
+  std::int64_t unpaired_truth = 0;       ///< states discarded without an estimate
+  std::int64_t unpaired_estimate = 0;    ///< estimates discarded without a state
+  std::int64_t doubled = 0;              ///< repeated instants of one side
+  std::int64_t late = 0;                 ///< at or before the last row: repeated or out of order
+  std::int64_t old_session = 0;          ///< of an earlier master
+  std::int64_t wrong_truth_size = 0;     ///< states whose f is not the scene's
   std::int64_t wrong_estimate_size = 0;  ///< estimates whose f is above the scene's
 };
 
@@ -42,18 +43,19 @@ class Pairing {
   /// Keeps at most `window` unpaired samples of each side. Throws ModelError.
   explicit Pairing(const Model& model, std::size_t window = 200000);
 
-  /// Takes a sample. If the other side's sample of its instant (same session, times equal to a
-  /// relative 1e-9; ticks may differ) is there, returns the row, valid until the next call; rows
-  /// come with rising t. Only a state can begin a new session; rows then start anew.
+  /// Adds a sample. If the other side's sample of the same instant is present, returns the row,
+  /// valid until the next call. The instant is the same if session and time agree, the time to a
+  /// relative 1e-9; ticks may differ. Rows have ascending t. Only a state can begin a new session,
+  /// with which the rows start again.
   const SyncRow* add_truth(const StateSample& truth);
   const SyncRow* add_estimate(const StateSample& estimate);
 
   const SyncFigures& figures() const { return figures_; }
 
-  /// The session that is being paired; nothing before the first state.
+  /// The session being paired; nullopt before the first state.
   std::optional<std::int64_t> session() const { return session_; }
 
-  /// Samples that still wait for the other side.
+  /// Number of samples that wait for the other side.
   std::size_t waiting_truth() const { return truth_.size(); }
   std::size_t waiting_estimate() const { return estimate_.size() + early_.size(); }
 
@@ -80,7 +82,7 @@ class Pairing {
   std::optional<std::int64_t> session_;
   std::deque<std::int64_t> old_sessions_;
   Side truth_, estimate_;
-  Side early_;  // estimates of a session whose first state has not come yet
+  Side early_;  // estimates of a session whose first state has not arrived
   std::int64_t early_session_ = 0;
   std::optional<double> last_t_;  // of the last row of this session
   double last_v_ = 0.0;

@@ -7,11 +7,11 @@
 namespace sprag {
 namespace {
 
-// Anybody may send numbers: what is remembered of them has an end.
+// Limits of memory, since any sender may send any numbers.
 constexpr std::size_t most_streams = 256;
 constexpr std::size_t most_gaps = 10000;
 constexpr std::int64_t any_gap = std::numeric_limits<std::int64_t>::max();
-// Where a machine's clock has gone further ahead, an observer leaves out the ticks between.
+// If a machine's clock jumps further ahead, an observer omits the ticks between.
 constexpr std::int64_t longest_gap_of_ticks = 100000;
 
 std::int64_t sum(std::int64_t a, std::int64_t b) {
@@ -36,7 +36,7 @@ void MissingNumbers::take(std::int64_t number, std::int64_t longest_gap) {
   if (gap == missing_.begin()) return;
   --gap;
   const auto [first, last] = *gap;
-  if (number > last) return;  // doubled
+  if (number > last) return;  // repeated
   missing_.erase(gap);
   if (first < number) missing_.emplace(first, number - 1);
   if (number < last) missing_.emplace(number + 1, last);

@@ -1,5 +1,5 @@
-// Messages that did not arrive, by the numbers of those that did: `sequence` on SPRAG_CONTACTS,
-// `tick` on SPRAG_SETTLED and SPRAG_TRUTH, which rise by one with every message of a process.
+// Counts lost messages by gaps in their numbers: `sequence` on SPRAG_CONTACTS, `tick` on
+// SPRAG_SETTLED and SPRAG_TRUTH. These increase by one with every message of a process.
 #pragma once
 
 #include <array>
@@ -12,11 +12,11 @@
 
 namespace sprag {
 
-/// The numbers of one stream of messages that are missing between the first and the last one.
-/// Messages may be doubled, and may arrive in any order.
+/// Counts the missing numbers between the first and the last of one stream of messages. Messages
+/// may be repeated and may arrive in any order.
 class MissingNumbers {
  public:
-  /// A number that is further than `longest_gap` beyond the last one begins anew.
+  /// After a gap longer than `longest_gap` counting starts again.
   void take(std::int64_t number, std::int64_t longest_gap);
   std::int64_t count() const { return count_; }
 
@@ -31,11 +31,11 @@ class Losses {
   enum class Channel { contacts, settled, truth };
   static constexpr std::size_t channels = 3;
 
-  /// Takes the number of a message. A restarted process is another `sender`, a restarted master
-  /// another `session`: neither continues the numbers before it.
+  /// Takes the number of a message. A restarted process is a new `sender`, a restarted master a new
+  /// `session`; both start new numbers.
   void take(Channel channel, std::uint64_t sender, std::int64_t session, std::int64_t number);
 
-  /// Messages that are missing on a channel.
+  /// Number of missing messages of a channel.
   std::int64_t missing(Channel channel) const;
 
  private:
@@ -46,12 +46,12 @@ class Losses {
     MissingNumbers numbers;
   };
 
-  std::vector<Stream> streams_;  // those heard last, and what the others have missed
+  std::vector<Stream> streams_;  // the most recent ones; the counts of older ones are summed below
   std::array<std::int64_t, channels> of_past_streams_{};
 };
 
 /// "3 packets at a full receive buffer, 2 messages of SPRAG_CONTACTS, 4 ticks of SPRAG_SETTLED";
-/// empty if nothing is lost. `dropped`: packets that the kernel dropped.
+/// empty without losses. `dropped`: packets dropped by the kernel.
 std::string describe(const Losses& losses, std::int64_t dropped);
 
 }  // namespace sprag

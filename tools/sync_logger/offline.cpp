@@ -13,7 +13,7 @@ namespace sprag {
 
 namespace {
 
-/// One of the two files with its next row.
+/// One of the two files and its next row.
 class Source {
  public:
   explicit Source(const std::filesystem::path& file) : file_(file), reader_(file) { advance(); }
@@ -30,7 +30,7 @@ class Source {
     head_.u = row_.u;
   }
 
-  /// Says on stderr and in the report where the file is damaged; returns whether it is.
+  /// Reports damage of the file on stderr and in the report; returns whether there is any.
   bool report_damage(nlohmann::ordered_json& report) const {
     if (!reader_.damage()) return false;
     const auto& [line, what] = *reader_.damage();

@@ -1,4 +1,4 @@
-// The figures of a sync_logger run, for machines.
+// The figures of a sync_logger run as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -7,7 +7,7 @@
 
 namespace sprag {
 
-/// Rows, sessions, t, V and what was left over. Samples that still wait count as unpaired.
+/// Rows, sessions, t, V and unpaired samples. Samples that still wait count as unpaired.
 nlohmann::ordered_json to_json(const Pairing& pairing);
 
 }  // namespace sprag

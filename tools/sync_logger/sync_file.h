@@ -13,11 +13,11 @@ namespace sprag {
 
 class SyncWriter : public CsvWriter {
  public:
-  /// Creates or empties `file`, standard output if it is empty, and writes the header for
-  /// f = `coordinates`; a failure shows in good().
+  /// Creates or empties `file`, or uses standard output if it is empty, and writes the header for
+  /// f = `coordinates`. Errors are reported by good().
   SyncWriter(const std::filesystem::path& file, Eigen::Index coordinates);
 
-  /// Appends a row. Failures are remembered.
+  /// Appends a row. Errors are reported by good().
   void write(const SyncRow& row) noexcept;
 };
 

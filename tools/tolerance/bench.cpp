@@ -15,10 +15,10 @@ namespace {
 
 constexpr std::uint64_t seed = 1;
 constexpr int samples = 400;
-constexpr double energy_of_starts = 0.1;   // of that of the motion
-constexpr double wanted_closings = 60.0;   // of the first look at the machine
-constexpr double most_closings = 5000.0;   // of a run
-constexpr double enough_closings = 200.0;  // behind the time in which the replica comes down
+constexpr double energy_of_starts = 0.1;   // of the energy of the motion
+constexpr double wanted_closings = 60.0;   // of the first trial run
+constexpr double most_closings = 5000.0;   // largest number in a run
+constexpr double enough_closings = 200.0;  // after the replica's convergence
 
 double closings(const std::vector<ContactEvent>& events) {
   return static_cast<double>(std::count_if(
@@ -26,7 +26,7 @@ double closings(const std::vector<ContactEvent>& events) {
       [](const ContactEvent& event) { return event.kind != ContactEventKind::opens; }));
 }
 
-// A time in which the machine does something: of its excitation, or else of its slowest mode.
+// A characteristic time of the machine: period of its excitation, or else of its slowest mode.
 double first_guess(const Scene& scene) {
   double slowest = std::numeric_limits<double>::infinity();
   const auto look_at = [&](const Harmonic& harmonic) {
@@ -38,7 +38,7 @@ double first_guess(const Scene& scene) {
   return std::isfinite(slowest) ? 20.0 / slowest : 1.0;
 }
 
-// How often contacts close, from a run that is long enough to tell.
+// Closings per unit of time, from a run that is long enough.
 double look_at_closings(const Scene& scene) {
   double duration = first_guess(scene);
   for (int attempt = 0; attempt < 12; ++attempt, duration *= 2.0) {
@@ -77,7 +77,7 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
   study::Truth first = study::run_machine(scene_, duration_, 0.0, samples);
   motion_energy_ = motion_energy_of(first);
   target_ = settings.target > 0.0 ? settings.target : usual_target * motion_energy_;
-  // As long as the replica needs to come a decade below the target, and as long again.
+  // Twice the time that the replica needs to fall a decade below the target.
   while (!(settings.duration > 0.0)) {
     const study::Figures figures =
         study::follow(EstimatorKind::replica, scene_, first.events, first, 0.1 * target_);
@@ -149,7 +149,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
     try {
       figures[e] = study::follow(settings_.estimators[e], told, events, truth(run), target_);
     } catch (const ModelError&) {
-      // There is no such observer: it tells nothing.
+      // This observer does not exist and gives no figures.
     }
   }
   study::add_worse(settings_.estimators, figures);

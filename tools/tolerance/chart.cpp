@@ -14,7 +14,7 @@ namespace {
 constexpr int columns = 3, panel_width = 350, panel_height = 260;
 constexpr int above = 76, below = 20, to_the_left = 70;
 
-// What a printer without colours tells them apart by.
+// Line styles that differ without colour.
 const char* style_of(EstimatorKind kind) {
   switch (kind) {
     case EstimatorKind::replica:
@@ -65,7 +65,7 @@ plot::Script begun(const std::filesystem::path& output, double width, double hei
   return script;
 }
 
-// Samples of lines with names, in a row below the title.
+// Legend: samples of lines with names, in a row below the title.
 class Legend {
  public:
   void sample(const std::string& name, const std::string& style, plot::Script& script) {
@@ -108,7 +108,8 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
   const int rows = (panels + across - 1) / across;
   const double width = to_the_left + across * panel_width;
   const double height = above + rows * panel_height + below;
-  // What is larger than a hundred times the motion is drawn there, so that a divergence is seen.
+  // Values above a hundred times the motion are drawn at that limit, so that a divergence is
+  // visible.
   const double highest = 100.0 * bench.motion_energy();
   Span V;
   V.take(bench.target());
@@ -118,7 +119,7 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
     for (const Point& point : found.points)
       for (const Spread& spread : point.V) V.take(std::min(spread.median, highest));
   }
-  // Far below the target all is well.
+  // Values far below the target need no resolution.
   const double lowest = std::max(V.low / 3.0, 1e-10 * bench.target());
 
   plot::Script script =
@@ -138,7 +139,7 @@ std::string chart_script(const Bench& bench, const Tolerances& tolerances,
     const double top = above + (i / across) * panel_height;
     script.margins({left, left + panel_width - 40.0, top, top + panel_height - 70.0});
     script.line("set xlabel " + plot::quoted(label_of(found.deviation)) + " noenhanced");
-    // All panels have one axis of V.
+    // All panels share one axis of V.
     script.line(i % across == 0 ? "set ylabel 'V' offset 1" : "unset ylabel; set format y ''");
     if (i % across == 0) script.line("set format y '10^{%T}'");
     std::vector<std::string> parts, curves;
@@ -179,7 +180,7 @@ std::string chart_script(const Bench& bench, const std::vector<FewerModes>& tabl
       begun(output, width, height, bench.scene().name + ": error against the modes that are kept");
   Span errors;
   errors.take(motion);
-  // All modes leave rounding or jitter, far below what few of them do.
+  // With all modes the error is rounding or jitter, far below that with few modes.
   for (const FewerModes& row : table) {
     for (const auto* of : {&row.plain, &row.corrected})
       for (const Spread& error : *of) errors.take(std::min(error.median, 100.0 * motion));

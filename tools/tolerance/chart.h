@@ -1,5 +1,5 @@
-// Pictures of what was found: a panel for each thing that may be off, V of every estimator against
-// its amount, and the target; or the error against the modes that are kept.
+// Charts of the results: for each deviation a panel of V of every estimator against the amount,
+// with the target; or the error against the number of modes.
 #pragma once
 
 #include <filesystem>
@@ -10,13 +10,13 @@
 
 namespace sprag::tolerance {
 
-/// Throws UsageError where the name does not end in .png, .svg or .pdf.
+/// Throws UsageError if the name does not end in .png, .svg or .pdf.
 void check_picture(const std::filesystem::path& output);
 
-/// gnuplot's scripts, data included.
+/// gnuplot script with its data.
 std::string chart_script(const Bench& bench, const Tolerances& tolerances,
                          const std::filesystem::path& output);
-/// The error against the modes that are kept.
+/// The same for the error against the number of modes.
 std::string chart_script(const Bench& bench, const std::vector<FewerModes>& table,
                          const std::filesystem::path& output);
 

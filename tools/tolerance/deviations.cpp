@@ -10,9 +10,9 @@ namespace {
 
 using Kind = Deviation::Kind;
 
-constexpr double decades = 1e6;           // from the least amount of a time to the most
-constexpr double decades_of_share = 1e5;  // likewise of a parameter
-// Its phase runs away with time.
+constexpr double decades = 1e6;           // ratio of the largest amount of a time to the least
+constexpr double decades_of_share = 1e5;  // the same for a parameter
+// A frequency error grows to a phase error with time.
 constexpr double decades_of_frequency = 1e9;
 
 std::string time_text(double seconds) {
@@ -49,7 +49,7 @@ std::vector<double> amounts(const Deviation& of, bool coarse) {
   const auto last = static_cast<int>(std::floor(std::log10(of.most)));
   for (auto n = static_cast<int>(std::floor(std::log10(of.least))); n <= last; ++n) {
     for (const double digit : {1.0, 2.0, 5.0}) {
-      // A quotient where n < 0: 1e-3 and not 1.0000000000000000208e-3.
+      // For n < 0 a quotient, which gives 1e-3 and not 1.0000000000000000208e-3.
       const double ten = std::pow(10.0, std::abs(n));
       const double value = n < 0 ? digit / ten : digit * ten;
       const bool within = value >= of.least && value <= of.most;

@@ -1,5 +1,5 @@
-// What may be off about a machine's events or its parameters, how far it is tried, and in which
-// words an amount of it is said.
+// Deviations of a machine's events or parameters from what the observer assumes, their range of
+// amounts, and their description in words.
 #pragma once
 
 #include <optional>
@@ -16,27 +16,28 @@ struct Deviation {
     jitter,    ///< standard deviation of event times
     offset,    ///< of all event times
     lost,      ///< share of events that never arrive
-    spurious,  ///< pulses that were none, of each contact, per unit of time
-    parameter  ///< a parameter of the machine that the observer has wrong
+    spurious,  ///< spurious pulses of each contact, per unit of time
+    parameter  ///< a parameter with a wrong value in the observer
   };
 
   Kind kind = Kind::jitter;
-  std::string name;      ///< "jitter", ..., or the key of the scene file
+  std::string name;      ///< "jitter", ..., or a key of the scene file
   std::string unit;      ///< of an amount; empty: none
   bool share = false;    ///< amounts are shares
-  double least = 0.0;    ///< amount that is tried
-  double most = 0.0;     ///< likewise
-  Unknown unknown = {};  ///< of a parameter
+  double least = 0.0;    ///< least amount in the study
+  double most = 0.0;     ///< largest amount in the study
+  Unknown unknown = {};  ///< the parameter, for Kind::parameter
 };
 
-/// Of the events, and every parameter that the scene's machine has.
+/// All deviations of events, and one for every parameter of the scene's machine.
 std::vector<Deviation> deviations_of(const Scene& scene, double closings_per_time);
 
-/// The amounts 1, 2 and 5 times 10^n from the least to the most one; `coarse`: 10^n alone.
+/// The amounts 1, 2 and 5 times 10^n from `least` to `most`; `coarse`: 10^n only.
 std::vector<double> amounts(const Deviation& of, bool coarse);
 
-/// The machine as an observer takes it to be which has a parameter wrong by this amount, one way or
-/// the other; where it cannot be off that way, the one that it can. Throws ModelError.
+/// The observer's scene with one parameter wrong by this amount, upwards or downwards
+/// (`other_way`). If the parameter cannot deviate in that direction, the other one is used. Throws
+/// ModelError.
 Scene with_wrong_parameter(const Scene& scene, const Deviation& of, double amount, bool other_way);
 
 /// "0.3 ms", "5 %", "0.02 rad", "0.1 per s and contact".

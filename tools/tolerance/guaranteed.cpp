@@ -10,10 +10,10 @@
 namespace sprag::tolerance {
 namespace {
 
-constexpr int bisections = 12;        // of the logarithm of the amount
-constexpr double least_share = 1e-4;  // of the least amount that is tried by runs
+constexpr int bisections = 12;        // in the logarithm of the amount
+constexpr double least_share = 1e-4;  // of the least amount of the simulated runs
 
-// The tolerance of an amount; none where the bound does not know such a deviation.
+// The tolerance for an amount; empty if the bound does not cover this deviation.
 std::optional<Tolerance> tolerance_of(const Scene& scene, const Deviation& deviation,
                                       double amount) {
   Tolerance tolerance;

@@ -1,4 +1,5 @@
-// tolerance: how much may be off about a machine for its observer to be good enough.
+// tolerance: finds the largest deviations of a machine for which its observer stays accurate
+// enough.
 #include "command_line/program.h"
 #include "tools/tolerance/run.h"
 

@@ -28,7 +28,7 @@ std::vector<int> numbers_of_modes(int all) {
   return numbers;
 }
 
-// Of one estimator that knows the machine as `part`.
+// Error of one estimator whose model is `part`.
 double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine& whole,
                       const ModalMachine& part, const std::vector<ContactEvent>& events,
                       const study::Truth& truth) try {
@@ -51,7 +51,7 @@ double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine
   return infinite;
 }
 
-// What one run makes of one number of modes.
+// Result of one run with one number of modes.
 struct Outcome {
   std::vector<double> plain, corrected;  // by estimator
   std::string correction;
@@ -77,7 +77,7 @@ Outcome outcome_of(const Bench& bench, const ModalMachine& whole, int modes, int
   try {
     tried = reductions(whole, kept, second_half(events));
   } catch (const std::runtime_error&) {
-    // Contacts hardly close: nothing chooses a correction.
+    // Too few closings to choose a correction.
   }
   if (tried.empty()) return outcome;
   const Reduction& best = tried.front();

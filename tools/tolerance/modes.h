@@ -1,6 +1,6 @@
-// How few modes an observer needs: the machine gives the events, an estimator of its first modes
-// alone follows them, without and with the correction for the other modes that the events choose
-// (sprag/detail/analysis/reduction_choice.h).
+// Number of modes that an observer needs. The full machine gives the events. Estimators with its
+// first modes alone follow them, without and with the correction for the other modes that the
+// events select (sprag/detail/analysis/reduction_choice.h).
 #pragma once
 
 #include <functional>
@@ -15,21 +15,22 @@ namespace sprag::tolerance {
 
 struct FewerModes {
   int modes = 0;
-  /// By estimator: root mean square of the error of what is observed, the tip of a beam or else the
-  /// gap at each contact [m], in the second half of a run; infinity where there is no such
-  /// observer.
+  /// Of each estimator: root mean square error of the observed quantity [m] in the second half of a
+  /// run. This is the tip of a beam, or else the gap at each contact. Infinite if the observer does
+  /// not exist.
   std::vector<Spread> plain, corrected;
-  std::string correction;        ///< of the first run, in words; empty: none is tried
-  Eigen::Index coordinates = 0;  ///< with it
+  std::string correction;        ///< of the first run, in words; empty: none is possible
+  Eigen::Index coordinates = 0;  ///< coordinates with the correction
 };
 
-/// With 1, 2, 3, ... modes, above 6 not with every number of them, and with all. The bench is one
-/// of a scene that in_modes() (sprag/reduction.h) has made. The same for any number of
-/// threads. Throws Interrupted.
+/// Errors with 1, 2, 3, ... modes (above 6 not every number) and with all. The bench's scene must
+/// come from in_modes() (sprag/reduction.h). The result does not depend on the number of threads.
+/// Throws Interrupted.
 std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
                                     const std::function<void(double done)>& tell);
 
-/// Root mean square of what is observed about its mean [m], in the second half of the first run.
+/// Root mean square of the observed quantity about its mean [m], in the second half of the first
+/// run.
 double observed_motion(const Bench& bench);
 
 std::string to_text(const Bench& bench, const std::vector<FewerModes>& table);

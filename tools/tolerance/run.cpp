@@ -38,7 +38,7 @@ std::vector<EstimatorKind> estimators_named(const std::vector<std::string>& name
   return kinds.empty() ? usual : kinds;
 }
 
-// On a terminal alone; `part` of all is done.
+// Prints the progress, `part` from 0 to 1, on a terminal only.
 void tell_progress(double part) {
   static int last = -1;
   const int percent = static_cast<int>(100.0 * part);

@@ -1,4 +1,4 @@
-// tolerance: how much may be off about a scene's events and its parameters.
+// tolerance: finds the largest tolerable deviations of a scene's events and parameters.
 #pragma once
 
 #include <filesystem>
@@ -18,7 +18,7 @@ struct ToleranceRun {
   Settings settings;
   int jobs = 0;  ///< threads; 0: as many as the machine has cores
   bool json = false;
-  bool modes = false;  ///< in place of what may be off: with how few modes
+  bool modes = false;  ///< set: study the number of modes instead of deviations
 };
 
 /// Returns the exit code. Throws UsageError, SceneError, ModelError, std::runtime_error,

@@ -12,7 +12,7 @@
 namespace sprag::tolerance {
 namespace {
 
-// One amount of one deviation; null: nothing is off.
+// One amount of one deviation; null: no deviation.
 struct Trial {
   const Deviation* deviation = nullptr;
   double amount = 0.0;
@@ -55,7 +55,8 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
   return points;
 }
 
-// The first point at which this estimator's median is not below the target; points.size(): none.
+// Index of the first point at which this estimator's median is not below the target; points.size()
+// if there is none.
 std::size_t first_above(const std::vector<Point>& points, std::size_t estimator, double target) {
   const auto first = std::find_if(points.begin(), points.end(), [&](const Point& point) {
     return !(point.V[estimator].median < target);
@@ -104,7 +105,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
     of->points.push_back(std::move(points[t]));
   }
 
-  // Between the last power of ten that is borne and the first that is not.
+  // Refine between the last tolerated power of ten and the next one.
   std::vector<Trial> fine;
   for (const Found& found : result.found) {
     std::set<double> wanted;

@@ -10,7 +10,7 @@
 
 namespace sprag::tolerance {
 
-/// V that an amount leaves, of one estimator: of its runs.
+/// V of one estimator at one amount, over its runs.
 struct Spread {
   double median = 0.0, low = 0.0, high = 0.0;
 };
@@ -20,25 +20,25 @@ Spread spread_of(const std::vector<double>& values);
 struct Point {
   double amount = 0.0;
   std::vector<Spread> V;  ///< of each estimator
-  /// Of each estimator, the mean of the runs: how often it is far above the replica (add_worse() of
-  /// tools/study/trial.h). NaN of the replica, and without it.
+  /// For each estimator: share in which its error is far above the replica's, mean over the runs
+  /// (add_worse() of tools/study/trial.h). NaN for the replica, and if there is none.
   std::vector<double> worse;
 };
 
-/// Up to which amount the median of V stays below the target; interpolated between the amounts that
-/// were tried, linearly in their logarithms.
+/// The amount up to which the median of V stays below the target, interpolated linearly in the
+/// logarithms of amounts and V.
 struct Limit {
   enum class Kind { within, beyond_all, below_all, never };
-  Kind kind = Kind::never;  ///< never: not even where nothing is off
-  double amount = 0.0;      ///< where it is within; else the last one tried, or the first
+  Kind kind = Kind::never;  ///< never: not even without deviation
+  double amount = 0.0;      ///< the amount if `within`; else the largest or the least of the study
 };
 
 struct Found {
   Deviation deviation;
   std::vector<Point> points;  ///< by amount
   std::vector<Limit> limits;  ///< of each estimator
-  /// Up to which the guaranteed bound of the replica stays below the target (guaranteed.h); none
-  /// where the bound covers no such deviation.
+  /// Limit for which the guaranteed bound of the replica stays below the target (guaranteed.h).
+  /// Empty if the bound does not cover the deviation.
   std::optional<Limit> guaranteed = {};
 };
 
@@ -47,8 +47,8 @@ struct Tolerances {
   std::vector<Found> found;
 };
 
-/// `tell` is told of each of the two rounds and of how much of it is done, from 0 to 1, by one
-/// thread at a time. The same for any number of threads. Throws Interrupted.
+/// Runs the study. `tell` receives the round (of two) and its progress from 0 to 1, from one thread
+/// at a time. The result does not depend on the number of threads. Throws Interrupted.
 Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,
                   const std::function<void(int round, double done)>& tell);
 

@@ -1,4 +1,4 @@
-// What tables of medians have in common: short numbers, aligned columns.
+// Common parts of tables of medians: short numbers, aligned columns.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,14 @@
 
 namespace sprag::tolerance {
 
-/// With two digits.
+/// The number with two digits.
 std::string short_number(double value);
 
-/// A line of cells, the first and the others at least so wide.
+/// Appends a line of cells, with minimum widths of the first and of the others.
 void add_line(const std::vector<std::string>& cells, std::size_t first, std::size_t other,
               std::string& text);
 
-/// Median, low and high; null for what is not finite, which JSON cannot say.
+/// Median, low and high; null for infinite values and NaN, which JSON does not have.
 nlohmann::ordered_json to_json(const Spread& spread);
 
 /// ",median,low,high", with 17 digits.

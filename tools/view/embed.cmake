@@ -1,4 +1,4 @@
-# Writes a C++ source that holds files of a page.
+# Writes a C++ source that contains the files of a page.
 # cmake -DOUTPUT=F.cpp -DFILES="/path|type|file;..." -P embed.cmake
 set(arrays "")
 set(table "")

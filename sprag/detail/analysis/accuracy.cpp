@@ -19,7 +19,7 @@ constexpr int most_corrected = 30;
 constexpr int all_tried = 8;
 constexpr int most_static_vectors = 4;  // of a contact
 
-// What the replica of `machine` shows at each tick while it follows the events.
+// The observed quantities of the replica of `machine` at each tick while it follows the events.
 Eigen::MatrixXd follow(const ModalMachine& machine, const std::vector<ContactEvent>& events,
                        double tick, std::int64_t ticks) {
   const Eigen::Index f = machine.model.coordinates();
@@ -51,7 +51,7 @@ struct Corrected {
   double change;
 };
 
-// The best of all corrected machines with this number of coordinates.
+// The corrected machine of this number of coordinates with the smallest change.
 template <typename Change>
 std::optional<Corrected> best_corrected(const ModalMachine& machine,
                                         const std::vector<Eigen::Index>& order, int coordinates,
@@ -81,7 +81,7 @@ std::optional<Corrected> best_corrected(const ModalMachine& machine,
   return best;
 }
 
-// The fewest coordinates below `modes` with which a corrected machine stays within the tolerance.
+// The corrected machine within the tolerance with the fewest coordinates below `modes`.
 template <typename Change>
 std::optional<Corrected> fewest_corrected(const ModalMachine& machine,
                                           const std::vector<Eigen::Index>& order, int modes,

@@ -1,7 +1,7 @@
-// How many modes an observer needs: the master of the whole machine gives the contact events, and a
-// replica of its first modes alone follows them, started on the master's own state, so that all it
-// does wrong is for want of modes. The same with corrections for the modes that are left out
-// (reduction.h): they take fewer coordinates.
+// Number of modes that an observer needs. The master of the whole machine generates the contact
+// events, and a replica of the first modes alone follows them. It starts from the master's state,
+// so its error comes from the omitted modes alone. The same is done with corrections for the
+// omitted modes (reduction.h), which need fewer coordinates.
 #pragma once
 
 #include <vector>
@@ -15,9 +15,9 @@ namespace sprag {
 struct Accuracy {
   double tolerance = 0.0;  ///< [m]
   double duration = 0.0;   ///< of the trial run [s]
-  /// Smallest number of modes, by ascending frequency, with which the observed tip (a scene without
-  /// beam: the gap at every contact) stays within the tolerance of all modes' one, and stays so
-  /// with more of them.
+  /// Smallest number of modes, by ascending frequency, with which the observed quantity stays
+  /// within the tolerance of that of all modes, and stays so with more modes. The quantity is the
+  /// tip of a beam, or the gaps of all contacts of another scene.
   int modes = 0;
   /// Largest change [m] with n modes, for n = modes - 1 (unless modes is 1), ..., all.
   struct Change {
@@ -25,17 +25,17 @@ struct Accuracy {
     double change;
   };
   std::vector<Change> changes;
-  /// The fewest coordinates that do, static vectors included: with a correction if that takes fewer
-  /// than `modes`, else these modes alone. Corrections of up to 30 coordinates are tried, above 8
-  /// not with every number of them.
+  /// The machine with the fewest coordinates within the tolerance, static vectors included. It has
+  /// a correction if that needs fewer coordinates than `modes`, else these modes alone. Corrections
+  /// are tried up to 30 coordinates, above 8 not for every number of them.
   Reduction fewest;
-  double change = 0.0;  ///< with them [m]
+  double change = 0.0;  ///< largest change of `fewest` [m]
 
   Eigen::Index coordinates() const { return fewest.machine.model.coordinates(); }
 };
 
-/// Tolerance [m] > 0. Throws ModelError where damping couples the modes, SimulationError where the
-/// master cannot go on.
+/// Requires tolerance [m] > 0. Throws ModelError if damping couples the modes, SimulationError if
+/// the master cannot continue.
 Accuracy find_accuracy(const Scene& scene, double tolerance, double duration,
                        const TrialLimits& limits);
 

@@ -41,7 +41,7 @@ std::vector<int> label_attractors(std::span<const int> periods,
     which[static_cast<std::size_t>(i)] = static_cast<std::size_t>(known - firsts.begin());
     if (known == firsts.end()) firsts.push_back(i);
   }
-  // Entries that differ by roundings do not order them.
+  // Differences within the tolerance do not determine the order.
   const auto before = [&](Eigen::Index a, Eigen::Index b) {
     if (period(a) != period(b)) return period(a) < period(b);
     for (Eigen::Index j = 0; j < 2 * f; ++j) {
@@ -50,7 +50,7 @@ std::vector<int> label_attractors(std::span<const int> periods,
     }
     return false;
   };
-  // One by one, since closeness is not transitive.
+  // Insertion sort, since closeness is not transitive and std::sort requires a strict weak order.
   std::vector<std::size_t> sorted;
   for (std::size_t k = 0; k < firsts.size(); ++k) {
     auto place = sorted.end();

@@ -10,7 +10,7 @@ namespace sprag {
 namespace {
 
 constexpr int ticks = 400;
-constexpr double few = 0.05;  // of the ticks, those next to events that jitter
+constexpr double few = 0.05;  // fraction of ticks that may exceed known_share, next to events
 
 double largest_of_start(const Estimate& of, const Estimate& start) {
   return std::max(of.sigma_q.cwiseQuotient(start.sigma_q).maxCoeff(),
@@ -41,7 +41,7 @@ FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events,
   trial.closings = std::count_if(events.begin(), events.end(), [&](const ContactEvent& event) {
     return event.t <= trial.duration && event.kind != ContactEventKind::opens;
   });
-  std::int64_t unknown = 0;  // ticks from here on
+  std::int64_t unknown = 0;  // ticks from k on with known_share exceeded
   for (std::int64_t k = std::ssize(shares) - 1; k >= 0; --k) {
     const bool known = shares[static_cast<std::size_t>(k)] < known_share;
     if (!known) ++unknown;

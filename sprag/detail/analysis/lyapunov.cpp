@@ -64,7 +64,7 @@ double largest_exponent(Master& master, double T, long k, long l,
   const Eigen::MatrixXd& M = dynamics.model().M;
   const Eigen::Index f = dynamics.coordinates();
   const double Omega = 2.0 * std::numbers::pi / T;
-  // Any difference will do that is not special.
+  // A generic difference, which is not in an invariant subspace.
   Eigen::MatrixXd q(f, 1), u(f, 1);
   for (Eigen::Index i = 0; i < f; ++i) {
     q(i, 0) = std::cos(1.0 + static_cast<double>(i));

@@ -1,6 +1,6 @@
-// Lyapunov exponents of a machine that is driven with the period T: how fast differences between
-// its motion and motions infinitely close to it grow, from the variational equations with
-// saltation at events (variation.h). Grazing impacts excluded.
+// Lyapunov exponents of a machine driven with the period T: growth rates of infinitesimal
+// differences to its motion, from the variational equations with saltation matrices at events
+// (variation.h). Not valid at grazing impacts.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,17 +12,17 @@
 
 namespace sprag {
 
-/// Impacts that come no later than this share of the period after an instant of the stroboscope
-/// count as before it: of an orbit that is hit at these very instants, rounding would else decide.
+/// Impacts that follow an instant of the stroboscope by at most this fraction of the period count
+/// as before it. Otherwise rounding would decide for an orbit with impacts at these instants.
 inline constexpr double same_instant = 1e-9;
 
-/// k T and that share of T.
+/// The instant k T, later by same_instant T.
 Instant stroboscope_instant(long k, double T);
 
-/// What one period makes of the differences of the instants k T and l T, as (q, u / Omega), Omega =
-/// 2 pi / T: the monodromy matrix, 2f x 2f, for l - k periods of the motion. The master must have
-/// been advanced to stroboscope_instant(k, T); it is at that of l then. `events` takes those of the
-/// last period. Throws as Master::advance and Variation::set.
+/// Monodromy matrix, 2f x 2f: the linear map of differences (q, u / Omega), Omega = 2 pi / T, from
+/// the instant k T to l T of the motion. The master must have been advanced to
+/// stroboscope_instant(k, T); it is at that of l afterwards. `events` receives those of the last
+/// period. Throws as Master::advance and Variation::set.
 Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
                           std::vector<ContactEvent>& events);
 
@@ -30,10 +30,10 @@ Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
 double spectral_radius(Eigen::MatrixXd A);
 
 /// Largest exponent [1 / unit of time] over the periods k to l of a motion, from one difference
-/// that is brought back to length 1 each period (Benettin et al., Meccanica 15, 1980); the first
-/// tenth of them only turns it. For a motion that does not repeat; that of n periods is right to
-/// about 1 / (n T) where it is regular, to 1 / (sqrt(n) T) where it is chaotic. Master and errors
-/// as of monodromy. -infinity where impacts forget every difference.
+/// that is normalized each period (Benettin et al., Meccanica 15, 1980). The first tenth of the
+/// periods only aligns the difference. Meant for a motion that does not repeat. Over n periods the
+/// error is about 1 / (n T) for a regular motion and 1 / (sqrt(n) T) for a chaotic one. Master and
+/// errors as for monodromy(). -infinity if impacts remove every difference.
 double largest_exponent(Master& master, double T, long k, long l,
                         std::vector<ContactEvent>& events);
 

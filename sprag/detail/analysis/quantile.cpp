@@ -10,7 +10,7 @@ double quantile(std::vector<double> values, double p) {
   const auto below = static_cast<std::size_t>(place);
   const double part = place - static_cast<double>(below);
   if (part == 0.0) return values[below];
-  // Not a difference, which infinite ones do not have.
+  // A weighted sum, since the difference of two infinite values is not a number.
   return (1.0 - part) * values[below] + part * values[below + 1];
 }
 

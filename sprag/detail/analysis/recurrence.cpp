@@ -14,9 +14,9 @@
 namespace sprag {
 namespace {
 
-// A motion that is smaller than this share of its start is none.
+// A motion smaller than this fraction of its start counts as rest.
 constexpr double at_rest = 1e-6;
-// Entries of a cycle's points are equal up to so many times what points that repeat may be apart.
+// Entries of points of a cycle are equal within this multiple of the distance of repeating points.
 constexpr double equal_in_cycle = 4.0;
 
 void check_settings(const RecurrenceSettings& settings) {
@@ -30,8 +30,7 @@ void check_settings(const RecurrenceSettings& settings) {
   check(settings.tolerance > 0.0, "tolerance", "> 0");
 }
 
-// The point of one cycle that comes first by its entries, those closer than the tolerance being
-// equal.
+// The lexicographically first point of one cycle; entries closer than the tolerance are equal.
 Eigen::VectorXd first_of_cycle(const Eigen::Ref<const Simulation::Rows>& cycle,
                                const Eigen::VectorXd& tolerance) {
   Eigen::Index first = 0;
@@ -107,7 +106,7 @@ Recurrence recurrence(const Flows& flows, const State& start, const RecurrenceSe
   Eigen::VectorXd weights(2 * f);
   weights.tail(f) = dynamics.model().M.diagonal();
   weights.head(f) = square(Omega) * weights.tail(f);
-  // What comes to rest at zero has no size of its own.
+  // The start provides a scale for a motion that comes to rest at zero.
   const double largest = std::max(largest_norm(found.points.bottomRows(n - n / 2), weights),
                                   at_rest * std::sqrt(start.q.cwiseAbs2().dot(weights.head(f)) +
                                                       start.u.cwiseAbs2().dot(weights.tail(f))));

@@ -18,10 +18,10 @@ using Eigen::Index;
 constexpr int least_closings = 8;
 constexpr double strongly_damped = 0.05;
 constexpr std::size_t most_modes_of_fit = 10;
-// What is left out takes part of the impulse and no more than half of it, as far as was seen.
+// Omitted modes take part of the impulse; in all cases seen, at most half of it.
 constexpr double least_share = 0.5;
 constexpr double largest_share = 1.0;
-constexpr int shares = 20;  // that are tried
+constexpr int shares = 20;  // number of intervals of the grid search
 constexpr double share_is_close = 1e-4;
 
 const std::array<std::vector<int>, 4> sets{{{0}, {0, 1}, {1, 2, 3}, {0, 1, 2, 3}}};
@@ -37,7 +37,7 @@ bool sees_every_contact(const Model& model) {
                      [](const Contact& contact) { return contact.w.squaredNorm() > 0.0; });
 }
 
-// The least damping ratio of the modes that are left out; infinity if none are.
+// The smallest damping ratio of the omitted modes; infinity if there are none.
 double least_zeta_left_out(const ModalMachine& machine, const std::vector<Index>& kept) {
   const Model& model = machine.model;
   double least = infinity;
@@ -93,7 +93,7 @@ int closings(const Followed& followed) {
 }
 
 double rms_gap(const ModalMachine& machine, const Followed& followed) {
-  // A tick that ends behind all events: only their own instants are looked at.
+  // The tick ends after all events, so only the instants of the events are evaluated.
   const bool from_zero = !(followed.begins > 0.0);
   double squares = 0.0;
   double weights = 0.0;
@@ -146,7 +146,7 @@ std::vector<Reduction> candidates(const ModalMachine& machine, const std::vector
            .static_vectors = orders,
            .least_zeta = strongly_damped,
            .machine = std::move(part)});
-    } catch (const ModelError&) {  // a motion without stiffness is left out
+    } catch (const ModelError&) {  // no static vector for a motion without stiffness
     }
   }
   return found;
@@ -174,7 +174,7 @@ std::optional<Reduction> fitted_restitution(const ModalMachine& machine,
     }
   }
   if (!std::isfinite(least)) return std::nullopt;
-  // Golden section beside it.
+  // Golden section search around the best grid point.
   constexpr double golden = 0.6180339887498949;
   double low = std::max(best - step, least_share);
   double high = std::min(best + step, largest_share);

@@ -16,9 +16,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Modes whose omega^2 differ by less than this share can be mixed at will.
+// Modes whose omega^2 differ by less than this fraction have no unique basis.
 constexpr double repeated = 1e-9;
-// Singular values below this share of the largest are zero.
+// Singular values below this fraction of the largest count as zero.
 constexpr double independent = 1e-12;
 
 VectorXd restitutions(const Model& model) {
@@ -54,8 +54,8 @@ Eigenmodes eigenmodes(const Model& model) {
   return modes;
 }
 
-// Modes of one frequency are any basis of their space; the one that tells most has as many modes
-// as possible that no contact sees. `seen` has a row for each contact.
+// Modes of one frequency are any basis of their space. This chooses the basis in which as many
+// modes as possible are orthogonal to all contact directions. W_hat has one column per contact.
 void separate_repeated(const VectorXd& kappa, const MatrixXd& W_hat, MatrixXd& Phi) {
   const double scale = kappa.size() > 0 ? kappa.maxCoeff() : 0.0;
   std::vector<Index> order(static_cast<std::size_t>(kappa.size()));
@@ -183,7 +183,7 @@ double slow_root(const Flow& free_flight) {
 }
 
 double decades_of_V(double real_part) {
-  // No minus sign in front of a zero.
+  // Avoids a negative zero.
   return real_part == 0.0 ? 0.0 : -2.0 * real_part / std::numbers::ln10;
 }
 

@@ -9,13 +9,13 @@ namespace sprag {
 namespace {
 
 constexpr int samples = 2000;
-constexpr std::size_t events_between_looks = 1000;  // at the limits
+constexpr std::size_t events_between_looks = 1000;  // between checks of the limits
 
 struct Sample {
   double t, speed, distance;
 };
 
-// Time that an interval spends after `begin`.
+// Length of the part of [from, to] after `begin`.
 double after(double begin, double from, double to) {
   return std::max(to - std::max(from, begin), 0.0);
 }
@@ -45,16 +45,17 @@ void summarize(const std::vector<ContactEvent>& events, Trial& trial) {
     trial.closings += use.closings;
     if (!(trial.duration > 0.0)) continue;
     use.share /= trial.duration;
-    // Exactly 1 for a contact that is closed throughout.
+    // The same difference as in add(), so that the share is exactly 1 for a contact that is always
+    // closed.
     use.last_share /= trial.duration - last_quarter;
   }
 }
 
-// Time windows of the last quarter in which all contacts are open.
+// Intervals of the last quarter in which all contacts are open.
 void measure_open_windows(const std::vector<ContactEvent>& events, Trial& trial) {
   const double last_quarter = 0.75 * trial.duration;
   ContactSet closed = 0;
-  double since = 0.0;  // when the last contact opened, or the trial began
+  double since = 0.0;  // time at which the last contact opened, or the start
   double sum = 0.0;
   const auto add = [&](double until) {
     const double window = after(last_quarter, since, until);
@@ -85,7 +86,7 @@ double growth(const std::vector<Sample>& run, double duration) {
   for (double Sample::*what : {&Sample::speed, &Sample::distance}) {
     const double before = largest(what, 0.25, 0.5);
     const double now = largest(what, 0.75, 1.0);
-    // What has come to rest does not grow.
+    // A motion that has come to rest does not grow.
     if (now > 1e-9 * largest(what, 0.0, 1.0)) result = std::max(result, now / before);
   }
   return result;
@@ -127,7 +128,7 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   } catch (const SimulationError& error) {
     trial.error = error.what();
   } catch (const ModelError& error) {
-    trial.error = error.what();  // of a locked set: free flight was built before
+    trial.error = error.what();  // no flow for a locked set; that of free flight exists
   }
   std::erase_if(events, [&](const ContactEvent& event) { return event.t > trial.duration; });
   summarize(events, trial);

@@ -1,5 +1,5 @@
-// A short run of the master: what its contacts do, and whether its motion stays bounded. Neither
-// can be read off the matrices.
+// A short run of the master. It shows how its contacts are used and whether its motion stays
+// bounded, which do not follow from the matrices.
 #pragma once
 
 #include <functional>
@@ -11,30 +11,31 @@
 
 namespace sprag {
 
-/// A trial ends at the first of them.
+/// A trial ends at the first limit.
 struct TrialLimits {
   long events = 20000;
-  std::function<bool()> out_of_time = {};  ///< asked now and then; empty: there is time
+  std::function<bool()> out_of_time = {};  ///< called from time to time; empty: no time limit
 };
 
 struct ContactUse {
   long closings = 0;        ///< pulses included
-  double share = 0.0;       ///< of the time in sustained contact
+  double share = 0.0;       ///< fraction of the time in sustained contact
   double last_share = 0.0;  ///< the same in the last quarter
 };
 
 struct Trial {
   double planned = 0.0;
-  double duration = 0.0;  ///< what was reached of it
-  std::string error;      ///< why the simulation could not go on; empty if it could
+  double duration = 0.0;  ///< time reached
+  std::string error;      ///< why the simulation could not continue; empty if it could
   std::vector<ContactUse> contacts;
   long closings = 0;
-  /// Of the last quarter: the longest time window in which all contacts are open (no sustained
-  /// contact), and the share of all such windows.
+  /// In the last quarter: the longest interval in which all contacts are open (no sustained
+  /// contact), and the fraction of all such intervals.
   double longest_open = 0.0;
   double open_share = 0.0;
   std::vector<ContactEvent> events;  ///< up to the duration
-  /// Largest speed or distance (in the norm of M) in the last quarter over that in the second one.
+  /// Ratio of the largest speed or distance (in the norm of M) in the last quarter to that in the
+  /// second quarter.
   double growth = 1.0;
 
   double closings_per_time() const {
@@ -42,7 +43,7 @@ struct Trial {
   }
 };
 
-/// From the scene's master on; where it has none the machine starts where its replica does. Throws
+/// Runs from the scene's master state, or without a master from the replica's state. Throws
 /// ModelError if the machine has no exact flow in free flight.
 Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits);
 

@@ -60,7 +60,7 @@ void Variation::set(Instant t, const Eigen::Ref<const Eigen::MatrixXd>& q,
   enter();
 }
 
-// Puts the differences on the master's present flow, and leaves of them what that allows.
+// Projects the differences to the master's present flow: the locked contacts restrict them.
 void Variation::enter() {
   const Motion& motion = master_.motion();
   const Flow& flow = *motion.flow;
@@ -83,7 +83,7 @@ void Variation::scale(double factor) {
   v_ *= factor;
 }
 
-// To t, on the flow that the master was on.
+// Moves the differences to t on the flow before the present event.
 void Variation::move(Instant t) {
   const Flow& flow = *before_.flow;
   const double tau = t - t_;
@@ -113,7 +113,7 @@ void Variation::advance(Instant t, std::vector<ContactEvent>& events) {
   move(t);
 }
 
-// What the impact law does to gamma-: its active branch.
+// The active branch of the impact law at gamma-.
 void Variation::find_impulses(ContactSet closing, ContactSet participants) {
   const Model& model = dynamics_.model();
   const Motion& after = master_.motion();
@@ -162,7 +162,7 @@ ContactVector Variation::derivative(const ContactVector& d_gamma) const {
   return restored + d_nu;
 }
 
-// To the acceleration: that of the contact forces.
+// Adds the acceleration by the contact forces.
 void Variation::add_forces(const Motion& motion, double sign) {
   for_each(motion.flow->locked(), [&](int i) {
     acceleration_ += sign * value(motion.flow->force(i), motion) * dynamics_.MinvW().col(i);
@@ -184,7 +184,8 @@ void Variation::jump(std::span<const ContactEvent> events) {
   const ContactSet participants = closing | locked_before;
   find_impulses(closing, participants);
 
-  // The time is that of the fastest; chatters end without one of their own.
+  // The time shift is that of the fastest closing contact. The end of a chatter has none of its
+  // own.
   int first = -1;
   double fastest = 0.0;
   Eigen::Index row = 0;

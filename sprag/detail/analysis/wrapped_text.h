@@ -1,4 +1,4 @@
-// Text for people in lines of at most 100 characters.
+// Wraps text for users to lines of at most 100 characters.
 #pragma once
 
 #include <cstddef>
@@ -7,8 +7,8 @@
 
 namespace sprag {
 
-/// Appends words that are a blank apart to the line that the text ends with, goes on in lines that
-/// begin with `margin` blanks, and ends the last one. A longer word has a line for itself.
+/// Appends words, separated by single blanks, to the last line of the text. Further lines begin
+/// with `margin` blanks, and the last one is ended. A word that is too long has a line of its own.
 void append_wrapped(std::string& text, std::string_view words, std::size_t margin = 0);
 
 }  // namespace sprag

@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-// Names and values come from one list, so that they cannot part.
+// Defines names and values in one place, so that they stay consistent.
 template <typename Column, typename Columns>
 void visit_columns(const Confidence& confidence, double initial, const Column& column,
                    const Columns& columns) {
@@ -99,7 +99,8 @@ bool is_column_of_states(std::string_view name) {
       "smoothed",    "penetrating", "refutations"};
   if (std::find(std::begin(words), std::end(words), name) != std::end(words)) return true;
   if (name.starts_with("sigma_") || name.starts_with("bound_")) return true;
-  // Of gaps there are the sigmas.
+  // Plain q and u columns are states; gaps appear as sigma_g and bound_g only, but their names are
+  // reserved too.
   const bool numbered = name.starts_with('q') || name.starts_with('u') || name.starts_with('g');
   return numbered && name.size() > 1 &&
          name.find_first_not_of("0123456789", 1) == std::string_view::npos;

@@ -10,7 +10,7 @@ namespace sprag {
 
 namespace {
 
-// A row of 20 000 coordinates fits; whatever is longer is no CSV of ours.
+// A row of 20 000 coordinates is shorter. A longer line is not a CSV file of this program.
 constexpr std::size_t longest_line = 1U << 20U;
 constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
@@ -66,8 +66,8 @@ void split_fields(std::string_view line, std::vector<std::string_view>& fields) 
   fields.push_back(line);
 }
 
-// Where the first of these is in what comes, npos if it does not come; `bytes` are as many as it
-// took.
+// Position of the first of `characters` in the unread bytes, npos if there is none. `bytes`: the
+// bytes searched.
 std::size_t LineReader::find(std::string_view characters, std::string_view& bytes) {
   bytes = file_.ahead(1);
   std::size_t at = bytes.find_first_of(characters);

@@ -1,5 +1,5 @@
-// Lines, fields and numbers of CSV files: comma-separated, no quotes, one header line. Numbers have
-// 17 significant digits, so that a double read back is the double that was written.
+// Lines, fields and numbers of CSV files: comma-separated, without quotes, one header line. Numbers
+// are written with 17 significant digits, so that reading gives the same double.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace sprag {
 
-/// A place in a text file where something is wrong.
+/// A problem at a line of a text file.
 struct FileProblem {
   std::size_t line;  ///< from 1
   std::string what;
@@ -22,29 +22,30 @@ struct FileProblem {
 void append_number(std::string& text, double value);
 void append_number(std::string& text, std::int64_t value);
 
-/// The field as a finite double or an integer, blanks around it and a plus sign allowed; nothing if
-/// it is not one.
+/// The field as a finite double, or as an integer; nullopt if it is none. Blanks around it and a
+/// plus sign are allowed.
 std::optional<double> parse_double(std::string_view field);
 std::optional<std::int64_t> parse_integer(std::string_view field);
 
-/// The fields of a line, one more than it has commas.
+/// Splits a line at its commas.
 void split_fields(std::string_view line, std::vector<std::string_view>& fields);
 
-/// Reads a text file line by line. LF and CRLF end a line, or CR where it ends the first one. A
-/// UTF-8 byte order mark before the first line is passed over.
+/// Reads a text file line by line. Lines end with LF or CRLF, or with CR if the first line does. A
+/// UTF-8 byte order mark before the first line is skipped.
 class LineReader {
  public:
   /// Throws InputError if the file cannot be opened.
   explicit LineReader(const std::filesystem::path& file) : LineReader(InputFile(file)) {}
   explicit LineReader(InputFile file) : file_(std::move(file)) {}
 
-  /// truncated: a last line without an end, which may have been cut in the middle of a number.
+  /// truncated: the last line has no end of line, so it may have been cut in the middle of a
+  /// number.
   enum class Result { line, end, truncated, too_long, unreadable };
 
   /// `line` is valid until the next call. Every result but `line` is final.
   Result next(std::string_view& line);
 
-  /// Number of the line that next() looked at last, from 1.
+  /// Number of the line that next() read last, from 1.
   std::size_t number() const { return number_; }
 
  private:
@@ -53,11 +54,11 @@ class LineReader {
 
   InputFile file_;
   std::string_view end_of_line_;
-  std::size_t shown_ = 0;  // bytes of the line that next() returned last
+  std::size_t shown_ = 0;  // bytes of the line that next() returned last, to be skipped
   std::size_t number_ = 0;
 };
 
-/// What is wrong with a line that is not Result::line, for a FileProblem.
+/// Text for a FileProblem about a result other than Result::line.
 std::string describe(LineReader::Result result);
 
 }  // namespace sprag

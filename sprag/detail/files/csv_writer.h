@@ -1,5 +1,5 @@
-// What the writers of CSV files have in common: a row that keeps its room, and failures, which are
-// remembered until somebody asks.
+// Common base of the writers of CSV files: a row buffer that is reused, and errors, which are kept
+// until they are queried.
 #pragma once
 
 #include <filesystem>
@@ -20,7 +20,7 @@ class CsvWriter {
   bool good() const noexcept { return file_.good(); }
   std::string error() const { return file_.error(); }
 
-  /// Throw std::runtime_error with error() where something went wrong, until now or in closing.
+  /// Throw std::runtime_error with error() if a write has failed; finish() closes the file first.
   void require_good() const {
     if (!good()) throw std::runtime_error(error());
   }
@@ -30,7 +30,7 @@ class CsvWriter {
   }
 
  protected:
-  /// Writes the header line; rows have usually at most `room` bytes.
+  /// Writes the header line. `room`: usual largest number of bytes of a row.
   CsvWriter(OutputFile file, std::string_view header, std::size_t room) : file_(std::move(file)) {
     row_.reserve(room);
     file_.write(header);
@@ -43,8 +43,8 @@ class CsvWriter {
   std::string row_;
 };
 
-/// A writer of the file, if there is to be one: none where the name is empty. Throws
-/// std::runtime_error where it cannot be written.
+/// A writer of the file, or nullopt if the name is empty. Throws std::runtime_error if the file
+/// cannot be written.
 template <typename Writer>
 std::optional<Writer> writer_of(const std::filesystem::path& file) {
   std::optional<Writer> writer;

@@ -1,6 +1,6 @@
-// Impacts CSV: what an estimator says of each event (impact_record.h), one a row, 17 significant
-// digits. `kind` is impact, closes or opens; the columns of forces are empty but for releases of
-// contacts that were held.
+// Impacts CSV: one row per event as an estimator describes it (impact_record.h), 17 significant
+// digits. `kind` is impact, closes or opens. The force columns are filled only for the release of a
+// sustained contact.
 #pragma once
 
 #include <filesystem>
@@ -16,10 +16,10 @@ const char* name(ContactEventKind kind);
 
 class ImpactsWriter : public CsvWriter {
  public:
-  /// Creates or empties the file and writes the header; a failure shows in good().
+  /// Creates or empties the file and writes the header. Errors are reported by good().
   explicit ImpactsWriter(const std::filesystem::path& file);
 
-  /// Appends a row. Failures are remembered.
+  /// Appends a row. Errors are reported by good().
   void write(const ImpactRecord& record) noexcept;
 };
 

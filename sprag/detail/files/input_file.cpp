@@ -14,7 +14,7 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t piece = 65536;
-constexpr int look_at_requests = 100;  // ms
+constexpr int look_at_requests = 100;  // interval of checks for a stop request [ms]
 
 }  // namespace
 
@@ -53,7 +53,7 @@ void InputFile::skip(std::size_t count) {
   offset_ += count;
 }
 
-// False at the end.
+// False at the end of the file.
 bool InputFile::fill() {
   if (ended_) return false;
   buffer_.erase(0, std::exchange(begin_, 0));

@@ -1,5 +1,4 @@
-// An input file that is opened once and read once, from its beginning to its end, so that a pipe
-// does as well.
+// An input file that is opened once and read once, from beginning to end. It may be a pipe.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +12,7 @@
 
 namespace sprag {
 
-/// An input file that cannot be opened or is of another kind. what() reads "FILE: reason".
+/// An input file cannot be opened or is not of the expected kind. what() reads "FILE: reason".
 struct InputError : Error {
   using Error::Error;
 };
@@ -26,17 +25,17 @@ class InputFile {
   InputFile& operator=(InputFile&&) = delete;
   ~InputFile();
 
-  /// What comes next: at least `count` bytes unless the file has no more, valid until the next
-  /// call. Waits for a pipe; throws Interrupted (interrupt.h) if a stop is requested.
+  /// The unread bytes: at least `count` unless the file has fewer, valid until the next call. Waits
+  /// for a pipe. Throws Interrupted (interrupt.h) if a stop is requested.
   std::string_view ahead(std::size_t count);
 
-  /// Leaves behind `count` of the bytes that ahead() has shown.
+  /// Marks `count` of the bytes that ahead() returned as read.
   void skip(std::size_t count);
 
-  /// Bytes left behind.
+  /// Number of bytes read.
   std::uint64_t offset() const { return offset_; }
 
-  /// Whether what ahead() has shown ends where it does because the file could not be read.
+  /// Whether a read error, and not the end of the file, ended the bytes of ahead().
   bool failed() const { return failed_; }
 
   const std::filesystem::path& path() const { return path_; }
@@ -47,17 +46,18 @@ class InputFile {
   std::filesystem::path path_;
   int descriptor_;
   std::string buffer_;
-  std::size_t begin_ = 0;  // of what is ahead, in buffer_
+  std::size_t begin_ = 0;  // of the unread bytes in buffer_
   std::uint64_t offset_ = 0;
   bool ended_ = false;
   bool failed_ = false;
 };
 
-/// More than any text that fits into memory as numbers needs [bytes].
+/// Upper limit of the size of a text file [bytes]. Larger ones would not fit into memory as
+/// numbers.
 inline constexpr std::size_t largest_text = std::size_t{1} << 30U;
 
-/// All of a file, which may be a pipe. Throws InputError if it cannot be opened or read, or is
-/// larger than `most` bytes (a device without an end is).
+/// The content of a file, which may be a pipe. Throws InputError if it cannot be opened or read, or
+/// is larger than `most` bytes, as an endless device is.
 std::string read_whole(const std::filesystem::path& file, std::size_t most = largest_text);
 
 }  // namespace sprag

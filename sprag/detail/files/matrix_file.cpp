@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::string_view mark = "%%MatrixMarket";
 
-// The lines of a text that is whole, and what is wrong at a place of one.
+// The lines of a complete text, and errors at a position in the current line.
 class Lines {
  public:
   Lines(std::string file, std::string_view text) : file_(std::move(file)), rest_(text) {}
@@ -36,7 +36,7 @@ class Lines {
     return true;
   }
 
-  // The next one that is neither empty nor a comment.
+  // The next line that is neither empty nor a comment.
   bool next_data(std::string_view comments) {
     while (next()) {
       const std::size_t first = line_.find_first_not_of(" \t");
@@ -48,7 +48,7 @@ class Lines {
 
   std::string_view line() const { return line_; }
 
-  // `at` lies in the line.
+  // `at` must be part of the current line.
   [[noreturn]] void fail(std::string_view at, const std::string& message) const {
     throw SceneError(file_, number_, static_cast<int>(at.data() - line_.data()) + 1, message);
   }
@@ -71,7 +71,7 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
-// '\0': blanks.
+// Separator '\0': any number of blanks.
 void split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
   fields.clear();
   if (separator != '\0') {

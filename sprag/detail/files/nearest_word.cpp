@@ -9,7 +9,8 @@ namespace {
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
-// Insertions, deletions, replacements and swaps of neighbours that turn a into b; case is ignored.
+// Number of insertions, deletions, replacements and swaps of neighbours that turn a into b
+// (restricted Damerau-Levenshtein distance); case is ignored.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   const auto same = [&](std::size_t i, std::size_t j) { return lower(a[i]) == lower(b[j]); };
   std::vector<std::vector<std::size_t>> distance(a.size() + 1,

@@ -1,4 +1,4 @@
-// The word that somebody meant, for messages about one that does not exist.
+// Suggestion for a misspelled word, for messages about unknown keys and names.
 #pragma once
 
 #include <optional>
@@ -7,9 +7,8 @@
 
 namespace sprag {
 
-/// The candidate with the fewest typing errors (letters inserted, left out, replaced, or swapped
-/// with their neighbour; case is ignored), the first of equals. None if more than every third
-/// letter is wrong.
+/// The candidate with the fewest edits (insertion, deletion, replacement, swap of neighbours; case
+/// is ignored), the first if several are equal. None if more than a third of the letters differ.
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              std::span<const std::string_view> candidates);
 

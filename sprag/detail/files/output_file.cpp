@@ -25,7 +25,7 @@ OutputFile::OutputFile(std::string name, std::FILE* stream)
     error_ = errno;
     return;
   }
-  std::setvbuf(stream, nullptr, _IONBF, 0);  // buffer_ is the only one, so that failures show
+  std::setvbuf(stream, nullptr, _IONBF, 0);  // buffer_ is the only buffer, so that errors show
   buffer_.reserve(2 * buffer_size);
 }
 
@@ -48,7 +48,7 @@ bool OutputFile::flush() noexcept {
     const std::size_t written = std::fwrite(rest.data(), 1, rest.size(), stream_.get());
     rest.remove_prefix(written);
     if (rest.empty()) break;
-    if (errno == EINTR) {  // a signal during a write to a pipe: the rest is still to go
+    if (errno == EINTR) {  // a signal interrupted the write to a pipe: continue with the rest
       std::clearerr(stream_.get());
     } else {
       error_ = errno != 0 ? errno : EIO;
@@ -61,11 +61,11 @@ bool OutputFile::flush() noexcept {
   return good();
 }
 
-// Takes back the beginning of a record that did not fit.
+// Removes an incomplete record from the end of the file.
 void OutputFile::cut_after(std::size_t written) noexcept {
   const auto next = std::upper_bound(record_ends_.begin(), record_ends_.end(), written);
   const std::size_t whole = next == record_ends_.begin() ? 0 : *std::prev(next);
-  // A pipe cannot be cut, and need not be.
+  // A pipe cannot be truncated; that error is ignored.
   (void)::ftruncate(::fileno(stream_.get()), static_cast<off_t>(size_ + whole));
 }
 

@@ -1,6 +1,6 @@
-// A buffered output file that never throws while it is written: the first failure is remembered,
-// later writes are ignored, and whoever closes the file learns of it. What was written until then
-// ends with a whole record, also on a full disk.
+// A buffered output file whose writes never throw. The first error is kept, later writes are
+// ignored, and good() and close() report it. Even on a full disk the file ends with a complete
+// record.
 #pragma once
 
 #include <cstdio>
@@ -14,7 +14,7 @@ namespace sprag {
 
 class OutputFile {
  public:
-  /// Creates or empties `file`; a failure shows in good().
+  /// Creates or empties `file`. Errors are reported by good().
   explicit OutputFile(const std::filesystem::path& file);
   OutputFile(OutputFile&&) noexcept = default;
   OutputFile& operator=(OutputFile&&) = delete;
@@ -22,14 +22,14 @@ class OutputFile {
 
   static OutputFile standard_output();
 
-  /// Adds a record to the file: its bytes stay together. They are written when 64 KiB have
-  /// gathered, or by flush().
+  /// Appends a record, whose bytes stay together. Records are written when 64 KiB have accumulated,
+  /// or by flush().
   void write(std::string_view record) noexcept;
 
-  /// Hands everything to the operating system. Returns good().
+  /// Passes all bytes to the operating system. Returns good().
   bool flush() noexcept;
 
-  /// Flushes and closes. Returns good(), which stays as it is from here on.
+  /// Flushes and closes. Returns good(), which does not change afterwards.
   bool close() noexcept;
 
   bool good() const noexcept { return error_ == 0; }
@@ -52,8 +52,8 @@ class OutputFile {
   int error_ = 0;
 };
 
-/// Writes a file of this text. Throws std::runtime_error, "FILE: No space left on device", where it
-/// cannot be written as a whole.
+/// Writes a file with this text. Throws std::runtime_error, "FILE: No space left on device", if it
+/// cannot be written completely.
 void write_file(const std::filesystem::path& file, std::string_view text);
 
 }  // namespace sprag

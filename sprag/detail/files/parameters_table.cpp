@@ -27,8 +27,8 @@ bool is_parameter(const Scene& scene, const std::string& key) {
   }
 }
 
-// A dotted key is a table for each of its parts but the last. A table is an entry if it has a key
-// of one, or if it is named by a parameter and holds anything but tables.
+// Each part of a dotted key except the last is a table. A table is an entry if it is empty or
+// contains sigma or consider, or if its path names a parameter and it contains anything but tables.
 bool is_entry(const toml::table& table, const std::string& key, const Scene& scene) {
   if (table.empty() || table.contains("sigma") || table.contains("consider")) return true;
   const bool nested = std::all_of(table.begin(), table.end(),
@@ -53,7 +53,7 @@ void add_entries(const TomlTable& root, const toml::table& table, const std::str
   }
 }
 
-// toml++ sorts the keys of a table: this restores the order of the file.
+// toml++ sorts the keys of a table; this restores the order of the file.
 std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
   std::vector<Entry> entries;
   add_entries(table, table.contents(), "", scene, entries);
@@ -64,7 +64,7 @@ std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
   return entries;
 }
 
-// Why a filter cannot follow a parameter that the machine has.
+// Reason why a filter cannot estimate a parameter that the machine has.
 const char* refusal_of(const Unknown& unknown) {
   return is_common(unknown)
              ? " stands for several numbers that differ, which cannot be an uncertain parameter of "
@@ -84,7 +84,7 @@ void check_key(const TomlTable& table, const Entry& entry, const Scene& scene) {
   }
 }
 
-// The number of the parameter that a correlation names.
+// Index of the parameter that an entry of a correlation names.
 Eigen::Index parameter_of(const TomlTable& table, const toml::node& node, const std::string& path,
                           const std::vector<std::string>& keys) {
   const auto* key = node.as_string();

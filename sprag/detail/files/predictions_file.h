@@ -1,5 +1,5 @@
-// Predictions CSV: the events that are foreseen (prediction.h), one a row, 17 significant digits. A
-// prediction of nothing is a row without an event: t, contact, kind and sigma_t are empty.
+// Predictions CSV: one row per predicted event (prediction.h), 17 significant digits. A prediction
+// without events has one row with empty t, contact, kind and sigma_t.
 #pragma once
 
 #include <filesystem>
@@ -12,10 +12,10 @@ namespace sprag {
 
 class PredictionsWriter : public CsvWriter {
  public:
-  /// Creates or empties the file and writes the header; a failure shows in good().
+  /// Creates or empties the file and writes the header. Errors are reported by good().
   explicit PredictionsWriter(const std::filesystem::path& file);
 
-  /// Appends its rows. Failures are remembered.
+  /// Appends the rows of a prediction. Errors are reported by good().
   void write(const Prediction& prediction) noexcept;
 };
 

@@ -49,7 +49,7 @@ const toml::node* find(const toml::table& root, const std::vector<std::string>& 
   return node;
 }
 
-// Bytes: what stands before a value on its line is ASCII.
+// Byte offset of a position. Requires only ASCII characters before it on its line.
 std::size_t offset(std::string_view text, const toml::source_position& position) {
   std::size_t at = 0;
   for (std::uint32_t line = 1; line < position.line; ++line) at = text.find('\n', at) + 1;
@@ -74,7 +74,7 @@ std::string written(const SceneValue& value) {
   return text + "]";
 }
 
-// Where a table's last key ends; its header's line where it has none.
+// End of a table's last key, or of its header without keys.
 std::size_t end_of(std::string_view text, const toml::table& table) {
   std::size_t end = offset(text, table.source().begin);
   for (const auto& [key, node] : table) {
@@ -159,7 +159,7 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
 
 namespace {
 
-// The first part of a key, or of a header after its brackets.
+// The first part of a key, or of the name in a header.
 std::string_view first_part(std::string_view text) {
   text.remove_prefix(std::min(text.find_first_not_of(" \t["), text.size()));
   if (text.empty()) return text;
@@ -170,8 +170,8 @@ std::string_view first_part(std::string_view text) {
   return text.substr(0, text.find_first_of(" \t.=]\r\n"));
 }
 
-// Where the header, the key with its value, the comment or the empty line at text[at] ends, behind
-// its newline.
+// End of the statement at text[at], including its newline. A statement is a header, a key with its
+// value, a comment or an empty line.
 std::size_t end_of_statement(std::string_view text, std::size_t at) {
   int depth = 0;
   for (std::size_t i = at; i < text.size(); i = end_of_token(text, i)) {
@@ -186,7 +186,7 @@ std::size_t end_of_statement(std::string_view text, std::size_t at) {
 
 std::string without_table(std::string_view text, std::string_view table) {
   std::string left;
-  std::string_view gap;  // empty lines and comments that the next statement decides on
+  std::string_view gap;  // empty lines and comments, kept or removed with the next statement
   bool at_root = true, inside = false;
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = end_of_statement(text, at);
@@ -201,7 +201,7 @@ std::string without_table(std::string_view text, std::string_view table) {
     const bool named = (header || at_root) && first_part(statement) == table;
     if (header) at_root = false;
     const bool goes = named || (inside && !header);
-    // A comment before the table is not the table's.
+    // A comment before the table does not belong to it.
     if (!goes || !inside) left += gap;
     if (!goes) left += statement;
     gap = {};
@@ -220,7 +220,7 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
     if (node == nullptr || !node->is_string()) return;
     const fs::path named = node->as_string()->get();
     if (named.is_absolute()) return;
-    // The folder of a plain file name is the current one.
+    // An empty folder is the current one.
     const fs::path seen =
         fs::proximate(fs::absolute(from / named), fs::absolute(to.empty() ? "." : to));
     if (seen == named) return;

@@ -1,4 +1,4 @@
-// The text of a scene file with other numbers in it: comments, order and spacing stay.
+// Edits the text of a scene file; comments, order and spacing are kept.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,8 @@
 
 namespace sprag {
 
-/// A key, as errors name it ("beam.damping", "contact.2.position", "system.K.1.2"), entries
-/// counting from 1, and its value: a number, or an array, or one of rows.
+/// A key as error messages name it ("beam.damping", "contact.2.position", "system.K.1.2", entries
+/// counted from 1), and its value: a number, an array, or an array of rows.
 struct SceneValue {
   std::string path;
   std::vector<double> numbers;
@@ -17,18 +17,19 @@ struct SceneValue {
   std::size_t columns = 0;  ///< of an array of rows; else 0
 };
 
-/// Where a key is not there yet it is added to its table, and the table, which then must not be
-/// one of an array, to the end. `file` is the name that errors carry. Throws SceneError.
+/// The text with these values. A missing key is appended to its table. A missing table is appended
+/// to the text; it must not belong to an array of tables. `file` is the name in errors. Throws
+/// SceneError.
 std::string with_values(std::string_view text, const std::vector<SceneValue>& values,
                         const std::string& file);
 
-/// The text with the names of files of matrices and vectors, which are relative to the folder
-/// `from`, as seen from the folder `to`. Throws SceneError.
+/// The text with the names of matrix and vector files, which are relative to the folder `from`,
+/// made relative to the folder `to`. Throws SceneError.
 std::string with_files_from(std::string_view text, const std::filesystem::path& from,
                             const std::filesystem::path& to, const std::string& file);
 
-/// The text without a table of the root: its header, its keys and the comments between them, its
-/// sub-tables, and dotted keys of the root. Comments after its last key stay.
+/// The text without a table of the root: without its header, its keys and the comments between
+/// them, its sub-tables, and dotted keys of the root. Comments after its last key are kept.
 std::string without_table(std::string_view text, std::string_view table);
 
 /// `text` as a TOML string, in quotes.
@@ -37,10 +38,10 @@ std::string in_quotes(std::string_view text);
 /// Whether the text has this key or table.
 bool has_key(std::string_view text, std::string_view path, const std::string& file);
 
-/// Whether it is given by a name: a file of a matrix or a vector.
+/// Whether the value is a string: the name of a file of a matrix or a vector.
 bool is_text(std::string_view text, std::string_view path, const std::string& file);
 
-/// The number of this key, or `fallback` where it is not there. Throws SceneError.
+/// The number of this key, or `fallback` without that key. Throws SceneError.
 double number_of(std::string_view text, std::string_view path, double fallback,
                  const std::string& file);
 

@@ -12,7 +12,7 @@ namespace {
 
 std::string text_of(double value) {
   std::string text = to_text(value);
-  // "-0" would be an integer, which has no sign.
+  // "-0" would be an integer and lose its sign.
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
@@ -87,7 +87,7 @@ void add_output(std::string& text, const Output& output) {
   if (output.velocity) text += "quantity = \"velocity\"\n";
 }
 
-// nullptr: the contact says its own motion.
+// The mount of a contact in the shaken frame; nullptr if the contact has a motion of its own.
 const char* mount_of(const Scene& scene, std::size_t contact) {
   if (!scene.frame) return nullptr;
   const std::vector<int>& ground = scene.frame->on_ground;
@@ -117,7 +117,7 @@ void add_replica(std::string& text, const Scene& scene) {
   add(text, "drift", scene.drift);
 }
 
-// A beam's keys are none of the matrices that are written for it.
+// A beam is written as matrices, which its keys do not name.
 void add_adaptation(std::string& text, const Scene& scene) {
   if (scene.beam) return;
   text += "\n[adapt]\n";

@@ -1,4 +1,4 @@
-// Writes a scene as a scene file (TOML): any machine as a general [system], every number with all
+// Writes a scene as a scene file (TOML): every machine as a general [system], every number with all
 // its digits.
 #pragma once
 
@@ -10,19 +10,19 @@
 
 namespace sprag {
 
-/// The text of a scene file that parse_scene() reads as the same scene, bit for bit; but a beam
-/// becomes a system, without [adapt] and [parameters], whose keys may be the beam's. `comment`:
-/// lines that go before, without '#'.
+/// The text of a scene file that parse_scene() reads as the same scene, bit for bit. A beam becomes
+/// a system without [adapt] and [parameters], since their keys may be those of the beam. `comment`:
+/// lines at the beginning, without '#'.
 std::string to_toml(const Scene& scene, std::string_view comment = "");
 
-/// The table [parameters] of a scene file, empty where there are none. `comment`: a line in it,
+/// The table [parameters] of a scene file, empty without parameters. `comment`: a line in it,
 /// without '#'.
 std::string to_toml(const ParameterUncertainty& parameters, std::string_view comment = "");
 
-/// The table [tolerance]; empty where nothing may be off. `comment` is one line.
+/// The table [tolerance], empty if all tolerances are zero. `comment` is one line.
 std::string to_toml(const Tolerance& tolerance, std::string_view comment = "");
 
-/// Writes it to a file. Throws std::runtime_error if that cannot be written.
+/// Writes a scene to a file. Throws std::runtime_error if the file cannot be written.
 void write_scene(const std::filesystem::path& file, const Scene& scene,
                  std::string_view comment = "");
 

@@ -39,8 +39,8 @@ std::vector<std::string> names_in(const path& folder) {
   return names;
 }
 
-// The name with the fewest typing errors first, then those that contain the word; all names if
-// there are none of both.
+// The best match by edit distance first, then names that contain the word; all names if there are
+// neither.
 std::vector<std::string> nearest(const std::string& word, const std::vector<std::string>& names) {
   std::vector<std::string> near;
   const std::vector<std::string_view> candidates(names.begin(), names.end());

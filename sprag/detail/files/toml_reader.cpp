@@ -24,7 +24,7 @@ SceneError error_at(const std::string& file, const toml::source_position& positi
   return {file, static_cast<int>(position.line), static_cast<int>(position.column), message};
 }
 
-// How many of `c` stand at text[i].
+// Number of consecutive `c` at text[i].
 std::size_t run_of(char c, std::string_view text, std::size_t i) {
   const std::size_t end = text.find_first_not_of(c, i);
   return (end == std::string_view::npos ? text.size() : end) - i;
@@ -39,16 +39,17 @@ std::size_t run_of(char c, std::string_view text, std::size_t i) {
   throw SceneError(file, static_cast<int>(line), static_cast<int>(column), message);
 }
 
-// Refuses what toml++ 3 does not survive. It has no defined behaviour for characters beyond ASCII
-// that stand alone. It follows nested values and the parts of dotted keys by recursion, which takes
-// all of the stack: a table is nested at most max_key_parts * (max_nesting + 1) deep.
+// Rejects texts on which toml++ 3 fails. Its behaviour is undefined for non-ASCII characters
+// outside of strings and comments. It recurses into nested values and the parts of dotted keys,
+// which can overflow the stack; here a table is nested at most max_key_parts * (max_nesting + 1)
+// deep.
 constexpr int max_key_parts = 32;
 constexpr int max_nesting = 32;
 
 void refuse_dangerous(std::string_view text, const std::string& file) {
   const std::string most_parts = std::to_string(max_key_parts);
   const std::string most_nesting = std::to_string(max_nesting);
-  int parts = 1;  // of the key, or number, at hand
+  int parts = 1;  // of the present key, or number
   int nesting = 0;
   for (std::size_t i = 0; i < text.size(); i = end_of_token(text, i)) {
     const char c = text[i];
@@ -160,7 +161,7 @@ std::size_t end_of_token(std::string_view text, std::size_t i) {
   const bool long_string = quotes >= 3;
   const std::size_t closing = long_string ? 3 : 1;
   for (i += closing; i < text.size(); ++i) {
-    if (text[i] == '\n' && !long_string) return i;  // without an end: the parser's to say
+    if (text[i] == '\n' && !long_string) return i;  // unterminated; the parser reports it
     if (text[i] == '\\' && c == '"') {
       ++i;
     } else if (text[i] == c && run_of(c, text, i) >= closing) {

@@ -1,5 +1,6 @@
-// Checked access to a TOML text, private to mechanics. Every failure is a SceneError that reads
-// "file:line:column: key is value; must be ...", with the key's dotted path; entries count from 1.
+// Checked access to a TOML text, for the readers of scene and study files. Every failure is a
+// SceneError that reads "file:line:column: key is value; must be ...", with the dotted path of the
+// key; entries count from 1.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,8 +14,8 @@
 #include <vector>
 
 // toml++ asserts conditions that it reports as errors a few lines later: "[^]" would abort a debug
-// build, and a release build with clang would assume that it cannot occur. Without NDEBUG every
-// such condition goes to TOML_ASSERT, which is the macro that toml++ lets its users define.
+// build, and a release build with clang would assume that it cannot occur. Without NDEBUG toml++
+// passes every such condition to TOML_ASSERT, a macro that its users may define.
 #pragma push_macro("NDEBUG")
 #undef NDEBUG
 #define TOML_ASSERT(expr) static_assert(true)
@@ -23,44 +24,44 @@
 
 namespace sprag {
 
-/// The numbers that a key accepts; all of them finite.
+/// The range of numbers that a key accepts; all are finite.
 struct Limits {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
-  bool without_low = false;  ///< low itself is refused
+  bool without_low = false;  ///< `low` itself is excluded
 };
 inline constexpr Limits any_number{};
 inline constexpr Limits positive{.low = 0.0, .without_low = true};
 inline constexpr Limits not_negative{.low = 0.0};
 
-/// Shortest text that reads back as the same double, as messages print numbers.
+/// Shortest text that reads back as the same double; used for numbers in messages.
 std::string to_text(double value);
-/// A computed number in a message, to five significant digits.
+/// A computed number in a message, with five significant digits.
 std::string rounded(double value);
 
-/// Where the string or comment that begins at text[i] ends; i + 1 where none begins there.
+/// End of the string or comment that begins at text[i]; i + 1 if none begins there.
 std::size_t end_of_token(std::string_view text, std::size_t i);
 
 using TomlKeys = std::initializer_list<std::string_view>;
 
-/// Where a text comes from, and what is to be said of it.
+/// Origin of a text, and remarks about it for the user.
 struct TomlSource {
-  std::string file;                   ///< the name that errors carry
+  std::string file;                   ///< the name in errors
   std::filesystem::path folder = {};  ///< names of other files in the text are relative to it
   std::vector<std::string> remarks = {};
 };
 
-/// One table of a document, which must outlive it. Getters throw SceneError.
+/// A table of a document, which must outlive it. Getters throw SceneError.
 class TomlTable {
  public:
-  /// Refuses keys other than `keys`, with the nearest of them as a suggestion.
+  /// Rejects keys other than `keys`, with the nearest of them as a suggestion.
   TomlTable(const toml::table& table, std::string path, TomlSource& source, TomlKeys keys);
 
   bool has(std::string_view key) const { return table_->contains(key); }
 
   double number(std::string_view key, const Limits& limits) const;
   double number_or(std::string_view key, double fallback, const Limits& limits) const;
-  /// The same of a value that a key holds, whose dotted path is `path`.
+  /// The same for a value whose dotted path is `path`.
   double number_at(const toml::node& node, const std::string& path, const Limits& limits) const {
     return checked_number(node, path, limits);
   }
@@ -70,18 +71,18 @@ class TomlTable {
   std::string string_or(std::string_view key, const std::string& fallback) const;
   /// One of `options`; the first if the key is absent.
   std::string_view choice(std::string_view key, TomlKeys options) const;
-  /// An array of numbers, or the name of a file that has them in a row or a column.
+  /// An array of numbers, or the name of a file that contains them as a row or a column.
   Eigen::VectorXd vector(std::string_view key) const;
-  /// A number, or what vector() takes.
+  /// A number, or a value as for vector().
   Eigen::VectorXd numbers(std::string_view key) const;
   /// An array of strings.
   std::vector<std::string> strings(std::string_view key) const;
-  /// An array of rows, or the name of a file that has them (matrix_file.h); square and symmetric up
-  /// to rounding, returned exactly symmetric, with a remark where it was not.
+  /// An array of rows, or the name of a file that contains them (matrix_file.h). Must be square and
+  /// symmetric within rounding; returned exactly symmetric, with a remark if it was not.
   Eigen::MatrixXd symmetric_matrix(std::string_view key) const;
 
   std::optional<TomlTable> table(std::string_view key, TomlKeys keys) const;
-  /// The same, whatever keys the table has.
+  /// The same without a check of its keys.
   std::optional<TomlTable> open_table(std::string_view key) const;
   /// A table inside this one, whose dotted path is `path`.
   TomlTable inside(const toml::table& table, std::string path, TomlKeys keys) const;
@@ -136,8 +137,8 @@ class TomlDocument {
   /// Throws "file:line:column: `message`".
   [[noreturn]] void fail(const toml::source_position& position, const std::string& message) const;
   const std::vector<std::string>& remarks() const { return source_.remarks; }
-  /// The files there are by the names of its strings, whichever of them will be read; a `name` is
-  /// no file's.
+  /// Existing files that strings of the document name, whether or not they will be read. The value
+  /// of a key `name` is not a file name.
   std::vector<std::filesystem::path> files() const;
 
  private:

@@ -6,8 +6,8 @@
 namespace sprag {
 namespace {
 
-/// Of a key in lower case, any part of which may be the word; `whole`: only the key itself, or a
-/// part of it between underscores.
+/// A word in a key, in lower case. `whole`: it must be the whole key or a part between underscores;
+/// otherwise any substring matches.
 struct Word {
   std::string_view text;
   bool whole = false;

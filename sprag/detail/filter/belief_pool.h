@@ -1,5 +1,6 @@
-// Beliefs that estimator states share. A belief changes at events only, so that the states of the
-// ticks between two events refer to the same one; copies of a state cost a count.
+// Pool of filter beliefs that estimator states share through counted references. A belief changes
+// at events only, so all states of the ticks between two events refer to the same belief. A copy of
+// a state increments a count and copies no covariance.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +14,8 @@ namespace sprag {
 
 class BeliefPool;
 
-/// Counted reference to a belief of a pool, or to none. The pool must outlive it. Of one thread.
+/// Counted reference to a belief of a pool, or empty. The pool must outlive it. The count is not
+/// atomic: one thread only.
 class BeliefRef {
  public:
   BeliefRef() = default;
@@ -44,12 +46,13 @@ struct BeliefRef::Slot {
 
 class BeliefPool {
  public:
-  /// Room for `capacity` beliefs of the size of `example`.
+  /// Allocates `capacity` beliefs of the size of `example`.
   BeliefPool(const FilterBelief& example, std::size_t capacity);
   BeliefPool(const BeliefPool&) = delete;
   BeliefPool& operator=(const BeliefPool&) = delete;
 
-  /// A copy of the belief; no reference where all room is in use. Does not allocate.
+  /// Copies the belief into the pool. Returns an empty reference if the pool is full. Does not
+  /// allocate.
   BeliefRef put(const FilterBelief& belief);
 
  private:
@@ -69,7 +72,8 @@ inline const FilterBelief& BeliefRef::operator*() const { return slot_->belief; 
 inline BeliefPool::BeliefPool(const FilterBelief& example, std::size_t capacity)
     : slots_(capacity) {
   free_.reserve(capacity);
-  // Covariances have room, but no page of it is touched before it is used.
+  // Covariances are allocated but not written, so that the operating system maps a page at its
+  // first use.
   FilterBelief small = example;
   small.S.resize(0, 0);
   for (BeliefRef::Slot& slot : slots_) {

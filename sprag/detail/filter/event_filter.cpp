@@ -15,37 +15,41 @@
 namespace sprag {
 namespace {
 
-// Gauss-Newton on the time of an event.
+// find(), expect() and scan(): Gauss-Newton iteration on the time of an event.
 constexpr int most_steps = 12;
-constexpr double settled = 1e-2;      // of the time's deviation
-constexpr double longest_step = 2.0;  // of sigma
+constexpr double settled = 1e-2;      // tolerance, in deviations of the event time
+constexpr double longest_step = 2.0;  // in sigma
 constexpr int newton_steps = 4;
-constexpr double scan_reach = 4.0;  // of sigma
-constexpr int scanned = 17;         // times
-// Nodes about it.
-constexpr double node_reach = 4.2;  // deviations
+constexpr double scan_reach = 4.0;  // in sigma
+constexpr int scanned = 17;         // number of times
+// condense(): nodes around the most likely time.
+constexpr double node_reach = 4.2;  // in deviations of the event time
 constexpr int fewest_nodes = 5, most_nodes = 25;
-constexpr double negligible = 1e-14;  // weight of a node
-constexpr double most_share = 0.85;   // of all weight, of one of several nodes
+constexpr double negligible = 1e-14;  // nodes below this weight are pruned
+constexpr double most_share = 0.85;   // nodes move closer to a node of more weight
 constexpr double closer = 0.25;
 constexpr int most_placements = 12;
-// Reports of a contact that are closer, in sigma, are a burst.
+// Bursts, in sigma: longest interval between two reports of a burst, and half the range of its
+// nodes.
 constexpr double close_reports = 3.0;
 constexpr double burst_reach = 2.5;
 constexpr int burst_nodes = 11;
-// Change of one gap velocity by an impact of another contact, over that of its own, that is none.
+// Two contacts count as uncoupled below this: change of one gap velocity by an impulse that changes
+// the other one by 1.
 constexpr double negligible_coupling = 1e-9;
-// A contact leaves a burst with this share of its speed before, and the deviation of that.
+// After a burst: mean and deviation of the contact's speed, in units of its speed before the burst.
 constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
-// Silence: deviations of the gap, and of the time of the report.
+// overdue(): gap or force beyond zero in its deviations, time since the zero crossing in sigma, and
+// the factor on the variance of rounding.
 constexpr double silent_gaps = 6.7, silent_reports = 9.0;
 constexpr double silent_rounding = 1e6;  // of variances
-// Of exact times: an innovation below this share of the gap's terms is rounding; the shift of an
-// impact that is rounded to a double; and what the master takes for a touch, with a margin.
+// Exact times: an innovation below `insignificant` times the gap's terms is rounding; relative
+// rounding of an impact time; the master's tolerance of a touch, with a margin.
 constexpr double insignificant = 1e-10;
 constexpr double impact_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 constexpr double touch = 2.0 * touching;
-// How much less must be known of a gap velocity than the end of a chatter says.
+// measure_rest() requires the prior variance of the gap velocity to exceed that of the measurement
+// by this factor.
 constexpr double remainder_tells = 100.0;
 
 }  // namespace
@@ -95,17 +99,19 @@ void EventFilter::record_in(std::vector<FilterStep>* steps) {
   reflector_.setZero(all_.cols());
 }
 
-// Twice the energy of a motion and of its deviations.
+// Twice the expected energy: that of the mean x and of the deviations at_.X.
 double EventFilter::energy(const Eigen::VectorXd& x) const {
   return flight().twice_energy(x) + flight().twice_energy(at_.X);
 }
 
-// The gap was zero at the contact's last event as well: an impact before it is none.
+// True if the hypothesis places the event before the contact's last event. The gap is zero there as
+// well, but it is no second impact.
 bool EventFilter::precedes_last(const Event& event, double tau, const FilterBelief& belief) {
   return event.t - tau < belief.occurred[event.contact];
 }
 
-// A start for the steps: the best of several times, each with one Newton step.
+// Initial value of the Gauss-Newton steps where the likelihood may have several maxima: the best of
+// several times, each after one Newton step.
 void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   const double sigma = belief.sigma;
   const double half = scan_reach * sigma / (scanned - 1);
@@ -134,7 +140,7 @@ void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   }
 }
 
-// The most likely time, by Gauss-Newton on (xi, tau / sigma).
+// Finds the most likely event time by Gauss-Newton steps on (xi, tau / sigma), into point_.
 bool EventFilter::find(const Event& event, FilterBelief& belief) {
   const double t = event.t, sigma = belief.sigma;
   const bool opens = event.kind == Kind::opens;
@@ -169,7 +175,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     }
     double noise = at_.noise + event.extra;
     if (!opens) {
-      // The product of the deviations of the time and of the velocity.
+      // Second-order variance: deviation of the time times deviation of the velocity given the gap.
       const double rest =
           at_.psi.squaredNorm() - square(at_.psi.dot(at_.phi)) / (at_.phi.squaredNorm() + noise);
       noise += square(sigma) * std::max(rest, 0.0);
@@ -197,13 +203,13 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     xi_tau_ += part * (factor * of_time - xi_tau_);
     set_point();
     if (!point_.z.allFinite()) return false;
-    if (sigma == 0.0 && unknowns() == 0) break;  // linear
+    if (sigma == 0.0 && unknowns() == 0) break;  // the problem is linear
   }
   return true;
 }
 
-// The time of an event by the belief, linearized about a given state, whose own event is near;
-// false where that state has no such event.
+// Finds the event time by the belief, linearized about the motion of `about`. Returns false if that
+// motion has no event of the contact near the report, or one too close to grazing.
 bool EventFilter::expect(const Event& event, const FilterBelief& about,
                          const FilterBelief& belief) {
   const bool opens = event.kind == Kind::opens;
@@ -211,7 +217,7 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
   flight().set(about.z.tail(unknowns()), false);
   flight().fly(about.z.head(2 * n()), about.t, belief.t - about.t, about.held);
   point_.z.head(2 * n()) = flight().x();
-  // Its own event.
+  // The event of the motion `about`, by Newton steps.
   double tau = 0.0;
   for (int i = 0; i < newton_steps; ++i) {
     at_.fly(event.t - tau, point_.z, belief);
@@ -223,7 +229,7 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
   }
   at_.fly(event.t - tau, point_.z, belief);
   at_.look(event.contact, opens, event.t);
-  // A gap that hardly closes there is not linear in the time.
+  // Near grazing the gap is not linear in the time.
   const double bent = scan_reach * std::abs(at_.of.acceleration) * belief.sigma;
   if (!opens && !(at_.of.velocity < -bent)) return false;
   offset_ = belief.z - point_.z;
@@ -239,7 +245,8 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
   return true;
 }
 
-// An impact is where the flux through the gap is: gamma < 0, weighted by -gamma.
+// Weighs the component by the flux (-gamma)^+ through the support (flux.h), and matches its mean
+// and covariance along gamma to the moments of the weighted distribution.
 void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node& node) {
   const double deviation = at_.psi.norm();
   if (!(deviation > 1e-6 * std::abs(gamma))) {
@@ -258,14 +265,15 @@ void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node&
   gamma = moments.mean;
 }
 
-// The belief at t - point.tau if the event was at t - tau.
+// Computes one component of the Gaussian sum, for an event at t - node.tau: measurement update,
+// flux, impact, and flight to the common time t - point_.tau.
 void EventFilter::condition(const Event& event, const FilterBelief& belief, Node& node) {
   const double tau = node.tau;
   const double when = event.t - tau;
   const bool closes = event.kind != Kind::opens, exact = belief.sigma == 0.0;
   at_.fly(when, point_.z, belief);
   at_.look(event.contact, !closes, event.t);
-  // From the point of linearization to the mean.
+  // Offset of the mean from the point of linearization.
   offset_ = belief.z - point_.z;
   at_.carry(offset_);
   x_ = at_.x + at_.dx;
@@ -290,7 +298,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   }
   node.gamma = gamma;
   node.gamma_sigma = at_.psi.norm();
-  // Impact and flight to the common time.
+  // Impact, and flight to the common time.
   Flight& on = flight();
   const Eigen::Index columns = node.columns.cols();
   on.set(theta, unknowns() > 0);
@@ -302,7 +310,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
     node.held = on.strike(event.contact, event.kind == Kind::stays, belief.held);
     node.jump = on.x() - x_;
     on.carry_through(moved);
-    // The gap velocity after the impact, at the instant of it.
+    // Gap velocity immediately after the impact.
     on.differences(event.contact, false, c_by_c_, velocity_by_c_);
     node.after = on.gap(event.contact).velocity + velocity_by_c_.dot(c_ - theta);
     double seen = 0.0;
@@ -329,7 +337,8 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   node.past = at_.past.leftCols(columns);
 }
 
-// Variance of the gap velocity where a chatter is completed.
+// Variance of the gap velocity at the end of a completed chatter: the bounces that the master
+// completes last up to chatter_time.
 double EventFilter::remainder(const Event& event) {
   const double off = std::max(model_.chatter_time, impact_rounding * event.t);
   flight().acceleration_gradient(event.contact, kick_);
@@ -337,15 +346,15 @@ double EventFilter::remainder(const Event& event) {
   return square(off) * (square(at_.of.acceleration) + next_.squaredNorm());
 }
 
-// Variance of the gap where a chatter is completed: its last bounces are not reported.
+// Variance of the gap at the end of a completed chatter, whose last bounces are not reported.
 double EventFilter::variance_of_unreported(const Event& event) {
   if (!(flight().restitution(event.contact) > 0.0)) return 0.0;
   const double fallen = square(at_.of.velocity) + at_.psi.squaredNorm();
   return 0.25 * square(model_.chatter_time) * (remainder(event) + fallen);
 }
 
-// The gap velocity is zero where a chatter ends. It is not taken for more than it can say: where it
-// is known almost as well already it says nothing; nor where contacts may have wedged each other.
+// Measures gamma = 0 at the end of a completed chatter. Does nothing if gamma is already known
+// about as accurately, and on machines with several contacts, which may have wedged each other.
 void EventFilter::measure_rest(const Event& event, double gamma) {
   if (flight().contacts() > 1 || !(flight().restitution(event.contact) > 0.0)) return;
   const double left = remainder(event);
@@ -354,13 +363,14 @@ void EventFilter::measure_rest(const Event& event, double gamma) {
   at_.measure(gamma, left + square(measurement_rounding * at_.of.velocity), x_, c_);
 }
 
-// Contacts that are held after one of them opens.
+// Contacts that remain held after `contact` opens.
 ContactSet EventFilter::released(int contact, const FilterBelief& belief) const {
   const ContactSet others = ~bit(contact);
   return flight().independent(belief.held & others, belief.closed & others);
 }
 
-// Moments of the nodes.
+// Moment matching: collapses the nodes to one Gaussian. Replaces log_weight of each node by its
+// normalized weight.
 void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
   double total = 0.0;
   for (int i = 0; i < nodes; ++i) {
@@ -396,7 +406,7 @@ void EventFilter::collapse(double largest, int nodes, FilterBelief& belief) {
   keep(columns, belief);
 }
 
-// The columns all_ become those of the belief, and of the step to it.
+// Triangularizes the columns in all_ into the belief's S and, while recording, into a new step.
 void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
   const Eigen::Index size = at_.size(), end = steps_ != nullptr ? 2 * size : size;
   while (columns < end) all_.col(columns++).setZero();
@@ -407,9 +417,9 @@ void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
                      all_.block(size, size, size, size)});
 }
 
-// Nodes about point_.tau within `reach`, moved and scaled until they cover the posterior of the
-// time: a node that has nearly all the weight would be certain of it, and one of weight at the end
-// says that there is more.
+// Places nodes around point_.tau within `reach`, conditions the belief on each and collapses them.
+// If one node has nearly all the weight, the spacing does not resolve the posterior of the time:
+// the nodes move to it, closer together.
 bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBelief& belief) {
   double center = point_.tau, largest = -infinity;
   for (int attempt = 0; attempt < most_placements; ++attempt) {
@@ -442,7 +452,7 @@ bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBe
   return belief.z.allFinite() && belief.S.allFinite();
 }
 
-// What the belief says of the event that has led to it.
+// Sets the belief's time, held contacts and impact estimate from the nodes.
 void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) {
   ImpactEstimate& impact = belief.impact;
   const double epsilon = event.kind == Kind::impact ? flight().restitution(event.contact) : 0.0;
@@ -493,7 +503,7 @@ bool EventFilter::take(const ContactEvent& event, FilterBelief& belief, const Fi
 }
 
 bool EventFilter::take(std::span<const ContactEvent> events, FilterBelief& belief) {
-  // Beside contacts that are held, exact times say which remain so.
+  // With exact times, the reports of the instant determine which held contacts stay closed.
   const bool beside = (belief.held & ~bit(events.front().contact)) != 0;
   if (belief.sigma == 0.0 && (events.size() > 1 || beside)) return take_together(events, belief);
   double largest = 0.0;
@@ -516,7 +526,7 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   const bool held = contains(belief.held, event.contact);
   belief.square = 0.0;
   belief.closed = after(belief.closed, given);
-  if (opens && !held) return true;  // released by an impact, or redundant
+  if (opens && !held) return true;  // forced release by an earlier impact, or a repeated report
   belief.reported[event.contact] = event.t;
   if (since < close_reports * belief.sigma) {
     if (!opens) return burst(event, belief);
@@ -525,11 +535,12 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   }
   if (!opens && !contains(flight().independent(belief.held, belief.held | bit(event.contact)),
                           event.contact)) {
-    return true;  // others hold its direction
+    return true;  // the held contacts already constrain its direction
   }
   const bool exact = belief.sigma == 0.0;
   if (exact && opens && (belief.held & ~bit(event.contact)) != 0) {
-    // Several may have been held against their forces (master.h).
+    // The master may have held several contacts although a force was negative (holds_together() in
+    // master.h). Then the opening does not imply lambda = 0.
     belief.rebound[event.contact] = 0.0;
     let_go(event.contact, belief);
     return true;
@@ -555,7 +566,8 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   double reach = node_reach * point_.spread;
   const double apart = 2.0 * node_reach * belief.sigma / (most_nodes - 1);
   if (!expected && point_.grazes && point_.spread > apart) {
-    // It may have been at several times.
+    // The event time may have several maxima of its posterior, so the nodes cover all of the
+    // jitter.
     reach = node_reach * belief.sigma;
     nodes = most_nodes;
     point_.tau = 0.0;
@@ -573,8 +585,8 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   return true;
 }
 
-// A contact whose gap is zero at the impact of another one may be found closed by the master when
-// it comes back to that gap.
+// Updates `touched`. If a contact's gap is zero at an impact of another contact, the master may
+// find it closed when it returns to zero, within its tolerance of a touch.
 void EventFilter::note_touched(double t, int contact, FilterBelief& belief) {
   if (flight().contacts() == 1) return;
   flight().fly(belief.z.head(2 * n()), belief.t, t - belief.t, belief.held);
@@ -587,8 +599,8 @@ void EventFilter::note_touched(double t, int contact, FilterBelief& belief) {
   belief.touched &= ~belief.closed;
 }
 
-// Events of one instant with exact times. Impacts of one contact in a row are one after the other;
-// those of different contacts are one impact.
+// Updates the belief by events of one instant with exact times. Several impacts of one contact are
+// consecutive; impacts of different contacts are one simultaneous impact.
 bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBelief& belief) {
   const double t = events.front().t;
   double largest = 0.0;
@@ -652,7 +664,7 @@ bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBeli
   return belief.z.allFinite() && belief.S.allFinite();
 }
 
-// g_i = 0 of the contacts that close, at the flight's end; x_ is the mean.
+// Measures g_i = 0 of the closing contacts at the end of the flight. x_ is the mean.
 bool EventFilter::measure_together(double t, ContactSet closing, ContactSet staying,
                                    FilterBelief& belief) {
   const double before = model_.homogeneous ? energy(x_) : 0.0;
@@ -676,7 +688,8 @@ bool EventFilter::measure_together(double t, ContactSet closing, ContactSet stay
   return x_.allFinite();
 }
 
-// The contact is taken to rest until it is reported closed, or nothing has come for a while.
+// Holds the contact closed over a burst, until a report of a sustained closing or 3 sigma without a
+// report.
 bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   const int contact = given.contact;
   if (contains(belief.held, contact)) {
@@ -701,7 +714,7 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   return true;
 }
 
-// The burst of a contact ends with its gap at zero.
+// Ends a burst by a report of a sustained closing: measures g = 0, and the contact stays held.
 void EventFilter::close(const Event& given, FilterBelief& belief) {
   belief.bursting &= ~bit(given.contact);
   at_.spread(belief, given.t - belief.t);
@@ -716,7 +729,7 @@ void EventFilter::close(const Event& given, FilterBelief& belief) {
   keep(take_columns(), belief);
 }
 
-// The columns of a flight become those of the belief.
+// Copies the columns of the flight to all_.
 Eigen::Index EventFilter::take_columns() {
   const Eigen::Index columns = at_.event_columns();
   for (Eigen::Index j = 0; j < columns; ++j) {
@@ -757,7 +770,8 @@ bool EventFilter::can_separate(std::span<const ContactEvent> events, const Filte
   return true;
 }
 
-// A burst has ended: the contact left at its last report.
+// Releases a held contact at its last report, with the speed that follows a burst (leaving_speed)
+// and its deviation.
 void EventFilter::let_go(int contact, FilterBelief& belief) {
   const double t = std::max(belief.reported[contact], belief.t);
   at_.spread(belief, t - belief.t);
@@ -781,7 +795,7 @@ void EventFilter::restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
                           FilterBelief& belief) {
   at_.spread(belief, t - belief.t);
   const Eigen::Index P = unknowns(), size = at_.size();
-  // The parameters' rows alone, triangular in the first P columns.
+  // Marginal square root of the parameters: their rows alone, triangular in the first P columns.
   all_.topLeftCorner(size, at_.A.cols()) = at_.A;
   triangularize(all_, 2 * n(), size, at_.A.cols(), reflector_);
   belief.S.setZero();
@@ -843,13 +857,14 @@ EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterB
   return {at_.of.g, at_.of.velocity, at_.phi.norm()};
 }
 
-// A gap that has been negative for too long, or the contact force of a held contact.
+// An event is overdue if a gap, or the force of a held contact, has been negative beyond its
+// deviation and for longer than a report can be late.
 int EventFilter::overdue(double t, const FilterBelief& belief) {
   fly_mean(t, belief);
   const auto beyond = [&](int contact, bool of_force) {
     at_.look(contact, of_force, t);
     const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
-    // The last bounces of a chatter are not reported one by one.
+    // The master does not report the bounces of a completed chatter, which last up to chatter_time.
     const double late = silent_reports * belief.sigma + (of_force ? 0.0 : model_.chatter_time);
     return at_.of.g < -silent_gaps * deviation - late * std::abs(at_.of.velocity);
   };
@@ -860,7 +875,7 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
   };
   for (int i = 0; i < flight().contacts(); ++i) {
     const bool held = contains(belief.held, i);
-    // Several that are held may be so against their forces (master.h).
+    // Of several held contacts a force may be negative (holds_together() in master.h).
     if (held && belief.held != bit(i)) continue;
     if (!known) {
       const Flight::Gap of = held ? flight().force(i) : flight().gap(i);

@@ -1,22 +1,22 @@
-// Recursive estimator of the state and the uncertain parameters of a machine from the times of its
-// contact events.
+// Recursive Bayesian estimator of the state and the uncertain parameters of a machine from the
+// times of its contact events (docs/explanation/filter.md).
 //
-// The belief is Gaussian (filter_belief.h). An event that is reported at t happened at t - tau,
-// tau ~ N(0, sigma^2). Given tau everything is linear: the measurement g(t - tau) = 0 (where a
-// contact closes) or lambda(t - tau) = 0 (where a contact opens), and the impact law.
+// The belief is Gaussian (filter_belief.h). An event that is reported at t happened at t - tau, tau
+// ~ N(0, sigma^2). Given tau the model is linear: the measurement is g(t - tau) = 0 for a closing,
+// lambda(t - tau) = 0 for an opening; the impact is a linear map of the state.
 //
-// 1. Gauss-Newton steps on (xi, tau / sigma) find the most likely time, by
+// 1. Gauss-Newton steps on (xi, tau / sigma) find the most likely event time, by
 //      xi' <- phi (phi xi' - r) / (phi phi + n),
-//    where r is the residual and n its rounding and second-order part. |xi'|^2 is the normalized
-//    innovation squared.
-// 2. Nodes around this time, spaced evenly, each hold the exact conditional belief: weight,
-//    measurement update, flux of the gap velocity, impact, flight to the common time. One node
-//    where times are exact.
-// 3. One orthogonal factorization collapses the nodes to mean and covariance.
+//    where r is the residual and n the variance of its rounding and second-order part. |xi'|^2 is
+//    the normalized innovation squared.
+// 2. Evenly spaced nodes around this time form a Gaussian sum (Alspach & Sorenson 1972). Each node
+//    has a weight and the belief given its event time: measurement update, flux of the gap
+//    velocity, impact, flight to the common time. Exact event times need one node.
+// 3. Moment matching collapses the sum to one Gaussian, by one orthogonal factorization.
 //
-// Reports of one contact within 3 sigma of each other are a burst: the contact is held closed until
-// it is reported closed, or nothing has come for 3 sigma. An impact while other contacts are held
-// follows the impact law, which may release them.
+// Reports of one contact within 3 sigma of each other are a burst. The filter holds the contact
+// closed over a burst, until a report of a sustained closing or for 3 sigma after the last report.
+// An impact while other contacts are held follows the impact law, which may release them.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,8 +28,9 @@
 
 namespace sprag {
 
-/// Impulses of several contacts at once are decided, by the master too, up to this share of the
-/// largest gap velocity, and positions are known up to this share of the largest terms of a gap.
+/// Relative accuracies on machines with several contacts. The impact law, also the master's,
+/// resolves impulses to `impulse_rounding` times the largest gap velocity. Positions are accurate
+/// to `position_rounding` times the largest sum of absolute terms of a gap.
 inline constexpr double impulse_rounding = 1e-10, position_rounding = 2e-11;
 
 class EventFilter {
@@ -43,62 +44,62 @@ class EventFilter {
   Eigen::Index unknowns() const { return at_.unknowns(); }
   const FilterModel& model() const { return model_; }
   Flight& flight() const { return at_.flight(); }
-  /// A belief of the right size, for copies that do not allocate.
+  /// A zero belief of the filter's sizes. Copies to and from it do not allocate.
   FilterBelief no_belief() const;
 
-  /// Updates the belief by the events of one instant; belief.square and belief.innovation say how
-  /// they fit. Does not allocate.
-  /// \return false where no estimate follows; the belief is of no use then
+  /// Updates the belief by the events of one instant. belief.square is their largest normalized
+  /// innovation squared, belief.innovation that of the last closing. Does not allocate.
+  /// \return false if no estimate exists; the belief is then undefined
   bool take(std::span<const ContactEvent> of_one_instant, FilterBelief& belief);
-  /// The same for one event, linearized about the state and parameters of another belief, such as a
-  /// smoothed one of a pass before; null: about the most likely ones given the events so far.
+  /// The same for one event. `about`: the belief to linearize about, such as the smoothed one of
+  /// the previous pass; null: the most likely state and parameters given the events so far.
   bool take(const ContactEvent& event, FilterBelief& belief, const FilterBelief* about = nullptr);
 
-  /// Resets the state to x with the deviations S_x, 2n x 2n, at t, `closed` contacts being closed;
-  /// the parameters keep what is known of them. Does not allocate.
+  /// Resets the state to x with the square root S_x of its covariance, 2n x 2n, at t, with the
+  /// contacts `closed`. The marginal distribution of the parameters is kept. Does not allocate.
   void restart(double t, const Eigen::Ref<const Eigen::VectorXd>& x,
                const Eigen::Ref<const Eigen::MatrixXd>& S_x, ContactSet closed,
                FilterBelief& belief);
 
-  /// Appends each step from now on to `steps`, which must outlive the filter; null: none. Allocates
-  /// then.
+  /// Appends each later step to `steps`, which must outlive the filter; null: stops. Recording
+  /// allocates.
   void record_in(std::vector<FilterStep>* steps);
 
-  /// Ends the bursts after which no report has come for several sigma. Does not allocate.
+  /// Ends the bursts whose last report is 3 sigma or more before t. Does not allocate.
   void expire(double t, FilterBelief& belief);
-  /// When the first of them ends, if no report comes; +infinity without a burst [s].
+  /// Time at which the first burst ends if no report comes; +infinity without a burst [s].
   static double end_of_burst(const FilterBelief& belief);
 
-  /// Whether a flight to t is affordable, and possible.
+  /// Whether a flight of the belief to t can be computed at acceptable cost.
   bool can_reach(double t, const FilterBelief& belief) const {
     return flight().can_hold(belief.held, t - belief.t);
   }
 
   /// Whether the rule for bursts covers these events: no burst of one contact is within 3 sigma of
-  /// a report of another one whose impulses change its gap velocity. Does not allocate.
+  /// a report of another contact whose impulses change its gap velocity. Does not allocate.
   bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief);
 
-  /// The published estimate at t (published_estimate.h): mean x, 2n entries. Valid until the next
-  /// call.
+  /// Computes the published estimate at t (published_estimate.h) and returns its mean x, 2n
+  /// entries. Valid until the next call.
   const Eigen::VectorXd& publish(double t, const FilterBelief& belief);
-  /// The same without deviations, where event times are exact.
+  /// The same; with exact event times it computes no deviations.
   const Eigen::VectorXd& publish_mean(double t, const FilterBelief& belief);
-  /// The estimate at t as if no report were late, with its deviations.
+  /// The estimate at t with its deviations, without the mixture over unreported events.
   const Eigen::VectorXd& mean(double t, const FilterBelief& belief);
   /// After publish() or mean(): x there, 2n entries.
   const Eigen::VectorXd& estimate() const { return at_.x; }
-  /// After publish() or mean(): 2n rows, columns of a square root of the covariance.
+  /// After publish() or mean(): square root of the covariance of x, 2n rows.
   const Eigen::MatrixXd& deviations() const { return at_.X; }
-  /// Those of the parameters' coordinates, P rows, of the same columns.
+  /// The rows of the parameters' coordinates in the same square root, P rows.
   const Eigen::MatrixXd& parameter_deviations() const { return at_.T; }
-  /// Rows of the gaps, m x columns of deviations(), after publish().
+  /// After publish(): square root of the gaps' covariance, m x columns of deviations().
   void gap_deviations(const FilterBelief& belief, Eigen::Ref<Eigen::MatrixXd> of_gaps);
-  /// After mean(): the force of a held contact, or a quantity with its zeros, and its row on the
-  /// columns of deviations(). Valid until the next call.
+  /// After mean(): the force of a held contact, or a quantity with its zeros, and its derivative
+  /// along the columns of deviations(). Valid until the next call.
   const Eigen::VectorXd& force_row(int contact, double t, Flight::Gap& force);
-  /// Moves the flight of the mean to t.
+  /// Moves the mean to t, without its deviations.
   void fly_mean(double t, const FilterBelief& belief);
-  /// After fly_mean() or mean(): a gap.
+  /// After fly_mean() or mean(): the gap of a contact.
   double gap(int contact) const { return flight().gap(contact).g; }
 
   /// A contact's gap, its velocity and the gap's standard deviation at t.
@@ -107,19 +108,21 @@ class EventFilter {
   };
   Crossing crossing(int contact, double t, const FilterBelief& belief);
 
-  /// The contact whose impact is certainly overdue at t, -1: none. Does not allocate.
+  /// Returns a contact whose event is overdue at t beyond doubt, -1 if there is none. Does not
+  /// allocate.
   int overdue(double t, const FilterBelief& belief);
 
  private:
   enum class Kind { impact, stays, opens };
-  // Where the event was: point of linearization before it, its time t - tau.
+  // Most likely event: state and parameters to linearize about, at the belief's time; the event is
+  // at t - tau. `spread` is the deviation of tau, `square` the normalized innovation squared.
   struct Point {
     Eigen::VectorXd z;
     double tau = 0.0, spread = 0.0, square = 0.0;
-    bool grazes = false;  // the gap velocity is not certain
+    bool grazes = false;  // set by find() if the sign of the gap velocity is uncertain
   };
   struct Node {
-    double tau = 0.0;  // the event was at t - tau
+    double tau = 0.0;  // the event of this hypothesis is at t - tau
     double log_weight = 0.0;
     double gamma = 0.0, gamma_sigma = 0.0;  // gap velocity before the impact
     double after = 0.0, after_sigma = 0.0;  // and after it
@@ -131,7 +134,7 @@ class EventFilter {
     int contact = 0;
     Kind kind = Kind::impact;
     double t = 0.0;
-    double extra = 0.0;  // variance of the gap that is not of the belief
+    double extra = 0.0;  // variance of the gap besides that of the belief
   };
 
   bool find(const Event& event, FilterBelief& belief);
@@ -168,7 +171,7 @@ class EventFilter {
   Eigen::VectorXd from_point_, c_by_c_, velocity_by_c_;
   double xi_tau_ = 0.0;
   std::vector<Node> nodes_;
-  FilterBelief::Rows all_;  // of the belief, and of xi below
+  FilterBelief::Rows all_;  // columns of the belief, and of xi in the rows below
   std::vector<FilterStep>* steps_ = nullptr;
   Eigen::VectorXd past_mean_, reflector_;
 };

@@ -13,11 +13,13 @@ namespace {
 using Kind = Unknown::Kind;
 using Complex = std::complex<double>;
 
-// Small enough for digits that no walk of c asks for, large enough for those of the difference.
+// Step of the central differences in c. Its truncation error is far below any deviation of c, and
+// the rounding error of the difference stays small.
 constexpr double difference_of_c = 4e-6;
-// Of angles up to 1: what is left out is a rounding.
+// Enough for angles up to 1: the remainder is below rounding.
 constexpr int terms_of_series = 20;
-// Steps of a flight with a contact closed, for which an event has the time.
+// Largest number of Taylor steps of a flight with a closed contact. It bounds the computing time of
+// an event.
 constexpr double most_held_steps = 200.0;
 
 int contact_of(ContactSet held) { return held == 0 ? -1 : std::countr_zero(held); }
@@ -26,7 +28,7 @@ bool is_of_flow(const Unknown& unknown) {
   return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
 }
 
-// What tau, which may be negative, makes of y'' + c y' + k y = 1.
+// Propagation of y'' + c y' + k y = 1 over tau, which may be negative.
 OscillatorStep step_of(double c, double k, double tau) {
   if (tau >= 0.0) return oscillator_step(0.5 * c, k, tau);
   const OscillatorStep on = oscillator_step(0.5 * c, k, -tau);
@@ -81,7 +83,7 @@ void FamilyFlight::set_machine(const Eigen::VectorXd& values, Variant& variant) 
 }
 
 void FamilyFlight::set(const ConstVector& c, bool derivatives) {
-  if (c_ == c && (derivatives_ || !derivatives)) return;  // what is there is enough
+  if (c_ == c && (derivatives_ || !derivatives)) return;  // the machines are already set
   derivatives_ = derivatives;
   c_ = c;
   const std::vector<Unknown>& all = family_->unknowns();
@@ -94,7 +96,8 @@ void FamilyFlight::set(const ConstVector& c, bool derivatives) {
     const double value = values_[k];
     for (int side = 0; side < 2; ++side) {
       Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];
-      // Where the contacts are costs most, and few unknowns change it.
+      // W and positions are the costliest part. The copy spares their computation unless this
+      // unknown changes them.
       variant.machine.W = centre().machine.W;
       variant.machine.positions = centre().machine.positions;
       values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
@@ -112,7 +115,7 @@ void FamilyFlight::find_steps(const Variant& variant, double tau,
   }
 }
 
-// The steady response to the harmonics, at the instant that they are at.
+// Adds `sign` times the steady response to the harmonics, at the present phases.
 void FamilyFlight::add_steady(double sign, Variant& variant) const {
   const Machine& machine = variant.machine;
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
@@ -133,8 +136,8 @@ double FamilyFlight::steps_of_holding(double tau) const {
   return std::ceil(rate * std::abs(tau));
 }
 
-// term_ <- A term_ share, where x' = A x without what drives it: the force of the contact keeps its
-// gap from accelerating.
+// term_ <- share A term_, where x' = A x is the homogeneous motion with the contact closed: the
+// contact force keeps the acceleration of its gap at zero.
 void FamilyFlight::add_held_terms(const Machine& machine, int contact, double share) {
   const auto w = machine.W.col(contact);
   next_.head(n()) = term_.tail(n());
@@ -146,7 +149,8 @@ void FamilyFlight::add_held_terms(const Machine& machine, int contact, double sh
   term_ = share * next_;
 }
 
-// The free part of x, by Taylor series in steps in which no angle turns by more than 1.
+// Moves variant.x, which is the free part here, by Taylor series in steps in which no angle turns
+// by more than 1.
 void FamilyFlight::hold(int contact, double tau, Variant& variant) {
   const Machine& machine = variant.machine;
   const auto w = machine.W.col(contact);
@@ -158,7 +162,7 @@ void FamilyFlight::hold(int contact, double tau, Variant& variant) {
     for (int k = 0; k < terms_of_series; ++k) {
       const double share = step / (k + 1);
       add_held_terms(machine, contact, share);
-      // The support's motion and the steady response, whose k-th derivatives drive this term.
+      // The k-th derivatives of the support's motion and of the steady response drive this term.
       double drive = 0.0;
       for (Eigen::Index g = 0; g < machine.groups(); ++g) {
         const Complex i_Omega(0.0, machine.frequencies[g]);
@@ -193,7 +197,7 @@ void FamilyFlight::hold(int contact, double tau, Variant& variant) {
   }
 }
 
-// What becomes of deviations.
+// Sets held_step_ to the transition matrix of the deviations with the contact closed.
 void FamilyFlight::hold_homogeneous(int contact, double tau) {
   const double steps = std::max(1.0, steps_of_holding(tau));
   for (Eigen::Index j = 0; j < 2 * n(); ++j) {
@@ -327,7 +331,7 @@ void FamilyFlight::carry(Columns dx) {
   }
 }
 
-// The motion of a mode without its steady response to the harmonics.
+// The motion of a mode minus its steady response to the harmonics.
 FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& variant) const {
   const Machine& machine = variant.machine;
   FreePart part{variant.x[i], variant.x[n() + i]};
@@ -346,7 +350,7 @@ FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& va
   return part;
 }
 
-// Steady response and motion of the support are one: what is left of x is the free part.
+// gap_response contains the steady response and the support's motion; the free part of x is added.
 Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
   Gap gap;
@@ -359,7 +363,7 @@ Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
     const double Omega = machine.frequencies[g];
     const Complex steady = machine.gap_response(contact, g) * z;
     gap.g += steady.real();
-    // The angle Omega t has as many roundings as it is large.
+    // The rounding error of the angle Omega t is proportional to it.
     gap.rounding += std::abs(steady) * std::abs(Omega * end_);
     gap.velocity -= Omega * steady.imag();
     gap.acceleration -= Omega * Omega * steady.real();
@@ -376,7 +380,7 @@ Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
   return gap;
 }
 
-// The gap accelerates by a + w^T w lambda, which is 0 while the contact is held.
+// The acceleration of the gap, a + w^T w lambda, is 0 while the contact is held.
 Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
   double a = 0.0, rate = 0.0, terms = 0.0;
@@ -429,7 +433,7 @@ void FamilyFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_
   }
 }
 
-// Where the contact stays closed its restitution is 0.
+// A contact that stays closed has restitution 0.
 void FamilyFlight::strike(int contact, bool stays, Variant& variant) {
   const double gamma = gap(contact, variant).velocity;
   const auto w = variant.machine.W.col(contact);
@@ -447,8 +451,8 @@ ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet) {
   const Machine& machine = centre().machine;
   const auto w = machine.W.col(contact);
   const auto jump = machine.jump.col(contact);
-  // Velocities turn with the flow that they are on: behind the impact it damps what is left, and
-  // holds the contact where that stays closed.
+  // by_time_ = f-(x-) - f+(x+) - (d/dt jump), with the rates f- and f+ of x before and after the
+  // impact. f+ includes the contact force if the contact stays closed.
   double along = 0.0;
   for (Eigen::Index i = 0; i < n(); ++i) {
     by_time_[i] = (stays ? w[i] / w.squaredNorm() : jump[i]) * before.velocity;

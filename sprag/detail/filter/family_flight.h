@@ -1,10 +1,11 @@
 // Flight and impact of the machines that the unknowns of a scene span (machine_family.h), free or
 // with one contact closed,
 //
-//   y'' + C y' + K y = F(t) + w lambda,   w^T y'' + s'' = 0 where it is closed,
+//   y'' + C y' + K y = F(t) + w lambda,   w^T y'' + s'' = 0 while it is closed,
 //
-// in x = (y, y'), modal coordinates y of q = V y. Derivatives by x are in closed form; those by the
-// unknowns' coordinates c are central differences, each between two machines of the family.
+// in x = (y, y') with the modal coordinates y of q = V y. Derivatives by x are in closed form.
+// Derivatives by the coordinates c of the unknowns are central differences, each between two
+// machines of the family.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,15 +20,15 @@ namespace sprag {
 
 class FamilyFlight final : public Flight {
  public:
-  /// The family must be modal, and must outlive this.
+  /// The family must be modal and must outlive this.
   explicit FamilyFlight(const MachineFamily& family);
 
   Eigen::Index n() const override { return family_->n(); }
   Eigen::Index unknowns() const override { return std::ssize(family_->unknowns()); }
   int contacts() const override { return family_->contacts(); }
   void set(const ConstVector& c, bool derivatives) override;
-  /// Not more than one contact, and not for long: a flight with a contact closed is a Taylor series
-  /// in steps in which no angle turns by more than 1.
+  /// At most one contact, for a limited duration: a flight with a closed contact is a Taylor
+  /// series, in steps in which no angle turns by more than 1.
   bool can_hold(ContactSet held, double duration) const override;
   ContactSet independent(ContactSet first, ContactSet closed) const override;
   void fly(const ConstVector& x, double t, double tau, ContactSet held) override;
@@ -41,7 +42,7 @@ class FamilyFlight final : public Flight {
   double largest_frequency() const override;
   double smallest_frequency() const override;
   Gap gap(int contact) const override { return gap(contact, centre()); }
-  /// w^T w lambda, as g.
+  /// g is w^T w lambda.
   Gap force(int contact) const override { return force(contact, centre()); }
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int, Vector of) const override { of.setZero(); }
@@ -51,7 +52,7 @@ class FamilyFlight final : public Flight {
   }
   ContactSet strike(int contact, bool stays, ContactSet held) override;
   void carry_through(Columns dx) const override;
-  /// Not possible: event times are never exact where parameters are uncertain.
+  /// Not supported and not needed: with uncertain parameters event times are never exact.
   bool strike_together(ContactSet, ContactSet, ContactSet, ContactSet, Vector, Columns,
                        Vector) override {
     return false;
@@ -69,10 +70,11 @@ class FamilyFlight final : public Flight {
   struct Variant {
     Machine machine;
     Eigen::VectorXd inputs;
-    bool own_flow = false;              // C or K is not the centre's
-    std::vector<OscillatorStep> steps;  // of the last free flight, where own_flow
+    bool own_flow = false;              // C or K differs from the centre's
+    std::vector<OscillatorStep> steps;  // of the last free flight, if own_flow
     Eigen::VectorXd x;
-    std::vector<std::complex<double>> harmonics;    // of each group, at the end of the flight
+    std::vector<std::complex<double>>
+        harmonics;  // exp(i Omega t) of each group, at the end of the flight
     std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
   };
 
@@ -88,7 +90,7 @@ class FamilyFlight final : public Flight {
   void hold_homogeneous(int contact, double tau);
   void move(double tau, int held);
   void add_held_terms(const Machine& machine, int contact, double share);
-  // Of a mode: position, velocity, constant force, acceleration without contact forces.
+  // Free part of a mode: position, velocity, constant force, acceleration without contact forces.
   struct FreePart {
     double y = 0.0, u = 0.0, force = 0.0, acceleration = 0.0;
   };
@@ -98,18 +100,18 @@ class FamilyFlight final : public Flight {
   void difference();
 
   const MachineFamily* family_;
-  std::vector<Variant> variants_;  // the centre; then two of each unknown, to either side
+  std::vector<Variant> variants_;  // the centre; then two for each unknown, c_k +- difference_of_c
   bool derivatives_ = false;
   Eigen::VectorXd c_, values_;
   std::vector<OscillatorStep> steps_, turn_;
   Eigen::VectorXd by_time_, stiffness_;
   Eigen::MatrixXd to_state_, from_state_;
-  double end_ = 0.0;  // of the flight [s]
-  int held_ = -1;     // in that flight
+  double end_ = 0.0;  // end of the flight [s]
+  int held_ = -1;     // contact held in that flight, -1: none
   int struck_ = 0;
   bool stays_ = false;
   Eigen::MatrixXd held_step_;    // 2n x 2n
-  Eigen::VectorXd term_, next_;  // of a Taylor series
+  Eigen::VectorXd term_, next_;  // scratch of the Taylor series
 };
 
 }  // namespace sprag

@@ -1,10 +1,11 @@
-// Flight and impact of a machine as the event filter needs them (event_filter.h), in coordinates x
-// (2n entries) in which free flight is cheap. q and u are affine in x at each time, so that
-// deviations of x are linear images of those of (q, u). Derivatives by the coordinates c of
-// uncertain parameters (P of them) belong to the same interface; P = 0 where the model is exact.
+// Interface of a machine's flight and impact for the event filter (event_filter.h), in coordinates
+// x (2n entries) in which free flight is cheap. At each time q and u are affine in x, so deviations
+// of x map linearly to deviations of (q, u). The interface includes derivatives by the coordinates
+// c of P uncertain parameters; P = 0 for an exact model.
 //
-// Implementations: ModelFlight (the exact flows of one model, any damping, any locked set) and
-// FamilyFlight (the machines that uncertain parameters span, modal damping, one closed contact).
+// Implementations: ModelFlight (exact flows of one model, any damping, any locked set) and
+// FamilyFlight (the machines that the uncertain parameters span, modal damping, at most one closed
+// contact).
 #pragma once
 
 #include <Eigen/Core>
@@ -21,88 +22,93 @@ class Flight {
 
   virtual ~Flight() = default;
 
-  virtual Eigen::Index n() const = 0;         ///< coordinates f of the machine
+  virtual Eigen::Index n() const = 0;         ///< number of coordinates f of the machine
   virtual Eigen::Index unknowns() const = 0;  ///< P
   virtual int contacts() const = 0;           ///< m
 
-  /// Selects the machine with these c, P entries; `derivatives`: those by c are wanted as well.
+  /// Selects the machine with the parameter coordinates c, P entries. `derivatives`: later calls
+  /// also compute the derivatives by c.
   virtual void set(const ConstVector& c, bool derivatives) = 0;
 
-  /// Whether a flight with these contacts closed can be computed for `duration` [s] in the time of
-  /// an event.
+  /// Whether a flight of this duration [s] with these contacts closed can be computed at acceptable
+  /// cost.
   virtual bool can_hold(ContactSet held, double duration) const = 0;
-  /// Those of `closed` that can be held together: linearly independent, `first` before the others.
+  /// Returns the contacts of `closed` that can be held together, that is with linearly independent
+  /// directions. Those of `first` have priority.
   virtual ContactSet independent(ContactSet first, ContactSet closed) const = 0;
 
-  /// Flight from x at t for tau, which may be negative, with the contacts `held` closed.
+  /// Moves from x at t by tau, which may be negative, with the contacts `held` closed.
   virtual void fly(const ConstVector& x, double t, double tau, ContactSet held) = 0;
-  /// Continues from x() for tau. carry() is that of this flight alone then; by_unknowns() is that
+  /// Continues from x() by tau. After it, carry() refers to this flight alone, by_unknowns() to all
   /// since fly().
   virtual void fly_on(double tau, ContactSet held) = 0;
 
-  /// After fly(): x there, and dx / dc, 2n x P, where derivatives are wanted.
+  /// After fly(): x at its end, and dx / dc, 2n x P, if derivatives are selected.
   const Eigen::VectorXd& x() const { return x_; }
   const Eigen::MatrixXd& by_unknowns() const { return by_c_; }
-  /// Applies dx / dx(start) of the last flight to deviations, 2n rows, in place.
+  /// Maps deviations at the start of the last flight to its end, dx <- (dx / dx(start)) dx, 2n
+  /// rows, in place.
   virtual void carry(Columns dx) = 0;
-  /// d^2 x / (dx(start) dc_k) of a free fly(), applied to a deviation of x, in place; for k with
+  /// After a free fly(): maps a deviation of x in place by d^2 x / (dx(start) dc_k), for k with
   /// changes_flow(k).
   virtual void carry_by_unknown(Eigen::Index k, Vector dx) const = 0;
   virtual bool changes_flow(Eigen::Index k) const = 0;
-  /// Homogeneous flight of deviations for tau with these contacts closed, in place. Leaves the last
-  /// flight as it is.
+  /// Maps deviations in place by the homogeneous flow over tau with these contacts closed. Does not
+  /// change the last flight.
   virtual void turn(double tau, ContactSet held, Columns dx) = 0;
   /// Largest natural frequency [rad per unit of time].
   virtual double largest_frequency() const = 0;
   /// Smallest natural frequency that is not 0; 1 where the machine is rigid.
   virtual double smallest_frequency() const = 0;
 
-  /// After fly(): gap of a contact there, its velocity and acceleration.
+  /// After fly(): gap of a contact at its end, with the gap's velocity and acceleration.
   struct Gap {
     double g = 0.0, velocity = 0.0, acceleration = 0.0;
     double length = 0.0;    ///< sum of the absolute terms of g
-    double rounding = 0.0;  ///< in units of a rounding of 1
+    double rounding = 0.0;  ///< magnitude to which the rounding error of g is proportional
   };
   virtual Gap gap(int contact) const = 0;
-  /// A quantity with the zeros of the contact force of a held contact, as g, and its rate, as
-  /// velocity.
+  /// A quantity with the zeros of a held contact's force, as g, and its rate, as velocity.
   virtual Gap force(int contact) const = 0;
-  /// Gradients by x of g and of its velocity, 2n entries each, of gap() or of force(). The second
-  /// is only filled for gap().
+  /// Gradients by x of g and of its velocity, 2n entries each, of gap() or of force(). For force()
+  /// the gradient of the velocity is not computed.
   virtual void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const = 0;
   /// Gradient by x of the acceleration of a gap in free flight, 2n entries.
   virtual void acceleration_gradient(int contact, Vector of) const = 0;
-  /// d(g, velocity) / dc since fly(), of gap() or of force(), P entries each.
+  /// Total derivatives d(g, velocity) / dc since fly(), of gap() or of force(), P entries each.
   virtual void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const = 0;
 
-  /// Whether the impact of a contact while others are held can be computed.
+  /// Whether an impact of the contact while `held` are closed can be computed.
   virtual bool can_strike(int contact, ContactSet held) const = 0;
-  /// After a free fly() or one with `held`: the impact of a contact. `stays`: it stays closed, its
-  /// restitution is 0 then. x() and by_unknowns() are those after it from then on.
-  /// \return the contacts that are closed after it, without those that the impact releases
+  /// After fly(): applies the impact of a contact while `held` are closed. x() and by_unknowns()
+  /// then refer to the state after the impact. `stays`: the contact stays closed, with restitution
+  /// 0.
+  /// \return the contacts that are closed after the impact, without those that it releases
   virtual ContactSet strike(int contact, bool stays, ContactSet held) = 0;
-  /// Applies the impact of strike() to deviations of x before it, 2n rows, in place.
+  /// Maps deviations of x before the impact of strike() to those after it at a fixed impact time,
+  /// 2n rows, in place.
   virtual void carry_through(Columns dx) const = 0;
-  /// After a free fly() at the present instant: one impact of several contacts, `closing`, of which
-  /// `staying` stay closed; `kept` were closed and remain so, `leaving` were and do not. `x` is the
-  /// mean, moved with its deviations `dx`. `unknown`: change of x by which the impact law differs
-  /// from the branch that is reported, 0 where it does not.
-  /// \return false where the directions depend on each other
+  /// After a free fly(): one simultaneous impact of the contacts `closing`, of which `staying` stay
+  /// closed. `kept` were closed and stay so, `leaving` were closed and open. Moves the mean `x` and
+  /// its deviations `dx`. `unknown`: change of x by which the impact law on the mean differs from
+  /// the reported branch, else 0; the filter adds it to the covariance.
+  /// \return false if the directions are linearly dependent
   virtual bool strike_together(ContactSet closing, ContactSet staying, ContactSet kept,
                                ContactSet leaving, Vector x, Columns dx, Vector unknown) = 0;
-  /// An impact that comes later by dt leaves x() at the same instant off by this times dt.
+  /// After strike(): derivative of x() at a fixed instant by the time of the impact. With
+  /// carry_through() it forms the saltation matrix (di Bernardo et al. 2008).
   virtual const Eigen::VectorXd& by_time() const = 0;
   /// Change of x by an impulse on the contact that changes its gap velocity by 1, 2n entries.
   virtual void along(int contact, Vector dx) const = 0;
   virtual double restitution(int contact) const = 0;
 
-  /// x of a state at t, f entries each, and back.
+  /// Converts a state (q, u) at t, f entries each, to x, and back.
   virtual void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) = 0;
   virtual void state(const ConstVector& x, double t, Vector q, Vector u) = 0;
-  /// (dq, du) = to_state() dx, 2f x 2n, of the machine of nominal parameters.
+  /// (dq, du) = to_state() dx, for the machine with nominal parameters.
   virtual const Eigen::MatrixXd& to_state() const = 0;
   virtual const Eigen::MatrixXd& from_state() const = 0;
-  /// Sum over columns of twice their energy, q^T K q + u^T M u.
+  /// Twice the energy, q^T K q + u^T M u, summed over the columns.
   virtual double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const = 0;
 
  protected:

@@ -9,7 +9,8 @@
 namespace sprag {
 namespace {
 
-// Beyond it the normal distribution is its asymptotic series to double precision, or nothing.
+// Beyond this argument the tail of the normal distribution is negligible or equals its asymptotic
+// series to double precision.
 constexpr double far = 8.0;
 
 double normal_density(double x) { return std::exp(-0.5 * x * x - half_log_two_pi); }
@@ -22,14 +23,14 @@ FluxMoments flux_moments(double mu, double d, double even) {
   const double a = -mu / d;
   const double share = even / d;
   if (a > far) {
-    // Hardly any of it moves away from the support.
+    // gamma > 0 has negligible probability.
     const double all = a + share;
     return {std::log(d * all), mu - d / all, d * d * (1.0 - 1.0 / (all * all))};
   }
   // e_k = int y^k N(y; a, 1) dy over y = -gamma > 0, over phi(a); lengths in d.
   double e0, e1, e2, e3, log_density;
   if (a < -far) {
-    // Hardly any of it meets the support; what does meets it slowly. Asymptotic series.
+    // gamma < 0 is a far tail, concentrated near gamma = 0: asymptotic series.
     const double x = 1.0 / (a * a);
     e0 = -1.0 / a * (1.0 - x * (1.0 - x * (3.0 - 15.0 * x)));
     e1 = x * (1.0 - x * (3.0 - 15.0 * x));

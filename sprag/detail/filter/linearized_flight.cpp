@@ -9,7 +9,7 @@
 namespace sprag {
 namespace {
 
-// Times of events are not known better than to so many units in the last place.
+// Relative rounding of event times.
 constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
@@ -22,7 +22,8 @@ LinearizedFlight::LinearizedFlight(Flight& flight, const FilterModel& model)
     if (flight.changes_flow(k)) flow_unknowns_.push_back(k);
   }
   const Eigen::Index before = size() + model.walk.size() + model.drift.cols();
-  // Second-order columns; one of the Schmidt update or of time rounding; three of publishing.
+  // Second-order columns; one for the Schmidt update or time rounding; three for the published
+  // estimate.
   const Eigen::Index columns = before * (1 + std::ssize(flow_unknowns_)) + 4;
   A.setZero(size(), before);
   X.setZero(2 * n(), columns);
@@ -93,7 +94,7 @@ void LinearizedFlight::look(int contact, bool of_force, double t) {
   phi.noalias() = X.transpose().lazyProduct(of_g);
   psi.noalias() = X.transpose().lazyProduct(of_velocity);
   if (unknowns() > 0) {
-    // Total derivatives since the last event, less those by way of the state.
+    // Partial derivatives by c: the total ones since the last event, minus the part through x.
     flight_->differences(contact, of_force, by_c, velocity_by_c);
     by_c.noalias() -= flight_->by_unknowns().transpose().lazyProduct(of_g);
     velocity_by_c.noalias() -= flight_->by_unknowns().transpose().lazyProduct(of_velocity);

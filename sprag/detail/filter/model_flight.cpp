@@ -68,7 +68,7 @@ void ModelFlight::set_motion(const ConstVector& x, double t) {
   free().set_phases(motion_.t, motion_.x);
 }
 
-// motion_ moves by tau with these contacts closed.
+// Moves motion_ by tau with these contacts closed.
 void ModelFlight::move(double tau, ContactSet held) {
   tau_ = tau;
   held_ = held;
@@ -80,7 +80,7 @@ void ModelFlight::move(double tau, ContactSet held) {
     free().propagate(motion_, end, motion_);
   } else {
     free().state(motion_, q_, u_);
-    // A gap that is not quite zero stays what it is.
+    // A held gap that is not exactly zero keeps its value.
     Eigen::Index k = 0;
     for_each(held, [&](int i) {
       gaps_[k++] = sprag::gap(model().contacts[static_cast<std::size_t>(i)], q_, motion_.t.hi);
@@ -122,7 +122,7 @@ void ModelFlight::carry(const Flow& flow, const OscillatorKernels& kernels, Colu
     kernels.apply(first_, dx.topRows(f_), dx.bottomRows(f_));
     return;
   }
-  // As many columns at once as there is room for.
+  // In blocks of the scratch matrices' width.
   for (Eigen::Index first = 0; first < dx.cols(); first += Q_.cols()) {
     const Eigen::Index columns = std::min(dx.cols() - first, Q_.cols());
     carry_held(flow, kernels, dx.middleCols(first, columns));
@@ -134,7 +134,7 @@ void ModelFlight::carry_held(const Flow& flow, const OscillatorKernels& kernels,
   auto Q = Q_.leftCols(columns), U = U_.leftCols(columns);
   auto Z = Z_.topLeftCorner(modes, columns), V = V_.topLeftCorner(modes, columns);
   free().state_differences(dx.topRows(f_), dx.bottomRows(f_), Q, U);
-  // A deviation of a held gap is a static deflection, which remains.
+  // A deviation of a held gap is a static deflection and does not change.
   auto deflection = deflection_.leftCols(columns);
   deflection = Q;
   flow.close_gap_differences(Q);
@@ -158,7 +158,7 @@ Flight::Gap ModelFlight::gap(int contact) const {
 Flight::Gap ModelFlight::force(int contact) const {
   const Signal& lambda = closed_.flow->force(contact);
   Gap gap{value(lambda, closed_), rate(lambda, closed_), 0.0, largest_terms(lambda, closed_), 0.0};
-  // Of the terms of lambda = -G^-1 (a + ...), which are larger than those in modes.
+  // Rounding of the terms of lambda = -G^-1 (a + ...), which are larger than the terms in modes.
   const Dynamics& dynamics = flows_->dynamics();
   const Model& model = this->model();
   double terms = dynamics.force_constant().cwiseAbs().maxCoeff();
@@ -181,7 +181,7 @@ void ModelFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_v
     of_velocity << gamma.p.segment(first_, f_).matrix(), gamma.r.segment(first_, f_).matrix();
     return;
   }
-  // lambda = G_LL^-1 W_L^T M^-1 (C u + K q - f) + ...
+  // For the locked set L: lambda = G_LL^-1 W_L^T M^-1 (C u + K q - f) + ...
   const Dynamics& dynamics = flows_->dynamics();
   const Model& model = this->model();
   const ContactMatrix G = of_contacts(dynamics.G(), held_);
@@ -213,7 +213,7 @@ void ModelFlight::acceleration_gradient(int contact, Vector of) const {
   }
 }
 
-// x' of the free flow at motion_.
+// Sets `of` to x' of the free flow at motion_.
 void ModelFlight::find_rates(Vector of) const {
   const Oscillators& o = free().oscillators();
   for (Eigen::Index i = 0; i < f_; ++i) {
@@ -241,7 +241,7 @@ ContactSet ModelFlight::strike(int contact, bool stays, ContactSet held) {
       direction_.setZero();
       Eigen::Index row = 0;
       for_each(staying | own, [&](int i) { direction_ += impact.Lambda[row++] * kicks_.col(i); });
-      // The rest of a completed chatter releases nothing.
+      // The end of a completed chatter releases no contact.
       if (!(stays && restitution(contact) > 0.0)) staying = impact.staying;
     }
   }

@@ -1,6 +1,6 @@
-// Flight and impact of one model with its exact flows (flow.h): x are z and z' of the modes of free
-// flight, for any damping and any set of closed contacts. While contacts are closed the machine
-// moves on the flow of that locked set; an impact while others are closed follows the impact law
+// Flight and impact of one model by its exact flows (flow.h), for any damping and any set of closed
+// contacts. x = (z, z') are the modes of free flight. While contacts are closed, the machine moves
+// on the flow of that locked set. An impact while others are closed follows the impact law
 // (active_impact.h).
 #pragma once
 
@@ -52,9 +52,6 @@ class ModelFlight final : public Flight {
   const Eigen::MatrixXd& from_state() const override { return from_state_; }
   double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const override;
 
-  /// After fly() with contacts closed: the motion on their flow, null after a free flight.
-  const Motion* held_motion() const { return held_ != 0 ? &closed_ : nullptr; }
-
  private:
   const Flow& free() const { return (*flows_)[0]; }
   const Model& model() const { return flows_->dynamics().model(); }
@@ -65,21 +62,20 @@ class ModelFlight final : public Flight {
   void find_rates(Vector of) const;
 
   std::shared_ptr<Flows> flows_;
-  Eigen::Index f_, first_;  // coordinates; number of the first mode of a flow
+  Eigen::Index f_, first_;  // coordinates; index of the first mode of a flow
   double fastest_ = 0.0, slowest_ = 1.0;
   Eigen::MatrixXd to_state_, from_state_;  // 2f x 2f
   Eigen::MatrixXd kicks_;                  // 2f x m: dx by M^-1 w_i
   Eigen::MatrixXd energy_;                 // to_state^T diag(K, M) to_state
-  Motion motion_, closed_;                 // on the free flow; on that of held_
+  Motion motion_, closed_;                 // on the free flow; on the flow of held_
   ContactSet held_ = 0;
   double tau_ = 0.0;  // of the last flight
-  double kernels_tau_ = 0.0;
   bool kernels_known_ = false;
   OscillatorKernels kernels_, turn_;
-  // The impact: x += -change_ gamma direction_.
+  // Impact of strike(): x += -change_ gamma direction_.
   Eigen::VectorXd direction_, by_velocity_, by_time_;
   double change_ = 0.0;
-  ActiveImpact impact_;  // of several contacts
+  ActiveImpact impact_;  // of strike_together()
   std::vector<Closing> closings_;
   Eigen::VectorXd u_before_, difference_;
   Eigen::VectorXd no_gaps_;  // empty

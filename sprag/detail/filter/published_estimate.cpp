@@ -10,20 +10,21 @@
 namespace sprag {
 namespace {
 
-// Events that are taken one after the other.
+// Largest number of unreported events that are mixed one after the other.
 constexpr int most_unreported = 8;
-// The tick may precede the last event by so many deviations of its time.
+// A tick later than the last event by more than so many deviations of its time follows it for
+// certain.
 constexpr double last_reach = 6.0;
-// Deviations of a gap or of a contact force from zero, within which the event may have happened.
+// An unreported event is possible if the gap or the contact force is below so many deviations.
 constexpr double near_zero = 8.0;
-// Least probability of either case: no deviation of a predicted time is known to be Gaussian
-// further out.
+// Least probability of either case: the tails of a predicted time are not Gaussian.
 constexpr double least_probability = 1e-3;
 constexpr int crossing_steps = 4;
-constexpr int looks = 16, halvings = 30;  // for the time of an opening
+constexpr int looks = 16, halvings = 30;  // search for the time of an opening
 
-// Probability of an event that has not been reported. `beyond`: by how many deviations of the gap
-// the mean has passed it; `ago`: since when, in deviations of a report.
+// Probability that an event has happened, given that no report has come. `beyond`: the mean's
+// distance past the event, in deviations of the gap. `ago`: time since then, in deviations of a
+// report.
 double probability(double beyond, double ago) {
   const double happened = normal_cdf(beyond) * normal_cdf(-ago);
   const double all = happened + normal_cdf(-beyond);
@@ -64,7 +65,7 @@ void PublishedEstimate::find(double t, const FilterBelief& belief) {
   if (is_recent) mix_last(t, belief);
 }
 
-// The last event may have been after t.
+// Mixes in the case that the last event is later than t.
 void PublishedEstimate::mix_last(double t, const FilterBelief& belief) {
   const ImpactEstimate& last = belief.impact;
   const double before = std::max(normal_cdf((last.time - t) / last.time_sigma), least_probability);
@@ -85,7 +86,7 @@ void PublishedEstimate::mix_unreported(double t, const FilterBelief& belief) {
     at_->fly(t, present->z, *present);
     mix(event.p);
     if (event.p < 0.5 || i + 1 == most_unreported) return;
-    // From here on the belief is the mixture.
+    // The next event starts from the mixture.
     if (present == &belief) mixed_ = belief;
     present = &mixed_;
     longest = event.ago;
@@ -99,8 +100,8 @@ void PublishedEstimate::mix_unreported(double t, const FilterBelief& belief) {
   }
 }
 
-// The first event that the mean has come to within `longest` before t; or else the one that is the
-// most likely to have happened. The flight is at t, and is so afterwards.
+// Returns the unreported event that the mean reached first within `longest` before t. If it has
+// reached none, returns the most likely one. The flight is at t before and after the call.
 PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
                                                       const FilterBelief& belief) {
   Unreported first;
@@ -127,7 +128,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   return first;
 }
 
-// How long before t the mean was hit, at most `longest`.
+// Time since the gap of the mean reached zero, at most `longest`.
 double PublishedEstimate::since_impact(int contact, double t, double longest,
                                        const FilterBelief& belief) {
   double ago = 0.0;
@@ -141,7 +142,7 @@ double PublishedEstimate::since_impact(int contact, double t, double longest,
   return std::clamp(ago, 0.0, longest);
 }
 
-// How long before t the force of a contact has fallen below zero, on the path of the mean.
+// Time since the contact force on the path of the mean fell below zero, at most `longest`.
 double PublishedEstimate::since_opening(int contact, double t, double longest,
                                         const FilterBelief& belief) {
   const double step = longest / looks;
@@ -161,8 +162,8 @@ double PublishedEstimate::since_opening(int contact, double t, double longest,
   return open;
 }
 
-// The estimate at t with the event, into x_ and X_.
-// Returns the contacts that are held after it.
+// Computes the estimate at t with the event, into x_ and X_.
+// \return the contacts that are held after the event
 ContactSet PublishedEstimate::happen(const Unreported& event, double t,
                                      const FilterBelief& belief) {
   const double then = t - event.ago;
@@ -188,8 +189,9 @@ ContactSet PublishedEstimate::happen(const Unreported& event, double t,
   return held;
 }
 
-// The contact force is zero at an opening, so that its time is of second order: what is off where
-// it has opened earlier by its deviation, or before another event that was reported first.
+// Sets earlier_ to the change of x at t if the contact opens earlier by the deviation of its time.
+// The contact force is zero at an opening, so the change is of second order. The deviation includes
+// an opening before the last report.
 void PublishedEstimate::find_earlier(int contact, double t, double ago,
                                      const FilterBelief& belief) {
   const Eigen::Index n2 = 2 * at_->n();
@@ -212,7 +214,7 @@ void PublishedEstimate::find_earlier(int contact, double t, double ago,
   earlier_ += flight().x();
 }
 
-// The mixture of the estimate without the event, at_, and with it.
+// Mixes the estimate without the event, in at_, and with it, in x_ and X_.
 void PublishedEstimate::mix(double p) {
   const Eigen::Index n2 = 2 * at_->n(), size = at_->size(), known = X_.cols();
   const double with = std::sqrt(p), without = std::sqrt(1.0 - p);

@@ -1,14 +1,15 @@
-// The estimate that is published at a tick, from the belief after the last reported event.
+// The estimate that is published at a tick, from the belief after the last reported event
+// (docs/explanation/filter.md, Unreported events).
 //
-// Reports are late by up to a few sigma. What has happened at t without having been reported is not
-// in the belief, and a report may have come before its event. Both cases of such an event, with it
-// and without it, are mixed:
+// Reports are late by up to a few sigma. An event may have happened at t without a report, and a
+// report may precede its event. The published estimate mixes both cases of such an event, with it
+// and without it:
 //
 //   x = p x_with + (1 - p) x_without,   P = p P_with + (1 - p) P_without + p (1 - p) d d^T,
 //
 // d = x_with - x_without. p follows from the gap (or the contact force) of the mean, its deviation,
-// and how long ago the mean came to the event. The events that the mean comes to are taken in their
-// order; after one that is more likely than not, the mixture goes on to the next.
+// and the time since the mean reached the event. Events that the mean has reached are mixed in
+// their order; the mixture continues beyond an event that is more likely than not.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,19 +20,19 @@ namespace sprag {
 
 class PublishedEstimate {
  public:
-  /// \param at  holds the estimate; must outlive this
-  /// \param example  a belief of the right size
+  /// \param at  receives the estimate; must outlive this
+  /// \param example  a belief of the filter's sizes
   PublishedEstimate(LinearizedFlight& at, const FilterBelief& example);
 
-  /// Puts mean and columns at t into at.x, at.X and at.T. Does not allocate.
+  /// Writes the mean and the columns at t to at.x, at.X and at.T. Does not allocate.
   void find(double t, const FilterBelief& belief);
 
  private:
-  // An event that the mean has come to, or is near, without a report.
+  // An unreported event that the mean has reached or is close to.
   struct Unreported {
-    int contact = -1;  // -1: there is none
+    int contact = -1;  // -1: no event
     bool opens = false;
-    double ago = 0.0;  // since then [s]
+    double ago = 0.0;  // time since the mean reached it [s]
     double p = 0.0;    // probability that it has happened
   };
 
@@ -48,7 +49,7 @@ class PublishedEstimate {
 
   LinearizedFlight* at_;
   FilterBelief mixed_;
-  Eigen::VectorXd x_, earlier_;  // x with the event; change of it by its time
+  Eigen::VectorXd x_, earlier_;  // x with the event; its change if the event is earlier
   Eigen::MatrixXd X_;            // columns with the event
   FilterBelief::Rows all_;
   Eigen::VectorXd reflector_;

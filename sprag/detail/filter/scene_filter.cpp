@@ -17,14 +17,15 @@
 namespace sprag {
 namespace {
 
-// Beliefs in the pool: as many as fit into these bytes, within limits.
+// The pool holds as many beliefs as fit into these bytes, within limits.
 constexpr std::size_t pool_bytes = 16 << 20, most_kept = 4096, fewest_kept = 64;
-// Of a state after a run, relative to the largest.
+// Rounding error of a state after a long run, relative to its largest terms.
 constexpr double run_rounding = 4.0 * measurement_rounding;
-// Least jitter where parameters are uncertain, in periods of the slowest mode over 2 pi: nothing
-// else forgives what is of third order in the parameters.
+// Least jitter with uncertain parameters, in periods of the slowest mode over 2 pi. The filter is
+// of second order in the parameters; with exact times their third order would not be covered.
 constexpr double least_sigma = 1e-6;
-// Looks for an overdue impact, in a period of the fastest mode, and at most in one of the slowest.
+// Checks for an overdue event: so many in a period of the fastest mode, but at most `most_looks` in
+// a period of the slowest.
 constexpr double looks_a_period = 16.0, most_looks = 256.0;
 
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
@@ -49,7 +50,8 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
   return model;
 }
 
-// `where`: the table or key of the scene that lists the unknowns.
+// Throws ModelError if a FamilyFlight cannot take the family. `where`: the table or key of the
+// scene that lists the unknowns.
 const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
   for (const Unknown& unknown : family.unknowns()) {
     if (is_common(unknown)) {
@@ -207,7 +209,7 @@ void SceneFilter::fill_deviations(double t, const FilterBelief& of, Confidence& 
   const Eigen::Index f = flight->n();
   filter.gap_deviations(of, of_gaps_);
   multiply(flight->to_state(), filter.deviations(), columns_);
-  // Roundings of a run are not in the covariance.
+  // The covariance does not include the rounding errors of a run.
   flight->state(filter.estimate(), t, q, u);
   const bool several = flight->contacts() > 1;
   const double length =

@@ -1,5 +1,5 @@
-// The event filter of a scene (event_filter.h), with what its estimator needs beside it: the prior
-// of state and parameters, time scales, and the deviations of all quantities that are published.
+// The event filter of a scene (event_filter.h), together with the data that its estimator needs:
+// the prior of state and parameters, time scales, and the deviations of all published quantities.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,59 +18,66 @@
 namespace sprag {
 
 struct SceneFilter {
-  /// Of a scene whose parameters are exact.
+  /// For a scene with exact parameters.
   SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows);
-  /// \param from_prior  the parameters have the prior of [parameters]; false: they are identified
+  /// For a scene with uncertain parameters.
   ///
-  /// \throws ModelError  where the scene's damping couples the modes, or an unknown is unsupported
+  /// \param from_prior  true: the parameters have the prior of [parameters]; false: identification
+  ///                    gives their first estimate
+  ///
+  /// \throws ModelError  if the scene's damping couples the modes, or an unknown is unsupported
   SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
 
   /// Sets mean and covariance of the parameters to their prior.
   void set_prior(FilterBelief& belief) const;
-  /// Twice the energy of the motion in q and u below.
+  /// Twice the energy of the motion in the members q and u.
   double motion_energy() const;
 
-  /// The flight from a belief to t, as one contact sees it.
+  /// Gap of one contact on the flight of the mean from a belief to t.
   struct LastFlight {
-    double inside = 0.0;                 ///< share of its time with a negative gap
-    double lowest = 0.0, highest = 0.0;  ///< gap [m]
+    double inside = 0.0;                 ///< share of the flight with a negative gap
+    double lowest = 0.0, highest = 0.0;  ///< extreme values of the gap [m]
     bool ends_near = false;              ///< the gap was zero or negative shortly before or after t
   };
   LastFlight last_flight(int contact, double t, const FilterBelief& before);
-  /// When the gap fell through zero before t, where it is negative; -infinity: before the belief
-  /// [s].
+  /// For a gap that is negative at t: the last time at which it fell through zero [s]. -infinity if
+  /// that was before the belief.
   double crossing_before(double t, int contact, const FilterBelief& belief);
 
-  /// The estimate of a belief at t, q and u of f entries each.
+  /// Published estimate of a belief at t, q and u of f entries each.
   void publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u);
-  /// After publish(): all deviations.
+  /// After publish(): fills in all deviations.
   void fill_deviations(double t, const FilterBelief& of, Confidence& confidence);
-  /// Values and deviations of the parameters at t; null: nothing is known of them.
+  /// Values and deviations of the parameters at t. `of` is null if they are not estimated: nominal
+  /// values, infinite deviations.
   void fill_parameters(double t, const FilterBelief* of, ParameterEstimates& parameters) const;
-  /// Mean and square root of the covariance of (q, u) at t, of as many columns as state and
-  /// parameters have entries; the rows of the parameters' coordinates are returned. Allocates.
+  /// Sets `belief` to the mean and the square root of the covariance of (q, u) at t, with as many
+  /// columns as state and parameters have entries. Returns the rows of the parameters' coordinates
+  /// in that square root. Allocates.
   Eigen::MatrixXd belief(double t, const FilterBelief& of, Belief& belief);
 
-  std::unique_ptr<MachineFamily> family;  ///< null: no parameter is uncertain
+  std::unique_ptr<MachineFamily> family;  ///< null if no parameter is uncertain
   std::unique_ptr<Flight> flight;
   EventFilter filter;
   std::shared_ptr<const std::vector<std::string>> keys;  ///< of the parameters
   Eigen::MatrixXd outputs;  ///< rows by (q, u), 2f x the model's outputs
-  double sigma = 0.0;       ///< of event times, with the floor of uncertain parameters [s]
-  double of_start = 0.0;    ///< twice the expected energy of a start's error
+  double sigma = 0.0;       ///< jitter, at least the minimum that uncertain parameters require [s]
+  double of_start = 0.0;    ///< twice the expected energy of the prior's error
   double largest_w = 1.0;   ///< largest entry of the contacts' directions
   Eigen::MatrixXd M, K;
-  double least_look = 0.0, longest_look = infinity;  ///< between looks for an overdue impact [s]
-  double first_flight = 0.0;                         ///< length that is assumed of it [s]
-  bool scale_is_open = false;  ///< no event determines how large the motion is
+  double least_look = 0.0, longest_look = infinity;  ///< shortest and longest interval between two
+                                                     ///< checks for an overdue event [s]
+  double first_flight = 0.0;                         ///< assumed duration of the first flight [s]
+  /// The scale of the motion is unobservable: homogeneous machine with a jitter.
+  bool scale_is_open = false;
   bool may_start_inside = false;
-  Eigen::MatrixXd start;     ///< deviations of a start, 2f x 2f
-  Eigen::MatrixXd inflated;  ///< of a reset
-  /// Root of the prior covariance of the parameters' coordinates, P x P; empty: they are
-  /// identified, or there are none.
+  Eigen::MatrixXd start;     ///< square root of the state's prior covariance, 2f x 2f
+  Eigen::MatrixXd inflated;  ///< that of a reset, after covariance inflation
+  /// Square root of the parameters' prior covariance in their coordinates, P x P. Empty if they are
+  /// identified, or if there are none.
   Eigen::MatrixXd prior;
-  FilterBelief nothing;  ///< of the right size
+  FilterBelief nothing;  ///< zero belief of the filter's sizes
   std::unique_ptr<BeliefPool> pool;
   // Scratch.
   FilterBelief next;

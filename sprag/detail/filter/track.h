@@ -1,8 +1,9 @@
-// Track status of the event filter beside a replica, and the thresholds that decide it.
+// Track status of the event filter, and the thresholds that decide it (docs/explanation/filter.md,
+// Track).
 //
-// tentative -> confirmed  after as many events that fit as determine the state, and some more
-// confirmed, tentative -> lost  by an innovation beyond its gate, or a missing event
-// lost -> tentative  by a reset of the filter's state to the replica's
+// tentative -> confirmed        as many fitting events as determine the state, and `trial` more
+// confirmed, tentative -> lost  an innovation beyond its gate, or a missing event
+// lost -> tentative             a reset of the filter's state to the replica's
 #pragma once
 
 #include <cstdint>
@@ -11,31 +12,35 @@ namespace sprag {
 
 enum class TrackStatus : std::int8_t {
   lost,       ///< the filter has no estimate
-  tentative,  ///< it has one whose sigma is not claimed yet
-  confirmed   ///< its sigma is claimed
+  tentative,  ///< an estimate exists, its sigma is not claimed
+  confirmed   ///< the sigma of the estimate is claimed
 };
 
-/// Gate of one normalized innovation squared: chi^2 of one degree of freedom exceeds it once in
-/// 10^11 events.
+/// Gate of a single normalized innovation squared. chi^2 of one degree of freedom exceeds it once
+/// in 10^11 events.
 inline constexpr double largest_innovation = 45.0;
 
-/// docs/measurements/robustness.md has a table of what each of them buys.
+/// The effect of each threshold is measured in docs/measurements/robustness.md.
 struct TrackThresholds {
   double innovation = largest_innovation;
-  /// Gate of their mean over about `window` events, exceeded once in 10^7.
+  /// Gate of the mean normalized innovation squared over about `window` events, exceeded once in
+  /// 10^7 events.
   double mean_innovation = 4.0;
   double window = 16.0;
-  /// Events that must fit before confirmation, beside the 2f that determine the state. Doubled, up
-  /// to `longest_trial`, by each failure of a confirmed track; reset after 8 times as many events.
+  /// Events that must fit before confirmation, besides the 2f that determine the state. Each
+  /// failure of a confirmed track doubles the number, up to `longest_trial`. It returns to `trial`
+  /// after 8 times as many fitting events.
   std::int64_t trial = 8, longest_trial = 1024;
-  /// Largest expected energy of the error, in that of the replica's motion, for an identification
-  /// that `adaptive` accepts.
+  /// `adaptive` accepts an identification if the expected energy of its error is below this share
+  /// of the energy of the replica's motion.
   double energy_to_accept = 0.25;
-  /// Inflation of the prior standard deviations after a failure before confirmation: the root of
-  /// the innovation's square, at least this.
+  /// Least factor of covariance inflation after a failure before confirmation. The factor is the
+  /// root of the normalized innovation squared, at least this.
   double least_inflation = 4.0;
-  /// Share of the machine's displacements beyond which an innovation cannot be one of timing, and
-  /// share of a flight beyond which a penetration cannot.
+  /// Classification of a gate failure. A missing event: the gap was negative for more than
+  /// `long_inside` of the flight and below -`far` times the machine's displacements. A spurious
+  /// event: the gap exceeds `far` times the displacements, and no zero crossing is near.
+  /// `long_inside` is also the share of the flight after which an overdue impact counts as missing.
   double far = 0.05, long_inside = 0.05;
 };
 

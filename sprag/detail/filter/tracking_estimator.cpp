@@ -11,12 +11,12 @@
 namespace sprag {
 namespace {
 
-// A window that does not fit grows up to here, then it moves on.
+// After refused identifications a window grows up to this number of events, then it moves on.
 constexpr std::int64_t longest_window = 160;
 
 bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
-// The flows of a replica, which outlives the filter beside it; or new ones.
+// Shares the flows of the replica, which outlives the filter; builds new ones if it has none.
 std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   if (of_replica == nullptr) return std::make_shared<Flows>(scene.model);
   return {std::shared_ptr<Flows>(), of_replica};
@@ -44,7 +44,7 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
   }
 }
 
-// As many impacts as the search's first grid takes, and some to judge it by.
+// The events of the search's first grid, and some more to judge the fit.
 std::int64_t TrackingEstimator::first_size() const {
   const auto f = static_cast<std::int64_t>(filter_->flight->n());
   const auto unknowns = static_cast<std::int64_t>(filter_->flight->unknowns());
@@ -54,7 +54,7 @@ std::int64_t TrackingEstimator::first_size() const {
 void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                               TrackingState& state) {
   TrackingState fresh;
-  std::swap(fresh.base, state.base);  // its room
+  std::swap(fresh.base, state.base);  // keeps its memory
   base_.start(start, k, chi, fresh.base);
   state = std::move(fresh);
   state.tick = k;
@@ -116,7 +116,7 @@ void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
   if (identifies()) return 0;
   if (state.belief && state.track.status != TrackStatus::lost) {
-    // Up to where watch() has something to do.
+    // Up to the next event that watch() must handle.
     const double until =
         std::min(state.silence.overdue < 0 ? state.silence.next_look : state.silence.missing_from,
                  EventFilter::end_of_burst(*state.belief));
@@ -138,11 +138,12 @@ void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingStat
   if (filter_) end_tick(state);
 }
 
-// The events of one instant. The replica is behind them; state.chi is that before them.
+// Takes the events of one instant. The replica has already taken them; state.chi is the contact
+// state before them.
 void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState& state) {
   const double t = events.front().t;
   watch(t, state);
-  // A start may be a little later than the first event that it knows.
+  // The first event may be slightly earlier than the start.
   if (state.window.events == 0) state.window.begins = std::min(state.window.begins, t);
   for (const ContactEvent& event : events) {
     if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
@@ -177,7 +178,7 @@ void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState
 void TrackingEstimator::end_tick(TrackingState& state) {
   const double t = tick_instant(state.tick, h()).hi;
   watch(t, state);
-  // Moreau's stepper is at ticks alone.
+  // Moreau's time stepping has a state at ticks only, so the reset waits for the tick.
   if (!base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, {}, state);
   if (identifies() && !state.belief &&
       state.window.events - state.window.first >= state.window.size) {
@@ -195,7 +196,7 @@ bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
   return true;
 }
 
-// The forces of held contacts, since the belief's own time.
+// Follows the forces of held contacts from the time of the belief to t.
 void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
   const Flow* flow = before.held != 0 ? base_.flows()->find(before.held) : nullptr;
   if (flow == nullptr) return;
@@ -217,13 +218,13 @@ void TrackingEstimator::measure_release(const FilterBelief& before, const Contac
   forces_->measured_release(event.contact, row, -force.g, square(force.velocity * before.sigma));
 }
 
-// What the filter says of an event that has led it from one belief to the present one.
+// Describes an event by the beliefs before and after it.
 void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& event,
                                  const TrackingState& state, ImpactRecord& record) {
   if (!before) return;
   const FilterBelief& of = *state.belief;
   const double occurred = of.occurred[event.contact];
-  // Nothing was estimated of an impact that is rejected, or whose direction others hold.
+  // The event was not estimated: it was rejected, or held contacts already constrain its direction.
   if (event.kind != ContactEventKind::opens && occurred == before->occurred[event.contact]) return;
   const ImpactEstimate& impact = of.impact;
   if (impact.time_sigma > 0.0) {
@@ -236,7 +237,7 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
   const Dynamics& dynamics = base_.flows()->dynamics();
   const double G = dynamics.G()(event.contact, event.contact);
   record.impulse.value = (impact.after - impact.before) / G;
-  // Both speeds have one sign of error.
+  // The errors of both speeds have one sign, so the deviations add up.
   record.impulse.sigma = (impact.after_sigma + impact.before_sigma) / G;
   record.from_filter = true;
   if (!forces_) return;
@@ -247,7 +248,7 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
   with_forces_.clear();
 }
 
-// x of the replica at the present tick, with the machine that the filter believes.
+// Sets filter_->x to the replica's state at t, for the machine with the estimated parameters.
 void TrackingEstimator::find_replica(const TrackingState& state, double t) {
   SceneFilter& filter = *filter_;
   base_.output(state.base, filter.q, filter.u);
@@ -257,7 +258,7 @@ void TrackingEstimator::find_replica(const TrackingState& state, double t) {
 
 void TrackingEstimator::lose(TrackingState& state) const {
   if (forces_) forces_->start();
-  // A start inside a contact says as much of the scale as any other.
+  // A start inside a contact defers the start of the filter; the prior's scale remains valid.
   if (state.inside == 0) state.track.scale_is_known = false;
   state.track.status = TrackStatus::lost;
   state.track.doubts = false;
@@ -273,7 +274,7 @@ bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state)
   return static_cast<bool>(state.belief);
 }
 
-// After an event.
+// As set_belief(), after an event: keeps the beliefs before it.
 bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state) const {
   if (!of.is_finite()) return false;
   auto earlier = std::move(state.earlier);
@@ -286,7 +287,7 @@ bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state)
 
 // The last belief whose event is not certainly later than t.
 const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& state) {
-  constexpr double certain = 3.0;  // deviations of an event's time
+  constexpr double certain = 3.0;  // in deviations of an event's time
   const FilterBelief* last = &*state.belief;
   for (const BeliefRef& before : state.earlier) {
     const ImpactEstimate& event = last->impact;
@@ -298,7 +299,7 @@ const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& 
   return *last;
 }
 
-// Twice the energy of the replica's motion at the present tick, its largest so far.
+// Returns twice the energy of the replica's present motion and updates the largest value.
 double TrackingEstimator::note_energy(TrackingState& state) {
   base_.output(state.base, filter_->q, filter_->u);
   const double energy = filter_->motion_energy();
@@ -341,8 +342,8 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   state.track.inflation = 1.0;
 }
 
-// No event tells how large the motion of a homogeneous machine is. A filter alone knows it by its
-// start until it loses the track, and not at all where event times jitter.
+// The scale of a homogeneous machine's motion is unobservable. With exact times `timing` has the
+// prior's scale until it loses the track; with a jitter the scale is unknown from the start.
 bool TrackingEstimator::scale_is_lost(const TrackingState& state) const {
   if (filter_->scale_is_open) return true;
   return kind_ == EstimatorKind::timing && filter_->filter.model().homogeneous &&
@@ -353,7 +354,8 @@ std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
   return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.track.trial;
 }
 
-// Near in place or in time: a spurious event is neither.
+// Classifies a gate failure (TrackThresholds): an event near a zero crossing, in place or in time,
+// is not spurious.
 Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
   const Innovation& innovation = after.innovation;
   const SceneFilter::LastFlight flight =
@@ -366,8 +368,8 @@ Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterB
   return is_near ? Suspicion::model : Suspicion::spurious_event;
 }
 
-// One spurious event, or a missing one, is no reason to give up a track that events have confirmed;
-// the next event must fit.
+// Whether the track tolerates a spurious or a missing event: it is confirmed by events, and the
+// last event fitted.
 bool TrackingEstimator::may_doubt(const TrackingState& state) const {
   return state.track.status == TrackStatus::confirmed && !state.track.doubts &&
          state.track.fitting >= to_confirm(state);
@@ -379,7 +381,7 @@ void TrackingEstimator::doubt(const Inconsistency& inconsistency, TrackingState&
   state.last = inconsistency;
 }
 
-// Takes the impact that was not reported, where the gap fell through zero.
+// Bridges a missing impact: takes it where the gap of the mean fell through zero.
 bool TrackingEstimator::take_missing(TrackingState& state) {
   SceneFilter& filter = *filter_;
   const FilterBelief& present = *state.belief;
@@ -387,7 +389,8 @@ bool TrackingEstimator::take_missing(TrackingState& state) {
   const double crossing = filter_->crossing_before(state.silence.overdue_since, contact, present);
   if (crossing == -infinity) return false;
   filter.next = present;
-  // The gap was certainly negative when the impact was overdue.
+  // At overdue_since the gap was negative beyond doubt. So the interval since the crossing bounds
+  // the error of the impact time.
   filter.next.sigma = state.silence.overdue_since - crossing;
   filter.next.reported[contact] = -infinity;
   const ContactEvent missing{crossing, contact, ContactEventKind::pulse};
@@ -412,7 +415,7 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
   }
   lose(state);
   if (identifies() && believed) {
-    // If the parameters are to blame, it is from here on.
+    // If the machine has changed, it did so at this event.
     begin_window(std::max<std::int64_t>(state.window.events - 1, 0), state);
   } else if (identifies()) {
     state.belief = {};
@@ -433,8 +436,8 @@ void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) c
   state.window.closed = reported(event).chi_before;
 }
 
-// Whether an event that had to come has not been reported by t. When that is found, and what
-// follows, depends on the events alone.
+// Handles overdue and missing events and ends of bursts up to t. The times at which it finds them
+// depend on the events alone.
 void TrackingEstimator::watch(double t, TrackingState& state) {
   SceneFilter& filter = *filter_;
   while (state.belief && state.track.status != TrackStatus::lost) {
@@ -461,8 +464,8 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
   }
 }
 
-// Looks for an overdue impact up to t, at times that do not depend on t. False where the flight
-// cannot be followed so far.
+// Checks for an overdue event up to t, at times that do not depend on t. Returns false if the
+// flight to such a time cannot be computed.
 bool TrackingEstimator::look(double t, TrackingState& state) {
   EventFilter& filter = filter_->filter;
   const FilterBelief& belief = *state.belief;
@@ -475,7 +478,7 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
     state.silence.overdue_since = state.silence.missing_from = now;
     if (contains(belief.held, state.silence.overdue)) continue;
     const double crossing = filter_->crossing_before(now, state.silence.overdue, belief);
-    // The impacts that complete a chatter are not reported.
+    // The master does not report the impacts of a completed chatter.
     const double late =
         thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
     state.silence.missing_from = std::max(now, crossing + late);
@@ -483,7 +486,8 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
   return true;
 }
 
-// A flight is about as long as the one before it.
+// Interval to the next check at t. It assumes that a flight takes about as long as the previous
+// one.
 double TrackingEstimator::until_next_look(double t, const TrackingState& state) const {
   constexpr double growth = 0.125, looks_of_a_flight = 32.0;
   const double first =
@@ -493,7 +497,7 @@ double TrackingEstimator::until_next_look(double t, const TrackingState& state) 
                   filter_->longest_look);
 }
 
-// From then on watch() listens.
+// Restarts the checks for overdue events at t, and clears `overdue`.
 void TrackingEstimator::received_at(double t, TrackingState& state) const {
   if (t > state.silence.last_received) state.silence.last_flight = t - state.silence.last_received;
   state.silence.last_received = t;
@@ -501,7 +505,7 @@ void TrackingEstimator::received_at(double t, TrackingState& state) const {
   state.silence.overdue = -1;
 }
 
-// The state of a lost track becomes the replica's, which is at t, behind these events.
+// Resets the state of a lost track to that of the replica, which is at t, after these events.
 void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
                               TrackingState& state) {
   if (!state.belief) return;
@@ -513,8 +517,8 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   }
   find_replica(state, t);
   filter.next = *state.belief;
-  // Of a track that was lost without a failure: as uncertain as the replica is off what was
-  // believed. At most as its motion is large.
+  // After a loss without a gate failure the inflation follows from the distance, in energy, between
+  // the replica and the lost estimate. It never exceeds the energy of the motion.
   if (filter.of_start > 0.0 && state.track.inflation == 1.0) {
     filter.filter.fly_mean(t, filter.next);
     filter.off = filter.flight->x() - filter.x;
@@ -589,7 +593,7 @@ bool TrackingEstimator::is_believed(const TrackingState& state) {
   return state.track.status == TrackStatus::confirmed && state.silence.overdue < 0;
 }
 
-// Looks are rare; what is claimed of a tick is not overdue at this tick either.
+// Checks are rare. A sigma is claimed only if no event is overdue at this tick.
 bool TrackingEstimator::claims(const TrackingState& state) const {
   const double t = tick_instant(state.tick, h()).hi;
   return is_believed(state) &&

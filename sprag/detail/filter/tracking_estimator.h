@@ -1,24 +1,28 @@
-// The estimator of the observer programs: a replica, and beside it, where `timing`, `both` or
-// `adaptive` asks for it, the event filter (event_filter.h), which estimates the state, its
-// covariance and the uncertain parameters.
+// The estimator of the observer programs: a replica, and for `timing`, `both` and `adaptive` also
+// the event filter (event_filter.h), which estimates the state, its covariance and the uncertain
+// parameters.
 //
 // `timing` and `both` start the filter at the first tick from the prior of the scene: uncertainty
 // of the start and [parameters]. `adaptive` shows the replica until enough events have come, then
-// wants an identification (wanted(), task.h); where its result is accepted, the filter starts from
-// its posterior.
+// requests an identification (wanted(), task.h). If its result is accepted, the filter starts from
+// the posterior of the identification.
 //
-// Supervision (track.h). While the track is confirmed the estimate is the filter's. The filter
-// rejects one spurious event and bridges one missing event of a confirmed track. Nothing is claimed
-// while an impact is overdue; where it stays away for a share of the flight's duration that no
-// model is wrong by, it is missing. Where another event does not fit, the track is lost: the
-// estimate of `both` and `adaptive` is the replica's, and the filter resets its state to the
-// replica's at the next event, or at this one. `timing` shows the filter from then on, with
-// infinite deviations until it is confirmed. Parameters with a prior return to it after a failure
-// before confirmation; others are identified anew from the events since.
+// Supervision (track.h):
 //
-// An identification is wanted in the state of a tick, and of the events up to it; its result counts
-// from the next tick on. So settled ticks must not go on before put() was called; ticks for now do.
-// What is settled then depends on the events alone.
+// * While the track is confirmed, the estimate is the filter's.
+// * The filter rejects one spurious event and bridges one missing event of a confirmed track.
+// * While an event is overdue, no sigma is claimed. An impact that stays away for `long_inside` of
+//   the flight's duration is missing.
+// * After any other gate failure the track is lost. `both` and `adaptive` then show the replica.
+// The
+//   filter resets its state to the replica's, at this event or at the next one.
+// * `timing` shows the filter from then on, with infinite deviations until it is confirmed.
+// * Parameters with a prior return to it after a failure before confirmation. Others are identified
+//   again from the events since.
+//
+// The state of a tick requests an identification, from the events up to this tick. Its result takes
+// effect at the next tick. Settled ticks must therefore wait until put() was called; provisional
+// ticks continue without it. So settled ticks depend on the events alone.
 #pragma once
 
 #include <array>
@@ -37,70 +41,83 @@
 
 namespace sprag {
 
-/// Events since the last one that is known to be of another machine, for an identification.
+/// Window of events for an identification. It excludes events that are known to precede a change of
+/// the machine.
 struct EventWindow {
-  std::int64_t events = 0;           ///< since the start
-  std::int64_t first = 0;            ///< of the window
-  double begins = 0.0;               ///< when all events are known since [s]
-  ContactSet closed = 0;             ///< there
-  std::int64_t size = 0;             ///< of the window when the next identification is wanted
-  bool wanted = false;               ///< one is, of all events up to this tick
-  std::int64_t identifications = 0;  ///< whose results counted
-  double accepted = -1.0;            ///< when the last result or prior was taken [s]
+  std::int64_t events = 0;  ///< number of events since the start
+  std::int64_t first = 0;   ///< number of the window's first event
+  double begins = 0.0;      ///< all events after this time are known [s]
+  ContactSet closed = 0;    ///< contacts closed at that time
+  std::int64_t size = 0;  ///< number of events in the window that the next identification requires
+  bool wanted = false;  ///< an identification of the window is requested; set at the end of a tick
+                        ///< with enough events, cleared when its result is taken
+  std::int64_t identifications = 0;  ///< number of results taken, accepted or not
+  double accepted = -1.0;  ///< time at which the last accepted result, or the prior, took effect;
+                           ///< -1: none in effect [s]
 };
 
-/// Time since the last event, and what should have been reported in it.
+/// Supervision of the time without reports: overdue and missing events.
 struct Silence {
-  double last_received = 0.0;  ///< the last event's report, or what took its place [s]
-  double last_flight = 0.0;    ///< from the event before to it [s]
-  double next_look = 0.0;      ///< for an overdue impact [s]
-  int overdue = -1;            ///< contact whose impact is; -1: none
-  double overdue_since = 0.0;
-  double missing_from = 0.0;  ///< when it counts as missing [s]
+  double last_received = 0.0;  ///< time of the last report, or of a missing event, a burst's end or
+                               ///< a reset after it [s]
+  double last_flight = 0.0;    ///< interval from the previous such time to it [s]
+  double next_look = 0.0;      ///< time of the next check for an overdue event [s]
+  /// Contact whose event is overdue, -1: none; set by a check, cleared by received_at().
+  int overdue = -1;
+  double overdue_since = 0.0;  ///< time of the check that found it [s]
+  double missing_from = 0.0;   ///< the overdue event counts as missing from this time [s]
 };
 
-/// How the filter's estimate is judged (track.h).
+/// Track of the filter's estimate (track.h).
 struct Track {
   TrackStatus status = TrackStatus::lost;
-  bool doubts = false;         ///< the last event was spurious, or one was missing
-  bool scale_is_known = true;  ///< the track has not been lost since the start
-  std::int64_t fitting = 0;    ///< events in a row that fitted, since the last start or reset
-  std::int64_t trial = 0;      ///< events to fit before confirmation, beside 2f
-  double inflation = 1.0;      ///< of the prior standard deviations at the next reset, >= 1
-  double mean_square = 1.0;    ///< of the normalized innovations, over about the last 16
-  double energy = 0.0;         ///< twice that of the replica's motion, its largest at an event
+  bool doubts = false;  ///< a spurious or a missing event was just tolerated; set by doubt(),
+                        ///< cleared by the next event that fits or by the loss of the track
+  /// The prior's scale of the motion is still in the estimate; cleared by the loss of the track,
+  /// except while a contact may have started inside its support.
+  bool scale_is_known = true;
+  std::int64_t fitting = 0;  ///< events in a row that fit, since the last start or reset
+  std::int64_t trial = 0;    ///< events that must fit before confirmation, besides 2f
+  /// Inflation factor of the prior standard deviations at the next reset, >= 1.
+  double inflation = 1.0;
+  /// Exponential mean of the normalized innovations squared (TrackThresholds::window).
+  double mean_square = 1.0;
+  double energy = 0.0;  ///< twice the energy of the replica's motion, its largest value so far
 };
 
-/// Everything that changes; copies do not allocate. Valid while its estimator lives.
+/// The estimator's state. Copies do not allocate. Valid while its estimator lives.
 struct TrackingState {
-  std::int64_t tick = 0;
-  ContactSet chi = 0;
+  std::int64_t tick = 0;  ///< number of the present tick
+  ContactSet chi = 0;     ///< contacts closed by the events so far
   AnyReplica::State base;
   EventWindow window;
-  BeliefRef belief;  ///< none before the first result of an identification
-  /// Those before its last events, the latest first: for ticks that precede several of them.
+  BeliefRef belief;  ///< empty before the first accepted identification
+  /// Beliefs before the last events, latest first, for ticks that may precede several of them.
   std::array<BeliefRef, 3> earlier;
   Silence silence;
   Track track;
-  ContactSet inside = 0;  ///< closed since t = 0, where the machine may have started inside
+  ContactSet inside = 0;  ///< contacts that may have started inside their support: set by a closing
+                          ///< at t = 0 if the scene admits it, cleared by the contact's opening
   std::int64_t inconsistencies = 0;
   Inconsistency last;
-  std::int64_t forgotten = 0;  ///< how often there was no room for its belief
+  /// How often the pool had no room for a belief, which loses the track.
+  std::int64_t forgotten = 0;
 };
 
 class TrackingEstimator {
  public:
   using State = TrackingState;
 
-  /// Tick h > 0 [s]; `stepper` is that of a plain replica. Throws ModelError, also where the
-  /// scene's damping couples the modes and parameters are uncertain; and std::invalid_argument for
-  /// a key in scene.adaptation that is none.
+  /// \param h        interval of the ticks, > 0 [s]
+  /// \param stepper  integration of a plain replica
+  /// \throws ModelError             also if parameters are uncertain and the damping is not modal
+  /// \throws std::invalid_argument  for an unknown key in scene.adaptation
   TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
                     StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state);
   void tick(std::span<const ContactEvent> events, TrackingState& state);
-  /// As Replica's; up to the next look for an overdue impact.
+  /// As Replica::coast(), at most up to the next check for an overdue event.
   std::int64_t coast(std::int64_t n, TrackingState& state);
   bool coasts() const { return !identifies() && base_.coasts(); }
   void apply(std::span<const ContactEvent> events, TrackingState& state);
@@ -111,43 +128,44 @@ class TrackingEstimator {
   void confidence(const TrackingState& state, double initial, Confidence& confidence);
   double h() const { return base_.h(); }
 
-  /// SceneFilter::belief() at the present tick, of a track that is not lost. Allocates.
+  /// SceneFilter::belief() at the present tick. The track must not be lost. Allocates.
   Eigen::MatrixXd belief(const TrackingState& state, Belief& belief);
-  /// As Predictor::predict() from this state; nothing is predicted where the track is not
-  /// confirmed, and by an estimator that identifies. Allocates. Throws Interrupted (interrupt.h).
+  /// As Predictor::predict() from this state. Predicts nothing if the track is not confirmed, and
+  /// nothing for `adaptive`. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const TrackingState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyReplica's. While the estimate is the filter's, times, velocities and impulses are its
-  /// own, and forces where no parameter is uncertain.
+  /// As AnyReplica::record_in(). While the track is confirmed, times, velocities and impulses are
+  /// the filter's; forces too if no parameter is uncertain.
   bool record_in(std::vector<ImpactRecord>& records);
 
-  /// What the filter goes through between two resets.
+  /// Input of the filter between two resets.
   struct FilterRun {
     FilterBelief start;
     std::vector<ContactEvent> events;
-    std::vector<double> sigmas;  ///< of the events' times [s]; an unreported one has a large sigma
-    bool failed = false;         ///< ended by an event that did not fit, before confirmation
+    std::vector<double> sigmas;  ///< of the events' times [s]; large for a bridged missing event
+    bool failed = false;         ///< ended by a gate failure before confirmation
   };
-  /// Appends the runs of the filter from now on to `runs`, of an estimator of which one state alone
-  /// is moved, and never back. Allocates then.
+  /// Appends the filter's runs to `runs` from now on. Requires that the estimator advances one
+  /// state only and never rolls back. Recording allocates.
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
-  /// Null for a plain replica.
+  /// Null if the estimator has no filter.
   SceneFilter* filter() { return filter_.get(); }
-  /// Whether the next tick of this state waits for a result that has not been put.
+  /// Whether the next tick of this state must wait for an identification's result that is not put
+  /// yet.
   bool waits(const TrackingState& state) const;
-  /// What it waits for. `task` keeps its room, so that no call allocates that has some of
-  /// most_events.
+  /// The requested identification. No call allocates if `task` has room for most_events events.
   void wanted(const TrackingState& state, AdaptationTask& task) const;
-  /// From now on ticks after a state that wants it take it; it must stay as it is until another
-  /// one is put. Does not allocate.
+  /// Provides a result to the ticks after the state that requested it. `result` must not change or
+  /// end before another one is put. Does not allocate.
   void put(const AdaptationResult& result) { result_ = &result; }
-  /// What results are made with; null where nothing is identified.
+  /// The family to identify with (run() in task.h); null if nothing is identified.
   const MachineFamily* family() const { return identifies() ? filter_->family.get() : nullptr; }
 
-  /// In a task. A state that identifies may be as many events ahead of one to go on from.
+  /// Largest number of events in a task. Also the largest number by which a state that identifies
+  /// may be ahead of another state to continue from.
   static constexpr std::int64_t most_events = 1024;
 
-  /// As AnyEstimator's; not of one that identifies: its machine may be another than the scene's.
+  /// As AnyEstimator's. False for `adaptive`, whose machine may differ from the scene's.
   bool has_replica() const {
     return !identifies() && kind_ != EstimatorKind::timing && base_.is_exact();
   }
@@ -162,7 +180,7 @@ class TrackingEstimator {
   struct ReportedEvent {
     ContactEvent event{};
     ContactSet chi_before = 0;
-    double before = 0.0;  // when the event before it was
+    double before = 0.0;  // time of the previous event [s]
   };
   bool identifies() const { return identifies_; }
   bool scale_is_lost(const TrackingState& state) const;
@@ -212,19 +230,19 @@ class TrackingEstimator {
   TrackThresholds thresholds_;
   bool identifies_ = false;
   std::unique_ptr<SceneFilter> filter_;
-  // Ring, by number of event, where parameters are identified: those of a task, and as many again
-  // of states that run ahead.
+  // Ring of events by their number, if parameters are identified. It holds the events of a task and
+  // as many again of states that run ahead.
   std::vector<ReportedEvent> received_;
   const AdaptationResult* result_ = nullptr;
   std::vector<ImpactRecord>* records_ = nullptr;
-  std::vector<ImpactRecord> with_forces_;   // of the filter
-  std::unique_ptr<ImpactRecorder> forces_;  // null: no records, or uncertain parameters
+  std::vector<ImpactRecord> with_forces_;   // records of the filter, with contact forces
+  std::unique_ptr<ImpactRecorder> forces_;  // null without records, or with uncertain parameters
   std::vector<FilterRun>* runs_ = nullptr;
-  std::size_t recorded_ = 0;  // of them, before the tick under way
+  std::size_t recorded_ = 0;  // number of records before the tick under way
 };
 
-/// Runs the identification that the state waits for, if any, into `result` and puts it. True if so.
-/// Allocates. Throws Interrupted (interrupt.h).
+/// Runs the identification that the state waits for, into `result`, and puts it. Returns false if
+/// the state waits for none. Allocates. Throws Interrupted (interrupt.h).
 bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
                   AdaptationResult& result);
 

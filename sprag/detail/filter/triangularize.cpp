@@ -3,7 +3,7 @@
 namespace sprag {
 namespace {
 
-constexpr double least_norm = 1e-140;  // its square is a number
+constexpr double least_norm = 1e-140;  // its square does not underflow
 
 }  // namespace
 

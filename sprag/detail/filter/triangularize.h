@@ -7,9 +7,9 @@
 
 namespace sprag {
 
-/// Rows first to end - 1 of A become lower triangular, the first of them in column 0, by
-/// Householder reflections of the columns: A A^T of the rows from `first` on stays. `scratch` has
-/// as many entries as A columns. Does not allocate.
+/// Makes rows first to end - 1 of A lower triangular, row `first` with its diagonal in column 0, by
+/// Householder reflections of the first `columns` columns. A A^T of these rows does not change;
+/// other rows are not touched. `scratch` has at least `columns` entries. Does not allocate.
 void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
                    Eigen::Index columns, Eigen::VectorXd& scratch);
 

@@ -9,21 +9,22 @@
 namespace sprag {
 namespace {
 
-constexpr double shortest = 0.1;  // flight of a bounce, in jitters
+constexpr double shortest = 0.1;  // shortest flight of a bounce, in jitters
 
-// How long after an impact at t the contact is hit again, `expected` being near; or nothing.
+// Duration of the flight from an impact at t to the next impact of the contact, near `expected`;
+// nothing if there is none.
 std::optional<double> flight_of_bounce(const FreeFlight& flight, ContactSet held, int contact,
                                        double t, const Eigen::VectorXd& y, const Eigen::VectorXd& u,
                                        double expected) {
   constexpr int most_steps = 30;
-  constexpr double near = 1e-5;  // the gaps of small bounces have few digits
+  constexpr double near = 1e-5;  // relative; the gaps of small bounces have few digits
   const double gap = flight.gap(contact, y, t);
   const double gamma = flight.gap_velocity(contact, u, t);
   double tau = expected;
   for (int i = 0; i < most_steps && tau > 0.0; ++i) {
     Eigen::VectorXd y_next = y, u_next = u;
     flight.move(held, t, tau, y_next, u_next);
-    // The parabola through both gaps, with the velocity of the first.
+    // Parabola through both gaps with the velocity of the first.
     const double half = (flight.gap(contact, y_next, t + tau) - gap - gamma * tau) / (tau * tau);
     const double root = gamma * gamma - 4.0 * half * gap;
     if (!(half < 0.0) || !(gamma > 0.0) || !(root >= 0.0)) return std::nullopt;
@@ -51,8 +52,8 @@ struct Walk {
   }
 };
 
-// The bounces that lead to an impact, and what it still comes by; from a state of the path that was
-// led through them at their measured times. Empty where the path has none.
+// Returns the bounces before an impact, on the path from `walk`. `passed` receives the remaining
+// passages. Empty if the path has no such bounces.
 std::vector<Impact> bounces_before(Walk walk, const Impact& impact, double least,
                                    std::vector<Passage>& passed) {
   const std::vector<Passage>& all = impact.passed;
@@ -72,7 +73,7 @@ std::vector<Impact> bounces_before(Walk walk, const Impact& impact, double least
     const auto tau =
         flight_of_bounce(walk.flight, walk.held, contact, walk.t, walk.y, walk.u, expected);
     if (!tau) return {};
-    // Those that are shorter are over at once.
+    // The path skips the bounces after one that is too short.
     if (*tau < least) {
       while (i + 1 < all.size() && all[i + 1].contact == contact &&
              !contains(all[i].staying, contact)) {

@@ -1,7 +1,7 @@
-// The last bounces of a chatter come sooner after each other than their times are known. A path
-// that is led through them at the measured times rebounds where no support is, and what is known
-// of the state before them it takes for more, or less, than is known behind them. They are impacts
-// like all others, but for their times, which the path has to tell.
+// Event times of the last bounces of a chatter, which are closer together than the jitter. A path
+// that is led through them at their measured times has impacts where its gaps are not zero. The
+// state before these impacts then constrains the state after them too strongly or too weakly. This
+// file treats them as impacts with unknown times, which the path determines.
 #pragma once
 
 #include "sprag/detail/identification/machine_family.h"
@@ -10,9 +10,9 @@
 
 namespace sprag {
 
-/// Takes the bounces of `stretches` that are passed (Passage) for impacts of unknown time, down to
-/// flights that are far below the jitter, in `stretches` and in `path`, which begins with them.
-/// They are where that path has them, and stay passed where it has none.
+/// Turns the passages (Passage) of `stretches` that are bounces into impacts with unknown times, in
+/// `stretches` and in its solution `path`. Bounces with flights far below the jitter are left out.
+/// The new impacts are where the path has them. Where the path has none, they remain passages.
 void take_bounces(const MachineFamily& family, double jitter, Stretches& stretches,
                   Likelihood& path);
 

@@ -18,7 +18,7 @@ double gain_of(const std::optional<Error>& error) {
 
 }  // namespace
 
-// A scatter of the restitution is the simplest of them: the others must explain more.
+// A scatter of the restitution is preferred unless another kind has a significantly larger gain.
 bool Departure::is_scatter() const {
   const double others = std::max(gain_of(drift), gain_of(trend));
   return scatter && scatter->found() && scatter->gain > others - significant_departure;
@@ -86,7 +86,7 @@ void include(const Departure& error, Identification& fit) {
     const auto i = static_cast<Eigen::Index>(k);
     FittedUnknown& fitted = fit.unknowns[k];
     if (i >= sigmas.size() || !std::isfinite(sigmas[i])) continue;
-    // The fit's value is not the one that is most likely with the error.
+    // The fit's value differs from the most likely one with the error, by `changes`.
     const double sigma =
         std::hypot(sigmas[i], changes[i]) * std::abs(fitted.unknown.slope(fitted.value));
     if (!(sigma > fitted.sigma)) continue;

@@ -13,17 +13,17 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-// Rise of S / sigma^2 at the ends of a 95 % interval, and of a one-sided one.
+// Rise of S / sigma^2 at the ends of a 95 % interval: two-sided, one-sided.
 constexpr double two_sided = 3.84, one_sided = 2.71;
-constexpr double deviations = 1.96;  // of a normal distribution, to the ends of that interval
-// In coordinates: below this deviation the curvature at the optimum is taken for the whole
-// interval.
+constexpr double deviations = 1.96;  // half of that interval, for a normal distribution
+// In coordinates: up to this deviation the curvature at the optimum describes the whole interval.
 constexpr double nearly_linear = 0.01;
-constexpr double largest_share = 0.5;  // of the range that is sought, of a determined unknown
-// Rise of S / sigma^2 by which a set of values is as good as the optimum, and for each value held.
+constexpr double largest_share = 0.5;  // of the range: largest deviation of a determined unknown
+// A set of values is as good as the optimum up to this rise of S / sigma^2, plus a rise for each
+// held value.
 constexpr double as_good = 9.0, as_good_each = 4.0;
 
-// The range that an unknown is sought in, to either side.
+// The range of the search for an unknown, to either side.
 double range_of(const Unknown& unknown) {
   switch (unknown.kind) {
     case Kind::phase:
@@ -42,10 +42,10 @@ class Profile {
           double sigma)
       : family_(family), stretches_(stretches), optimum_(optimum), sigma_(sigma) {}
 
-  /// How far the interval reaches from the optimum of unknown k, up or down.
+  /// Distance from the optimum of unknown k to the end of its interval, up or down.
   double reach(std::size_t k, bool up, double rise);
 
-  /// A better optimum than the given one, found on the way.
+  /// An optimum with a lower S that was found during the profile.
   const std::optional<Likelihood>& better() const { return better_; }
 
  private:
@@ -63,8 +63,8 @@ class Profile {
   std::optional<Likelihood> better_;
 };
 
-// The best fit with unknown k held at a distance from the optimum; the others begin where the
-// covariance expects them.
+// The best fit with unknown k held at a distance from the optimum. The other unknowns start at
+// their conditional means by the optimum's covariance.
 Profile::Point Profile::at(std::size_t k, double distance, const Likelihood& from) {
   check_interrupt();
   const std::vector<Unknown>& unknowns = family_.unknowns();
@@ -86,7 +86,7 @@ Profile::Point Profile::at(std::size_t k, double distance, const Likelihood& fro
   Point point{.distance = distance, .rise = infinity, .fit = {}};
   Likelihood fit = maximize_likelihood(family_, stretches_, std::move(start), std::span(&k, 1));
   if (!fit.values.allFinite() || !std::isfinite(fit.squares)) return point;
-  // A path that has not converged violates its constraints: its squares are no rise.
+  // A path that has not converged violates its constraints, so its S is not comparable.
   if (!fit.converged && !(fit.violation < 0.1 * sigma_)) return point;
   point.rise = (fit.squares - optimum_.squares) / square(sigma_);
   constexpr double significant = 0.5;
@@ -168,7 +168,7 @@ std::vector<Determined> intervals_of(const MachineFamily& family, const Likeliho
   return all;
 }
 
-// Whether unknown k has another value at another optimum.
+// Whether unknown k has a different value at another optimum.
 bool differs(const Unknown& unknown, std::size_t k, const Likelihood& optimum,
              const std::vector<Eigen::VectorXd>& others, double sigma) {
   constexpr double in_deviations = 4.0, least = 1e-6;
@@ -184,7 +184,7 @@ bool differs(const Unknown& unknown, std::size_t k, const Likelihood& optimum,
 
 std::vector<std::size_t> undetermined_at(const MachineFamily& family, const Stretches& stretches,
                                          const Likelihood& at, double sigma) {
-  constexpr double share = 0.1;  // of the range
+  constexpr double share = 0.1;  // share of the range
   const Likelihood linear = linearized_at(family, stretches, at);
   std::vector<std::size_t> undetermined;
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
@@ -251,7 +251,7 @@ Determination determine(const MachineFamily& family, const Stretches& stretches,
     }
     return result;
   }
-  // The others move with the values that are held.
+  // Holding some values moves the others; the move counts as uncertainty.
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const Unknown& unknown = family.unknowns()[k];
     const auto i = static_cast<Eigen::Index>(k);

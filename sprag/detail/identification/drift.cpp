@@ -48,7 +48,7 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
   const LinearizedFilter about_fit(scene, fit, About::fit);
   const LinearizedFilter about_times(scene, fit, About::measured_times);
   if (!std::isfinite(about_fit.unit(1.0))) return std::nullopt;
-  // The path that explains the times best is the nearest to the machine's.
+  // Of the two linearizations, the one with the larger likelihood is nearer to the machine's path.
   const LinearizedFilter* likelihood = &about_fit;
   Best best = most_likely(about_fit);
   if (about_times.meets_the_supports()) {
@@ -71,7 +71,7 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
   estimate.jitter = with.jitter;
   estimate.changes = with.parameters;
   estimate.sigmas = with.sigmas;
-  // Where it has fallen by `less`, to the left and to the right.
+  // Drift at which the likelihood has fallen by `less`, towards `outside`.
   const auto bound = [&](double outside) {
     double inside = best.decade;
     for (int i = 0; i < 10; ++i) {
@@ -80,7 +80,7 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
     }
     return drift(inside, value_at(*likelihood, inside));
   };
-  // What is not known of the jitter is not known of the drift either.
+  // An estimated jitter adds its own uncertainty to the drift's.
   const double of_jitter = likelihood->told() ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit.freedom);
   if (best.none.log < best.top() - less) estimate.low = bound(lowest - 1.0) / of_jitter;
   estimate.high = bound(highest + 1.0) * of_jitter;

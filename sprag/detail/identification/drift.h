@@ -1,7 +1,7 @@
-// How far a machine departs from its model: the `drift` that the timing filter should be told
-// (uncertainty.h), from the times of impacts. Drift, and the jitter where it is not told, maximize
-// the restricted likelihood (Patterson & Thompson 1971) of linearized_filter.h: what the fit of the
-// unknowns takes up of a drift does not count as none.
+// Estimate of the process noise `drift` of the timing filter (uncertainty.h) from impact times. The
+// drift, and the jitter if it is not specified, maximize the restricted likelihood (Patterson &
+// Thompson 1971) of linearized_filter.h. It accounts for the part of a drift that the fitted
+// unknowns absorb.
 #pragma once
 
 #include <optional>
@@ -10,9 +10,9 @@
 
 namespace sprag {
 
-/// Of a fit to events of `scene` that has a minimum, whether it is believed or not. The jitter is
-/// sought as well unless the fit was told one above 0. None where the fit leaves so much that it
-/// may be to other values than the machine's.
+/// Estimates the drift for a fit to events of `scene` that has a minimum, accepted or not. The
+/// jitter is estimated too, unless the fit has a specified one above 0. Empty if the residuals are
+/// so large that the fit may have found other values than the machine's.
 std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identification& fit);
 
 }  // namespace sprag

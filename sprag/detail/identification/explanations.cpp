@@ -8,14 +8,15 @@
 namespace sprag {
 namespace {
 
-// Wald's test: whether the other parameters, by their covariance, are far from nominal.
+// Wald's test: whether the parameters that are not sought are far from nominal, by their
+// covariance.
 bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
                  const std::vector<std::size_t>& sought, double jitter) {
-  constexpr double far = 1e4;  // of chi^2, far beyond what curvature changes
+  constexpr double far = 1e4;  // of chi^2; far beyond the error of the linearization
   std::vector<Eigen::Index> others;
   for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
     const FittedUnknown& fitted = fit.unknowns[k];
-    // Another scale changes amplitudes, constant forces and clearances.
+    // A free scale changes amplitudes, constant forces and clearances together.
     const bool has_scale =
         carries_scale(fitted.unknown) || fitted.unknown.kind == Unknown::Kind::clearance;
     const bool is_sought = std::any_of(sought.begin(), sought.end(), [&](std::size_t j) {
@@ -35,7 +36,7 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
   return covariance.exists() && covariance.solve_L(off).squaredNorm() > far * square(jitter);
 }
 
-// The events as the fit used them. Lost ones have the times of the fit, which are guesses.
+// The events as the fit used them. Lost ones have the times of the fit and are listed in `guessed`.
 std::vector<ContactEvent> used_events(std::span<const ContactEvent> events,
                                       const Identification& fit,
                                       std::vector<std::size_t>& guessed) {
@@ -84,7 +85,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   const bool as_it_is = std::none_of(unknowns.begin(), unknowns.end(),
                                      [](const FittedUnknown& fitted) { return fitted.determined; });
   if (as_it_is && all_fitted.fits()) {
-    // A fit that determines nothing has the values of the scene.
+    // A fit without a determined unknown has the values of the scene.
     Explanation explanation{.keys = {}, .fit = all_fitted};
     explanation.fit.unknowns.clear();
     explanations.simplest.push_back(std::move(explanation));

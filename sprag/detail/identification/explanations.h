@@ -1,4 +1,4 @@
-// Which parameters alone explain the events: none, single ones, or pairs.
+// Smallest sets of parameters whose change explains the events: none, single ones, or pairs.
 #pragma once
 
 #include <span>
@@ -9,20 +9,19 @@
 
 namespace sprag {
 
-/// Which of the unknowns together explain the events, as few as do: none where the scene as it is
-/// fits, single ones, else pairs.
+/// A set of unknowns that explains the events, and its fit.
 struct Explanation {
   std::vector<std::string> keys;  ///< empty: the scene as it is
   Identification fit;
 };
 struct Explanations {
-  /// Those with the fewest unknowns, the best first; empty: no two explain them.
+  /// Sets with the fewest unknowns, the best first. Empty if no two unknowns explain the events.
   std::vector<Explanation> simplest;
 };
 
-/// Judges them by the jitter `jitter` [s]. `all` is the fit of all that may be wrong: its repairs
-/// of the events hold here too. A subset whose other parameters are far from their nominal values,
-/// by that fit's covariance, is not tried.
+/// Finds the smallest explanations, judged by the jitter [s]. `all` is the fit of all parameters
+/// that may be wrong; its repairs of the events apply here too. A subset is skipped if other
+/// parameters are far from their nominal values by that fit's covariance.
 Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
                      const IdentificationSettings& settings, double jitter,
                      const Identification& all);

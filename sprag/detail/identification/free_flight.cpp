@@ -13,7 +13,7 @@ namespace sprag {
 
 FreeFlight::FreeFlight(const Machine& machine, Eigen::VectorXd inputs)
     : machine_(machine), inputs_(std::move(inputs)) {
-  constexpr double samples = 12.0;  // of a period
+  constexpr double samples = 12.0;  // samples in a period
   constants_ = inputs_.segment(2 * machine.groups(), machine.constant_forces.cols());
   const double stiffest = machine.modal ? machine.K.maxCoeff() : machine.K.trace();
   double fastest = std::sqrt(std::max(stiffest, 0.0));
@@ -100,7 +100,7 @@ std::optional<Impact> FreeFlight::next_impact(Eigen::VectorXd y, Eigen::VectorXd
     double at = tau;
     for (int i = 0; i < contacts; ++i) {
       if (gap(i, y_next, t + tau) >= 0.0) continue;
-      // It falls through zero in here: bisection, which needs the sign alone.
+      // The gap falls through zero in this step. Bisection needs its sign only.
       double low = 0.0, high = at;
       for (int halving = 0; halving < 50; ++halving) {
         const double middle = 0.5 * (low + high);
@@ -142,10 +142,10 @@ double FreeFlight::deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, doubl
 
 namespace {
 
-constexpr double sure = 5.0;  // standard deviations
+constexpr double sure = 5.0;  // in standard deviations
 
-// The gaps of all contacts in the middle of each flight, the last part of it where something
-// happens on the way, and gamma- of each impact.
+// The gaps of all contacts in the middle of each flight (of its last part, if it has passages), and
+// gamma- of each impact.
 Eigen::VectorXd gaps_of(const FreeFlight& flight, int contacts, const Stretch& stretch,
                         const Eigen::VectorXd& x0) {
   const Eigen::Index n = x0.size() / 2, N = static_cast<Eigen::Index>(stretch.size());
@@ -167,8 +167,7 @@ Eigen::VectorXd gaps_of(const FreeFlight& flight, int contacts, const Stretch& s
   return gaps;
 }
 
-// A row for each of these gaps: by how much it is unknown, for each standard deviation of the
-// start.
+// Standard deviation of each of these values, from the covariance of the start.
 Eigen::VectorXd deviations_of(const FreeFlight& flight, int contacts, const Stretch& stretch,
                               const Eigen::VectorXd& x0, const Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd gaps = gaps_of(flight, contacts, stretch, x0);

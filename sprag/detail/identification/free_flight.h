@@ -1,4 +1,4 @@
-// A machine that flies from any state, hit by nothing, and what it meets next.
+// Flight of a machine from any state without impacts, and the next impact on it.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,31 +15,31 @@ namespace sprag {
 
 class FreeFlight {
  public:
-  /// `machine` must stay in place.
+  /// `machine` must outlive this and must not move.
   FreeFlight(const Machine& machine, Eigen::VectorXd inputs);
 
   /// Moves the free part of the motion by tau.
   void move(double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const;
-  /// The same from t on, while these contacts are held.
+  /// The same from t on, with these contacts held.
   void move(ContactSet held, double t, double tau, Eigen::VectorXd& y, Eigen::VectorXd& u) const;
   double gap(int contact, const Eigen::VectorXd& y, double t) const;
   double gap_velocity(int contact, const Eigen::VectorXd& u, double t) const;
-  /// The impact of a contact, those of `staying` being held from then on: changes u.
+  /// Applies the impact of a contact to u; the contacts `staying` are held afterwards.
   void hit(int contact, double t, Eigen::VectorXd& u, ContactSet staying = 0) const;
 
-  /// Changes u behind an impact to that before it; its restitution is not zero.
+  /// Inverts hit(): changes u after an impact to u before it. The restitution must not be zero.
   void undo_hit(int contact, double t, Eigen::VectorXd& u) const;
 
-  /// A fraction of the fastest vibration's period.
+  /// Sampling interval, a fraction of the fastest vibration's period.
   double step() const { return step_; }
 
-  /// The first impact after t and up to `until`, (y, u) being the free part of the motion at t; or,
-  /// where `until` is before t, the last one before t.
+  /// The first impact after t and up to `until`, from the free part (y, u) of the motion at t. If
+  /// `until` is before t: the last impact before t.
   std::optional<Impact> next_impact(Eigen::VectorXd y, Eigen::VectorXd u, double t,
                                     double until) const;
 
-  /// The lowest gap between t and `until`, at samples, of all contacts but those that are held
-  /// meanwhile [m]; at most 0.
+  /// The lowest sampled gap between t and `until`, of all contacts that are not held [m]; at most
+  /// 0.
   double deepest(Eigen::VectorXd y, Eigen::VectorXd u, double t, double until,
                  ContactSet held = 0) const;
 
@@ -50,8 +50,8 @@ class FreeFlight {
   mutable std::map<ContactSet, HeldFlight> held_;
 };
 
-/// Moves (y, u) along a path to impact k, before it is hit, through what happens on the way:
-/// visit(from, to, held) before each part of it.
+/// Moves (y, u) along a path to just before impact k, through its passages. Calls visit(from, to,
+/// held) before each part.
 template <typename Visit>
 void fly(const FreeFlight& flight, const Stretch& path, std::size_t k, Eigen::VectorXd& y,
          Eigen::VectorXd& u, Visit visit) {
@@ -63,18 +63,20 @@ void fly(const FreeFlight& flight, const Stretch& path, std::size_t k, Eigen::Ve
   });
 }
 
-/// What is wrong with a stretch of a solution, beyond what its times leave unknown of its path.
+/// Contradictions between a stretch of a solution and its supports, beyond the uncertainty of its
+/// path.
 struct StretchPath {
-  /// How long, at the usual gap velocity, contacts are inside their supports between impacts [s].
+  /// Deepest penetration between impacts, as the time it takes at the stretch's mean gap velocity
+  /// [s].
   double inside = 0.0;
-  double inside_from = 0.0, inside_to = 0.0;  ///< the impacts between which that is [s]
-  bool hit_from_inside = false;  ///< an impact whose gap rises; at inside_to, if `inside` is 0
-  /// What is unknown of gaps between impacts at most, five standard deviations of the start's, at
-  /// the record's usual gap velocity [s].
+  double inside_from = 0.0, inside_to = 0.0;  ///< times of the impacts around it [s]
+  bool hit_from_inside = false;  ///< an impact with an opening gap, at inside_to if `inside` is 0
+  /// Largest uncertainty of a gap between impacts, five standard deviations, as the time it takes
+  /// at the record's mean gap velocity [s].
   double unknown = 0.0;
 };
 
-/// Of each stretch; event times jitter by `jitter` [s].
+/// Checks each stretch. `jitter` is that of the event times [s].
 std::vector<StretchPath> check_paths(const MachineFamily& family, const Likelihood& solution,
                                      double jitter);
 

@@ -44,7 +44,7 @@ bool same(const Machine& a, const Machine& b) {
          a.gap_response.size() == b.gap_response.size() && a.gap_response == b.gap_response;
 }
 
-// Whether something happens on the way to impact k.
+// Whether the flight to impact k has passages or held contacts.
 bool is_eventful(const Stretch& stretch, std::size_t k) {
   const ContactSet held = k > 0 ? stretch.impacts[k - 1].staying : stretch.held;
   return held != 0 || !stretch.impacts[k].passed.empty();
@@ -62,7 +62,7 @@ bool holds_any(const Stretch& stretch) {
                      [](const Impact& impact) { return (impact.held | impact.staying) != 0; });
 }
 
-// The harmonics' e^(i Omega t).
+// e^(i Omega t) of the harmonics.
 Eigen::VectorXcd phases(const Machine& machine, double t) {
   Eigen::VectorXcd of(machine.groups());
   for (Eigen::Index g = 0; g < of.size(); ++g) of[g] = std::polar(1.0, machine.frequencies[g] * t);
@@ -72,7 +72,7 @@ Eigen::VectorXcd phases(const Machine& machine, double t) {
 // d/dt of z e^(i Omega t).
 Complex rate(Complex z, double Omega) { return {-Omega * z.imag(), Omega * z.real()}; }
 
-// Re z (a + i b): to the entries of a and b, which are a group's inputs.
+// Adds Re z (a + i b) as a row on the inputs a and b of a group.
 void add_real_part(Complex z, double* inputs) {
   inputs[0] += z.real();
   inputs[1] -= z.imag();
@@ -280,7 +280,7 @@ void Harmonics::set(const Eigen::VectorXd& frequencies, const Stretches& stretch
 void path_rows(const Machine& machine, const Flights& flights, const Harmonics& harmonics,
                const Stretch& stretch, std::size_t s, PathRows& rows) {
   const Eigen::Index n = machine.n(), G = machine.groups(), J = machine.constant_forces.cols();
-  // A clearance moves nothing: its columns stay zero and are left out until the gap.
+  // Clearances do not affect the motion, so their columns enter at the gap only.
   const Eigen::Index moving = 2 * n + 2 * G + J;
   const Eigen::Index columns = 2 * n + machine.inputs();
   const auto N = static_cast<Eigen::Index>(stretch.size());

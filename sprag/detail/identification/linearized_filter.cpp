@@ -35,7 +35,7 @@ LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit
       interval_(fit.interval) {
   told_ = fit.jitter_given && fit.jitter > resolved * interval_;
   base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
-  // Of contacts that were closed the filter knows nothing.
+  // The filter does not use the equations of contacts that were closed at a start.
   taken_up_ = fit.likelihood.timed - fit.freedom +
               static_cast<int>(equations(stretches_) - count(stretches_));
   const Eigen::VectorXd& values = fit.likelihood.values;
@@ -103,9 +103,9 @@ void LinearizedFilter::add_restitution_trend() {
       flights_.move(s, k, y, u, no_inputs);
       J_[s](i, P) = w.dot(y);
       const double gamma = paths_[s].gamma[i];
-      const double more = std::abs(gamma) - speed_;  // of restitution, per trend
+      const double more = std::abs(gamma) - speed_;  // change of the restitution by a trend of 1
       u -= jump_of(machine_, contact, impact.staying) * w.dot(u);
-      // What closes to stay does not spring back.
+      // A contact that stays closed has no restitution.
       if (impact.staying == 0) u -= w * (more * gamma / w.squaredNorm());
     }
   }
@@ -130,20 +130,21 @@ void LinearizedFilter::set_drift(const Scene& fitted) {
 }
 
 bool LinearizedFilter::meets_the_supports() const {
-  constexpr double parted = 0.1;  // of the usual interval: a path that the times no longer lead
+  // Of the usual interval; beyond it the path has parted from the times.
+  constexpr double parted = 0.1;
   double squares = 0.0;
   for (const Path& path : paths_) squares += path.g.squaredNorm();
   const double off = std::sqrt(squares / static_cast<double>(count(stretches_))) / speed_;
   return off < parted * interval_;
 }
 
-// Mean and square root of the covariance of y, u and the parameters, and what was heard so far.
+// Mean and square root of the covariance of (y, u, parameters), and the likelihood so far.
 struct LinearizedFilter::Estimate {
   Eigen::Index n = 0, P = 0, columns = 0;
   Eigen::VectorXd x;
   Eigen::MatrixXd S;  // the first `columns` columns
   double logs = 0.0, squares = 0.0;
-  std::vector<double> innovations;  // in their deviations
+  std::vector<double> innovations;  // in units of their deviations
 
   Eigen::Index states() const { return 2 * n + P; }
   void merge();
@@ -157,7 +158,7 @@ void LinearizedFilter::Estimate::merge() {
   columns = R.rows();
 }
 
-// The parameters stay as they are known, the path is any.
+// Keeps the marginal distribution of the parameters and gives the state a diffuse prior.
 void LinearizedFilter::Estimate::begin_stretch(double of_y, double of_u) {
   x.head(2 * n).setZero();
   Eigen::MatrixXd of_parameters(P, P);
@@ -172,7 +173,8 @@ void LinearizedFilter::Estimate::begin_stretch(double of_y, double of_u) {
   columns = states();
 }
 
-// To impact k of stretch s, with a drift that makes this of a unit of time.
+// Predicts to impact k of stretch s. `per_root`: factor of the process noise per root of a unit of
+// time.
 void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estimate& of) const {
   const Eigen::Index n = of.n, D = drift_y_.cols();
   const Stretch& stretch = stretches_[s];
@@ -180,21 +182,22 @@ void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estima
   flights_.move(s, k, y, u, Eigen::VectorXd::Zero(machine_.inputs()));
   of.x.head(n) = y;
   of.x.segment(n, n) = u;
-  // Beyond the last column no constant force is taken.
+  // `inputs` = columns: deviations take no inputs.
   RowMatrix Y = of.S.topLeftCorner(n, of.columns), U = of.S.block(n, 0, n, of.columns);
   flights_.move(s, k, Y, U, of.columns, of.columns);
   of.S.topLeftCorner(n, of.columns) = Y;
   of.S.block(n, 0, n, of.columns) = U;
   if (!(per_root > 0.0)) return;
   const double from = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
-  // A path may begin at the measured time of its first impact, and meet it before.
+  // A path that begins at the measured time of its first impact may have that impact before its
+  // start.
   const double root = per_root * std::sqrt(std::max(stretch.impacts[k].t - from, 0.0));
   of.S.block(0, of.columns, n, D) = root * drift_y_;
   of.S.block(n, of.columns + D, n, D) = root * drift_u_;
   of.columns += 2 * D;
 }
 
-// Impact k of stretch s: what its time says, and what the impact does.
+// Measurement by the time of impact k of stretch s, and the impact itself.
 void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_scatter,
                             Estimate& of) const {
   constexpr double rounding = 1e-13;   // of gaps, in usual flights
@@ -206,7 +209,8 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
   const auto w = machine_.W.col(impact.contact);
   const Eigen::VectorXd jump = jump_of(machine_, impact.contact, impact.staying);
   const double gamma = path.gamma[i];
-  // The gaps of a chatter's small impacts are smaller than what a drift in positions makes of them.
+  // At slow impacts of a chatter a drift of positions exceeds the gap; their times are not
+  // measured.
   const bool slow = !(std::abs(speeds_[s][i]) > least_speed * speed_);
   const auto strike = [&](auto u_of_x, auto u_of_S) {
     const double gamma_of_x = w.dot(u_of_x);
@@ -222,7 +226,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
   const bool measured = impact.timed && !slow;
   const double sigma = impact.timed ? base_ : interval_;
   const double later = impact.timed ? measured_[s].impacts[k].t - impact.t : 0.0;
-  // Last comes the column of e, and as a row of its own e itself.
+  // The last column, and an extra row, are those of the delay e.
   Eigen::VectorXd x(states + 1);
   x << of.x, later;
   Eigen::MatrixXd S = Eigen::MatrixXd::Zero(states + 1, columns + 1);
@@ -244,7 +248,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
       of.innovations.push_back(expected / std::sqrt(variance));
     }
   }
-  // What an error of this time does, besides what it does to the gap.
+  // Effect of the delay on the state after the impact.
   Eigen::VectorXd after = Eigen::VectorXd::Zero(states), on_y, on_u;
   effect_of_time(machine_, stretches_[s], k, path, on_y, on_u);
   after.head(n) = on_y;
@@ -253,7 +257,7 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
   of.x = x.head(states) + after * x[states];
   of.columns = columns + 1;
   of.S.leftCols(of.columns) = S.topRows(states) + after * S.row(states);
-  // Another restitution of this impact alone. Of a chatter's small impacts it is no matter.
+  // Independent error of this impact's restitution. It is negligible for slow impacts of a chatter.
   if (restitution_scatter > 0.0 && measured && impact.staying == 0) {
     of.S.col(of.columns).setZero();
     of.S.col(of.columns).segment(n, n) = w * (restitution_scatter * gamma / w.squaredNorm());
@@ -263,7 +267,8 @@ void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_sca
 }
 
 LinearizedFilter::Value LinearizedFilter::at(double ratio, double restitution_scatter) const {
-  constexpr double unknown = 3.0;  // a start, in usual motions, and a parameter
+  // Deviation of the diffuse prior: of a start in usual motions, of a parameter in its coordinate.
+  constexpr double unknown = 3.0;
   check_interrupt();
   Estimate of;
   of.n = family_.n();
@@ -284,7 +289,7 @@ LinearizedFilter::Value LinearizedFilter::at(double ratio, double restitution_sc
   Value value{-0.5 * (of.logs + of.squares),          of.squares,    base_, of.x.tail(of.P),
               of.S.bottomRows(of.P).rowwise().norm(), of.innovations};
   if (told_) return value;
-  // All but the start is in proportion to the jitter.
+  // All variances but those of the diffuse prior are proportional to the jitter squared.
   const double freedom = std::max(1, static_cast<int>(of.innovations.size()) - taken_up_);
   const double factor = of.squares / freedom;
   value.jitter = base_ * std::sqrt(factor);

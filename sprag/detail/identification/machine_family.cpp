@@ -129,7 +129,7 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
       case Kind::stiffness: {
         const double factor = value / unknown.nominal;
         machine.K *= factor;
-        // A damping ratio stays one.
+        // A specified damping ratio does not change with the stiffness.
         if (scene_.beam && scene_.beam->damping_ratio.size() > 0) machine.C *= std::sqrt(factor);
         break;
       }
@@ -207,7 +207,8 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   }
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
-    // The acceleration of a frame grows with the frequency, its amplitude does not.
+    // The amplitude of a frame's motion is fixed, so its acceleration grows with the frequency
+    // squared.
     const bool of_frame = groups_[static_cast<std::size_t>(g)].of_frame;
     machine.response.col(g) =
         forces_[static_cast<std::size_t>(g)] * (of_frame ? ratio * ratio : 1.0);
@@ -245,7 +246,7 @@ Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
 
 void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const {
   const auto G = static_cast<Eigen::Index>(groups_.size());
-  // First amplitude and phase of each group.
+  // Amplitude and phase of each group; converted to a and b at the end.
   for (Eigen::Index g = 0; g < G; ++g) {
     inputs[2 * g] = groups_[static_cast<std::size_t>(g)].amplitude;
     inputs[2 * g + 1] = groups_[static_cast<std::size_t>(g)].phase;
@@ -335,7 +336,7 @@ void MachineFamily::change_harmonics(Scene& scene, int index, const Change& chan
   }
 }
 
-// The frequency, phase or amplitude of one group of harmonics, or of all.
+// Sets the frequency, phase or amplitude of one group of harmonics, or of all.
 void MachineFamily::set_harmonics(const Unknown& unknown, double value, Scene& scene) const {
   const bool all = unknown.index < 0;
   const auto set = [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {

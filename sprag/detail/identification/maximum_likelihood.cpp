@@ -16,16 +16,16 @@ using Kind = Unknown::Kind;
 
 constexpr double untimed_weight = 1e-3;  // square root of 1e-6
 constexpr double undetermined_below = 1e-12;
-// Standard deviations of the weak prior: of an unknown in ranges of its search, of a start in the
-// largest motion on the path.
+// Standard deviations of the weak prior: of an unknown in ranges of its search, of a start in units
+// of the largest motion on the path.
 constexpr double prior_ranges = 3.0, prior_motions = 30.0;
-// Resolution of times, of the usual interval: the prior is never weaker than it.
+// Relative resolution of times, of the usual interval. The prior is never weaker than that.
 constexpr double resolution = 1e-11;
-constexpr double largest_radius = 1.0;  // of the unknowns' coordinates in one step
+constexpr double largest_radius = 1.0;  // trust region: largest step of an unknown's coordinate
 
-// The weighted constraints of one stretch, linearized: A (x0, tau) + J p + violation = 0. A contact
-// that was closed at its start adds two constraints to those of the N impacts; a stretch whose
-// scale is free adds one. R of them in all.
+// The weighted constraints of one stretch, linearized: A (x0, tau) + J p + violation = 0. There are
+// N for the impacts and R others: two for each contact that was closed at the start, one if the
+// scale is free.
 struct Constraints {
   Eigen::MatrixXd A;          // (N + R) x (2n + N)
   Eigen::MatrixXd J;          // (N + R) x P
@@ -34,15 +34,15 @@ struct Constraints {
 
 // The constraints of one stretch, solved for its own variables x0 and tau.
 struct Block {
-  Eigen::VectorXd scale;      // of x0's columns
+  Eigen::VectorXd scale;      // scale of x0's columns
   Eigen::MatrixXd Q2;         // null space, (2n + N) x (2n - R)
-  Eigen::VectorXd step;       // least (x0, tau) that satisfies them
-  Eigen::MatrixXd step_rate;  // for each unknown, (2n + N) x P
+  Eigen::VectorXd step;       // minimum-norm (x0, tau) that satisfies them
+  Eigen::MatrixXd step_rate;  // its derivative by the unknowns, (2n + N) x P
   // Residuals: N weighted times, then 2n of the prior of x0.
   Eigen::MatrixXd B2;  // their change along Q2, (N + 2n) x (2n - R)
   PivotedQR qr;        // of B2
-  Eigen::VectorXd e0;  // without a change of the unknowns
-  Eigen::MatrixXd eJ;  // their change with the unknowns
+  Eigen::VectorXd e0;  // residuals for unchanged unknowns
+  Eigen::MatrixXd eJ;  // derivative of the residuals by the unknowns
 };
 
 // Standard deviation of the prior of an unknown, in its coordinate.
@@ -99,26 +99,27 @@ class Maximization {
   std::vector<Path> paths_;
   std::vector<std::vector<Eigen::VectorXd>> nonlinear_columns_;  // of each unknown, by stretch
   std::vector<Block> blocks_;
-  // Residuals by unknown, beyond those that each stretch removes itself; the last rows are the
-  // prior of the unknowns.
+  // Residuals by unknown that remain after each stretch has eliminated its own variables. The last
+  // rows are the prior of the unknowns.
   Eigen::MatrixXd M_;
   Eigen::VectorXd r_;
   Eigen::VectorXd dp_;
-  std::vector<std::size_t> held_;   // unknowns that stay as they are
+  std::vector<std::size_t> held_;   // unknowns that keep their values
   std::vector<Eigen::Index> free_;  // unknowns that are neither held nor at a bound
   std::vector<bool> at_bound_;      // unknowns that end at a bound of their range
   std::vector<double> constraint_;  // g / |gamma-| of the impacts [s]
-  double most_speed_ = 0.0;         // of the impacts
+  double most_speed_ = 0.0;         // largest |gamma-| of the impacts
   double interval_ = 0.0;           // mean time between impacts
   double noise_ = 0.0;              // standard deviation of times that the prior is weighed with
-  std::optional<double> expected_squares_;  // of times, by the last step [s^2]
-  double radius_ = largest_radius;          // of the unknowns' coordinates in one step
-  double longest_ = 0.0;                    // change of a coordinate in the last step
-  double decrement_ = 0.0;  // what the last step, in full, takes off the objective [s^2]
+  std::optional<double> expected_squares_;  // sum of (tau - t)^2 that the last step predicts [s^2]
+  // Radius of the trust region, in the unknowns' coordinates.
+  double radius_ = largest_radius;
+  double longest_ = 0.0;    // largest change of a coordinate in the last step
+  double decrement_ = 0.0;  // reduction of the objective by the last step in full, predicted [s^2]
 };
 
-// A start is no larger than the motion on the path: without this an unobservable direction takes
-// any value.
+// Prior of a start: about as large as the motion on the path. It keeps unobservable directions
+// finite.
 Eigen::VectorXd Maximization::prior_of_x0(std::size_t s) const {
   const Eigen::Index n = family_.n();
   const Stretch& stretch = at_.path[s];
@@ -147,8 +148,8 @@ Eigen::VectorXd Maximization::prior_of_x0(std::size_t s) const {
   return prior;
 }
 
-// The scatter of times about the path: as the last step expects it, or, before the first, from the
-// constraints that the path violates.
+// The scatter of times about the path: as the last step predicts it. Before the first step it
+// follows from the violation of the constraints.
 void Maximization::set_noise() {
   double squares = 0.0, first = std::numeric_limits<double>::infinity(), last = 0.0;
   int timed = 0;
@@ -170,8 +171,8 @@ void Maximization::set_noise() {
   noise_ = std::max(std::sqrt(squares / freedom), resolution * interval_);
 }
 
-// Steps along a curved valley are as long as makes the violation of the constraints, which grows
-// with their square, as large as the scatter of the times, or a small part of a flight.
+// Trust region for curved valleys. The violation of the constraints grows with the square of the
+// step. The radius keeps it near the scatter of the times, or near a small part of a flight.
 void Maximization::adapt_radius() {
   constexpr double least = 1e-4, of_flight = 1e-6;
   double squares = 0.0;
@@ -196,7 +197,7 @@ void Maximization::jacobian(std::size_t s, const PathRows& rows, Eigen::MatrixXd
   }
 }
 
-// What is to be zero: gaps at the impacts, then gaps and gap velocities at the start.
+// The constraints' values: gaps at the impacts, then gaps and gap velocities at the start.
 Eigen::VectorXd Maximization::gaps(const Machine& machine, const Eigen::VectorXd& inputs,
                                    std::size_t s, const Path& path) const {
   const Stretch& stretch = at_.path[s];
@@ -230,7 +231,7 @@ void Maximization::linearize() {
   stack();
 }
 
-// The column of an unknown that the path depends on nonlinearly, by central differences.
+// Sets the column of a nonlinear unknown by central differences.
 void Maximization::difference_nonlinear(Eigen::Index k) {
   constexpr double difference = 4e-6;
   std::vector<Eigen::VectorXd>& columns = nonlinear_columns_[static_cast<std::size_t>(k)];
@@ -258,7 +259,8 @@ void Maximization::difference_nonlinear(Eigen::Index k) {
   }
 }
 
-// The paths of all stretches from x0, and by how much time they violate the constraints.
+// Computes the paths of all stretches from x0, and the violation of the constraints in units of
+// time.
 void Maximization::follow_paths() {
   const Eigen::VectorXd inputs = family_.inputs(at_.values);
   paths_.resize(measured_.size());
@@ -309,7 +311,7 @@ Constraints Maximization::constraints_of(std::size_t s) {
   of.A.topLeftCorner(N + closed, n2) = weight.head(N + closed).asDiagonal() * rows.A.leftCols(n2);
   of.A.topRightCorner(N, N) = weight.head(N).asDiagonal() * G;
   if (scale_is_free) {
-    // The motion keeps its size, which nothing else determines.
+    // The scale is unobservable: this constraint keeps the size of the motion.
     of.A.bottomLeftCorner(1, n2) = (interval / speed) * rows.Gamma.leftCols(n2).colwise().mean();
     of.violation.conservativeResize(N + R);
     of.violation[N + R - 1] = 0.0;
@@ -321,8 +323,8 @@ Constraints Maximization::constraints_of(std::size_t s) {
   return of;
 }
 
-// The least (x0, tau) that satisfies the constraints, its change with the unknowns, and the null
-// space, by an orthogonal factorization of A^T.
+// The minimum-norm (x0, tau) that satisfies the constraints, its derivative by the unknowns, and
+// the null space, by an orthogonal factorization of A^T.
 void Maximization::eliminate(const Constraints& of, Block& block) const {
   const Eigen::Index n2 = 2 * family_.n();
   const Eigen::Index rows = of.A.rows(), columns = of.A.cols();
@@ -343,8 +345,8 @@ void Maximization::eliminate(const Constraints& of, Block& block) const {
   block.Q2 = qr.Q_times(block.Q2);
 }
 
-// What is left for the null space and the unknowns to minimize: distances from the measured times,
-// and the prior of x0.
+// The residuals to minimize over the null space and the unknowns: distances from the measured
+// times, and the prior of x0.
 void Maximization::set_residuals(std::size_t s, Block& block) const {
   const Eigen::Index n2 = 2 * family_.n();
   const auto N = static_cast<Eigen::Index>(at_.path[s].size());
@@ -396,8 +398,8 @@ void Maximization::stack() {
   }
 }
 
-// The change of the unknowns' coordinates that minimizes the residuals within their ranges: those
-// that would leave it stay at its end, as active constraints.
+// The change of the unknowns' coordinates that minimizes the residuals. Ranges are active
+// constraints: an unknown that would leave its range stays at its end.
 Eigen::VectorXd Maximization::change_of_unknowns() {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(unknowns());
   std::vector<bool> fixed(static_cast<std::size_t>(unknowns()), false);
@@ -436,7 +438,8 @@ Eigen::VectorXd Maximization::change_of_unknowns() {
   return change;
 }
 
-// Moves to the next iterate; how far the times and unknowns moved, in units of what they may.
+// Moves to the next iterate. Returns the largest move of an event time [s], infinity if the step
+// was shortened.
 double Maximization::step() {
   const Eigen::Index n2 = 2 * family_.n();
   dp_ = change_of_unknowns();
@@ -458,8 +461,8 @@ double Maximization::step() {
       expected +=
           square(at_.path[s].impacts[k].t + moves[s][n2 + static_cast<Eigen::Index>(k)] - impact.t);
     }
-    // Impacts keep their order. One of unknown time goes along with the one before it: where the
-    // gap is zero its time is told by the path alone.
+    // Impacts keep their order. An impact of unknown time moves along with the previous one,
+    // because the path alone determines its time.
     const auto& impacts = at_.path[s].impacts;
     for (std::size_t k = 1; k < impacts.size(); ++k) {
       const auto i = n2 + static_cast<Eigen::Index>(k);
@@ -501,7 +504,7 @@ void Maximization::finish() {
       ++at_.timed;
     }
   }
-  // A value at a bound, or held, is taken as known.
+  // A value that is held or at a bound counts as known.
   const Eigen::Index P = unknowns();
   at_.covariance = Eigen::MatrixXd::Zero(P, P);
   std::vector<Eigen::Index> free;
@@ -540,7 +543,7 @@ void Maximization::finish() {
     const Eigen::VectorXd of_prior = at_.x0[s].cwiseQuotient(prior_of_x0(s));
     at_.largest_start = std::max(at_.largest_start, prior_motions * of_prior.cwiseAbs().maxCoeff());
   }
-  // Leverages add up to the number of parameters that the times determine.
+  // The sum of leverages is the number of parameters that the times determine.
   double taken_up = 0.0;
   for (std::size_t s = 0; s < measured_.size(); ++s) {
     for (std::size_t k = 0; k < measured_[s].size(); ++k) {
@@ -550,7 +553,7 @@ void Maximization::finish() {
   at_.freedom = at_.timed - static_cast<int>(std::lround(taken_up));
 }
 
-// The diagonal of the projection onto what x0 and the unknowns do to the times.
+// Leverages: the diagonal of the projection onto the range of x0 and the unknowns in the times.
 void Maximization::set_leverages() {
   Eigen::MatrixXd of_unknowns(M_.rows(), 0);
   if (!free_.empty()) {
@@ -585,7 +588,7 @@ Likelihood Maximization::run() {
   int stalled = 0;
   for (int i = 0; i < most_steps; ++i) {
     linearize();
-    // Far from an optimum, with steps that lead nowhere.
+    // Gives up: far from an optimum, and the steps make no progress.
     constexpr double far = 100.0, progress = 0.8;
     constexpr int most_stalled = 6;
     stalled = noise_ < progress * least_noise ? 0 : stalled + 1;
@@ -600,8 +603,8 @@ Likelihood Maximization::run() {
         rms = std::max(rms, std::abs(at_.path[s].impacts[k].t - measured_[s].impacts[k].t));
       }
     }
-    // As near as rounding allows, or as the jitter makes it worth.
-    // As near in the likelihood as matters, although some directions may be any.
+    // Converged: the steps are below rounding or a small share of the jitter, or the likelihood no
+    // longer changes, although undetermined directions may still move.
     constexpr double negligible = 1e-4;
     double violation = 0.0;
     for (const double time : constraint_) violation = std::max(violation, std::abs(time));
@@ -612,7 +615,7 @@ Likelihood Maximization::run() {
       at_.converged = true;
       break;
     }
-    // Steps that shrink slowly, each by the same factor: what is still to come is of no account.
+    // Linear convergence: the sum of the remaining steps, as a geometric series, is negligible.
     const double to_come = moved < last ? moved * moved / (last - moved) : moved;
     if (i + 1 == most_steps && to_come < 1e-2 * rms) at_.converged = true;
     last = moved;
@@ -642,7 +645,7 @@ Likelihood along_measured_times(const MachineFamily& family, const Stretches& st
   at.values = fit.values;
   at.x0 = fit.x0;
   at.path = stretches;
-  // The scale at which an amplitude that is held is what it is.
+  // The scale at which an amplitude that is not sought has its value.
   double scale = 1.0;
   const std::vector<Unknown>& unknowns = family.unknowns();
   const auto is_sought = [&](Kind kind, int index) {
@@ -677,7 +680,8 @@ Likelihood along_measured_times(const MachineFamily& family, const Stretches& st
         break;
       case Kind::phase:
       case Kind::amplitude: {
-        // Of one group of harmonics, or of all, along what they are and a quarter turned.
+        // Components of one group of harmonics, or of all, along the nominal ones and a quarter
+        // turned.
         double along = 0.0, across = 0.0, square_of_nominal = 0.0;
         for (int g = 0; g < static_cast<int>(family.groups().size()); ++g) {
           if (unknown.index >= 0 && unknown.index != g) continue;

@@ -11,18 +11,19 @@
 namespace sprag {
 namespace {
 
-constexpr double gate = 7.0;             // of what predictions are usually off
-constexpr double wide_gate = 10.0;       // in gates: where a slow impact makes them worse
-constexpr double outlier = 4.5;          // of what the jitter does to one impact
-constexpr double without_jitter = 1e-9;  // of the usual interval: no jitter
-constexpr double most_mended = 0.35;     // of the events; a path that needs more is none
-// One of so many events at most is left out as an outlier, or for coming before the path.
+constexpr double gate = 7.0;             // in units of the usual error of a prediction
+constexpr double wide_gate = 10.0;       // in gates; for slow impacts, whose predictions are worse
+constexpr double outlier = 4.5;          // in standard deviations of one impact's residual
+constexpr double without_jitter = 1e-9;  // of the usual interval: least jitter, for exact times
+// Of the events; a path that needs more repairs is rejected.
+constexpr double most_mended = 0.35;
+// At most one of so many events is removed as an outlier, or lies before the path.
 constexpr std::size_t most_left_out = 8;
-// Of the intervals beside it: in so long an interval an impact was probably lost.
+// An interval that is longer than its neighbours by this factor probably hides a lost impact.
 constexpr double long_interval = 1.5;
 
 struct Followed {
-  Stretch measured;  // with guesses where an event is missing
+  Stretch measured;  // with guessed times of lost impacts
   Likelihood solution;
   std::vector<std::size_t> spurious;
   int missing = 0;
@@ -36,25 +37,25 @@ bool fits(const Likelihood& solution, double jitter, double most) {
   return solution.squares <= most * square(jitter) * std::max(solution.freedom, 1);
 }
 
-// An impact of so little restitution does not tell what was before.
+// An impact with little restitution cannot be inverted accurately.
 bool forgets_impacts(const Machine& machine) {
   constexpr double little = 0.05;
   return (machine.W.cwiseProduct(machine.jump).colwise().sum().array() < 1.0 + little).any();
 }
 
-// Goes on from a solution for some impacts in a row, forward to the last event or backward to the
+// Continues a solution for some consecutive impacts, forward to the last event or backward to the
 // first.
 class Follower {
  public:
-  /// No fewer than `least` impacts are fitted alone.
+  /// A fit needs at least `least` impacts.
   Follower(const MachineFamily& family, double jitter, std::size_t least)
       : family_(&family), jitter_(jitter), least_(least) {}
 
-  /// From event number `next` on, the one behind those of the solution.
+  /// Forward from event number `next`, the first after those of the solution.
   bool forward(const std::vector<Impact>& all, std::size_t next, Followed& followed);
 
-  /// `left` events are before those of the solution, and no others since `start`. Where it returns
-  /// false, `followed` is how far it came, with `left` events before it.
+  /// Backward over the `left` events before those of the solution; there are none before `start`.
+  /// If it returns false, `followed` is how far it came, with `left` events before it.
   bool backward(const std::vector<Impact>& all, std::size_t& left, double start,
                 Followed& followed);
 
@@ -64,14 +65,15 @@ class Follower {
 
   struct Expected {
     std::optional<Impact> impact;
-    bool is_it = false;  // the event
+    bool is_it = false;  // the expected impact is the event
   };
 
   void stand(const Followed& followed, bool at_end);
   bool refit(Followed& followed, bool at_end, double most_growth = infinity);
   void move_to(const FreeFlight& flight, double t);
   bool too_many(const std::vector<Impact>& all, const Followed& followed) const;
-  // How far from its time an impact is expected; at most a quarter of the flight `to` an event.
+  // Half-width of the window for an expected impact; at most a quarter of the flight to the event
+  // at `to`.
   double width(double to) const {
     constexpr double of_flight = 0.25;
     return std::min(gate * std::max(off_, 2.0 * jitter_), of_flight * std::abs(to - t_));
@@ -82,7 +84,7 @@ class Follower {
   bool can_fit(const Followed& followed) const {
     return followed.measured.size() >= least_ + static_cast<std::size_t>(followed.missing);
   }
-  // Nothing is doubted that has not been fitted to all that is known.
+  // An event is not doubted before a fit to all impacts so far.
   bool fit_is_due(const Expected& expected, const Followed& followed) const {
     return can_fit(followed) && (since_fit_ >= between_fits || (since_fit_ > 0 && !expected.is_it));
   }
@@ -93,11 +95,12 @@ class Follower {
   Machine machine_;
   Eigen::VectorXd inputs_, y_, u_;
   double t_ = 0.0;
-  double off_ = 0.0;  // what predictions are usually
+  double off_ = 0.0;  // usual error of a prediction [s]
   int since_fit_ = 0, in_a_row_ = 0;
 };
 
-// At the end of the solution's path, behind its last impact, or before its first.
+// Sets the state to the end of the solution's path, after its last impact, or to just after its
+// first.
 void Follower::stand(const Followed& followed, bool at_end) {
   const Likelihood& solution = followed.solution;
   machine_ = family_->at(solution.values);
@@ -126,7 +129,7 @@ void Follower::move_to(const FreeFlight& flight, double t) {
   t_ = t;
 }
 
-// Where it returns false, nothing has changed.
+// Fits the solution to all impacts of followed.measured. If it returns false, nothing has changed.
 bool Follower::refit(Followed& followed, bool at_end, double most_growth) {
   Likelihood start = followed.solution;
   Stretch& path = start.path[0];
@@ -163,8 +166,8 @@ Follower::Expected Follower::expect(const Impact& event, bool forward) const {
   return expected;
 }
 
-// Whether the event is the impact although it comes where none is expected. Of a slow impact small
-// errors of the path move the time far, or it has none; what a fit makes of it decides.
+// Whether the event is an impact although none is expected near it. At a slow impact small errors
+// of the path move the time far or miss the impact. A fit with the event decides.
 bool Follower::takes_with_doubt(const Impact& event, bool forward, Followed& followed) {
   if (!can_fit(followed)) return false;
   const FreeFlight flight(machine_, inputs_);
@@ -183,12 +186,12 @@ bool Follower::takes_with_doubt(const Impact& event, bool forward, Followed& fol
   return true;
 }
 
-// To the next impact, or over an event that is none; whether the event has been dealt with.
+// Moves to the next impact, or skips a spurious event. Returns whether the event has been handled.
 bool Follower::step(const Expected& expected, const Impact& event, bool forward,
                     Followed& followed) {
   const double way = forward ? 1.0 : -1.0;
   if (!expected.impact || (!expected.is_it && way * (expected.impact->t - event.t) > 0.0)) {
-    // None is expected, or one of another contact, a little later.
+    // Spurious: no impact is expected, or one later than the event.
     followed.spurious.push_back(event.event);
     ++in_a_row_;
     return true;
@@ -263,7 +266,7 @@ bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, doubl
     }
   }
   if (!fit()) return false;
-  // Impacts before the first event.
+  // Lost impacts before the first event.
   const FreeFlight flight(machine_, inputs_);
   const double wide = gate * std::max(off_, 2.0 * jitter_);
   while (t_ > start + wide) {
@@ -281,14 +284,14 @@ bool Follower::backward(const std::vector<Impact>& all, std::size_t& left, doubl
   return true;
 }
 
-// Some impacts that a path is sought for, and the part of them that it is followed from.
+// A window of impacts to search a path for, and the part of it from which the path is followed.
 struct Start {
   Stretches window;
-  std::size_t base = 0;   // a stretch of the window
-  std::size_t first = 0;  // the number of its first impact
+  std::size_t base = 0;   // index of that stretch in the window
+  std::size_t first = 0;  // number of that stretch's first impact in the record
 };
 
-// Where to begin in a record, the most promising first.
+// Windows of a record to start from, the most promising first.
 class Starts {
  public:
   Starts(const MachineFamily& family, const Stretch& record) : record_(record) {
@@ -296,7 +299,8 @@ class Starts {
     const std::size_t usual = first_window(family, projection);
     const std::size_t least = least_window(family, projection);
     cut_at_long_intervals();
-    // A long interval is the first hypothesis. Fewer impacts in a row determine less.
+    // The first hypothesis is that long intervals hide lost impacts. Shorter windows determine
+    // less, so they come later.
     slide(usual, 4, false);
     join_pieces(2 * static_cast<std::size_t>(family.n()), usual, least);
     slide(least, 2, false);
@@ -307,7 +311,7 @@ class Starts {
   const std::vector<Start>& all() const { return starts_; }
 
  private:
-  // An interval that is far longer than its neighbours may hide a lost impact.
+  // Numbers the pieces between intervals that are far longer than their neighbours.
   void cut_at_long_intervals() {
     const std::vector<Impact>& impacts = record_.impacts;
     piece_of_.assign(impacts.size(), 0);
@@ -316,7 +320,7 @@ class Starts {
     for (std::size_t k = 0; k < intervals; ++k) {
       double usual = infinity;
       if (intervals > 2) {
-        // At an end, what the next two would continue to.
+        // At an end of the record, extrapolate the next two intervals.
         usual = k == 0 ? std::max(interval(1), square(interval(1)) / interval(2))
                 : k + 1 == intervals
                     ? std::max(interval(k - 1), square(interval(k - 1)) / interval(k - 2))
@@ -340,7 +344,8 @@ class Starts {
     }
   }
 
-  // Several pieces together tell the machine, if each has more impacts than its start takes.
+  // Several pieces together determine the machine if each has more impacts than its start has
+  // unknowns.
   void join_pieces(std::size_t of_start, std::size_t usual, std::size_t least) {
     constexpr std::size_t most = 4;
     std::vector<std::size_t> firsts;
@@ -365,7 +370,7 @@ class Starts {
   }
 
   const Stretch& record_;
-  std::vector<int> piece_of_;  // of each impact
+  std::vector<int> piece_of_;  // piece of each impact
   std::vector<Start> starts_;
 };
 
@@ -374,9 +379,9 @@ bool solve(const MachineFamily& family, const Start& start, std::optional<double
   const PathFit fit = search_window(family, start.window);
   if (fit.values.size() != family.nominal().size() || fit.inside > 0.0) return false;
   Likelihood solution = maximize_likelihood(family, start.window, fit);
-  constexpr double small = 5e-3;  // of the interval, where no jitter is specified
+  constexpr double small = 5e-3;  // of the interval, if no jitter is specified
   if (!jitter && solution.scatter() > small * interval) return false;
-  // The scatter of few times is badly known.
+  // The scatter of few times is uncertain.
   const double of_few = 1.0 + 2.0 / std::sqrt(std::max(solution.freedom, 1));
   of = std::max(jitter.value_or(of_few * solution.scatter()), without_jitter * interval);
   if (!fits(solution, of, 4.0)) return false;
@@ -392,7 +397,7 @@ bool solve(const MachineFamily& family, const Start& start, std::optional<double
 }  // namespace
 
 void drop_outliers(const MachineFamily& family, double jitter, Mended& mended) {
-  constexpr double no_say = 0.95;  // leverage of an impact that nothing else tells about
+  constexpr double no_say = 0.95;  // leverage above which no other event checks the impact's time
   const std::size_t most = count(mended.stretches) / most_left_out;
   for (std::size_t dropped = 0; dropped < most; ++dropped) {
     double worst = outlier;
@@ -430,8 +435,8 @@ void drop_outliers(const MachineFamily& family, double jitter, Mended& mended) {
 
 namespace {
 
-// Events that were taken to be spurious, where an impact is expected: the wrong one of two that
-// were near each other had been taken.
+// Uses spurious events close to an expected impact: of two events near each other the wrong one had
+// been used.
 void use_near_ones(const MachineFamily& family, const std::vector<Impact>& all, double jitter,
                    Mended& mended) {
   bool any = false;
@@ -471,7 +476,7 @@ bool mend(const MachineFamily& family, const Stretch& record, std::optional<doub
     Follower follower(family, of, least);
     if (!follower.forward(all, start.first + followed.measured.size(), followed)) continue;
     std::size_t left = start.first;
-    // A path that leaves out much of the record's front explains another record.
+    // A path that excludes much of the record's beginning is rejected.
     if (!follower.backward(all, left, record.start, followed) &&
         left > all.size() / most_left_out) {
       continue;

@@ -12,10 +12,11 @@
 namespace sprag {
 namespace {
 
-// Of what no prior is known: deviations in units of the largest value on the path, and of c.
+// Diffuse prior: deviation of the state in units of the largest value on the path, and of c in
+// units of the unknown's range.
 constexpr double wide_state = 3.0, wide_share = 2.0;
 
-// x at the start of a stretch, of which the path holds the free part.
+// x at the start of a stretch. The path stores its free part only.
 Eigen::VectorXd start_of(const MachineFamily& family, const Likelihood& path, std::size_t s) {
   const Machine machine = family.at(path.values);
   const Eigen::VectorXd inputs = family.inputs(path.values);
@@ -31,7 +32,7 @@ Eigen::VectorXd start_of(const MachineFamily& family, const Likelihood& path, st
   return x;
 }
 
-// Of |x| on the path.
+// Largest |x| on the path, by entry.
 Eigen::VectorXd largest(const MachineFamily& family, FamilyFlight& flight, const Likelihood& path,
                         const Eigen::VectorXd& c) {
   Eigen::VectorXd sizes = Eigen::VectorXd::Zero(2 * family.n());
@@ -50,7 +51,8 @@ Eigen::VectorXd largest(const MachineFamily& family, FamilyFlight& flight, const
   return sizes;
 }
 
-// An impact, reported at t, that the path has at `when`. `on`: the path before it, then after it.
+// Updates the belief by an impact that is reported at t and that the path has at `when`. `on` is
+// the path before the impact, and on return the path after it.
 void take(int contact, double t, double when, LinearizedFlight& at, Eigen::VectorXd& on,
           FilterBelief& belief) {
   Flight& flight = at.flight();
@@ -122,7 +124,7 @@ FilterBelief path_posterior(const MachineFamily& family, const FilterModel& mode
     filter.restart(stretch.start, on.head(n2), wide, 0, belief);
     for (std::size_t k = 0; k < stretch.size(); ++k) {
       const Impact& impact = stretch.impacts[k];
-      // The time of a missed impact is a guess.
+      // The time of a missed impact is a guess, with the flight's duration as its deviation.
       belief.sigma = impact.timed ? sigma : impact.t - belief.t;
       take(impact.contact, measured[s].impacts[k].t, impact.t, at, on, belief);
     }

@@ -1,6 +1,6 @@
-// Posterior of state and parameters after an identification: Kalman's filter along the most likely
-// path (maximum_likelihood.h), every step linearized about it, the time of an impact being one more
-// Gaussian variable.
+// Posterior of state and parameters after an identification: a Kalman filter along the most likely
+// path (maximum_likelihood.h). Each step is linearized about the path; the time of an impact is
+// another Gaussian variable.
 #pragma once
 
 #include "sprag/detail/filter/filter_belief.h"

@@ -13,11 +13,13 @@ namespace {
 using Kind = Unknown::Kind;
 
 constexpr double rank_threshold = 1e-13;
-// An input of whose effect the start takes up all but this is not told: rounding is below it.
+// An input is undetermined if the start absorbs all of its effect but this share, in which rounding
+// is still negligible.
 constexpr double least_input_share = 1e-4, least_of_inputs = 1e-8;
-// Weights of impacts, of the usual one's. Without the upper limit rms falls as epsilon falls to 0.
+// Limits of an impact's weight, relative to the usual one. Without the upper limit rms tends to 0
+// with epsilon.
 constexpr double least_weight = 0.33, largest_weight = 6.0;
-// Of a contact that was closed: when it opens matters to second order only.
+// Weight of the gap and the gap velocity at a release. Its time matters to second order only.
 constexpr double weight_of_start = 100.0;
 
 }  // namespace
@@ -41,8 +43,8 @@ class Projection::Core {
   struct Factors {
     PivotedQR qr;
     Eigen::VectorXd scale;             // of the columns of x0
-    Eigen::MatrixXd top;               // Q^T (inputs, known), the rows that x0 reaches
-    Eigen::Index first = 0, rows = 0;  // of those that it does not, among all stretches'
+    Eigen::MatrixXd top;               // Q^T (inputs, known): rows in the range of x0
+    Eigen::Index first = 0, rows = 0;  // other rows, their place among those of all stretches
   };
 
   void solve(const Eigen::VectorXd& values, PathFit& fit);
@@ -64,9 +66,9 @@ class Projection::Core {
   Stretches stretches_;
   Eigen::Index impacts_ = 0;
   std::vector<Eigen::VectorXd> weights_;
-  bool turns_ = false;          // an offset of the clock is sought, which turns E and known
+  bool turns_ = false;          // an offset of the clock is an unknown; it rotates E and known
   double normalization_ = 0.0;  // weight of "mean gamma- is -1"
-  double interval_ = 0.0;       // usual one
+  double interval_ = 0.0;       // usual time between impacts
 
   Machine machine_;
   Flights flights_, other_flights_;
@@ -77,7 +79,7 @@ class Projection::Core {
   std::vector<Eigen::VectorXd> gamma_;
   std::vector<Factors> factors_;
   PivotedQR inputs_qr_;
-  Eigen::VectorXd residual_;  // what is left, in the space that z does not reach
+  Eigen::VectorXd residual_;  // residual in the complement of the range of z
 };
 
 Projection::Core::Core(const MachineFamily& of) : family(of) {
@@ -100,7 +102,8 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
     if (!unknown.linear()) nonlinear.push_back(k);
     if (unknown.kind == Kind::clearance) free(family.clearance_input(unknown.index));
     if (unknown.kind == Kind::constant) free(family.constant_input(unknown.index));
-    // A harmonic that turns, or grows, is one in the plane of it and of itself a quarter turned.
+    // A change of phase or amplitude stays in the plane of the harmonic and itself a quarter
+    // turned.
     const bool turns = unknown.kind == Kind::phase;
     if (!turns && (unknown.kind != Kind::amplitude || has(Kind::phase, unknown.index))) continue;
     Eigen::VectorXd along = Eigen::VectorXd::Zero(inputs.size()), across = along;
@@ -127,7 +130,7 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
   }
 }
 
-// Columns of inputs of a clock with the offset of `from`, by one with that of `to`.
+// Converts columns of inputs from the clock offset in `from` to that in `to`.
 Eigen::MatrixXd Projection::Core::turned(Eigen::MatrixXd inputs, const Eigen::VectorXd& from,
                                          const Eigen::VectorXd& to) const {
   if (!turns_) return inputs;
@@ -181,7 +184,8 @@ void Projection::Core::weigh() {
   }
 }
 
-// Of a stretch: its impacts, the scale where it is the first, what was closed at its start.
+// Rows of a stretch: its impacts, the contacts closed at its start, and for the first stretch the
+// scale.
 Eigen::Index Projection::Core::rows_of(std::size_t s) const {
   return static_cast<Eigen::Index>(stretches_[s].equations()) + (homogeneous && s == 0 ? 1 : 0);
 }
@@ -221,8 +225,8 @@ void Projection::Core::solve(const Eigen::VectorXd& values, PathFit& fit) {
   set_path(zeta, fit);
 }
 
-// The rows of one stretch by x0 and by (zeta, known inputs), x0 eliminated by its factorization.
-// Returns the rows that x0 does not reach; adds the squares of the columns of zeta.
+// Eliminates x0 from the rows of one stretch by a QR factorization. Returns the rows on (zeta,
+// known inputs) that are orthogonal to x0's range. Adds the squares of the columns of zeta.
 Eigen::MatrixXd Projection::Core::eliminate_start(std::size_t s, const Eigen::MatrixXd& E_now,
                                                   const Eigen::VectorXd& known_now,
                                                   Eigen::RowVectorXd& input_squares) {
@@ -259,8 +263,7 @@ Eigen::MatrixXd Projection::Core::eliminate_start(std::size_t s, const Eigen::Ma
   return I.bottomRows(I.rows() - rank);
 }
 
-// The coordinates zeta of the free inputs that minimize the rows that no start reaches. Sets
-// residual_.
+// The coordinates zeta of the free inputs that minimize the rows without x0. Sets residual_.
 Eigen::VectorXd Projection::Core::solve_inputs(const Eigen::MatrixXd& stacked,
                                                const Eigen::RowVectorXd& input_squares) {
   const Eigen::Index zetas = E.cols();
@@ -287,7 +290,7 @@ Eigen::VectorXd Projection::Core::solve_inputs(const Eigen::MatrixXd& stacked,
   return zeta;
 }
 
-// The starts and the quality of a path with these inputs.
+// Sets the starts and the quality of the path with these inputs.
 void Projection::Core::set_path(const Eigen::VectorXd& zeta, PathFit& fit) {
   Eigen::VectorXd with_known(zeta.size() + 1);
   with_known << zeta, 1.0;
@@ -303,7 +306,7 @@ void Projection::Core::set_path(const Eigen::VectorXd& zeta, PathFit& fit) {
     speed += gamma_[s].cwiseAbs().sum();
     squares += (weights_[s].cwiseProduct(all_rows_[s].A * z)).squaredNorm();
   }
-  // Impacts that are weighted alike are not yet times.
+  // With equal weights the residuals are lengths; divide by the mean speed.
   const bool equal = weights_[0].size() > 0 && weights_[0][0] == 1.0;
   const double unit = equal && !homogeneous ? speed / static_cast<double>(impacts_) : 1.0;
   fit.rms = std::sqrt(squares / static_cast<double>(impacts_)) / unit;
@@ -318,7 +321,8 @@ PathFit Projection::Core::at(const Eigen::VectorXd& values) {
   return fit;
 }
 
-// Kaufman's: what theta changes with z as it is, as far as z does not reach it.
+// Kaufman's Jacobian: derivative of the residual by theta for fixed z, in the complement of the
+// range of z.
 Eigen::MatrixXd Projection::Core::jacobian(const PathFit& at) {
   constexpr double step = 4e-6;
   const auto unknowns = static_cast<Eigen::Index>(nonlinear.size());
@@ -384,7 +388,7 @@ PathFit Projection::Core::refine(const PathFit& from, int most_steps) {
     while (!better && lambda < 1e9) {
       Eigen::MatrixXd damped = normal;
       damped.diagonal() *= 1.0 + lambda;
-      // What these impacts do not tell stays where it is.
+      // Regularization: undetermined directions do not move.
       damped.diagonal().array() += (1e-12 + 1e-6 * lambda) * normal.diagonal().maxCoeff() +
                                    std::numeric_limits<double>::min();
       Eigen::VectorXd change =

@@ -1,11 +1,12 @@
 // Parameters from given event times by variable projection (Golub & Pereyra 1973, in Kaufman's
-// form): for each theta the best z = (x0, inputs) of the path's linear equations is found by QR,
-// and theta alone is sought,
+// form). For each theta a QR factorization gives the best z = (x0, inputs) of the path's linear
+// equations, so the iteration is over theta alone:
 //
-//   min over theta of min over z of sum (w_k A_k(theta) z)^2,
+//   min over theta of min over z of sum (w_k A_k(theta) z)^2.
 //
-// so that start, phases and clearances need no guess. Where nothing fixes the scale of z, the mean
-// of gamma- is held at -1: (x0, amplitudes, clearances) times a number give the same times.
+// Start, phases and clearances therefore need no guess. If nothing determines the scale of z, the
+// mean of gamma- is fixed at -1, because (x0, amplitudes, clearances) times a number give the same
+// times.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,10 +22,10 @@ namespace sprag {
 
 /// A machine of the family on a path.
 struct PathFit {
-  Eigen::VectorXd values;           ///< of all unknowns; of the linear ones as they were given
-  std::vector<Eigen::VectorXd> x0;  ///< of each stretch, 2n entries
-  Eigen::VectorXd inputs;           ///< up to a common scale where nothing fixes it
-  /// Of gaps at events, divided by the gap velocities within limits [s].
+  Eigen::VectorXd values;           ///< of all unknowns; linear unknowns keep their given values
+  std::vector<Eigen::VectorXd> x0;  ///< start of each stretch, 2n entries
+  Eigen::VectorXd inputs;           ///< up to a common factor if the scale is unobservable
+  /// Root mean square of the gaps at events over the gap velocities, the latter within limits [s].
   double rms = std::numeric_limits<double>::infinity();
   double inside = 0.0;  ///< share of the impacts with gamma- > 0
 
@@ -33,27 +34,27 @@ struct PathFit {
 
 class Projection {
  public:
-  /// `family` must stay in place.
+  /// `family` must outlive this and must not move.
   explicit Projection(const MachineFamily& family);
   ~Projection();
   Projection(const Projection&) = delete;
   Projection& operator=(const Projection&) = delete;
 
-  /// Numbers of the unknowns that are sought here.
+  /// Numbers of the nonlinear unknowns.
   const std::vector<std::size_t>& nonlinear() const;
-  /// Inputs that are free.
+  /// Number of free inputs.
   Eigen::Index free_inputs() const;
-  /// Nothing fixes the scale of z.
+  /// True if the scale of z is unobservable.
   bool homogeneous() const;
 
-  /// The stretches that count from here on; each must have more than 2n impacts.
+  /// Sets the stretches to fit. Each must have more than 2n impacts.
   void take(Stretches stretches);
 
-  /// The best z at `values`, all impacts with the same weight.
+  /// The best z at `values`, with equal weights of all impacts.
   PathFit at(const Eigen::VectorXd& values);
 
-  /// Levenberg and Marquardt's steps in the coordinates of the nonlinear unknowns, with impacts
-  /// weighted by 1 / |gamma-| within limits.
+  /// Levenberg-Marquardt steps in the coordinates of the nonlinear unknowns. The weights of impacts
+  /// are 1 / |gamma-| within limits.
   PathFit refine(const PathFit& from, int most_steps);
 
  private:

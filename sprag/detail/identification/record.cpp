@@ -5,7 +5,8 @@
 namespace sprag {
 namespace {
 
-// Impacts number first to last - 1; one that is cut off in front begins at its first impact.
+// Impacts number first to last - 1. A piece that loses its first impacts starts at its first
+// remaining one.
 Stretch piece_of(const Stretch& stretch, std::size_t first, std::size_t last) {
   const auto begin = stretch.impacts.begin();
   Stretch piece = {
@@ -22,7 +23,7 @@ Stretch piece_of(const Stretch& stretch, std::size_t first, std::size_t last) {
   return piece;
 }
 
-// Pieces of a stretch that is longer than what one solution should span.
+// Appends a stretch, in pieces of at most `longest` impacts.
 void append_in_pieces(const Stretch& stretch, std::size_t longest, std::size_t fewest,
                       Stretches& stretches) {
   if (stretch.equations() < fewest) return;
@@ -50,10 +51,10 @@ class Cutter {
 
  private:
   struct Happening {
-    std::size_t first, last;  // events of one instant
-    std::size_t hit;          // the one of the contact that is hit; `last` where none is
-    bool single;              // no more than one is, and what else happens is that others open
-    ContactSet staying;       // closed behind it
+    std::size_t first, last;  // range of events of one instant
+    std::size_t hit;          // event of the contact with an impact; `last` if there is none
+    bool single;              // at most one contact has an impact; all other events are openings
+    ContactSet staying;       // contacts closed after it
   };
 
   enum class Known { yes, not_before, no };
@@ -68,7 +69,7 @@ class Cutter {
   void add_impact(const Happening& of, ContactSet staying);
   void end();
 
-  // What comes near to another event may be its impact's.
+  // An event within `close` of another may belong to the other's impact.
   bool is_alone(const Happening& of) const {
     const double t = events_[of.first].t;
     return (of.first == 0 || t - events_[of.first - 1].t >= settings_.close) &&
@@ -83,9 +84,9 @@ class Cutter {
   Stretch now_;
   std::vector<Passage> passed_;             // since the last impact
   const ContactEvent* last_hit_ = nullptr;  // of now_
-  ContactSet chi_, inside_;  // closed; since the beginning, so that they may be inside
-  bool flies_;               // a path leads on from now_
-  std::size_t gap_ = 0;      // the first that does not lie behind
+  ContactSet chi_, inside_;  // closed; closed since the beginning, so the machine may be inside
+  bool flies_;               // now_ can be continued
+  std::size_t gap_ = 0;      // first gap of the record that is not over
 };
 
 Stretches Cutter::run() {
@@ -106,7 +107,7 @@ Stretches Cutter::run() {
   return std::move(stretches_);
 }
 
-// Whether all events between the last time that was asked for and t are known; t does not fall.
+// Whether all events between the previous call's time and t are known. t must not decrease.
 Cutter::Known Cutter::known(double t) {
   Known known = Known::yes;
   for (; gap_ < settings_.gaps.size() && settings_.gaps[gap_].from <= t; ++gap_) {
@@ -120,7 +121,7 @@ Cutter::Known Cutter::known(double t) {
 
 Cutter::Happening Cutter::happening(std::size_t first) const {
   Happening of{first, first, 0, true, chi_};
-  // A contact that does more than one thing does one after the other, however soon.
+  // Several events of one contact at one instant are consecutive.
   ContactSet known = 0;
   while (of.last < events_.size() && events_[of.last].t == events_[first].t &&
          !contains(known, events_[of.last].contact)) {
@@ -166,7 +167,7 @@ bool Cutter::can_follow(const Happening& of) const {
   return of.hit == of.last || settings_.can_follow(events_[of.hit].contact, chi_, of.staying);
 }
 
-// Whether event i is one of the last bounces of a chatter, all of them near to each other.
+// Whether event i is one of the last bounces of a chatter, each within `close` of the next.
 bool Cutter::ends_a_chatter(std::size_t i) const {
   for (std::size_t j = i; j < events_.size(); ++j) {
     if (events_[j].contact != events_[i].contact) return false;
@@ -176,7 +177,7 @@ bool Cutter::ends_a_chatter(std::size_t i) const {
   return false;
 }
 
-// Leads the path through an instant; false where it cannot.
+// Continues the stretch through an instant. Returns false if that is not possible.
 bool Cutter::pass(const Happening& of) {
   if (!can_follow(of)) return false;
   const double t = events_[of.first].t;
@@ -202,7 +203,7 @@ void Cutter::cut_at(const Happening& of) {
   const ContactEvent& event = events_[of.first];
   const bool only = of.last == of.first + 1;
   const bool near = is_near_a_hit(event.t);
-  // A contact that closes to stay does so at an impact like any other, but nothing follows.
+  // A sustained closing is an impact like any other, but the stretch ends with it.
   if (only && event.kind == ContactEventKind::closes && chi_ == 0 && flies_ &&
       !now_.impacts.empty() && !near) {
     add_impact(of, 0);

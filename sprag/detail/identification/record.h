@@ -1,5 +1,5 @@
-// Recorded events as identification takes them: stretches of impacts of single contacts, others
-// being held closed or all being open between them.
+// Recorded events as input of an identification: stretches of impacts of single contacts. Between
+// the impacts all contacts are open, or some are held closed.
 #pragma once
 
 #include <bit>
@@ -13,43 +13,44 @@
 
 namespace sprag {
 
-/// What happens on the way to an impact, at a time that is taken as it is: a bounce that comes too
-/// soon after another to be told from it (bounces.h), a contact that closes at the end of a
-/// chatter, or some that open where their forces have come to zero, which their times change to
-/// second order only.
+/// An event between two impacts whose recorded time is used as exact: a bounce that is too close to
+/// another to be distinguished from it (bounces.h), a contact that closes at the end of a chatter,
+/// or contacts that open. An opening is where the force is zero, so its time matters to second
+/// order only.
 struct Passage {
   double t = 0.0;
-  int contact = -1;        ///< that is hit, from 0; -1: none is
-  ContactSet staying = 0;  ///< closed from then on
+  int contact = -1;        ///< contact with an impact, from 0; -1: none
+  ContactSet staying = 0;  ///< contacts closed after it
 
   friend bool operator==(const Passage&, const Passage&) = default;
 };
 
 struct Impact {
   double t = 0.0;
-  int contact = 0;                   ///< from 0
-  bool timed = true;                 ///< false: it was missed, and t is a guess
-  std::size_t event = 0;             ///< its number among the record's events
-  ContactSet held = 0;               ///< closed until then
-  ContactSet staying = 0;            ///< closed from then on; `contact` among them closes to stay
-  std::vector<Passage> passed = {};  ///< since the impact before it, or the start
+  int contact = 0;        ///< from 0
+  bool timed = true;      ///< false: the impact has no event, and t is a guess
+  std::size_t event = 0;  ///< number of its event in the record
+  ContactSet held = 0;    ///< contacts closed before it
+  /// Contacts closed after it; contains `contact` if it stays closed.
+  ContactSet staying = 0;
+  std::vector<Passage> passed = {};  ///< passages since the previous impact or the start
 
   friend bool operator==(const Impact&, const Impact&) = default;
 };
 
-/// Impacts one after the other from a state of its own at `start`, which is not after the first.
+/// Consecutive impacts from an unknown state at `start`, which is not later than the first impact.
 struct Stretch {
   double start = 0.0;
   std::vector<Impact> impacts;
-  /// Contacts whose gaps and gap velocities are zero at `start`: they were closed until then.
+  /// Contacts with zero gap and gap velocity at `start`, because they were closed until then.
   ContactSet closed = 0;
-  /// Those of them that stay so.
+  /// Those of `closed` that stay closed.
   ContactSet held = 0;
 
   std::size_t size() const { return impacts.size(); }
-  /// Equations that those contacts are for the start.
+  /// Number of equations of `closed` for the start.
   std::size_t of_start() const { return 2 * static_cast<std::size_t>(std::popcount(closed)); }
-  /// Equations in all.
+  /// Number of all equations.
   std::size_t equations() const { return size() + of_start(); }
 
   friend bool operator==(const Stretch&, const Stretch&) = default;
@@ -57,32 +58,34 @@ struct Stretch {
 
 using Stretches = std::vector<Stretch>;
 
-/// Whether an impact of a contact is one that a path can be led through, where `held` are closed
-/// until then and `staying` from then on.
+/// Whether a path can be computed through an impact of the contact, with `held` closed before it
+/// and `staying` after it.
 using CanFollow = std::function<bool(int contact, ContactSet held, ContactSet staying)>;
 
 struct RecordSettings {
-  double begins = 0.0;    ///< all events since then are known
-  ContactSet closed = 0;  ///< there
-  /// Where events may be missing, in order and apart: one that begins and ends at one time is none.
+  double begins = 0.0;    ///< all events after this time are known [s]
+  ContactSet closed = 0;  ///< contacts closed at that time
+  /// Intervals in which events may be missing, in order and disjoint. Intervals of length zero are
+  /// ignored.
   std::span<const EventGap> gaps = {};
-  double close = 0.0;         ///< impacts that are nearer to each other are not told apart
-  std::size_t longest = 150;  ///< a longer stretch is cut
-  /// Of contacts that are held; none: it is cut where one closes to stay.
+  double close = 0.0;         ///< impacts closer than this cannot be distinguished [s]
+  std::size_t longest = 150;  ///< longest stretch, in impacts
+  /// Decides about impacts with held contacts. Empty: stretches end where a contact stays closed.
   CanFollow can_follow = {};
-  bool exact = false;  ///< bounces that are closer than `close` come when they are said to
+  bool exact = false;  ///< the times of bounces closer than `close` are exact
 };
 
-/// Cuts at gaps, where several contacts are hit at one instant, where impacts are closer than
-/// `close`, unless they are the last bounces of a chatter or exact, and where a path cannot follow;
-/// stretches with fewer equations than `fewest` are left out. A contact that closed to stay and
-/// opens, no event being within `close`, has no gap and no gap velocity there; not one that is
-/// closed at `begins`, where a machine may be inside.
+/// Cuts the record into stretches: at gaps in the record, where several contacts are hit at one
+/// instant, where impacts are closer than `close` (unless they end a chatter or are exact), and
+/// where a path cannot be computed. Stretches with fewer than `fewest` equations are dropped. If a
+/// contact opens and no other event is within `close`, its gap and gap velocity are zero there.
+/// This does not hold for a contact that is closed at `begins`, because the machine may start
+/// inside its support.
 Stretches cut(std::span<const ContactEvent> events, const RecordSettings& settings,
               std::size_t fewest);
 
-/// One after the other, what impact k of a stretch comes by: visit(from, to, held, passage), the
-/// passage being that at `to`, or null where it is the impact itself.
+/// Visits the parts of the flight to impact k of a stretch in order: visit(from, to, held,
+/// passage). `passage` is the one at `to`, or null if the impact is there.
 template <typename Visit>
 void for_each_leg(const Stretch& stretch, std::size_t k, Visit visit) {
   double t = k > 0 ? stretch.impacts[k - 1].t : stretch.start;
@@ -96,16 +99,17 @@ void for_each_leg(const Stretch& stretch, std::size_t k, Visit visit) {
   visit(t, impact.t, held, static_cast<const Passage*>(nullptr));
 }
 
-/// Impacts in all, and equations.
+/// Total number of impacts, and of equations.
 std::size_t count(const Stretches& stretches);
 std::size_t equations(const Stretches& stretches);
 
-/// The impacts number first to first + size - 1 of all; one that is cut off in front begins at its
-/// first impact.
+/// Impacts number first to first + size - 1 of all. A stretch that loses its first impacts starts
+/// at its first remaining one.
 Stretches part(const Stretches& stretches, std::size_t first, std::size_t size);
 
-/// The time between neighbouring impacts: half of the record is in intervals up to this one, so
-/// that the many short ones of a chatter do not count for much. 0 where there are none.
+/// Median time between neighbouring impacts, weighted by duration: intervals up to this one make up
+/// half of the record. The many short intervals of a chatter then have little weight. 0 if there
+/// are none.
 double usual_interval(const Stretches& stretches);
 
 }  // namespace sprag

@@ -65,7 +65,7 @@ bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events
     return false;
   }
   const std::vector<double> times = closings_of(of_model);
-  // All bounces of a chatter count as one, which the sensor would report.
+  // A chatter counts as one impact, which the sensor would report.
   std::size_t near = 0, distinct = 1;
   for (std::size_t k = 1; k + 1 < times.size(); ++k) {
     if (!(times[k + 1] - times[k] > least)) continue;

@@ -1,4 +1,4 @@
-// What a record of contact events shows by itself, before any machine is fitted to it.
+// Checks of a record of contact events without a fit.
 #pragma once
 
 #include <span>
@@ -8,17 +8,17 @@
 
 namespace sprag {
 
-/// Events at which a contact closes. Those that follow the one before them within `nearest` [s] are
-/// not distinguished from it.
+/// Number of events at which a contact closes. Those within `nearest` [s] of the previous one count
+/// as one.
 int distinct_closings(std::span<const ContactEvent> events, double nearest);
 
-/// Whether the closings repeat after at most four of them, to twice the jitter [s], 0 if it is not
-/// known: such a record determines so many times and a period, and nothing else.
+/// Whether the closings repeat after at most four of them, within twice the jitter [s], 0 if
+/// unknown. Such a record determines the few times of one period and nothing else.
 bool is_periodic(std::span<const ContactEvent> events, double jitter);
 
-/// Whether many impacts of the scene's machine, single ones or the last of a chatter, follow others
-/// sooner than any recorded event does: the sensor merges such bounces. False where the scene has
-/// no possible start.
+/// Whether many impacts of the scene's machine, single ones or the last of a chatter, follow the
+/// previous one sooner than any recorded event does. The sensor then merges such bounces. False if
+/// the scene has no possible start.
 bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events);
 
 }  // namespace sprag

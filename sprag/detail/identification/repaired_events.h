@@ -1,5 +1,4 @@
-// The events of a record with the repairs of a fit: lost ones in their places, spurious ones
-// marked.
+// The events of a record with the repairs of a fit: lost events are inserted, spurious ones marked.
 #pragma once
 
 #include <cstddef>
@@ -13,12 +12,12 @@ namespace sprag {
 
 struct RepairedEvent {
   ContactEvent event;
-  std::optional<std::size_t> number = {};  ///< in the record, from 0; none: it was lost
+  std::optional<std::size_t> number = {};  ///< number in the record, from 0; empty: lost event
   bool spurious = false;
 };
 
-/// In order of time. `events` is the record of the fit; a lost event has the time that the fit
-/// gives it.
+/// Returns the events in order of time. `events` is the record of the fit. A lost event has the
+/// time of the fit.
 std::vector<RepairedEvent> repaired_events(std::span<const ContactEvent> events,
                                            const Identification& fit);
 

@@ -17,7 +17,7 @@ std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scen
   });
   if (!sought || !is_near(fit) || is_exact(fit) || fit.freedom <= 1) return std::nullopt;
   RestitutionScatter estimate;
-  // As of a drift, the path that explains the times best is the nearest to the machine's.
+  // Of the two linearizations, the one with the larger likelihood is nearer to the machine's path.
   double top = -std::numeric_limits<double>::infinity();
   using About = LinearizedFilter::About;
   for (const About about : {About::fit, About::measured_times}) {
@@ -33,7 +33,7 @@ std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scen
       best = next;
       best_of = scatter;
     };
-    // A jitter that is not specified scales with it.
+    // With an unspecified jitter the scatter scales with it, so the search reaches farther.
     const double end = filter.told() ? highest : in_less_jitter * highest;
     for (double scatter = lowest; scatter < end; scatter *= factor) look_at(scatter);
     const double middle = best_of;

@@ -1,8 +1,9 @@
-// Whether the restitution scatters from impact to impact, as that of a ball on a rough floor:
+// Estimate of a restitution that scatters from impact to impact, like that of a ball on a rough
+// floor:
 //
-//   epsilon_k ~ N(epsilon, scatter^2),
+//   epsilon_k ~ N(epsilon, scatter^2).
 //
-// scatter and, where it is not specified, jitter maximize the restricted likelihood of
+// The scatter, and the jitter if it is not specified, maximize the restricted likelihood of
 // linearized_filter.h.
 #pragma once
 
@@ -12,8 +13,9 @@
 
 namespace sprag {
 
-/// Of a fit that sought a restitution. None where it did not, where times are exact, or where it
-/// leaves so much that it may be to other values than the machine's.
+/// Estimates the scatter for a fit that sought a restitution. Empty if it did not, if the times are
+/// exact, or if the residuals are so large that the fit may have found other values than the
+/// machine's.
 std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scene,
                                                                const Identification& fit);
 

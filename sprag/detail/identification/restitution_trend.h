@@ -1,8 +1,8 @@
-// Whether one restitution explains the impacts, or whether it depends on how fast they are:
+// Estimate of a restitution that depends on the speed of the impact:
 //
-//   epsilon = epsilon_0 + trend (|gamma-| - usual |gamma-|),
+//   epsilon = epsilon_0 + trend (|gamma-| - usual |gamma-|).
 //
-// the trend estimated to first order beside all that was fitted (linearized_filter.h).
+// The trend is estimated to first order together with all fitted parameters (linearized_filter.h).
 #pragma once
 
 #include <optional>
@@ -11,8 +11,9 @@
 
 namespace sprag {
 
-/// Of a fit that sought a restitution. None where it did not, where times are exact, or where it
-/// leaves so much that it may be to other values than the machine's.
+/// Estimates the trend for a fit that sought a restitution. Empty if it did not, if the times are
+/// exact, or if the residuals are so large that the fit may have found other values than the
+/// machine's.
 std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
                                                            const Identification& fit);
 

@@ -11,12 +11,14 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-// Steps of a grid, in coordinates of the unknowns: wide enough that a refinement between two points
-// finds to one of them (measured on the paper's beam with 22 impacts).
+// Steps of the grid, in coordinates of the unknowns: the largest from which a refinement between
+// two points converges to the nearer minimum (measured on the paper's beam with 22 impacts).
 constexpr double widest_of_stiffness = 0.05, widest_of_position = 0.04;
-constexpr double turn_of_fastest = 2.0;  // [rad] in a usual flight, by a step of 1 of the stiffness
-constexpr double part_of_wave = 0.31;  // of the shortest, by which a position's step goes along it
-constexpr double step_of_phase = 0.8;  // [rad], by which a frequency's step turns the last impact
+// [rad]: phase that a step of the stiffness changes in a usual flight.
+constexpr double turn_of_fastest = 2.0;
+constexpr double part_of_wave = 0.31;  // of the shortest wave: step of a position
+// [rad]: phase that a step of a frequency changes at the last impact.
+constexpr double step_of_phase = 0.8;
 constexpr double most_points = 30000.0;
 constexpr std::size_t kept = 6;
 constexpr double growth = 1.5;
@@ -24,7 +26,7 @@ constexpr double growth = 1.5;
 struct Axis {
   std::size_t unknown = 0;
   double step = 0.0;
-  int to_low = 0, to_high = 0;  // points beside the nominal one
+  int to_low = 0, to_high = 0;  // points to either side of the nominal one
 };
 
 double step_of_stiffness(const MachineFamily& family, double interval) {
@@ -32,7 +34,7 @@ double step_of_stiffness(const MachineFamily& family, double interval) {
   double fastest = 0.0;
   for (Eigen::Index i = 0; i < machine.n(); ++i) {
     const Eigen::Index column = machine.modal ? 0 : i;
-    // What dies away within a flight tells nothing of its phase.
+    // A mode that decays within a flight does not determine its phase.
     constexpr double gone = 3.0;
     if (0.5 * machine.C(i, column) * interval > gone) continue;
     fastest = std::max(fastest, std::sqrt(std::max(machine.K(i, column), 0.0)));
@@ -45,7 +47,7 @@ double step_of_position(const MachineFamily& family) {
   return std::min(widest_of_position, part_of_wave / wavenumber(family.scene().beam->modes));
 }
 
-// Of the harmonics that the unknown moves.
+// Largest frequency of the harmonics that the unknown changes.
 double fastest_of(const MachineFamily& family, const Unknown& unknown) {
   double fastest = 0.0;
   for (std::size_t g = 0; g < family.groups().size(); ++g) {
@@ -74,7 +76,7 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
       continue;
     }
     axis.step *= refinement;
-    // A nominal value that is off by that share of the true one, either way.
+    // The nominal value may differ by `within` of the true one, in either direction.
     const double radius = unknown.kind == Kind::clock_offset
                               ? unknown.highest()
                               : -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
@@ -82,7 +84,7 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
     axis.to_high = static_cast<int>(std::ceil(std::min(radius, unknown.highest()) / axis.step));
     axes.push_back(axis);
   }
-  // Frequencies last: what does not depend on them is then computed once for all of them.
+  // Frequencies vary fastest, so results that do not depend on them are computed once for all.
   std::stable_partition(axes.begin(), axes.end(), [&](const Axis& axis) {
     return unknowns[axis.unknown].kind != Kind::frequency;
   });
@@ -100,7 +102,7 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
 }
 
 struct Point {
-  std::vector<int> at;  // steps from the nominal one
+  std::vector<int> at;  // steps from the nominal point
   PathFit fit;
   double score = 0.0;
 };
@@ -112,7 +114,7 @@ bool near(const Point& a, const Point& b) {
   return true;
 }
 
-// The best points, at least two steps from each other.
+// Keeps the best points that are at least two steps apart.
 void keep(Point point, std::vector<Point>& best) {
   if (!std::isfinite(point.score)) return;
   for (Point& other : best) {
@@ -128,7 +130,7 @@ void keep(Point point, std::vector<Point>& best) {
 
 std::vector<Point> best_of_grid(const MachineFamily& family, Projection& projection,
                                 const std::vector<Axis>& axes) {
-  constexpr double penalty = 3.0;  // of impacts from inside
+  constexpr double penalty = 3.0;  // of impacts with an opening gap
   std::vector<Point> best;
   Point point{std::vector<int>(axes.size()), {}, 0.0};
   for (std::size_t i = 0; i < axes.size(); ++i) point.at[i] = -axes[i].to_low;
@@ -158,14 +160,14 @@ double duration_of(const Stretches& stretches) {
   return stretches.back().impacts.back().t - stretches.front().start;
 }
 
-// Refines on windows that grow from `size` impacts at `first` to all.
+// Refines on windows that grow from `size` impacts at `first` to all impacts.
 PathFit grow(Projection& projection, const Stretches& all, std::size_t first, std::size_t size,
              PathFit fit, std::size_t fewest) {
   constexpr int steps = 12, last_steps = 40;
   const std::size_t total = count(all);
   while (size < total) {
     const auto next = static_cast<std::size_t>(std::ceil(growth * static_cast<double>(size)));
-    // Forward as far as it goes, then backward.
+    // Grow forward to the end, then backward.
     const std::size_t end = std::min(total, first + next);
     first = end > next ? end - next : 0;
     size = end - first;
@@ -200,7 +202,7 @@ std::size_t least_window(const MachineFamily& family, const Projection& projecti
 namespace {
 
 constexpr int first_steps = 25;
-constexpr double finer = 0.5;  // the grid of a last resort, in usual steps
+constexpr double finer = 0.5;  // step of the last resort's grid, in usual steps
 
 // `apart`: in coordinates of the unknowns.
 bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b, double apart) {
@@ -235,8 +237,8 @@ std::vector<std::size_t> hits(const Stretches& stretches, int contacts) {
   return hits;
 }
 
-// So many impacts from `first` on that every contact is among them, if it is hit at all: of one
-// that is not, nothing would be told.
+// Number of impacts from `first` on that include every contact that is hit at all. A window without
+// one of them could not determine it.
 std::size_t with_all_contacts(const MachineFamily& family, const Stretches& all, std::size_t first,
                               std::size_t size) {
   constexpr std::size_t enough = 4;
@@ -254,8 +256,8 @@ std::size_t with_all_contacts(const MachineFamily& family, const Stretches& all,
   return size;
 }
 
-// Of a single unknown: starts all over its range. A machine on an orbit with one impact a period
-// has many minima, of which the deepest need not be near the grid's best.
+// For a single unknown: adds starting values over all of its range. On an orbit with one impact a
+// period there are many minima, and the deepest need not be near the grid's best point.
 void add_starts_along(const MachineFamily& family, Projection& projection, const Axis& axis,
                       std::vector<PathFit>& starts) {
   constexpr int most = 32;
@@ -270,8 +272,8 @@ void add_starts_along(const MachineFamily& family, Projection& projection, const
   }
 }
 
-// The best places of the grid, each refined, the best first, and none twice; as a last resort
-// others as well.
+// The best points of the grid, refined, the best first, without duplicates; as a last resort other
+// points too.
 std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
                                     const Stretches& window, bool last_resort) {
   projection.take(window);
@@ -307,9 +309,9 @@ PathFit search_window(const MachineFamily& family, const Stretches& window) {
 
 PathFit search(const MachineFamily& family, const Stretches& stretches,
                const SearchSettings& settings) {
-  constexpr std::size_t followed = 3;  // of the refined places
+  constexpr std::size_t followed = 3;  // number of refined points to continue
   constexpr double most_inside = 0.1;  // of the impacts
-  constexpr double apart = 0.01;       // another minimum than the best
+  constexpr double apart = 0.01;       // distance in coordinates to another minimum
   Projection projection(family);
   const std::size_t total = count(stretches);
   const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
@@ -319,7 +321,7 @@ PathFit search(const MachineFamily& family, const Stretches& stretches,
   bool found = false;
   std::vector<PathFit> tried;
   constexpr std::size_t most_tried = 4;
-  // Whether a new minimum is a solution. A path with many impacts from inside is none.
+  // Whether a new minimum is a solution. A path with many impacts at an opening gap is none.
   const auto solves = [&](const PathFit& fit) {
     if (!(fit.score() <= settings.good) || fit.inside > most_inside) return false;
     if (tried.size() >= most_tried && !found) return false;
@@ -333,7 +335,7 @@ PathFit search(const MachineFamily& family, const Stretches& stretches,
     bool last_resort;
   };
   std::vector<Window> windows;
-  // A long stretch tells more with fewer unknowns of its own.
+  // A long stretch has fewer unknown starts for its number of impacts, so it comes first.
   const std::size_t longest = first_of_longest(stretches);
   for (const std::size_t first : {longest, longest + n / 2, longest + n, longest + 2 * n,
                                   longest + 3 * n, std::size_t{0}, n / 2}) {
@@ -341,8 +343,8 @@ PathFit search(const MachineFamily& family, const Stretches& stretches,
                                       [&](const Window& window) { return window.first == first; });
     if (first + n <= total && !is_there) windows.push_back({first, n, false});
   }
-  // As a last resort, also where a transient may be: an orbit alone may be that of several
-  // machines.
+  // As a last resort, also the record's beginning, which may contain a transient: a periodic orbit
+  // alone may fit several machines.
   const std::size_t wide = std::min(total, n * 7 / 5);
   const std::size_t at_longest = std::min(longest, total - wide);
   windows.push_back({at_longest, wide, true});
@@ -355,7 +357,7 @@ PathFit search(const MachineFamily& family, const Stretches& stretches,
     const std::vector<PathFit> starts =
         refined_starts(family, projection, first, window.last_resort);
     for (std::size_t i = 0; i < starts.size(); ++i) {
-      // Another minimum as deep as the one that was found shows on few impacts already.
+      // Another minimum as deep as the solution is visible on few impacts already.
       const bool promises = starts[i].score() <= settings.good;
       if (found ? !promises : i >= followed && !(window.last_resort && promises)) continue;
       PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);

@@ -1,6 +1,7 @@
-// Where no start is known: the parameters' box is searched on a few impacts, the best places are
-// refined (projection.h), and the window grows from there to all impacts. Far from the truth the
-// squares of a long record have a minimum every fraction of a percent; those of a short one do not.
+// Global search without initial values. A grid over the parameters' box is evaluated on a few
+// impacts, the best points are refined (projection.h), and the window grows to all impacts. Far
+// from the solution the sum of squares of a long record has a local minimum every fraction of a
+// percent; that of a short one does not.
 #pragma once
 
 #include <functional>
@@ -13,23 +14,25 @@ namespace sprag {
 
 struct SearchSettings {
   double good = 0.0;  ///< largest score of a candidate [s]
-  /// Whether a candidate is a solution. The search ends at the first window that has one.
+  /// Decides whether a candidate is a solution. The search ends at the first window with a
+  /// solution.
   std::function<bool(const PathFit&)> is_solution;
 };
 
-/// Looks for solutions among fits to all stretches; returns the fit with the least score. Once a
-/// solution is found, other minima of the same window are still tried, each once. Each stretch must
-/// have more than 2n impacts.
+/// Searches fits to all stretches and returns the one with the lowest score. After the first
+/// solution, other minima of the same window are still tried once each. Each stretch must have more
+/// than 2n impacts.
 PathFit search(const MachineFamily& family, const Stretches& stretches,
                const SearchSettings& settings);
 
-/// The best fit to some impacts alone, that of one window.
+/// The best fit to the impacts of one window alone.
 PathFit search_window(const MachineFamily& family, const Stretches& window);
 
-/// Impacts that a first window takes.
+/// Number of impacts of a first window.
 std::size_t first_window(const MachineFamily& family, const Projection& projection);
 
-/// Fewer, which leave a freedom of four: enough where a wrong path leaves far more than the jitter.
+/// Number of impacts of a shorter window with four degrees of freedom. It suffices if a wrong path
+/// leaves residuals far above the jitter.
 std::size_t least_window(const MachineFamily& family, const Projection& projection);
 
 }  // namespace sprag

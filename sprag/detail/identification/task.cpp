@@ -11,7 +11,7 @@ namespace {
 
 using Kind = Unknown::Kind;
 
-// Times are told apart by no less than this share of the usual time between impacts.
+// Least resolution of times, relative to the usual time between impacts.
 constexpr double resolved = 1e-10;
 
 }  // namespace
@@ -40,8 +40,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   settings.unknowns = family.unknowns();
   settings.begins = task.begins;
   settings.closed = task.closed;
-  settings.through_contact = false;  // where the filter's own pass begins anew
-  // Parameters that walk scatter the events more than their jitter does.
+  settings.through_contact = false;  // path_posterior() restarts at each stretch
+  // Parameters that walk scatter the event times beyond the jitter.
   if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
   settings.white = !scene.adaptation.walks();
   settings.strictly_within = false;  // parameters may have moved since the scene was written
@@ -51,7 +51,7 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   } catch (const TooFewImpacts&) {
     return result;
   }
-  // A filter that starts from values that the events do not determine is falsely certain.
+  // A filter that starts from undetermined values would be overconfident.
   const bool determined =
       std::all_of(found.unknowns.begin(), found.unknowns.end(),
                   [](const FittedUnknown& fitted) { return fitted.determined; });

@@ -16,8 +16,8 @@ constexpr Coefficients inverses = [] {
   return values;
 }();
 
-// C(i, j) / C(degree, j) in row j, so that one power coefficient's share in all Bernstein
-// coefficients is a row.
+// C(i, j) / C(degree, j) in row j: the contribution of power coefficient a_j = 1 to all Bernstein
+// coefficients.
 constexpr auto shares = [] {
   std::array<Coefficients, degree + 1> table{};
   const auto binomial = [](int n, int k) {
@@ -64,7 +64,7 @@ void cut(Piece& piece, double s) {
   piece.length *= 1.0 - s;
 }
 
-// Walks along the hull's lower edge.
+// Follows the lower edge of the hull from control point 0.
 double hull_crossing(const Coefficients& b) {
   std::size_t i = 0;
   while (i < top) {
@@ -103,7 +103,8 @@ double first_root(const Coefficients& b) {
       cut(piece, s);
       if (piece.b[0] <= tolerance) return piece.low;
     } else {
-      // Not at 4 s alone: next to a start just above zero the hull says nothing of the root.
+      // The factor 4 alone is not enough: if b_0 is just above zero, s is tiny whatever the root
+      // is.
       split(piece, std::clamp(4.0 * s, 0.03125, 0.5), later[index(depth++)]);
     }
     if (piece.length < 1e-15 * piece.low) return piece.low;

@@ -10,13 +10,13 @@
 namespace sprag {
 namespace {
 
-// Velocities and accelerations below this share of what they are the difference of are zero.
+// A velocity or acceleration below this fraction of the terms it is computed from counts as zero.
 constexpr double zero_share = 1e-12;
-// Rounding of gamma, as a share of its terms, and what is clearly more.
+// Rounding error of gamma as a fraction of its terms, and a fraction clearly above it.
 constexpr double rounding = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double pressed_share = 1e-9;
 
-// The contacts whose rows, in ascending order of `contacts`, are in the set `rows`.
+// Converts row numbers to contacts: row k belongs to the k-th contact of `contacts` by number.
 ContactSet at_rows(ContactSet rows, ContactSet contacts) {
   ContactSet set = 0;
   int row = 0;
@@ -94,7 +94,8 @@ void ContactSolver::read_state(const Motion& motion) {
   motion.flow->state(motion, state_.q, state_.u);
 }
 
-// The flow with these contacts locked; where there is none, with fewer of them.
+// The flow with `locked` locked. If there is none and dependent contacts are shared, contacts are
+// removed, the highest number first, until there is one; the removed ones become unsatisfied.
 const Flow& ContactSolver::flow_of(ContactSet locked, ContactSet& unsatisfied) const {
   if (dependent_ == DependentContacts::refuse) return (*flows_)[locked];
   const Flow* flow = flows_->find(locked);
@@ -113,13 +114,14 @@ void ContactSolver::enter(ContactSet locked, ContactSet geometric, ContactSet& u
   Eigen::Index count = 0;
   for_each(flow.locked(),
            [&](int i) { held_locked_[count++] = contains(geometric, i) ? 0.0 : gap(i, motion); });
-  // What a touch is off goes into the machine as an estimator, who knows no better, moves it.
+  // A static deflection removes the residual gaps of contacts in `geometric`, in the master in the
+  // same way as in the estimators.
   flow.close_gaps(geometric, motion.t, state_.q);
   flow.enter(state_.q, state_.u, motion.t, held_locked_.head(count), motion);
 }
 
-// Those of `candidates` that keep their contact by 0 <= lambda _|_ gamma' >= 0, but for those that
-// are unsatisfied in `locking` already or become so.
+// Solves 0 <= lambda _|_ gamma' >= 0 on `candidates`. Returns those with gamma' = 0, without those
+// that `locking` already lists as unsatisfied or that become unsatisfied here.
 ContactSet ContactSolver::choose(ContactSet candidates, const Motion& motion,
                                  Locking& locking) const {
   const Eigen::MatrixXd& G = flows_->dynamics().G();
@@ -145,7 +147,8 @@ ContactSet ContactSolver::choose(ContactSet candidates, const Motion& motion,
 
   ContactSet locked = 0;
   row = 0;
-  // Neither pressed nor pulled apart: what touches goes on touching.
+  // A contact with lambda = gamma' = 0 stays locked, so that a resting contact does not open by
+  // rounding.
   for_each(candidates, [&](int i) {
     const double noise = zero_share * magnitude[row];
     if (rate[row] <= noise && !contains(locking.unsatisfied, i)) {
@@ -162,7 +165,7 @@ ContactSet ContactSolver::choose(ContactSet candidates, const Motion& motion,
   return locked;
 }
 
-// Uses state_ as q, u at motion.t; motion still carries the phases and the gaps.
+// Requires q, u at motion.t in state_. `motion` supplies the phases and the gaps.
 Locking ContactSolver::enter_locked(ContactSet candidates, ContactSet geometric,
                                     ContactSet unsatisfied, Motion& motion) {
   Locking locking{Solved::yes, 0, unsatisfied};

@@ -1,10 +1,11 @@
-// What happens at one instant to a motion with closed contacts: impacts (impact_law.h) and the
-// choice of the locked set L from the complementarity of contact forces and accelerations,
+// Changes of a motion with closed contacts at one instant: impacts (impact_law.h), and the choice
+// of the locked set L from the complementarity of contact forces and accelerations,
 //
 //   0 <= lambda_S  _|_  gamma_S' = a_S + G_SS lambda_S >= 0,   S = closed contacts with gamma = 0,
 //
-// the rate of (4) in Baumann & Leine 2014. Master and replica share all of it; they differ in what
-// closes a contact. Nothing here allocates, but for flows that are built at first use (flows.h).
+// the time derivative of (4) in Baumann & Leine 2014. Master and replica both use it; they differ
+// in what closes a contact. Nothing here allocates, except flows that are built at first use
+// (flows.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -18,23 +19,23 @@
 
 namespace sprag {
 
-/// What to do where the directions of closed contacts depend on each other.
+/// Treatment of closed contacts whose directions are linearly dependent.
 enum class DependentContacts {
-  refuse,  ///< no motion: which of them carries what is a guess
-  share    ///< independent ones carry it all; what cannot be satisfied beside them is left out
+  refuse,  ///< no solution, since the distribution of the load among them is not unique
+  share    ///< an independent subset carries the load; contacts that it cannot satisfy are left out
 };
 
-/// How a locked set has come out.
+/// Result of the choice of a locked set.
 struct Locking {
-  Solved solved = Solved::yes;  ///< the motion is as it was unless `yes`
+  Solved solved = Solved::yes;  ///< the motion is unchanged unless `yes`
   /// Locked contacts whose force starts from zero, within rounding.
   ContactSet unloaded = 0;
-  /// Contacts that cannot be satisfied beside the others, or together with which the machine has no
-  /// flow. They have no force. None where dependent directions are refused.
+  /// Contacts that cannot be satisfied together with the others, or for which no flow exists
+  /// together with the others. They carry no force. Empty if dependent directions are refused.
   ContactSet unsatisfied = 0;
 };
 
-/// How an impact has come out. What follows `closed` has a meaning only where it is solved.
+/// Result of an impact. The members after `closed` are valid only if it is solved.
 struct Collision : Locking {
   ContactSet closed = 0;     ///< contacts that took part
   ContactSet struck = 0;     ///< those that took an impulse
@@ -50,30 +51,31 @@ class ContactSolver {
   /// g_i and gamma_i of a motion.
   double gap(int contact, const Motion& motion) const;
   double gap_velocity(int contact, const Motion& motion) const;
-  /// Those of `contacts` with gamma < 0 beyond all roundings.
+  /// Those of `contacts` with gamma < 0 by more than rounding.
   ContactSet pressed_in(ContactSet contacts, const Motion& motion) const;
-  /// Those of `contacts`, none of them locked, with gamma = gamma' = 0 up to roundings and
-  /// gamma'' > 0.
+  /// Those of `contacts` with gamma = gamma' = 0 within rounding and gamma'' > 0. None of them may
+  /// be locked.
   ContactSet parting(ContactSet contacts, const Motion& motion) const;
 
-  /// Impact on the contacts `closed` with restitution epsilon (indexed by contact, m entries), then
-  /// a new locked set among those of `staying` whose gamma+ is zero. Contacts in `geometric` are
-  /// held at g = 0 exactly, others at the gap they have.
+  /// Impact of the contacts `closed` with restitution epsilon (indexed by contact, m entries), then
+  /// a new locked set among the contacts of `staying` with gamma+ = 0. Locked contacts in
+  /// `geometric` are held at g = 0 exactly, the others at their present gap.
   Collision collide(ContactSet closed, std::span<const double> epsilon, ContactSet staying,
                     ContactSet geometric, Motion& motion);
 
-  /// After `collision`: takes gamma of `contacts` to zero as well, pulling where need be, and of
-  /// others that took part and that this would press in; then a new locked set among all that rest.
+  /// After `collision`: brings gamma of `contacts` to zero too, by impulses of either sign.
+  /// Contacts of the collision that this would press in are arrested as well. Then a new locked set
+  /// is chosen among all contacts at rest.
   Collision hold(const Collision& collision, ContactSet contacts, ContactSet geometric,
                  Motion& motion);
 
-  /// New locked set among `candidates`, whose gamma is zero.
+  /// New locked set among `candidates`, which must have gamma = 0.
   Locking lock(ContactSet candidates, ContactSet geometric, Motion& motion);
 
-  /// Takes `leaving` out of the locked set. Returns what is unsatisfied then, as in Locking.
+  /// Removes `leaving` from the locked set. Returns the unsatisfied contacts, as in Locking.
   ContactSet release(ContactSet leaving, Motion& motion);
 
-  /// Puts a free motion at (q, u, t).
+  /// Sets `motion` to free flight at (q, u, t).
   void start(const State& state, Instant t, Motion& motion);
 
  private:

@@ -1,4 +1,4 @@
-// Whether a symmetric matrix is positive definite, beyond what rounding may have made of it.
+// Test of a symmetric matrix for positive definiteness, within rounding.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,15 +6,15 @@
 namespace sprag {
 
 struct Definiteness {
-  double smallest = 0.0;         ///< eigenvalue; zero if it is so within rounding
-  bool semidefinite = false;     ///< within rounding
-  Eigen::MatrixXd null_motions;  ///< unit columns that the matrix takes to zero
+  double smallest = 0.0;         ///< smallest eigenvalue; zero if it is zero within rounding
+  bool semidefinite = false;     ///< positive semidefinite within rounding
+  Eigen::MatrixXd null_motions;  ///< basis of the null space, unit columns
 
   bool definite() const { return semidefinite && null_motions.cols() == 0; }
 };
 
-/// Rounding is 1e-13 of the largest eigenvalue, where rows and columns are scaled to a unit
-/// diagonal: that keeps all signs, and units of single coordinates do not matter.
+/// Rows and columns are scaled to a unit diagonal first: this keeps all signs and removes the units
+/// of the coordinates. Eigenvalues below 1e-13 of the largest count as zero.
 Definiteness definiteness(const Eigen::MatrixXd& matrix);
 
 }  // namespace sprag

@@ -9,13 +9,13 @@
 namespace sprag {
 namespace {
 
-// z and z' after tau of an oscillator that starts at rest under F = cos Omega t, and z under F =
-// sin Omega t / Omega, whose rate is the first.
+// Response after tau of an oscillator that starts at rest: z and z' under F = cos Omega t, and z
+// under F = sin Omega t / Omega. The rate of `sine` equals `cosine`.
 struct DrivenResponse {
   double cosine, rate, sine;
 };
 
-// By their power series; |tau| times each of the rates involved is at most 1/2.
+// Power series in tau. Requires |tau| times each of the rates involved <= 1/2.
 DrivenResponse short_response(double delta, double kappa, double kappa_source, double tau) {
   constexpr std::size_t terms = 16;
   const double x = 2.0 * delta * tau;
@@ -45,8 +45,8 @@ DrivenResponse short_response(double delta, double kappa, double kappa_source, d
   return z;
 }
 
-// The steady response less the free motion that it would begin with. Not near resonance, and not
-// over a small part of a period of the source.
+// The steady response minus the free motion with the same initial state. Inaccurate near resonance
+// and over a small fraction of a period of the source, where the two cancel.
 DrivenResponse steady_response(const OscillatorKernel& k, double delta, double kappa, double Omega,
                                double tau) {
   const double c = std::cos(Omega * tau);
@@ -59,8 +59,8 @@ DrivenResponse steady_response(const OscillatorKernel& k, double delta, double k
           ((a * s - b * c + k.zz * b) / Omega - k.zv * a) / size};
 }
 
-// Near resonance and over short times the series over a small part of tau, doubled again and again:
-// nothing cancels, and each doubling costs a rounding.
+// Near resonance and over short times: the series over a small fraction of tau, doubled repeatedly.
+// Nothing cancels, and each doubling costs one rounding.
 DrivenResponse response(const Oscillators& oscillators, Eigen::Index mode, Eigen::Index source,
                         double tau) {
   const double delta = oscillators.delta()[mode];
@@ -122,7 +122,7 @@ DriveTable::DriveTable(const Oscillators& oscillators, const Drives& drives, dou
   for (const Drive& drive : drives.all()) {
     const Drives alone(oscillators, {drive});
     const auto from = [&](double z, double v) {
-      // The source at the end, taken back by h.
+      // The source's state h earlier.
       const double c = std::cos(oscillators.root_kappa()[drive.source] * h);
       const double s = std::sin(oscillators.root_kappa()[drive.source] * h);
       const double Omega = oscillators.root_kappa()[drive.source];

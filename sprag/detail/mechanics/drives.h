@@ -2,10 +2,10 @@
 //
 //   z'' + 2 delta z' + kappa z = alpha + F(t),   F = cos z_source + sin z_source',
 //
-// where the source is another oscillator of the bank, without damping: a frequency of the
-// excitation. Only for those oscillators whose steady response to it is far beyond where they move,
-// at and near resonance and where next to nothing holds them: there the steady response and what it
-// leaves to the free motion would cancel. All others move about their steady response (flow.h).
+// where the source is an undamped oscillator of the same bank: a frequency of the excitation.
+// Drives serve the oscillators whose steady response is much larger than their motion: at and near
+// resonance, and with very low stiffness. There the steady response and the free motion would
+// cancel. All other oscillators are described relative to their steady response (flow.h).
 #pragma once
 
 #include <span>
@@ -34,13 +34,13 @@ class Drives {
 
   bool empty() const { return drives_.empty(); }
   std::span<const Drive> all() const { return drives_; }
-  /// How far ahead the bounds of a search may count on the forces: half a period or so of the
-  /// fastest source; infinity where there is none.
+  /// Time ahead for which the bounds of an event search hold under the forces: about half a period
+  /// of the fastest source; infinity without drives.
   double reach() const { return reach_; }
 
-  /// Adds to the modes from `first` to below `end` of `to` what the forces make of them over tau,
-  /// the bank being at `from` before; where tau is negative, what they have made of them. All
-  /// digits of it, in and off resonance; at a cost that grows with the logarithm of tau.
+  /// Adds the response to the forces over tau to the modes first <= mode < end of `to`, with the
+  /// bank at `from` at the start. tau may be negative. Accurate to rounding in and off resonance;
+  /// the cost grows with the logarithm of tau.
   void respond(const Oscillators& oscillators, const OscillatorState& from, double tau,
                Eigen::Index first, Eigen::Index end, OscillatorState& to) const;
 
@@ -49,20 +49,20 @@ class Drives {
   double reach_ = 0.0;
 };
 
-/// Their response over a fixed step.
+/// The response of all drives over a fixed step h.
 class DriveTable {
  public:
   DriveTable() = default;
   DriveTable(const Oscillators& oscillators, const Drives& drives, double h);
 
   bool empty() const { return rows_.empty(); }
-  /// Adds it to the modes of a bank whose sources stand at the end of the step.
+  /// Adds the response to the modes of x, in which the sources are already at the end of the step.
   void apply(OscillatorState& x) const;
 
  private:
   struct Row {
     Eigen::Index mode, source;
-    double zz, zv, vz, vv;  // of z_source and z_source' at the end
+    double zz, zv, vz, vv;  // per unit of z_source and z_source' at the end of the step
   };
   std::vector<Row> rows_;
 };

@@ -1,6 +1,6 @@
-// What all flows of one model share: its matrices as (2) of Baumann & Leine 2014 takes them, the
-// frequencies and complex amplitudes of what excites it, and its contacts as functions of the
-// physical state.
+// Data common to all flows of one model: its matrices as in (2) of Baumann & Leine 2014, the
+// frequencies and complex amplitudes of its excitation, and its gaps as functions of the physical
+// state.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 
 namespace sprag {
 
-/// Linear in the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
+/// Affine function of the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
 struct Functional {
   Eigen::VectorXd a, b;
   double constant = 0.0;
@@ -19,7 +19,7 @@ struct Functional {
 /// Frequencies, complex amplitudes, W, M^-1 W and G = W^T M^-1 W.
 class Dynamics {
  public:
-  /// Throws ModelError when the sizes do not fit or M is not positive definite.
+  /// Throws ModelError if the sizes do not match or M is not positive definite.
   explicit Dynamics(Model model);
 
   const Model& model() const { return model_; }
@@ -40,7 +40,7 @@ class Dynamics {
 
   Functional gap(int contact) const;
   Functional gap_velocity(int contact) const;
-  /// gamma_i' without any contact force.
+  /// gamma_i' without contact forces.
   Functional free_acceleration(int contact) const;
 
  private:

@@ -1,4 +1,4 @@
-// Times between which contact events may be missing: lost on the way, or contradicting each other.
+// Intervals in which contact events may be missing, because they were lost or are contradictory.
 #pragma once
 
 #include <algorithm>
@@ -12,8 +12,8 @@ struct EventGap {
   friend bool operator==(const EventGap&, const EventGap&) = default;
 };
 
-/// Adds a gap to others, which are in order and apart and stay so: those that it meets become one
-/// with it.
+/// Adds a gap to a list of disjoint gaps in ascending order. Gaps that overlap or touch it are
+/// merged with it.
 inline void add(EventGap gap, std::vector<EventGap>& gaps) {
   const auto first = std::find_if(gaps.begin(), gaps.end(),
                                   [&](const EventGap& other) { return other.to >= gap.from; });

@@ -17,12 +17,12 @@ namespace {
 
 constexpr std::size_t index(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
-// Lower bounds have one term more, the remainder.
+// Degree p of the Taylor polynomial. Lower bounds have one more term, the remainder.
 constexpr int degree = bernstein::degree - 1;
-// Below this a motion has died out; its roundings are no longer relative.
+// Below this magnitude rounding errors are no longer relative; the motion counts as zero.
 constexpr double nothing = 1e-290;
 
-// Two events closer than this share of their time are one.
+// Two events whose times differ by less than this fraction are simultaneous.
 constexpr double simultaneous = 1e-13;
 
 using bernstein::Coefficients;
@@ -37,7 +37,7 @@ constexpr std::array<double, degree + 2> inverse_factorials = [] {
   return values;
 }();
 
-// Where a motion is, as far as its first `count` oscillators.
+// State of a motion, restricted to its first `count` oscillators.
 struct Point {
   const Oscillators& oscillators;
   const Drives& drives;
@@ -48,12 +48,13 @@ struct Point {
 
 struct Expansion {
   Coefficients a{};    // phi^(j) / j!, j = 0..degree
-  double bound = 0.0;  // of |phi^(p+1)| / (p+1)! from now on
+  double bound = 0.0;  // of |phi^(p+1)| / (p+1)! at all later times
   double noise = 0.0;  // rounding of a[0]
 };
 
-// What a drive adds to the derivatives of phi, as if its oscillator were at rest: theirs add up.
-// Returns its share in the bound of the one after the last, which holds up to reach().
+// Adds a drive's contribution to the derivatives of phi in d. The oscillator counts as at rest,
+// since responses superpose. Returns the contribution to the bound of derivative p+1, which holds
+// up to reach().
 double expand_drive(const Drive& drive, double p, double r, const Point& at, Coefficients& d) {
   const Oscillators& oscillators = at.oscillators;
   const double damping = 2.0 * oscillators.delta()[drive.mode];
@@ -67,7 +68,7 @@ double expand_drive(const Drive& drive, double p, double r, const Point& at, Coe
   double before = 0.0;
   double now = 0.0;
   double next = force;
-  double fastest = amplitude;  // |F^(j)| at most
+  double fastest = amplitude;  // upper bound of |F^(j)|
   const double reach = at.drives.reach();
   for (std::size_t j = 0; j <= degree; ++j) {
     d[j] += p * before + r * now;
@@ -78,8 +79,8 @@ double expand_drive(const Drive& drive, double p, double r, const Point& at, Coe
     force = std::exchange(next_force, -kappa_source * force);
     if (j < degree) fastest *= root_source;
   }
-  // Energy of derivative p, which F^(p) feeds: sqrt(z^(p+1)^2 + kappa z^(p)^2) grows by |F^(p)| a
-  // unit of time at most.
+  // Derivative p of z is an oscillator under the force F^(p). Its energy norm
+  // sqrt(z^(p+1)^2 + kappa z^(p)^2) grows at most at the rate |F^(p)|.
   const double root = oscillators.root_kappa()[drive.mode];
   return std::abs(p) * (std::abs(before) + root * std::abs(last) + reach * fastest) +
          std::abs(r) * (std::abs(now) + root * std::abs(before) + reach * root_source * fastest);
@@ -106,8 +107,9 @@ Expansion expand_signal(const Signal& signal, double sign, double constant, cons
       now = next;
       next = -damping * now - kappa * before;
     }
-    // before, now, next are the derivatives p+1, p+2, p+3; the energy of derivative p+1 bounds p+1
-    // only through p: sqrt(kappa) |z^(p)| = |now + damping before| / sqrt(kappa).
+    // before, now, next are the derivatives p+1, p+2, p+3. The energy norm that bounds z^(p+1)
+    // needs sqrt(kappa) |z^(p)|, which follows from the oscillator's equation:
+    // |now + damping before| / sqrt(kappa).
     const double root = oscillators.root_kappa()[k];
     const double previous = root > 0.0 ? std::abs(now + damping * before) / root : 0.0;
     bound += std::abs(p) * (std::abs(before) + previous) +
@@ -124,7 +126,7 @@ Expansion expand_signal(const Signal& signal, double sign, double constant, cons
   return e;
 }
 
-// Rounding noise of phi^(j) / j!.
+// Rounding error of phi^(j) / j!.
 double noise_of(int order, const Signal& signal, const Point& at) {
   const Oscillators& oscillators = at.oscillators;
   double magnitude = 0.0;
@@ -162,13 +164,13 @@ double noise_of(int order, const Signal& signal, const Point& at) {
 }
 
 struct Verdict {
-  double certified = 0.0;  // positive before this
+  double certified = 0.0;  // phi is positive before this time
   double root = infinity;  // accepted root
-  double next = 0.0;       // phi at `certified`, roughly
+  double next = 0.0;       // phi at `certified`, approximately
 };
 
-// n-th root of x >= 0 within a tenth: a double's bits are nearly a logarithm of it. Powers 2^(n k)
-// in x are powers 2^k in the root, exactly.
+// n-th root of x >= 0 within 10 %, from the bits of the double, which approximate its logarithm.
+// A factor 2^(n k) of x becomes the exact factor 2^k of the root.
 double rough_root(double x, int n) {
   constexpr auto one = std::bit_cast<std::int64_t>(1.0);
   const double normal =
@@ -178,8 +180,8 @@ double rough_root(double x, int n) {
   return std::bit_cast<double>(one + share);
 }
 
-// How far a polynomial without remainder (free fall) can matter: beyond, its highest falling term
-// outweighs all others.
+// Length over which a polynomial without remainder (free fall) can have a root. Beyond it, the
+// highest negative term outweighs all others.
 double reach_of(const Expansion& e, int order) {
   double reach = 0.0;
   for (int i = order + 1; i <= degree; ++i) {
@@ -203,8 +205,8 @@ double quadratic_root(double c0, double c1, double c2) {
   return denominator > 0.0 ? 2.0 * c0 / denominator : infinity;
 }
 
-// A root in (0, H) of sum a_j x^j that the first terms show, from a little below; infinity if none
-// is found. Not surely the first one.
+// A root in (0, H) of sum a_j x^j, found by Newton's method from the root of the first three terms
+// and reduced by a small fraction. Infinity if none is found. It need not be the first root.
 double visible_root(const double* a, int n, double H) {
   constexpr double a_little = 0x1p-9;
   if (n < 2) return infinity;
@@ -225,15 +227,15 @@ double visible_root(const double* a, int n, double H) {
   return infinity;
 }
 
-// How far it is worth to look; zero: as far as one likes, nothing falls.
+// Length of the next interval to examine. Zero: unlimited, since no term is negative.
 double interval(const Expansion& e, int order, double lead) {
-  // Somewhat less than where the remainder alone outweighs the start: most such intervals show no
-  // root at once.
+  // Slightly less than where the remainder alone outweighs the leading term: most such intervals
+  // are certified at once.
   if (e.bound > 0.0) return 0.8 * rough_root(lead / e.bound, degree - order + 1);
   return reach_of(e, order);
 }
 
-// A polynomial of degree p - order + 1 that phi / x^order is not below.
+// A polynomial of degree p - order + 1 that is a lower bound of phi / x^order.
 Coefficients lower_bound(const Expansion& e, int order, double omitted) {
   const int n = degree - order;
   Coefficients lower{};
@@ -243,8 +245,8 @@ Coefficients lower_bound(const Expansion& e, int order, double omitted) {
   return lower;
 }
 
-// phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, and at most remainder s^(n+1)
-// more or less.
+// phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, up to an error of at most
+// remainder s^(n+1).
 struct Stretch {
   double H;
   int n;
@@ -252,7 +254,7 @@ struct Stretch {
   double remainder = 0.0;
 };
 
-// `lower` comes along from x to s.
+// Rescales `lower` from x to s as well.
 Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
   Stretch phi{H, degree - order};
   double power = 1.0;
@@ -266,7 +268,7 @@ Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
   return phi;
 }
 
-// Of the polynomial at s.
+// Value and slope of the polynomial at s.
 struct Sample {
   double value;
   double slope;
@@ -281,8 +283,9 @@ Sample sample(const Stretch& phi, double s) {
   return at;
 }
 
-// Close to a root of the polynomial itself the remainder hardly counts: is the one behind `low` the
-// root of phi, within the resolution of time? Infinity if not.
+// Newton's method for a root of the polynomial just after `low`. Near it the remainder has hardly
+// any effect. Returns the root if the remainder moves it by less than the resolution of time, else
+// infinity.
 double accepted_root(const Stretch& phi, double low, Sample at, double resolution) {
   const auto error = [&phi](double s, double slope) {
     double size = phi.remainder * phi.H;
@@ -303,14 +306,15 @@ double accepted_root(const Stretch& phi, double low, Sample at, double resolutio
   return error(s, at.slope) <= 0.25 * resolution ? s * phi.H : infinity;
 }
 
-// `omitted` bounds what expand_signal was not given; phi has a zero of the given order at 0, which
-// is divided out. Time is resolved to a rounding of `now` and what is to come.
+// Examines phi from an expansion point on. phi has a zero of the given order there, which is
+// divided out. `omitted` bounds the oscillators that expand_signal left out. Time is resolved to
+// the rounding of `now` plus the interval.
 Verdict judge(const Expansion& e, int order, double omitted, double now) {
   const double lead = e.a[index(order)] - omitted;
   double H = interval(e, order, lead);
   if (H == 0.0) return {infinity, infinity, lead};
 
-  // A root in sight ends the interval: it is the first if nothing before it is.
+  // A visible root ends the interval. It is the first root if the interval before it has none.
   Coefficients lower = lower_bound(e, order, omitted);
   const double in_sight = visible_root(lower.data(), degree - order + 1, H);
   if (in_sight < infinity) H = in_sight;
@@ -332,8 +336,8 @@ Verdict judge(const Expansion& e, int order, double omitted, double now) {
   return verdict;
 }
 
-// The first derivative of phi, from `order` on, that is not zero within its rounding; degree + 1 if
-// there is none. One that does not vanish by construction counts if it stands out of its rounding.
+// The first derivative of phi, from `order` on, that exceeds its rounding error; degree + 1 if
+// there is none. `falls` is set if that derivative is negative.
 struct Leading {
   int order;
   bool falls = false;
@@ -350,7 +354,8 @@ Leading leading(const Expansion& e, int order, const Signal& signal, const Point
   return {order};
 }
 
-// Bounds on what the oscillators from number k on ever add to the signal, k = 0..N.
+// tail[k], k = 0..N: bound of the contribution of oscillators k..N-1 to the signal at all later
+// times.
 void bound_tail(const Signal& signal, const Motion& start, double* tail) {
   const Oscillators& oscillators = start.flow->oscillators();
   const Eigen::Index n = oscillators.size();
@@ -362,8 +367,8 @@ void bound_tail(const Signal& signal, const Motion& start, double* tail) {
     const double push = std::abs(start.alpha[k]);
     const double p = std::abs(signal.p[k]);
     const double r = std::abs(signal.r[k]);
-    // The energy about the rest alpha / kappa only falls. Without stiffness z has no bound, and z'
-    // none where it is pushed: such a mode is always evaluated.
+    // The energy about the rest position alpha / kappa never grows. Without stiffness z has no
+    // bound, and with a constant force z' has none either: such a mode is always evaluated.
     const double v_bound = v + root * z + (push > 0.0 ? push / root : 0.0);
     const double z_bound = root > 0.0 ? (v_bound + push / root) / root : infinity;
     tail[k] = tail[k + 1] + (p > 0.0 ? p * z_bound : 0.0) + (r > 0.0 ? r * v_bound : 0.0);
@@ -413,8 +418,8 @@ Eigen::Index EventSearch::oscillators_needed() const {
   return needed;
 }
 
-// Looks ahead from here, x_, with the first `count` oscillators, at |t|. What the others may add
-// can be too much to tell anything: then need_all_ is set.
+// Examines watch i from the present point x_ at time |t| with the first `count` oscillators. Sets
+// need_all_ if the bound of the omitted ones is too large for a conclusion.
 void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
   WatchState& state = states_[i];
   const Flow& flow = *start_->flow;
@@ -431,7 +436,7 @@ void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
   const Leading lead = leading(e, certified_ > 0.0 ? 0 : state.watch.order, signal, here);
   Verdict verdict;
   if (lead.falls) {
-    // The last step may have gone past the root by what its coefficients were rounded.
+    // The last step may have passed the root by the rounding of its coefficients.
     const double past = certified_ > 0.0 && e.a[1] < 0.0 ? std::max(e.a[0] / e.a[1], 0.0) : 0.0;
     verdict = {0.0, -std::min(past, 1e-8 * t), 0.0};
   } else if (lead.order > degree) {
@@ -473,7 +478,7 @@ void EventSearch::expand() {
   }
   const double resolution = machine_epsilon * t;
   if (!need_all_ && certified <= 0.25 * resolution) {
-    // Time cannot tell this from the zero that lies ahead.
+    // The interval up to the next zero is shorter than the resolution of time.
     for (WatchState& state : states_) state.fires = state.certified <= resolution;
     found_ = true;
     tau_ = certified_;

@@ -40,7 +40,7 @@ Signal Flow::signal(const Functional& functional) const {
 void Flow::set_phases(Instant t, OscillatorState& x) const {
   const Eigen::VectorXd& Omega = dynamics_->frequencies();
   for (Eigen::Index j = 0; j < nf_; ++j) {
-    // The phase Omega t in two pieces: at t = 400 the rounded product alone would cost 1e-13.
+    // The phase Omega t in two parts: at t = 400 the rounded product alone has an error of 1e-13.
     const double phase = Omega[j] * t.hi;
     const double rest = std::fma(Omega[j], t.hi, -phase) + Omega[j] * t.lo;
     const double c = std::cos(phase);
@@ -133,7 +133,7 @@ void Flow::state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
   add(u_forced_, u);
 }
 
-// Products coefficient by coefficient: blocked ones allocate.
+// multiply() and not Eigen's blocked products, which allocate.
 void Flow::enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
                              const Eigen::Ref<const Eigen::MatrixXd>& u,
                              Eigen::Ref<Eigen::MatrixXd> z, Eigen::Ref<Eigen::MatrixXd> v) const {

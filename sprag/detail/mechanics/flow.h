@@ -3,10 +3,11 @@
 //   M u' + C u + K q = W_L lambda + f(t),   w_i^T q + s_i(t) + c_i = g_i for i in L,
 //
 // eqs. (2), (4) of Baumann & Leine 2014 with a constant set L. On null(W_L^T) the motion is a bank
-// of scalar oscillators z; q and u, and with them every gap, gap velocity and contact force, are
-// linear in (z, z', 1). The excitation's frequencies ride along as undamped oscillators in front of
-// the modes; a mode moves about its steady response to them, or is driven by them where that is far
-// beyond where it moves (drives.h). L = {} is free flight.
+// of scalar oscillators z. q, u, and with them every gap, gap velocity and contact force, are
+// linear in (z, z', 1). The bank starts with one undamped oscillator for each frequency of the
+// excitation; the modes follow. A mode is described relative to its steady response to the
+// excitation, or is driven by it where that response is much larger than the motion (drives.h).
+// The empty set L is free flight.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,20 +32,20 @@ struct Signal {
   Eigen::VectorXd held;
 };
 
-/// A point on a flow: everything that changes. Copies between objects of one model do not allocate
-/// once both have been used.
+/// The complete changing state of a motion on a flow. Copies between objects of one model do not
+/// allocate once both have been used.
 struct Motion {
   const Flow* flow = nullptr;
   Instant t;
   OscillatorState x;
-  Eigen::ArrayXd alpha;  ///< per oscillator: what pushes it for good
+  Eigen::ArrayXd alpha;  ///< per oscillator: constant acceleration
   Eigen::VectorXd held;  ///< m entries; the first are g_i of the locked contacts, by ascending i
 };
 
 enum class FlowPath {
   diagonal,  ///< M, C, K diagonal: the coordinates are the modes
   modal,     ///< one transformation diagonalizes M, C and K
-  dense      ///< complex modes: C couples the real ones
+  dense      ///< complex modes, since C couples the real ones
 };
 
 /// "diagonal", "modal" or "dense".
@@ -65,28 +66,29 @@ class Flow {
   Flow(const Dynamics& dynamics, ContactSet locked);
 
   ContactSet locked() const { return locked_; }
-  /// Contacts outside L whose directions depend on those of L: L moves them.
+  /// Contacts outside L whose directions depend linearly on those of L.
   ContactSet tied() const { return tied_; }
   FlowPath path() const { return path_; }
-  /// Oscillators, the same for all flows of a model: frequencies, modes, then idle ones.
+  /// Number of oscillators, the same for all flows of a model: frequencies, modes, then unused
+  /// ones.
   Eigen::Index size() const { return oscillators_.size(); }
   Eigen::Index frequencies() const { return nf_; }
   Eigen::Index modes() const { return modes_; }
   const Oscillators& oscillators() const { return oscillators_; }
   const Drives& drives() const { return drives_; }
-  /// Whether a constant force acts where all held gaps are zero: some alpha is not zero.
+  /// Whether some alpha is not zero with all held gaps zero, that is, a constant force acts.
   bool pushed() const { return (alpha0_ != 0.0).any(); }
 
   /// Puts `motion` on this flow at (q, u, t), f entries each. The locked contacts keep the gaps
-  /// `held` (as many entries as L has contacts).
+  /// `held`, one entry for each contact of L.
   void enter(const Eigen::Ref<const Eigen::VectorXd>& q, const Eigen::Ref<const Eigen::VectorXd>& u,
              Instant t, const Eigen::Ref<const Eigen::VectorXd>& held, Motion& motion) const;
 
   /// Moves from `from` to the instant t >= from.t; `to` may be the same object.
   void propagate(const Motion& from, Instant t, Motion& to) const;
 
-  /// Oscillators first..first+count-1, which are modes, tau after `from`, or before it where tau is
-  /// negative; written into x.
+  /// Computes oscillators first..first+count-1, which must be modes, at tau after `from` and writes
+  /// them into x. tau may be negative.
   void move_modes(const Motion& from, double tau, Eigen::Index first, Eigen::Index count,
                   OscillatorState& x) const;
 
@@ -97,9 +99,9 @@ class Flow {
   void state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
              Eigen::Ref<Eigen::VectorXd> u) const;
 
-  /// Differences between motions on this flow that hold the same gaps, one a column: those of q and
-  /// u, f rows each, to those of z and z', modes() rows each, and back. The first projects, in the
-  /// metric of M, what does not fit the locked contacts. They do not allocate.
+  /// Maps differences between motions on this flow with the same held gaps, one per column: from q
+  /// and u (f rows each) to z and z' (modes() rows each), and back. The first map projects, in the
+  /// metric of M, the part that violates the locked contacts. Neither allocates.
   void enter_differences(const Eigen::Ref<const Eigen::MatrixXd>& q,
                          const Eigen::Ref<const Eigen::MatrixXd>& u, Eigen::Ref<Eigen::MatrixXd> z,
                          Eigen::Ref<Eigen::MatrixXd> v) const;
@@ -107,8 +109,8 @@ class Flow {
                          const Eigen::Ref<const Eigen::MatrixXd>& v, Eigen::Ref<Eigen::MatrixXd> q,
                          Eigen::Ref<Eigen::MatrixXd> u) const;
 
-  /// Adds the impulse Lambda (one entry, contact i) to a motion on this flow. Only where
-  /// accepts_kicks(); the sum of all kicks must leave gamma_L alone.
+  /// Applies the impulse Lambda at a contact to a motion on this flow. Requires accepts_kicks().
+  /// The sum of all kicks must leave gamma_L unchanged.
   void kick(int contact, double Lambda, Motion& motion) const;
   bool accepts_kicks() const { return path_ != FlowPath::dense; }
 
@@ -121,14 +123,14 @@ class Flow {
 
   Signal signal(const Functional& functional) const;
 
-  /// Moves q, f entries, so that these contacts of L have g = 0 at t, by what takes the least
-  /// elastic energy: a static deflection. Where q does not fit L, the metric of M, in which enter()
-  /// projects, would put the misfit into the highest modes.
+  /// Moves q, f entries, by a static deflection of least elastic energy, so that these contacts of
+  /// L have g = 0 at t. enter() alone would project the violation in the metric of M, which puts it
+  /// into the highest modes.
   void close_gaps(ContactSet contacts, Instant t, Eigen::VectorXd& q) const;
-  /// enter() behind that of all of L, with held gaps of zero.
+  /// close_gaps() of all of L, then enter() with held gaps of zero.
   void enter_closed(Eigen::VectorXd& q, const Eigen::Ref<const Eigen::VectorXd>& u, Instant t,
                     Motion& motion) const;
-  /// The same for differences of q, one a column.
+  /// close_gaps() of L for differences of q, one per column.
   void close_gap_differences(Eigen::Ref<Eigen::MatrixXd> q) const;
 
  private:
@@ -143,25 +145,25 @@ class Flow {
   Oscillators oscillators_;
   Drives drives_;
 
-  // What follows the excitation, in a space of any dimension: constant + held g_L + cos z_f +
-  // sin z_f', z_f the excitation's oscillators.
+  // Dependence of a vector on the excitation: constant + held g_L + cos z_f + sin z_f', where z_f
+  // are the oscillators of the excitation.
   struct Forced {
     Eigen::VectorXd constant;
     Eigen::MatrixXd held, cos, sin;
   };
 
-  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'): constant
-  // forces and drives leave Psi (alpha + F) in u_forced. z = enter_zq
-  // q + enter_zu u - z_forced, z' likewise. Phi and enter_zq = enter_vu are the identity on the
-  // diagonal path; Psi, enter_zu and enter_vq are zero but on the dense path, where all of them are
-  // set.
+  // q = q_forced + Phi z + Psi z', u = u_forced + Phi z' + Psi (-kappa z - 2 delta z'), where
+  // u_forced includes Psi (alpha + F) of constant forces and drives. z = enter_zq q + enter_zu u -
+  // z_forced, and z' likewise. On the diagonal path Phi and enter_zq = enter_vu are the identity.
+  // Psi, enter_zu and enter_vq are zero except on the dense path. Matrices that are zero or the
+  // identity are not set.
   Forced q_forced_, u_forced_, z_forced_, v_forced_;
   Eigen::MatrixXd Phi_, Psi_;
   Eigen::MatrixXd enter_zq_, enter_zu_, enter_vq_, enter_vu_;
   Eigen::ArrayXd alpha0_;
   Eigen::MatrixXd alpha_held_;
   Eigen::MatrixXd kick_;           // modes x m
-  Eigen::MatrixXd static_shapes_;  // f x L: each opens one contact of L by 1, and no other
+  Eigen::MatrixXd static_shapes_;  // f x L: each opens one contact of L by 1 and no other
 
   std::vector<Signal> gap_, gap_velocity_, force_;
 };
@@ -171,7 +173,7 @@ double value(const Signal& signal, const Motion& motion);
 double rate(const Signal& signal, const Motion& motion);
 double second_rate(const Signal& signal, const Motion& motion);
 
-/// Sum of the absolute terms of a signal: its roundings are in proportion.
+/// Sum of the absolute terms of a signal, which scales its rounding error.
 double largest_terms(const Signal& signal, const Motion& motion);
 
 }  // namespace sprag

@@ -1,5 +1,5 @@
-// How a flow is made: modes of the machine on the null space of the locked contacts' directions, in
-// extended precision (modal_analysis.h), and what the excitation makes of them.
+// Construction of a flow: modes of the machine on the null space of the locked contacts'
+// directions, in extended precision (modal_analysis.h), and their response to the excitation.
 #include <cmath>
 #include <complex>
 #include <cstddef>
@@ -19,7 +19,7 @@ using namespace modal;
 
 namespace {
 
-// What rounding leaves of a force on a mode that is at right angles to it, as a share of all.
+// Rounding level of a force that is orthogonal to a mode, as a fraction of the largest force.
 constexpr Real no_force = 1e-16L;
 
 std::vector<int> members(ContactSet set) {
@@ -30,7 +30,7 @@ std::vector<int> members(ContactSet set) {
   return list;
 }
 
-// Locked contacts take modes away; the bank keeps its size with oscillators at rest in their place.
+// Locked contacts remove modes. The bank keeps its size: oscillators at rest fill their places.
 Eigen::ArrayXd trailing_frequencies(const Eigen::VectorXd& front, const VectorR& modes,
                                     Eigen::Index coordinates) {
   Eigen::ArrayXd all = Eigen::ArrayXd::Zero(front.size() + coordinates);
@@ -39,12 +39,13 @@ Eigen::ArrayXd trailing_frequencies(const Eigen::VectorXd& front, const VectorR&
   return all;
 }
 
-// B^T A B where that is known to be diagonal: no rounding of other entries gets into small ones.
+// B^T A B where the product is known to be diagonal. Other entries, which are rounding, are
+// dropped.
 MatrixR diagonal_of(const MatrixR& B, const MatrixR& A) {
   return VectorR(B.cwiseProduct(product(A, B)).colwise().sum().transpose()).asDiagonal();
 }
 
-// K^-1 push of modes with this K; zero where nothing holds them.
+// K^-1 push for modes with stiffnesses kappa; zero for modes without stiffness.
 MatrixR at_rest(const VectorR& kappa, const MatrixR& push) {
   MatrixR y = push;
   for (Eigen::Index i = 0; i < kappa.size(); ++i) y.row(i) *= kappa[i] > 0 ? 1 / kappa[i] : Real(0);
@@ -144,12 +145,13 @@ void Flow::Builder::build_diagonal() {
   flow_.kick_ = dynamics_.MinvW();
 }
 
-// The motion y on null(W_L^T), q = B y + q_D, y'' + C y' + K y = push (1, g_L) + Re forcing
-// e^(i Omega t). The locked contacts carry q_D = D (g_L - c_L - s_L(t)) along, M-orthogonal to it.
+// The motion y on null(W_L^T), q = B y + q_D, with y'' + C y' + K y = push (1, g_L) + Re forcing
+// e^(i Omega t). q_D = D (g_L - c_L - s_L(t)) is the motion that the locked contacts impose; it is
+// M-orthogonal to B y.
 struct Flow::Builder::Nullspace {
   MatrixR B, to_y;  // y = to_y q
   MatrixR C, K;
-  MatrixR push;  // its first column stands alone, the others multiply g_L; so does q_D
+  MatrixR push;  // column 0 is constant, the others multiply g_L; the same holds for q_D
   MatrixCR forcing;
   MatrixR q_D;
   MatrixCR q_D_harmonics;
@@ -165,7 +167,7 @@ void Flow::Builder::build_on_nullspace() {
   const Model& model = dynamics_.model();
   const Eigen::Index f = model.coordinates();
   const auto l = static_cast<Eigen::Index>(locked_contacts_.size());
-  // Modes of mass 1, in a unit of M's own: roots of M are the same whatever unit it comes in.
+  // Unit modal masses. M is scaled by a power of two, so that roots do not depend on its unit.
   const double mass = power_of_two_above(model.M.diagonal().maxCoeff());
   const MatrixR M = (model.M / mass).cast<Real>();
   const MatrixR C = (model.C / mass).cast<Real>();
@@ -214,7 +216,7 @@ void Flow::Builder::build_on_nullspace() {
   }
 }
 
-// `y`: where what locked contacts push comes to rest, for each of them.
+// Column i of y is the static deflection of the modes per unit gap of locked contact i.
 void Flow::Builder::set_static_shapes(const Nullspace& space, const MatrixR& y) {
   const auto q_D = space.q_D.rightCols(y.cols());
   flow_.static_shapes_ = (q_D + product(space.B, y)).cast<double>();
@@ -263,8 +265,8 @@ void Flow::Builder::build_dense(const Nullspace& space) {
   const VectorR& kappa = modes.kappa;
 
   // [y; y'] = T [z; v] with z' = v + beta_z and v' = -kappa z - 2 delta v + beta_v, where beta is
-  // what T^-1 makes of a force. v is not the rate of z then; that of z minus a particular motion
-  // is v minus that motion's own.
+  // T^-1 applied to the force. v is not z' here; but the rate of z minus a particular solution is v
+  // minus that solution's v.
   const MatrixR from_force = modes.T_inverse.rightCols(r);
   const MatrixR beta = product(from_force, space.push);
   const auto beta_z = beta.topRows(r);
@@ -307,7 +309,8 @@ void Flow::Builder::build_dense(const Nullspace& space) {
   set_bank(delta, kappa, alpha, drive);
 }
 
-// alpha as push in Nullspace, drive by frequency; modes in the order of delta and kappa.
+// alpha has columns as Nullspace::push, drive one column per frequency. Modes are in the order of
+// delta and kappa.
 void Flow::Builder::set_bank(const VectorR& delta, const VectorR& kappa, const MatrixR& alpha,
                              const MatrixCR& drive) {
   const Eigen::Index f = dynamics_.coordinates();
@@ -363,10 +366,11 @@ void Flow::Builder::build_signals() {
   }
 }
 
-// Of a contact that L moves gamma is what its support moves otherwise than those of L: nothing, not
-// even rounding, where they move alike.
+// gamma of a tied contact is the difference between the motion of its support and that of the
+// supports in L. Terms at rounding level are set to zero, so that gamma is exactly zero if the
+// supports move alike.
 Signal Flow::Builder::tied_gap_velocity(int contact) const {
-  constexpr double nothing = 1e-12;  // of the terms
+  constexpr double nothing = 1e-12;  // as a fraction of the terms
   const Functional gamma = dynamics_.gap_velocity(contact);
   Signal s = flow_.signal(gamma);
   const Eigen::VectorXd b = gamma.b.cwiseAbs();

@@ -6,9 +6,9 @@
 namespace sprag {
 namespace {
 
-// Beyond this many contacts, locked sets of three and more are built when they first occur.
+// With more contacts than this, locked sets of three and more are built at first use only.
 constexpr int foreseeable_contacts = 4;
-// A flow takes work in proportion to the cube of the coordinates' number: this much is some 50 ms.
+// Total of f^3 over the flows built in advance, about 50 ms.
 constexpr double foreseeable_work = 2e6;
 
 constexpr int slot_bits = 14;
@@ -27,10 +27,10 @@ Flows::Flows(Model model) : dynamics_(std::move(model)), slots_(flow_slots) { (v
 
 Flows::~Flows() = default;
 
-// The slot of this set, or the free one where it belongs.
+// The slot of this set, or the free slot where it belongs.
 std::atomic<const Flows::Entry*>& Flows::slot(ContactSet locked) const {
-  // Fibonacci hashing by the product's top bits, on which all contacts have an influence: sets of
-  // few contacts are spread over all slots.
+  // Fibonacci hashing by the top bits of the product, which depend on all contacts. Sets of few
+  // contacts spread over all slots.
   std::size_t i = (locked * 0x9E3779B97F4A7C15U) >> (64 - slot_bits);
   while (true) {
     const Entry* entry = slots_[i].load(std::memory_order_acquire);

@@ -1,5 +1,5 @@
-// The flows of one model (flow.h), kept for all who need them: a flow takes work to build, in
-// proportion to the cube of the number of coordinates.
+// Cache of the flows of one model (flow.h). The cost of building a flow grows with the cube of the
+// number of coordinates.
 #pragma once
 
 #include <atomic>
@@ -15,8 +15,8 @@
 
 namespace sprag {
 
-/// Flows of one model by locked set, each built once and kept: at first use by who asks for it, or
-/// by another thread (on_missing()). One thread may ask while another builds.
+/// Flows of one model by locked set. Each is built once and kept: by the calling thread at first
+/// use, or by another thread (on_missing()). One thread may read while another builds.
 class Flows {
  public:
   /// Builds free flight. Throws ModelError.
@@ -26,18 +26,18 @@ class Flows {
   ~Flows();
 
   const Dynamics& dynamics() const { return dynamics_; }
-  /// Throws ModelError as Flow does.
+  /// Throws ModelError as the constructor of Flow does.
   const Flow& operator[](ContactSet locked) const;
-  /// Null where Flow throws. Neither allocates nor throws where the flow is there already, or
-  /// where another thread builds it.
+  /// Null where the constructor of Flow throws. Neither allocates nor throws if the flow has been
+  /// built, or if another thread builds it.
   const Flow* find(ContactSet locked) const;
 
-  /// Builds what is not there yet. Not by two threads at a time.
+  /// Builds the flow unless it has been built. Not to be called by two threads at a time.
   void build(ContactSet locked) const;
   bool built(ContactSet locked) const { return entry(locked) != nullptr; }
 
-  /// Whoever asks for a flow that is not there calls `build_elsewhere`, which must return when
-  /// build() has been called for it; with none it is built at once, by who asks.
+  /// Sets the function that is called for a missing flow. It must return only after build() has
+  /// been called for that set. Without it, the calling thread builds the flow.
   void on_missing(std::function<void(ContactSet)> build_elsewhere) {
     missing_ = std::move(build_elsewhere);
   }
@@ -55,8 +55,8 @@ class Flows {
   std::function<void(ContactSet)> missing_;
 };
 
-/// Builds the flows that a machine driven by contact events is likely to meet, as far as that is
-/// cheap: those of few locked contacts first.
+/// Builds flows that a machine driven by contact events is likely to need, sets of few locked
+/// contacts first, up to a limit of the total cost.
 void build_foreseeable(const Flows& flows);
 
 }  // namespace sprag

@@ -9,7 +9,7 @@
 namespace sprag {
 namespace {
 
-// Pivots below this share of their own diagonal mean dependent directions.
+// Pivots below this fraction of their diagonal entry mean linearly dependent directions.
 constexpr double dependent_pivot = 1e-12;
 
 constexpr int max_patience = 8;
@@ -52,8 +52,8 @@ Solved solve_basic(const ContactMatrix& A, const ContactVector& b, const Basis& 
   return Solved::yes;
 }
 
-// Whether others share in the load of the basic set as well: y = 0 without x > 0 in a direction
-// that depends on the basic ones.
+// Whether the distribution of the load on the basic set is not unique: a nonbasic row has y = 0 in
+// a direction that depends on the basic rows.
 bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y,
               double tolerance) {
   Basis closed = basic;
@@ -73,7 +73,7 @@ bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y
 }  // namespace
 
 ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest) {
-  // Cholesky's factorization, row by row; a row without a pivot is not kept.
+  // Cholesky factorization row by row. A row without a pivot is dropped.
   std::array<int, max_contacts> index{};
   ContactMatrix L(max_contacts, max_contacts);
   int n = 0;
@@ -125,8 +125,9 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
   x.setZero();
   Basis basic{};
   const double tolerance = 8.0 * std::numeric_limits<double>::epsilon() * b.cwiseAbs().maxCoeff();
-  // All violated indices change sides at once, as long as their number keeps falling every so many
-  // pivots (Judice & Pires 1994); else the least index alone, which is finite but may take long.
+  // All violated indices change sides at once while their number falls within every max_patience
+  // pivots (Judice & Pires 1994). Otherwise only the least index does (Murty), which is finite but
+  // may take many pivots.
   int fewest = n + 1;
   int patience = max_patience;
   for (int pivot = 0; pivot < max_pivots; ++pivot) {
@@ -155,7 +156,7 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
       if (patience == 0) break;
     }
     if (solve_basic(A, b, basic, x) == Solved::yes) continue;
-    // Too many at once may be dependent where fewer are not.
+    // A large basic set may be dependent where smaller ones are not: start again by least index.
     if (patience == 0) return Solved::dependent;
     patience = 0;
     basic = {};
@@ -169,9 +170,10 @@ Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
                               ContactSet& unsatisfied) {
   unsatisfied = 0;
   if (solve_lcp(A, b, x, y) == Solved::yes) return Solved::yes;
-  // Active sets for min x^T A x / 2 + b^T x, x >= 0 (Lawson & Hanson 1974, ch. 23). The basic rows
-  // are independent all the time. A row that depends on them takes the place of one of them, along
-  // a direction in which A x does not change; where nothing stops it there, no x satisfies it.
+  // Active-set method for min x^T A x / 2 + b^T x, x >= 0 (Lawson & Hanson 1974, ch. 23). The basic
+  // rows are always independent. An entering row that depends on them replaces one of them, along a
+  // direction in which A x is constant. If no row blocks that direction, no x satisfies the
+  // entering row.
   const auto n = static_cast<int>(b.size());
   x.setZero(n);
   Basis basic{};
@@ -187,7 +189,7 @@ Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
         y[i] = 0.0;
       } else if (!contains(unsatisfied, i) && y[i] < -std::max(tolerance, noise[i]) &&
                  (entering < 0 || y[i] < y[entering]) &&
-                 // The least index is finite where the steepest is not.
+                 // The steepest-descent rule may cycle; the least-index rule is finite.
                  (entering < 0 || step < max_exchanges / 2)) {
         entering = i;
       }
@@ -221,7 +223,7 @@ Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
       basic[k(entering)] = true;
       if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
     }
-    // To the target, or to where the first of the basic rows is no longer pressed, again and again.
+    // Moves x to the target. A basic row whose x falls to zero on the way leaves the basic set.
     for (int exchange = 0; exchange < n; ++exchange) {
       double length = 1.0;
       for (int i = 0; i < n; ++i) {

@@ -1,5 +1,5 @@
-// Times as unevaluated sums of two doubles. Tick k is at k h exactly: the rounded product is off by
-// up to half a unit in the last place of t, and a fast mode turns that into a visible error.
+// Times as unevaluated sums of two doubles. Tick k is at exactly k h: the rounded product is off by
+// up to half a unit in the last place of t, and a fast mode amplifies that to a visible error.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@ struct Instant {
   double lo = 0.0;
 };
 
-/// Of what has no time of its own: neither number, and no comparison with it holds.
+/// Time of an object without a time. All comparisons with it are false.
 inline constexpr Instant no_instant{std::numeric_limits<double>::quiet_NaN(),
                                     std::numeric_limits<double>::quiet_NaN()};
 
@@ -42,12 +42,13 @@ inline Instant operator+(const Instant& a, double tau) {
   return {hi, low - (hi - sum)};
 }
 
-/// No tick lies beyond: doubles count no further.
+/// The largest tick number: doubles represent no larger integers exactly.
 inline constexpr std::int64_t max_tick = std::int64_t{1} << 53;
 
-/// Last tick k <= max_tick whose time, rounded to double, is at or before t >= 0 (10 is tick 10000
-/// of h = 1e-3, though 10000 h is a little more); h > 0. No double lies between a tick and its
-/// rounded time, so that events known up to t are known up to this tick.
+/// Last tick k <= max_tick whose time, rounded to double, is at or before t >= 0; h > 0. For
+/// example, t = 10 gives tick 10000 of h = 1e-3, although the exact 10000 h is slightly above 10.
+/// No double lies between a tick and its rounded time, so events known up to t are known up to this
+/// tick.
 inline std::int64_t last_tick(double t, double h) {
   const double quotient = std::floor(t / h);
   if (!(quotient < static_cast<double>(max_tick))) return max_tick;
@@ -57,7 +58,7 @@ inline std::int64_t last_tick(double t, double h) {
   return k;
 }
 
-/// First tick at or after t >= 0: the tick at which an event of that time is in the estimate.
+/// First tick at or after t >= 0: the first tick whose estimate contains an event of that time.
 inline std::int64_t first_tick_after(double t, double h) {
   const std::int64_t k = last_tick(t, h);
   return tick_instant(k, h) - at(t) >= 0.0 ? k : k + 1;

@@ -1,35 +1,50 @@
-// A request to stop, as a signal handler makes it, and what long computations ask between their
-// steps. There is one for the process.
+// Cancellation of long computations by std::stop_token. A function that takes a token opens a
+// StopScope; loops below it check the token of their thread.
 #pragma once
 
-#include <atomic>
 #include <exception>
+#include <stop_token>
+#include <utility>
 
 namespace sprag {
 
-/// A computation was broken off where it stood: what it works on is not to be used any more, what
-/// it has handed out before is right.
+/// Thrown when a computation stops early. The object it worked on must not be used any more;
+/// results returned before are valid.
 struct Interrupted : std::exception {
   const char* what() const noexcept override { return "interrupted"; }
 };
 
 namespace detail {
-inline std::atomic<bool> interrupt_requested = false;
-static_assert(std::atomic<bool>::is_always_lock_free, "set by a signal handler");
+inline thread_local const std::stop_token* thread_stop = nullptr;
 }  // namespace detail
 
-/// Safe in a signal handler.
-inline void request_interrupt() noexcept { detail::interrupt_requested = true; }
+/// Makes a token that of the calling thread while the object exists. An empty token leaves that of
+/// the enclosing scope.
+class StopScope {
+ public:
+  explicit StopScope(std::stop_token stop) : stop_(std::move(stop)), outer_(detail::thread_stop) {
+    if (stop_.stop_possible()) detail::thread_stop = &stop_;
+  }
+  ~StopScope() { detail::thread_stop = outer_; }
+  StopScope(const StopScope&) = delete;
+  StopScope& operator=(const StopScope&) = delete;
 
-/// Takes the request back.
-inline void clear_interrupt() noexcept { detail::interrupt_requested = false; }
+ private:
+  std::stop_token stop_;
+  const std::stop_token* outer_;
+};
 
-inline bool interrupted() noexcept {
-  return detail::interrupt_requested.load(std::memory_order_relaxed);
+/// The token of the calling thread, to hand it to another thread; empty without a scope.
+inline std::stop_token thread_stop_token() {
+  return detail::thread_stop == nullptr ? std::stop_token() : *detail::thread_stop;
 }
 
-/// Throws Interrupted if a stop was requested. Costs a load: call it at every step that takes more
-/// than some microseconds.
+inline bool interrupted() noexcept {
+  return detail::thread_stop != nullptr && detail::thread_stop->stop_requested();
+}
+
+/// Throws Interrupted if a stop was requested. It costs two loads. Call it in every step that takes
+/// more than a few microseconds.
 inline void check_interrupt() {
   if (interrupted()) throw Interrupted();
 }

@@ -73,7 +73,7 @@ Eigen::MatrixXd QR::solve_R_transposed(const Eigen::MatrixXd& B) const {
 
 PivotedQR::PivotedQR(const Eigen::MatrixXd& A, double threshold) {
   reflections_ = A;
-  if (A.cols() == 0) return;  // Eigen asks for the largest of its columns
+  if (A.cols() == 0) return;  // Eigen would take the maximum over no columns
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
   qr.setThreshold(threshold);
   qr.compute(A);
@@ -97,7 +97,7 @@ Eigen::MatrixXd PivotedQR::solve(const Eigen::MatrixXd& B) const {
   return solve_rotated(Q_transposed_times(B));
 }
 
-// Eigen's own solve() goes by exact zeros, this by the threshold.
+// Eigen's solve() determines the rank by exact zeros; this uses the threshold.
 Eigen::MatrixXd PivotedQR::solve_rotated(const Eigen::MatrixXd& QtB) const {
   const Eigen::MatrixXd Y = reflections_.topLeftCorner(rank_, rank_)
                                 .triangularView<Eigen::Upper>()

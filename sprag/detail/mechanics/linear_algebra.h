@@ -1,6 +1,6 @@
-// Dense products and factorizations, in double and in extended precision. Functions of matrices and
-// not of expressions, since every unit and every expression of its own would compile Eigen's
-// kernels and solvers once more.
+// Dense products and factorizations, in double and in extended precision. The functions take
+// matrices, not expressions: otherwise every translation unit and every expression type would
+// compile Eigen's kernels and solvers again.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@ using VectorR = Eigen::Matrix<Extended, Eigen::Dynamic, 1>;
 using MatrixCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, Eigen::Dynamic>;
 using VectorCR = Eigen::Matrix<std::complex<Extended>, Eigen::Dynamic, 1>;
 
-/// A B, their inner sizes the same. With a diagonal A it takes less time in extended precision.
+/// A B with matching inner sizes. A diagonal A takes less time in extended precision.
 Eigen::MatrixXd product(const Eigen::Ref<const Eigen::MatrixXd>& A,
                         const Eigen::Ref<const Eigen::MatrixXd>& B);
 MatrixR product(const Eigen::Ref<const MatrixR>& A, const Eigen::Ref<const MatrixR>& B);
@@ -25,7 +25,7 @@ Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
                           const Eigen::Ref<const Eigen::MatrixXd>& A);
 MatrixR congruent(const Eigen::Ref<const MatrixR>& B, const Eigen::Ref<const MatrixR>& A);
 
-/// Of a regular A, n x n.
+/// Inverse of a regular A, n x n.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 MatrixR inverse(const MatrixR& A);
 
@@ -35,14 +35,14 @@ struct Solution {
   Extended rcond;
 };
 Solution solve(const MatrixR& A, const MatrixR& B);
-/// The same A^-1 B, through real numbers of twice the size.
+/// A^-1 B for complex A and B, as a real system of twice the size.
 MatrixCR solve(const MatrixCR& A, const MatrixCR& B);
 
 /// M = L L^T, L lower triangular. M n x n and symmetric; its lower triangle is read.
 class CholeskyFactor {
  public:
   explicit CholeskyFactor(const Eigen::MatrixXd& M);
-  /// Whether M is positive definite; the rest makes sense only then.
+  /// Whether M is positive definite. The other members are valid only then.
   bool exists() const { return exists_; }
   /// n x n.
   const Eigen::MatrixXd& L() const { return L_; }
@@ -55,11 +55,11 @@ class CholeskyFactor {
   bool exists_ = false;
 };
 
-/// The same L of a positive definite M; M^-1 B.
+/// L of a positive definite M as above, and M^-1 B, in extended precision.
 MatrixR cholesky_factor(const MatrixR& M);
 MatrixR solve_definite(const MatrixR& M, const MatrixR& B);
 
-/// A = Q R, A m x n, Q orthogonal, m x m, R upper triangular; with k = min(m, n) rows.
+/// A = Q R for A m x n: Q orthogonal, m x m; R upper triangular with min(m, n) rows.
 class QR {
  public:
   explicit QR(const Eigen::MatrixXd& A);
@@ -73,8 +73,9 @@ class QR {
   Eigen::VectorXd coefficients_;
 };
 
-/// A P = Q R, columns in the order of what they add, A m x n. The rank is the number of pivots
-/// above `threshold` of the largest. Least squares where columns may depend on each other.
+/// A P = Q R for A m x n, with column pivoting: columns in the order of their remaining norm. The
+/// rank is the number of pivots above `threshold` times the largest. Solves least squares with
+/// dependent columns.
 class PivotedQR {
  public:
   PivotedQR() = default;
@@ -83,20 +84,20 @@ class PivotedQR {
   /// Q B, Q^T B; m rows.
   Eigen::MatrixXd Q_times(Eigen::MatrixXd B) const;
   Eigen::MatrixXd Q_transposed_times(Eigen::MatrixXd B) const;
-  /// X that minimizes |A X - B|, 0 for the columns of A beyond the rank, and the same of Q^T B,
-  /// of which the first `rank` rows are enough.
+  /// X that minimizes |A X - B|, with zero rows for the columns of A beyond the rank. solve_rotated
+  /// takes Q^T B, of which the first `rank` rows are enough.
   Eigen::MatrixXd solve(const Eigen::MatrixXd& B) const;
   Eigen::MatrixXd solve_rotated(const Eigen::MatrixXd& QtB) const;
 
  private:
   Eigen::MatrixXd reflections_;
   Eigen::VectorXd coefficients_;
-  Eigen::VectorXi order_;  // column of A for each of R's
+  Eigen::VectorXi order_;  // column of A for each column of R
   Eigen::Index rank_ = 0;
 };
 
-/// Singular values, descending, and right singular vectors as columns: of A, m x n, the first
-/// min(m, n) of them.
+/// The first min(m, n) singular values, descending, and right singular vectors (columns) of A,
+/// m x n.
 struct SingularValues {
   Eigen::VectorXd values;
   Eigen::MatrixXd V;
@@ -115,7 +116,7 @@ struct ExtendedEigenpairs {
 Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A);
 ExtendedEigenpairs eigenpairs(const MatrixR& A);
 
-/// K v = value M v, M positive definite, v^T M v = 1. Throws ModelError where there is no solution.
+/// K v = value M v with M positive definite and v^T M v = 1. Throws ModelError without a solution.
 Eigenpairs eigenpairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
 
 }  // namespace sprag

@@ -31,7 +31,7 @@ Real largest_off_diagonal(const MatrixR& A) {
   return largest;
 }
 
-// The real Schur form A = U S U^T. Its diagonal blocks, of order 1 and 2, hold the eigenvalues.
+// The real Schur form A = U S U^T. Its diagonal blocks, of order 1 and 2, contain the eigenvalues.
 class SchurForm {
  public:
   struct Block {
@@ -57,9 +57,9 @@ class SchurForm {
     return S_(blocks_[real_block].row, blocks_[real_block].row);
   }
 
-  // X and H with A X = X H, H with the eigenvalues of one block or of two blocks of order 1
-  // (ascending). The eigenvalues of H may lie as close to each other as they like: X has one
-  // column for each and is not made of eigenvectors.
+  // X and H with A X = X H, where H has the eigenvalues of one block, or of two blocks of order 1
+  // in ascending order. The eigenvalues of H may be arbitrarily close: X spans their invariant
+  // subspace and does not consist of eigenvectors.
   struct Subspace {
     MatrixR X, H;
   };
@@ -89,8 +89,8 @@ class SchurForm {
   }
 
  private:
-  // Z with S Z - Z H = right, S and H of order 1 or 2. Where S and H share an eigenvalue that has
-  // enough directions of its own, `right` is compatible and the free part of Z is left out.
+  // Z with S Z - Z H = right, S and H of order 1 or 2. If S and H share an eigenvalue that is not
+  // defective, `right` is compatible, and the free part of Z is set to zero.
   MatrixR solve(const MatrixR& S, const MatrixR& H, const MatrixR& right) const {
     const Eigen::Index n = S.rows();
     MatrixR op = MatrixR::Zero(right.size(), right.size());
@@ -111,8 +111,8 @@ class SchurForm {
     } else if (b.norm() <= 100 * noise_) {
       return MatrixR::Zero(n, H.cols());
     }
-    // A direction is missing: the solution grows out of all bounds and is seen to be one of the
-    // directions there are.
+    // The shared eigenvalue is defective. With a shift of rounding size the solution becomes very
+    // large and so is parallel to the existing eigenvector.
     op.diagonal().array() += noise_;
     return VectorR(op.fullPivLu().solve(b)).reshaped(n, H.cols());
   }
@@ -122,8 +122,8 @@ class SchurForm {
   std::vector<Block> blocks_;
 };
 
-// beta of length 1 for which N beta is as far from parallel to beta as it can be (on a grid of
-// angles), and the sine of the angle between the two.
+// The unit vector beta, on a grid of angles, for which N beta is farthest from parallel to beta,
+// and the sine of the angle between the two.
 struct Turn {
   Eigen::Matrix<Real, 2, 1> beta{1, 0};
   Real sine = 0;
@@ -150,10 +150,10 @@ Turn largest_turn(const Eigen::Matrix<Real, 2, 2>& N) {
   return best;
 }
 
-// Which real eigenvalues to put into one oscillator. Near critical damping, where two of them share
-// (nearly) one direction, it must be these two. Two that are equal and have two directions must be
-// kept apart. The eigenvalues that can come near critical damping are of two kinds, by the sign of
-// v^T (2 s + C) v, and there are as many of the one as of the other.
+// Chooses the pairs of real eigenvalues that form one oscillator each. Near critical damping two
+// eigenvalues (nearly) share one direction and must be paired. Two equal eigenvalues with two
+// directions must not be. The sign of v^T (2 s + C) v divides the eigenvalues near critical damping
+// into two kinds of equal number, so pairs of different kinds come first.
 std::vector<std::vector<std::size_t>> real_pairs(const SchurForm& schur, const VectorR& D,
                                                  const MatrixR& C) {
   struct Single {
@@ -233,11 +233,11 @@ bool diagonalize(const MatrixR& K, const MatrixR& C, MatrixR& V) {
     return largest_off_diagonal(congruent(V, A)) <= tolerance * A.norm();
   };
   V = eigenpairs(K).vectors;
-  // Damping in proportion to the mass is diagonal in any basis.
+  // Damping proportional to the mass is diagonal in any basis.
   const Real shared = C.trace() / static_cast<Real>(C.rows());
   const MatrixR rest = C - shared * MatrixR::Identity(C.rows(), C.cols());
   if (rest.norm() <= tolerance * C.norm() || diagonal(C)) return true;
-  // Repeated eigenvalues of K leave V undetermined; a generic combination settles it.
+  // Repeated eigenvalues of K leave V undetermined. A generic combination of K and C determines it.
   const Real scale_K = std::max(K.norm(), std::numeric_limits<Real>::min());
   const Real scale_C = std::max(C.norm(), std::numeric_limits<Real>::min());
   V = eigenpairs(K / scale_K + 0.6180339887498949L * C / scale_C).vectors;
@@ -251,13 +251,14 @@ void drop_noise(VectorR& kappa) {
 
 ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   const Eigen::Index r = K.rows();
-  // In the modes of K and with energies of one unit, x = (D eta, eta'), D the frequencies: the
-  // modes of a stiff machine keep their digits, and those of a lightly damped one are orthogonal.
+  // x = (D eta, eta') in the modes of K, D their frequencies: both halves are in roots of energy.
+  // This keeps the digits of a stiff machine's modes and makes those of light damping orthogonal.
   auto [Lambda, V] = eigenpairs(K);
   drop_noise(Lambda);
   const auto rigid = (Lambda.array() == 0).count();
   if (rigid > 1) {
-    // Rigid motions that damping hardly couples: position and velocity of one, not of two.
+    // Rigid motions that damping hardly couples: each oscillator must get position and velocity of
+    // the same one.
     const MatrixR N = V.leftCols(rigid);
     V.leftCols(rigid) = product(N, eigenpairs(congruent(N, C_hat)).vectors);
   }
@@ -269,16 +270,15 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   A.bottomLeftCorner(r, r) = -Lambda.cwiseQuotient(D).asDiagonal().toDenseMatrix();
   A.bottomRightCorner(r, r) = -C;
 
-  // Rigid positions come first, their columns of A are zero, and so the eigenvalues belonging to
-  // them are zero without rounding.
+  // Rigid positions come first. Their columns of A are zero, so their eigenvalues are exactly zero.
   const SchurForm schur(A);
   std::vector<std::vector<std::size_t>> pairs = real_pairs(schur, D, C);
   for (std::size_t b = 0; b < schur.blocks().size(); ++b) {
     if (schur.blocks()[b].order == 2) pairs.push_back({b});
   }
 
-  // A X = X H on the two dimensions of an oscillator. For any b in them, a = A b + 2 delta b has
-  // A a = -kappa b and A b = a - 2 delta b: x = a z + b z'.
+  // A X = X H on the two-dimensional subspace of an oscillator. For any b in it,
+  // a = A b + 2 delta b has A a = -kappa b and A b = a - 2 delta b: x = a z + b z'.
   ComplexModes modes{VectorR(r), VectorR(r), MatrixR(r, r), MatrixR(r, r), {}};
   MatrixR T(2 * r, 2 * r);
   for (Eigen::Index i = 0; i < r; ++i) {
@@ -308,7 +308,7 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   to_x.bottomRightCorner(r, r) = V.transpose();
   const VectorR lengths = T.colwise().norm();
   const auto [X, rcond] = sprag::solve(T * lengths.cwiseInverse().asDiagonal(), to_x);
-  // In double, a state would keep less than nine digits.
+  // Below this a state in double would keep fewer than nine digits.
   if (!(rcond > 1e-7L)) {
     throw ModelError(
         "M, C and K have a defective mode that is not critical damping; change the damping a "
@@ -320,8 +320,8 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
 
 Response response(const VectorR& delta, const VectorR& kappa, const VectorCR& forcing, Real Omega,
                   Real noise) {
-  // Beyond these the steady response is at most 16 times what the force makes of the oscillator
-  // within one period.
+  // Outside these limits the steady response is at most 16 times the response to the force within
+  // one period.
   constexpr Real near = 1.0L / 16;
   constexpr Real loose = 1.0L / 1024;
   const Eigen::Index n = forcing.size();

@@ -15,8 +15,8 @@ Kernel underdamped(double delta, double kappa, double omega, double decay, doubl
   return {c + delta * s, s, -kappa * s, c - delta * s};
 }
 
-// sigma = sqrt(delta^2 - kappa) > 0. Written with exponents <= 0 only; delta - sigma without
-// cancellation.
+// sigma = sqrt(delta^2 - kappa) > 0. For tau >= 0 all exponents are <= 0; delta - sigma is computed
+// without cancellation.
 Kernel overdamped(double delta, double kappa, double sigma, double tau) {
   const double slow = std::exp(-kappa / (delta + sigma) * tau);
   const double one_minus_fast = -std::expm1(-2.0 * sigma * tau);
@@ -25,8 +25,8 @@ Kernel overdamped(double delta, double kappa, double sigma, double tau) {
   return {c + delta * s, s, -kappa * s, c - delta * s};
 }
 
-// Response of z to alpha = 1, its rate is k.zv; all its digits, whatever cancels in (1 - zz) /
-// kappa.
+// Response of z to alpha = 1, accurate to all digits where (1 - zz) / kappa cancels. Its rate is
+// k.zv.
 double step_response(double delta, double kappa, double omega, const Kernel& k, double tau) {
   if (delta == 0.0) {
     const double half = 0.5 * omega * tau;
@@ -36,7 +36,7 @@ double step_response(double delta, double kappa, double omega, const Kernel& k, 
   const double x = 2.0 * delta * tau;
   const double y = kappa * tau * tau;
   const bool is_overdamped = delta * delta > kappa;
-  // What grows fast on the way back cancels in zz.
+  // For tau < 0 the fast growing terms cancel in zz.
   const bool far_back = x < -2.0 && is_overdamped && 2.0 * omega > delta;
   if (!far_back && (std::abs(1.0 - k.zz) > 0.25 || (y > 1.0 && !is_overdamped))) {
     return (1.0 - k.zz) / kappa;
@@ -54,14 +54,15 @@ double step_response(double delta, double kappa, double omega, const Kernel& k, 
     }
     return tau * tau * sum;
   }
-  // Far overdamped: a slow and a fast decay that have little to do with each other.
+  // Far overdamped: the sum of a slow and a fast decay of very different rates.
   const double fast = delta + omega;
   const double slow = kappa / fast;
   const double slowly = slow > 0.0 ? -std::expm1(-slow * tau) / slow : tau;
   return (slowly + std::expm1(-fast * tau) / fast) / (2.0 * omega);
 }
 
-// Neighbours often share their damping (a beam's modes all do): one exponential serves them.
+// Adjacent oscillators often have the same damping (all modes of a beam do) and share one
+// exponential.
 class Neighbours {
  public:
   explicit Neighbours(double tau) : tau_(tau) {}

@@ -1,7 +1,7 @@
 // Independent scalar oscillators z'' + 2 delta z' + kappa z = alpha, in closed form. Every linear
-// flow of this library is a bank of them: modes, complex modes, and the excitation's own cosines
-// (delta = 0, kappa = Omega^2). delta, kappa >= 0, alpha any constant: its static rest alpha /
-// kappa is nowhere split off, since a soft oscillator's is far beyond where it moves.
+// flow of this library is a bank of them: modes, complex modes, and the excitation's cosines
+// (delta = 0, kappa = Omega^2). delta, kappa >= 0; alpha is any constant. The static rest position
+// alpha / kappa is never subtracted, since for a soft oscillator it is much larger than the motion.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,21 +19,22 @@ struct OscillatorKernel {
   double zz, zv, vz, vv;
 };
 
-/// Those of N oscillators.
+/// The kernels of N oscillators.
 struct OscillatorKernels {
   Eigen::Index size() const { return zz.size(); }
   void resize(Eigen::Index n) {
     for (Eigen::ArrayXd* x : {&zz, &zv, &vz, &vv}) x->resize(n);
   }
 
-  /// In place, oscillators first.. of several states: a row an oscillator, a column a state.
+  /// Applies kernels first.. in place to several states: one row per oscillator, one column per
+  /// state.
   void apply(Eigen::Index first, Eigen::Ref<Eigen::MatrixXd> z,
              Eigen::Ref<Eigen::MatrixXd> v) const;
 
   Eigen::ArrayXd zz, zv, vz, vv;
 };
 
-/// What tau makes of one oscillator, with the response of z to alpha = 1; that of v is zv.
+/// Propagator of one oscillator over tau, with the response of z to alpha = 1; that of v is zv.
 struct OscillatorStep : OscillatorKernel {
   double z_alpha;
 
@@ -44,7 +45,7 @@ struct OscillatorStep : OscillatorKernel {
   }
 };
 
-/// delta, kappa >= 0; tau < 0 goes back, where what decays grows.
+/// Requires delta, kappa >= 0. tau < 0 goes back in time, where damped motion grows.
 OscillatorStep oscillator_step(double delta, double kappa, double tau);
 
 /// Constant data of N oscillators.
@@ -59,14 +60,14 @@ class Oscillators {
   const Eigen::ArrayXd& root_kappa() const { return root_kappa_; }
 
   /// Moves oscillators first..first+count-1 by tau from `from` to `to` (which may be the same
-  /// object); alpha has N entries. Exact to a few roundings for every regime of damping, of what
-  /// has grown where tau < 0.
+  /// object); alpha has N entries. Exact to a few roundings for every regime of damping; for
+  /// negative tau relative to the grown motion.
   void propagate(const OscillatorState& from, const Eigen::ArrayXd& alpha, double tau,
                  Eigen::Index first, Eigen::Index count, OscillatorState& to) const;
 
-  /// What tau makes of oscillator i where nothing pushes it.
+  /// Propagator of oscillator i over tau without alpha.
   OscillatorKernel kernel(Eigen::Index i, double tau) const;
-  /// The same of first..first+count-1, as many entries of `of`, which has them.
+  /// The same for oscillators first..first+count-1, written into these entries of `of`.
   void kernels(double tau, Eigen::Index first, Eigen::Index count, OscillatorKernels& of) const;
 
  private:
@@ -91,22 +92,23 @@ struct TickTable {
                   state.v.data());
     }
   }
-  /// What alpha, of one entry an oscillator, adds to that.
+  /// Adds the response to alpha (one entry per oscillator) over the step.
   void push(const Eigen::ArrayXd& alpha, OscillatorState& state) const {
     state.z += z_alpha * alpha;
     state.v += v_alpha * alpha;
   }
 
  private:
-  // Of a tick with few oscillators half would be finding six arrays: they have one table, two
-  // oscillators side by side.
+  // With few oscillators, loading six array addresses would take half of the tick's time. They have
+  // one table with two oscillators side by side.
   static constexpr Eigen::Index many = 16;
   struct Pair {
     double zz[2], zv[2], vz[2], vv[2];
   };
-  std::vector<Pair> pairs_;  // of fewer than `many`
+  std::vector<Pair> pairs_;  // only for fewer than `many` oscillators
 
-  // The arrays are all different ones; to check that at every tick would cost as much as the tick.
+  // __restrict: the arrays never overlap, and a check for that at every tick costs as much as the
+  // tick.
   static void rotate_few(Eigen::Index n, const Pair* __restrict pair, double* __restrict z,
                          double* __restrict v) {
     Eigen::Index i = 0;

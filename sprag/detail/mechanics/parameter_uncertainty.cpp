@@ -4,8 +4,8 @@
 
 namespace sprag {
 
-// With the correlation V Lambda V^T, S = diag(sigma) V Lambda^1/2. Rounding may leave an eigenvalue
-// below zero.
+// With correlation = V Lambda V^T, S = diag(sigma) V Lambda^1/2. Rounding may make an eigenvalue
+// negative.
 Eigen::MatrixXd ParameterUncertainty::root_of_covariance() const {
   if (empty()) return Eigen::MatrixXd(0, 0);
   const ExtendedEigenpairs pairs = eigenpairs(correlation.cast<Extended>());

@@ -1,4 +1,4 @@
-// What every unit needs of numbers.
+// Common numerical constants and helpers.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +9,13 @@ namespace sprag {
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 inline constexpr double machine_epsilon = std::numeric_limits<double>::epsilon();
 
-/// log of the square root of 2 pi: less the log of the normal density at 0.
+/// log sqrt(2 pi), the negative logarithm of the standard normal density at 0.
 inline constexpr double half_log_two_pi = 0.91893853320467274178;
 
-/// Not std::pow, which without optimization is not that product, and not the same in other units.
+/// x * x exactly. std::pow may differ from it without optimization, and between translation units.
 constexpr double square(double x) { return x * x; }
 
-/// i >= 0, as standard containers count.
+/// i >= 0 as a container index.
 constexpr std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace sprag

@@ -12,7 +12,7 @@ namespace {
 
 double largest_row_sum(const Eigen::MatrixXd& A) { return A.cwiseAbs().rowwise().sum().maxCoeff(); }
 
-// Time to the ground or back to it, at constant acceleration; zero where it is not known.
+// Time until a gap of this size closes at constant acceleration; zero if nothing moves.
 double flight(double gap, double velocity, double acceleration) {
   const double g = std::abs(gap);
   const double v = std::abs(velocity);
@@ -21,8 +21,8 @@ double flight(double gap, double velocity, double acceleration) {
   return v > 0.0 ? g / v : 0.0;
 }
 
-// Of a mode phi with mass m and stiffness k, whose steady answer to the force is taken as if the
-// mode were damped by at least 1 % of critical. `length` is how far a rigid motion may fall.
+// Energy of the steady response of a mode phi with mass m and stiffness k to a force. The mode
+// counts as damped by at least 1 % of critical. `length` bounds the fall of a rigid motion.
 double energy_of_answer(const Force& force, const Eigen::VectorXd& phi, double c, double m,
                         double k, double length) {
   constexpr double least_damping = 0.01;

@@ -1,15 +1,16 @@
-// How far a machine and its event reports may depart from the scene: hard limits, [tolerance] of a
-// scene, for which the bound B on the error energy is proven (sprag/detail/bound/bound_tracker.h).
+// Hard limits on the deviations of a machine and its event reports from the scene: the table
+// [tolerance] of a scene. The bound B on the error energy is proven within them
+// (sprag/detail/bound/bound_tracker.h).
 #pragma once
 
 #include <algorithm>
 
 namespace sprag {
 
-/// Largest deviations, all >= 0. A standard deviation is no such limit: a normal distribution has
-/// to be cut, for example at 4 sigma, and B then holds as long as no deviation is larger.
+/// Largest deviations, all >= 0. A standard deviation is not such a limit. A normal distribution
+/// must be truncated, for example at 4 sigma; B then holds while no deviation is larger.
 struct Tolerance {
-  /// Largest values that a scene may give: of stiffness and damping, and of restitution.
+  /// Largest values that a scene may specify: of stiffness and damping, and of restitution.
   static constexpr double largest_share = 0.5, largest_restitution = 1.0;
 
   double time = 0.0;         ///< of a reported event time from the true one [s]
@@ -19,7 +20,7 @@ struct Tolerance {
   double force = 0.0;        ///< of the force on the machine, in the norm |f| = sqrt(f^T M^-1 f)
   double clearance = 0.0;    ///< of each clearance [m]
 
-  /// Whether some deviation is allowed. Without any, the bound is that of an exact machine.
+  /// Whether some deviation is allowed. Otherwise the bound is that of an exact machine.
   bool any() const {
     return std::max({time, restitution, stiffness, damping, force, clearance}) > 0.0;
   }

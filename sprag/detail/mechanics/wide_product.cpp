@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Index;
 
-// Entries of C that stay in registers: what is read of A serves several columns.
+// Block of C that is accumulated in registers, so that each loaded entry of A serves four columns.
 constexpr Index rows = 8;
 constexpr Index columns = 4;
 
@@ -20,11 +20,11 @@ struct Columns {
 
 SPRAG_WIDEST void multiply_large(Columns A, Columns B, Index m, Index inner, Index n, bool add,
                                  double* C, Index stride) {
-  // The last block of rows, and of columns, reaches back into the one before.
+  // The last block of rows, and of columns, overlaps the block before it.
   const auto block = [](Index from, Index end, Index size) { return std::min(from, end - size); };
   for (Index column = 0; column < n; column += columns) {
     const Index j0 = block(column, n, columns);
-    Index done_rows = 0;  // of these columns, where they are added to
+    Index done_rows = 0;  // rows of these columns that are complete, not to be added to again
     for (Index row = 0; row < m; row += rows) {
       const Index i0 = block(row, m, rows);
       double sum[columns * rows] = {};

@@ -1,6 +1,6 @@
-// SPRAG_WIDEST before a function: it is compiled for wider registers as well, and what the
-// processor has is chosen when the program is loaded. The same roundings, since nothing is fused.
-// Sanitizers do not work with functions that are chosen then.
+// SPRAG_WIDEST before a function compiles it for wider registers as well; the variant for the
+// processor is selected when the program is loaded. All variants round alike, since no operations
+// are fused. Sanitizers do not support functions that are selected at load time.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
