@@ -19,7 +19,7 @@ namespace sprag::posterior {
 namespace {
 
 constexpr double away = 6.0;  // of sigma: reports may deviate this far from their events
-// Below this distance reports could change places, but they keep their order.
+// Of events closer than this many sigma the later reports are biased, because reports keep order.
 constexpr double apart = 4.0;
 
 // A possible begin of a window: the filter's belief there, and the number of events before.

@@ -301,7 +301,6 @@ TEST(EventHistory, WhatWasSkippedIsAGap) {
   EXPECT_EQ(beyond.complete_to(), infinity);
 }
 
-// The gap of an earlier session must not apply to a later session.
 // The number of gaps is limited; further gaps extend the last one.
 TEST(EventHistory, GapsBeyondAllCountsAreNotForgotten) {
   EventHistory history = started(1);
@@ -315,6 +314,7 @@ TEST(EventHistory, GapsBeyondAllCountsAreNotForgotten) {
   EXPECT_EQ(history.degraded().back().to, 2.0 * many + 1.0);
 }
 
+// The gap of an earlier session must not apply to a later session.
 TEST(EventHistory, AGapBelongsToItsSession) {
   EventHistory history = started();
   history.add(report_of({{4.0, 0, pulse}}, 8, 6.0, 0));

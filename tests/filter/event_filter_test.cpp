@@ -236,8 +236,8 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
     std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
               << ", largest V " << worst << " in " << run.impacts << " events, "
               << run.state.inconsistencies << " silences\n";
-    // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart: the filter assumes a
-    // rounding error of times of a sixteenth of that spacing.
+    // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart. The filter assumes an
+    // error of event times of 16 times that spacing.
     EXPECT_LT(worst, sigma == 0.0 ? 1e-14 : 1e-2);
   }
 }

@@ -191,7 +191,7 @@ Belief about(double q, double u, double sigma_q, double sigma_u) {
   return belief;
 }
 
-// A mass on a shaken table, which alternately rests and is thrown off.
+// A mass on a shaken table, with alternating sustained contacts and releases.
 TEST(Prediction, AContactThatIsClosedOpensInTime) {
   Scene scene;
   scene.model = mass(-1.0, {{1.0, 0.0}}, 0.5);
