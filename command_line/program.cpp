@@ -149,7 +149,7 @@ void add_common_options(CLI::App& app, CommonOptions& options) {
       });
   options.files.emplace_back([&options] { return log_of(options.url); });
   add_file(app, options, "--key", NamedFile::Use::read, options.key, "FILE",
-           "Sign all messages, and hear only signed ones");
+           "Sign all messages, and accept only signed ones");
   add_file(app, options, "--report", NamedFile::Use::written, options.report, "FILE.json",
            "Write the run's figures to this file");
 }

@@ -197,16 +197,16 @@ class MasterProcess {
   }
 
   void progress(double t) {
-    if (events_file_ && !events_file_->flush()) tell_failure(*events_file_, reported_events_);
-    if (states_file_ && !states_file_->flush()) tell_failure(*states_file_, reported_states_);
+    if (events_file_ && !events_file_->flush()) report_failure(*events_file_, reported_events_);
+    if (states_file_ && !states_file_->flush()) report_failure(*states_file_, reported_states_);
     std::cerr << "t " << t << "  events " << events_ << '\n';
   }
 
   // The run continues, since observers may follow it.
-  static void tell_failure(const CsvWriter& file, bool& told) {
-    if (told) return;
+  static void report_failure(const CsvWriter& file, bool& reported) {
+    if (reported) return;
     std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
-    told = true;
+    reported = true;
   }
 
   MasterOptions options_;

@@ -91,14 +91,14 @@ void ConfidenceRecord::note(double t, const Confidence& confidence, std::ostream
 
 void ConfidenceRecord::take_parameters(const Confidence& confidence, std::ostream& out) {
   const ParameterEstimates& parameters = confidence.parameters;
-  const bool told = identified_.more(parameters.identifications, out);
+  const bool any = identified_.more(parameters.identifications, out);
   if (parameters.accepted != accepted_ && parameters.accepted >= 0.0 &&
       accepted_times_.size() < most_kept) {
     accepted_times_.push_back(parameters.accepted);
   }
-  if (told && parameters.accepted < 0.0) {
+  if (any && parameters.accepted < 0.0) {
     out << "t = " << t_ << ": the events so far fit no machine with what [adapt] leaves free\n";
-  } else if (told) {
+  } else if (any) {
     out << "t = " << t_ << ": " << parameters.keys->size()
         << " parameters are identified, and are estimated with the state from here on\n";
   } else if (parameters.accepted < 0.0 && accepted_ >= 0.0) {
@@ -139,10 +139,10 @@ bool ConfidenceRecord::Told::more(std::int64_t now, std::ostream& out) {
 
 void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::ostream& out) {
   const std::int64_t before = inconsistencies_.total;
-  const bool told = inconsistencies_.more(confidence.inconsistencies, out);
+  const bool any = inconsistencies_.more(confidence.inconsistencies, out);
   const Inconsistency& last = confidence.last;
   if (inconsistencies_.total > before && first_.size() < most_kept) first_.push_back(last);
-  if (!told) return;
+  if (!any) return;
   out << "t = " << last.t << ", contact " << last.contact + 1 << ": ";
   if (!confidence.has_replica && last.suspicion == Suspicion::missing_event && !last.known_loss) {
     out << "an event has not come that had to: a missing event? ";
@@ -157,7 +157,8 @@ void ConfidenceRecord::take_inconsistencies(const Confidence& confidence, std::o
   if (confidence.has_replica) {
     out << "The estimate is the replica's.\n";
   } else if (confidence.scale_is_lost) {
-    out << "Sigma is infinite from here on: no event tells the scale of this machine's motion.\n";
+    out << "Sigma is infinite from here on: no event determines the scale of this machine's "
+           "motion.\n";
   } else {
     out << "Sigma is infinite until events have fitted again.\n";
   }

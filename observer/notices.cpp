@@ -102,7 +102,7 @@ void describe(Notice notice, double first, double second, std::ostream& out) {
 
 void Notices::tell(Notice notice, Cause& cause, std::ostream& out) {
   const std::int64_t raised = cause.raised.load(std::memory_order_acquire);
-  const std::int64_t more = raised - cause.told.load(std::memory_order_relaxed) - 1;
+  const std::int64_t more = raised - cause.reported.load(std::memory_order_relaxed) - 1;
   if (more < 0) return;
   const auto digits = out.precision(12);
   describe(notice, cause.first, cause.second, out);
@@ -110,13 +110,14 @@ void Notices::tell(Notice notice, Cause& cause, std::ostream& out) {
   out << '\n';
   out.precision(digits);
   // Cases raised meanwhile count for this line, so that the next line has values of its own.
-  cause.told.store(cause.raised.load(std::memory_order_acquire), std::memory_order_release);
+  cause.reported.store(cause.raised.load(std::memory_order_acquire), std::memory_order_release);
 }
 
 void Notices::tell(std::int64_t now, std::ostream& out) {
   for (std::size_t i = 0; i < notice_kinds; ++i) {
     Cause& cause = causes_[i];
-    if (cause.raised.load(std::memory_order_relaxed) == cause.told.load(std::memory_order_relaxed))
+    if (cause.raised.load(std::memory_order_relaxed) ==
+        cause.reported.load(std::memory_order_relaxed))
       continue;
     if (now < cause.next_line) continue;
     cause.next_line = now + period;

@@ -53,8 +53,8 @@ class Notices {
              double second = 0.0) noexcept {
     Cause& cause = causes_[static_cast<std::size_t>(notice)];
     const std::int64_t raised = cause.raised.load(std::memory_order_relaxed);
-    // The printing thread reads the values only while raised > told.
-    if (cause.told.load(std::memory_order_acquire) == raised) {
+    // The printing thread reads the values only while raised > reported.
+    if (cause.reported.load(std::memory_order_acquire) == raised) {
       cause.first = first;
       cause.second = second;
     }
@@ -71,7 +71,7 @@ class Notices {
  private:
   struct Cause {
     std::atomic<std::int64_t> raised{0};
-    std::atomic<std::int64_t> told{0};
+    std::atomic<std::int64_t> reported{0};
     double first = 0.0, second = 0.0;
     std::int64_t next_line = 0;  // monotonic [ns]
   };

@@ -72,7 +72,7 @@ void Publication::empty_outbox() {
     status_ = *status;
     outbox_.statuses.pop();
     if (status_.last) continue;  // finish() publishes it
-    publish_health(reception_.told(), false);
+    publish_health(reception_.reported(), false);
     status_.begin_period();
   }
 }
@@ -135,7 +135,7 @@ void Publication::tell(const Announcement& announcement) {
       observing_ = true;
       reported_session_ = announcement.session;
       if (announcement.t > duration_) {
-        std::cerr << "that is behind --duration: nothing will settle\n";
+        std::cerr << "that is after --duration: nothing will settle\n";
       }
       break;
     case Announcement::Kind::other_master:

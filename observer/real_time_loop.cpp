@@ -104,7 +104,7 @@ void RealTimeLoop::take_followed() {
 void RealTimeLoop::take(const ReceivedMessage& received) {
   const ContactMessage& message = received.message;
   const MessageCounts before = sessions_.counts();
-  switch (sessions_.hear(message, received.arrival)) {
+  switch (sessions_.receive(message, received.arrival)) {
     case SessionTracker::Verdict::ignored:
       tell_ignored(received, before);
       return;

@@ -56,7 +56,7 @@ Arrival arrival_of(std::int64_t utime) {
 Reception::Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices)
     : bus_(bus), contacts_(contacts), inbox_(inbox), notices_(notices) {
   bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
-                                          std::int64_t utime) { hear(data, utime); });
+                                          std::int64_t utime) { receive(data, utime); });
 }
 
 void Reception::run(const std::atomic<bool>& stop) {
@@ -76,7 +76,7 @@ void Reception::tell_figures() {
   telling_.push();
 }
 
-const ReceptionFigures& Reception::told() {
+const ReceptionFigures& Reception::reported() {
   while (const ReceptionFigures* figures = telling_.front()) {
     told_ = *figures;
     telling_.pop();
@@ -90,7 +90,7 @@ ReceptionFigures Reception::figures() const {
   return figures;
 }
 
-void Reception::hear(std::span<const std::uint8_t> data, std::int64_t utime) {
+void Reception::receive(std::span<const std::uint8_t> data, std::int64_t utime) {
   const Arrival arrival = arrival_of(utime);
   inbox_.last_arrival.store(arrival.monotonic, std::memory_order_relaxed);
   if (bus_.counts().overflowed > kernel_drops_) {

@@ -26,13 +26,13 @@ class Reception {
   void run(const std::atomic<bool>& stop);
 
   /// The figures, at most about 50 ms old; may be called by one other thread.
-  const ReceptionFigures& told();
+  const ReceptionFigures& reported();
 
   /// The final figures; valid after run().
   ReceptionFigures figures() const;
 
  private:
-  void hear(std::span<const std::uint8_t> data, std::int64_t utime);
+  void receive(std::span<const std::uint8_t> data, std::int64_t utime);
   void tell_refused();
   void tell_figures();
   bool tell_rise(Notice notice, std::int64_t count);

@@ -76,7 +76,7 @@ class Replay {
     estimation_.set_end(until);
     time_line_.set_horizon(until);
     if (until > end) {
-      std::cerr << name << ": no event behind t = " << end
+      std::cerr << name << ": no event after t = " << end
                 << ": from there on the estimate runs free\n";
       report["runs_free_from"] = end;
     }
@@ -138,7 +138,7 @@ class Replay {
 
   void take(const ContactMessage& report, const Arrival& arrival, SessionTracker& sessions) {
     const EventCounts before = time_line_.events().counts();
-    switch (sessions.hear(report, arrival)) {
+    switch (sessions.receive(report, arrival)) {
       case SessionTracker::Verdict::ignored:
         raise_odd(sessions.oddity(), report, time_line_.events().horizon(), notices_);
         break;

@@ -43,7 +43,7 @@ class Continuity {
 
   /// Checks a later message of the same session. `resumes`: this message and the odd messages
   /// before it are consistent with each other. It becomes the reference for the next ones.
-  Verdict hear(const ContactMessage& message, const Arrival& arrival) {
+  Verdict receive(const ContactMessage& message, const Arrival& arrival) {
     oddity_ = between(known_, message, arrival);
     if (oddity_ == Oddity::none) {
       if (message.sequence > known_.number) {

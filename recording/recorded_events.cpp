@@ -39,7 +39,7 @@ RecordedEvents read_csv(InputFile file, int contacts, double end) {
   return recorded;
 }
 
-RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
+RecordedEvents read_log(InputFile file, int contacts, AfterLoss after_loss,
                         const std::optional<Key>& key) {
   RecordedEvents recorded;
   const std::string name = file.path().string() + ": ";
@@ -50,7 +50,7 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
   ContactMessage message;
   Arrival arrival;
   while (log.next(message, arrival)) {
-    const auto verdict = sessions.hear(message, arrival);
+    const auto verdict = sessions.receive(message, arrival);
     if (verdict == SessionTracker::Verdict::ignored) continue;
     if (verdict == SessionTracker::Verdict::starts) {
       history.restart(0, 0, no_horizon);
@@ -93,7 +93,7 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss behind,
     const EventGap gap = {history.degraded()[i].from, history.degraded()[i].to};
     std::ostringstream text;
     text << name << "events may be missing from t = " << gap.from;
-    if (behind == AfterLoss::dropped) {
+    if (after_loss == AfterLoss::dropped) {
       text << " on; everything before is used";
       recorded.problems.push_back(text.str());
       std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > gap.from; });
@@ -119,19 +119,19 @@ void refuse_implausible_end(const EventsFile& events, const std::string& file, d
 }
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss behind, const std::optional<Key>& key) {
+                                    AfterLoss after_loss, const std::optional<Key>& key) {
   InputFile input(file);
   const bool is_log = is_lcm_log(input);
-  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, behind, key)
+  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, after_loss, key)
                                    : read_csv(std::move(input), contacts, end);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
   return recorded;
 }
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss behind, const CommonOptions& common,
+                                    AfterLoss after_loss, const CommonOptions& common,
                                     nlohmann::ordered_json& report) {
-  RecordedEvents recorded = read_recorded_events(file, contacts, end, behind, key_of(common));
+  RecordedEvents recorded = read_recorded_events(file, contacts, end, after_loss, key_of(common));
   for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
   report["problems"] = recorded.problems;
   return recorded;

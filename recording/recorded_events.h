@@ -41,11 +41,11 @@ enum class AfterLoss { used, dropped };
 /// Reads the events of a machine with `contacts` contacts, up to time `end` [s]. With a key only
 /// messages signed with it are used. Throws InputError if the file cannot be opened.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss behind, const std::optional<Key>& key);
+                                    AfterLoss after_loss, const std::optional<Key>& key);
 
 /// The same for a program: problems are printed to stderr and added to its report.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss behind, const CommonOptions& common,
+                                    AfterLoss after_loss, const CommonOptions& common,
                                     nlohmann::ordered_json& report);
 
 }  // namespace sprag

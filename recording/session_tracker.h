@@ -44,7 +44,7 @@ class SessionTracker {
 
   /// Classifies a message; `ignored`: repeated, implausible, or not of the followed master. Does
   /// not allocate.
-  Verdict hear(const ContactMessage& message, const Arrival& arrival) {
+  Verdict receive(const ContactMessage& message, const Arrival& arrival) {
     ++counts_.received;
     oddity_ = continuity_.impossible(message);
     if (oddity_ != Oddity::none) return refuse();
@@ -100,7 +100,7 @@ class SessionTracker {
   }
 
   Verdict hear_followed(const ContactMessage& message, const Arrival& arrival) {
-    switch (continuity_.hear(message, arrival)) {
+    switch (continuity_.receive(message, arrival)) {
       case Continuity::Verdict::odd:
         oddity_ = continuity_.oddity();
         return refuse();

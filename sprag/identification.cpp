@@ -196,19 +196,19 @@ Likelihood Identifier::maximize(const PathFit& found, Stretches& stretches) cons
   double jitter = 0.0;
   if (judge(family_, solution, jitter) == Judged::good) return solution;
   const std::vector<StretchPath> checks = check_paths(family_, solution, jitter);
-  Stretches told;
+  Stretches kept;
   Likelihood start;
   start.values = solution.values;
   for (std::size_t s = 0; s < stretches.size(); ++s) {
     if (!(checks[s].unknown < unreported * interval_)) continue;
-    told.push_back(stretches[s]);
+    kept.push_back(stretches[s]);
     start.path.push_back(solution.path[s]);
     start.x0.push_back(solution.x0[s]);
   }
-  if (told.size() == stretches.size() || equations(told) < needed(told)) return solution;
-  Likelihood without = maximize_likelihood(family_, told, std::move(start));
+  if (kept.size() == stretches.size() || equations(kept) < needed(kept)) return solution;
+  Likelihood without = maximize_likelihood(family_, kept, std::move(start));
   if (judge(family_, without, jitter) != Judged::good) return solution;
-  stretches = std::move(told);
+  stretches = std::move(kept);
   return without;
 }
 
@@ -406,13 +406,13 @@ void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attemp
     if (repaired) {
       // Keeps the order of time.
       const double t = mended.stretches.front().start;
-      const auto behind = std::find_if(next.stretches.begin(), next.stretches.end(),
-                                       [&](const Stretch& stretch) { return stretch.start > t; });
-      const auto at = behind - next.stretches.begin();
+      const auto later = std::find_if(next.stretches.begin(), next.stretches.end(),
+                                      [&](const Stretch& stretch) { return stretch.start > t; });
+      const auto at = later - next.stretches.begin();
       start = next.solution;
       start.path.insert(start.path.begin() + at, mended.solution.path.front());
       start.x0.insert(start.x0.begin() + at, mended.solution.x0.front());
-      next.stretches.insert(behind, mended.stretches.front());
+      next.stretches.insert(later, mended.stretches.front());
     } else {
       next.stretches = mended.stretches;
     }
@@ -584,9 +584,9 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
     for (Eigen::Index j = 0; j < unknowns; ++j) {
       const auto other = static_cast<std::size_t>(j);
       const double scale = std::sqrt(variance * solution.covariance(j, j));
-      const bool told =
+      const bool known =
           other < determination.unknowns.size() && determination.unknowns[other].determined;
-      if (j == k || !(scale > 0.0) || !told) continue;
+      if (j == k || !(scale > 0.0) || !known) continue;
       const double correlation = solution.covariance(k, j) / scale;
       if (fitted.partner < 0 || std::abs(correlation) > std::abs(fitted.correlation)) {
         fitted.partner = static_cast<int>(j);

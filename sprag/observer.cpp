@@ -161,8 +161,8 @@ class Observer::Core {
     const bool from_start = time_line_.handed_out() < 0;
     known_.clear();
     for (const ContactEvent& event : history_events) {
-      const bool behind = first_tick_after(event.t, estimator_.h()) > settled_.tick;
-      if (behind || from_start) known_.push_back(event);
+      const bool later = first_tick_after(event.t, estimator_.h()) > settled_.tick;
+      if (later || from_start) known_.push_back(event);
     }
     known_.insert(known_.end(), waiting_.begin(), waiting_.end());
     next_ = 0;

@@ -50,11 +50,12 @@ std::optional<std::vector<ContactEvent>> events_from(const Flows& flows, const S
   bool inside = false;
   const ContactSet leaving = surfacing(flows.dynamics().model(), start, t, closed, inside);
   if (inside) return std::nullopt;
-  const auto told = static_cast<std::size_t>(std::popcount(closed) + 2 * std::popcount(leaving));
+  const auto reported_first =
+      static_cast<std::size_t>(std::popcount(closed) + 2 * std::popcount(leaving));
   std::vector<ContactEvent> events;
   try {
     Master master(flows, start, t, closed);
-    master.advance(at(end), events, count + told);
+    master.advance(at(end), events, count + reported_first);
   } catch (const SimulationError&) {
     return std::nullopt;
   } catch (const ModelError&) {

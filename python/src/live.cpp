@@ -104,7 +104,7 @@ void bind_publisher(py::module_& module) {
           py::arg("t"), py::arg("contact") = 1,
           py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
           "Takes an event at t [s] of a contact, from 1, of a ContactEventKind, in any order; it "
-          "is sent when the horizon reaches it. False if it is not behind the horizon.")
+          "is sent when the horizon reaches it. False if it is not after the horizon.")
       .def("set_horizon", &EventPublisher::set_horizon, py::arg("t"),
            py::call_guard<py::gil_scoped_release>(),
            "Every event up to t [s] has been taken; never goes back. To be called with the "

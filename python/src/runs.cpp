@@ -126,7 +126,7 @@ void bind_simulation(py::module_& module) {
   module.def(
       "read_events", &events_of_file, py::arg("file"), py::arg("scene"),
       "The contact events of an events CSV, as an array of event_dtype. Rows that contradict "
-      "the rest are left out, nothing behind damage is used: of both a RuntimeWarning tells. "
+      "the rest are left out, nothing after damage is used: a RuntimeWarning reports both. "
       "Raises InputError.");
 
   py::class_<Simulation>(module, "Simulation",
@@ -136,7 +136,7 @@ void bind_simulation(py::module_& module) {
       .def_property_readonly("t", array_property(&Simulation::t), "Times k h [s], n entries.")
       .def_property_readonly("q", array_property(&Simulation::q), "Coordinates, n x f.")
       .def_property_readonly("u", array_property(&Simulation::u),
-                             "Velocities, n x f, those behind an impact at a tick.");
+                             "Velocities, n x f, those after an impact at a tick.");
 
   module.def(
       "simulate",
@@ -286,7 +286,7 @@ void bind_observer(py::module_& module) {
       .def("take", &SharedObserver::take, py::arg("t"), py::arg("contact") = 1,
            py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
            "Takes an event at t [s] of a contact, from 1, of a ContactEventKind. False if it is "
-           "refused: it is not behind the horizon.")
+           "refused: it is not after the horizon.")
       .def("set_horizon", &SharedObserver::set_horizon, py::arg("t"),
            "Every event up to t [s] has been taken; never goes back.")
       .def("settle", &SharedObserver::settle,

@@ -59,7 +59,7 @@ void run(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Holds the standard deviations that an estimator tells against its errors. SCENE is a scene "
+      "Holds the standard deviations that an estimator claims against its errors. SCENE is a scene "
       "file, modes:N (the paper's beam with N modes), or a random machine, random:SEED or, where "
       "contacts chatter, chatter:SEED, or FIRST-LAST for SEED; without any twelve machines.",
       "calibration");
@@ -82,10 +82,10 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   app.add_option("--tick", options.tick, "Default: a twenty-thousandth of the duration [s]")
       ->check(CLI::PositiveNumber);
-  app.add_option(
-         "--start", options.start,
-         "scene: where the scene says; prior: the estimate off the machine by what it is told; "
-         "machine: the machine off the estimate by that, another path each run")
+  app.add_option("--start", options.start,
+                 "scene: where the scene says; prior: the estimate off the machine by its stated "
+                 "uncertainty; "
+                 "machine: the machine off the estimate by that, another path each run")
       ->transform(CLI::CheckedTransformer(std::map<std::string, Start>{
           {"scene", Start::scene}, {"prior", Start::prior}, {"machine", Start::machine}}));
   app.add_option(

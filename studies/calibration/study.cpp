@@ -48,17 +48,17 @@ bool in_second_half(Eigen::Index sample, const Truth& truth) {
 
 }  // namespace
 
-Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene& told,
+Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene& given,
              const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica) {
-  const Eigen::Index f = told.model.coordinates();
-  const auto& contacts = told.model.contacts;
-  TrackingEstimator estimator(told, truth.tick, kind, StepperKind::exact, thresholds);
+  const Eigen::Index f = given.model.coordinates();
+  const auto& contacts = given.model.contacts;
+  TrackingEstimator estimator(given, truth.tick, kind, StepperKind::exact, thresholds);
   const ErrorEnergy energy(machine.model);
   const double start =
-      energy(machine.master.q, machine.master.u, told.replica.q, told.replica.u)[0];
+      energy(machine.master.q, machine.master.u, given.replica.q, given.replica.u)[0];
   TrackingState state;
-  estimator.start(told.replica, 0, 0, state);
+  estimator.start(given.replica, 0, 0, state);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(f), u(f);
   Trial trial;
@@ -136,7 +136,7 @@ Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
     scene.master = drawn(scene.replica, uncertainty, random);
     if (!is_inside(scene.model, scene.master.q)) return scene;
   }
-  throw std::invalid_argument(scene.name + ": what is told of its start is inside the supports");
+  throw std::invalid_argument(scene.name + ": the specified start is inside the supports");
 }
 
 // One parameter off by 1 to 5 % with a random sign; a phase by 0.01 to 0.05 rad.
@@ -154,11 +154,11 @@ Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
 }
 
 Scene reported_of(const Scene& scene, double jitter, const Options& options, int seed) {
-  Scene told = scene;
-  if (options.start == Start::prior) told = with_start_of_prior(told, other_seed(seed, 1));
-  if (options.trouble == Trouble::wrong) told = with_wrong_parameter(told, other_seed(seed, 2));
-  told.jitter = jitter;
-  return told;
+  Scene given = scene;
+  if (options.start == Start::prior) given = with_start_of_prior(given, other_seed(seed, 1));
+  if (options.trouble == Trouble::wrong) given = with_wrong_parameter(given, other_seed(seed, 2));
+  given.jitter = jitter;
+  return given;
 }
 
 common::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
@@ -197,13 +197,13 @@ Truth simulate(const Scene& scene, const Options& options) {
   return truth;
 }
 
-std::vector<double> follow_replica(const Scene& told, const Scene& machine,
+std::vector<double> follow_replica(const Scene& given, const Scene& machine,
                                    std::span<const ContactEvent> events, const Truth& truth) {
-  Replica replica(told.model, truth.tick);
+  Replica replica(given.model, truth.tick);
   const ErrorEnergy energy(machine.model);
   Replica::State state;
-  replica.start(told.replica, 0, 0, state);
-  Eigen::VectorXd q(told.model.coordinates()), u(q.size());
+  replica.start(given.replica, 0, 0, state);
+  Eigen::VectorXd q(given.model.coordinates()), u(q.size());
   std::vector<double> V;
   run(
       replica, state, events, truth, [](std::int64_t) {},
@@ -253,14 +253,14 @@ void study(const Scene& scene, const std::vector<double>& jitters,
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
     in_parallel(options.threads, seeds, [&](int i) {
       const auto& [machine, path] = paths[static_cast<std::size_t>(i) % paths.size()];
-      const Scene told = reported_of(machine, jitter, options, i + 1);
+      const Scene given = reported_of(machine, jitter, options, i + 1);
       const auto events = common::disturb(
           path.events, disturbance(jitter, options.trouble, path, machine.model.contacts.size()),
           contacts, path.duration, static_cast<std::uint64_t>(i) + 1);
-      const std::vector<double> V_replica = follow_replica(told, machine, events, path);
+      const std::vector<double> V_replica = follow_replica(given, machine, events, path);
       for (std::size_t j = 0; j < estimators.size(); ++j) {
         trials[j][static_cast<std::size_t>(i)] =
-            follow(estimators[j], options.thresholds, told, machine, events, path, V_replica);
+            follow(estimators[j], options.thresholds, given, machine, events, path, V_replica);
       }
     });
     for (std::size_t j = 0; j < estimators.size(); ++j) {

@@ -72,14 +72,14 @@ void run(E& estimator, typename E::State& state, std::span<const ContactEvent> e
   }
 }
 
-/// One run. `told` is the scene of the estimator, with its specified jitter and start; `events` are
-/// in order of arrival.
-Trial follow(EstimatorKind estimator, const TrackThresholds& thresholds, const Scene& told,
+/// One run. `given` is the scene of the estimator, with its specified jitter and start; `events`
+/// are in order of arrival.
+Trial follow(EstimatorKind estimator, const TrackThresholds& thresholds, const Scene& given,
              const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica);
 
 /// V of the replica at the samples.
-std::vector<double> follow_replica(const Scene& told, const Scene& machine,
+std::vector<double> follow_replica(const Scene& given, const Scene& machine,
                                    std::span<const ContactEvent> events, const Truth& truth);
 
 struct Row {

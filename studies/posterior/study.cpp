@@ -68,20 +68,20 @@ struct Sums {
   double logs = 0.0, squares = 0.0;
 };
 
-void follow(const Scene& told, const calibration::Truth& truth,
+void follow(const Scene& given, const calibration::Truth& truth,
             std::span<const ContactEvent> reports, const Options& options, int seed, Sums& sums) {
-  const Eigen::Index f = told.model.coordinates();
-  const Flows flows(told.model);
-  TrackingEstimator filter(told, truth.tick, EstimatorKind::timing);
+  const Eigen::Index f = given.model.coordinates();
+  const Flows flows(given.model);
+  TrackingEstimator filter(given, truth.tick, EstimatorKind::timing);
   TrackingState state;
-  filter.start(told.replica, 0, 0, state);
+  filter.start(given.replica, 0, 0, state);
   const Eigen::Index samples = truth.q.cols();
   const Eigen::Index every = std::max<Eigen::Index>(samples / 2 / options.instants, 1);
   const auto impacts = static_cast<std::size_t>(options.window);
   Eigen::VectorXd x(2 * f), mean(2 * f), sigma(2 * f);
   Confidence confidence = filter.no_confidence();
   Belief belief;
-  const Recording recording{truth.events, reports, told.jitter};
+  const Recording recording{truth.events, reports, given.jitter};
   std::vector<Begin> begins;
   std::size_t happened = 0;
   ContactSet chi = 0;
@@ -89,7 +89,7 @@ void follow(const Scene& told, const calibration::Truth& truth,
     const auto window = window_to(t, happened, impacts, begins, recording);
     std::optional<Moments> exact;
     if (window) {
-      exact = moments(flows, *window, told.jitter, options.steps, seed_of_walk(seed, sample));
+      exact = moments(flows, *window, given.jitter, options.steps, seed_of_walk(seed, sample));
     }
     if (!exact) {
       ++sums.of.skipped;
@@ -130,8 +130,8 @@ void follow(const Scene& told, const calibration::Truth& truth,
 Comparison compare(const Scene& scene, double jitter, const Options& options) {
   const calibration::Truth truth = calibration::simulate(scene, {});
   const auto contacts = static_cast<int>(scene.model.contacts.size());
-  Scene told = scene;
-  told.jitter = jitter;
+  Scene given = scene;
+  given.jitter = jitter;
   common::Disturbance disturbance;
   disturbance.jitter = jitter;
   Sums all;
@@ -140,7 +140,7 @@ Comparison compare(const Scene& scene, double jitter, const Options& options) {
     const auto reports = common::disturb(truth.events, disturbance, contacts, infinity,
                                          static_cast<std::uint64_t>(i) + 1);
     Sums of_seed;
-    follow(told, truth, reports, options, i + 1, of_seed);
+    follow(given, truth, reports, options, i + 1, of_seed);
     const std::lock_guard lock(mutex);
     all.of.instants += of_seed.of.instants;
     all.of.skipped += of_seed.of.skipped;

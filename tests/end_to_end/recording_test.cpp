@@ -91,7 +91,7 @@ TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
     return run("observer",
                Arguments{beam_, "--replay", events, "--report", file("report.json")} + more);
   };
-  const std::string words = events + ": no event behind t = 1.5: from there on the estimate runs";
+  const std::string words = events + ": no event after t = 1.5: from there on the estimate runs";
   EXPECT_NE(replayed({"--duration", "2"}).err.find(words), std::string::npos);
   EXPECT_EQ(json("report.json")["runs_free_from"], 1.5);
   EXPECT_EQ(replayed({}).err.find("runs free"), std::string::npos);

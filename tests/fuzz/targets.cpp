@@ -159,7 +159,7 @@ void message(Input input) {
       continue;
     }
     if (report.contacts != 2) continue;
-    switch (sessions.hear(report, arrival)) {
+    switch (sessions.receive(report, arrival)) {
       case SessionTracker::Verdict::ignored:
         continue;
       case SessionTracker::Verdict::starts:

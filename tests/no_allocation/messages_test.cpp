@@ -63,8 +63,8 @@ TEST(SessionTracker, HearsWithoutAllocating) {
     for (std::int64_t i = 0; i < 200; ++i) {
       report.session = i % 50 == 49 ? session - 1 : session;
       report.sequence = i ^ 3;
-      (void)tracker.hear(report, {1'000'000'000 * session, 0});
-      if (i % 7 == 0) (void)tracker.hear(report, {1'000'000'000 * session, 0});
+      (void)tracker.receive(report, {1'000'000'000 * session, 0});
+      if (i % 7 == 0) (void)tracker.receive(report, {1'000'000'000 * session, 0});
     }
   }
   const long allocations = counting.stop();

@@ -70,7 +70,7 @@ void expect_no_allocation(const Scene& scene) {
   ContactMessage report;
   Refusal refusal = decode(messages.front(), report);
   ASSERT_EQ(refusal, Refusal::none);
-  ASSERT_EQ(sessions.hear(report, {}), SessionTracker::Verdict::starts);
+  ASSERT_EQ(sessions.receive(report, {}), SessionTracker::Verdict::starts);
   line.restart(report);
 
   const auto send = [&](const auto& state) {
@@ -91,7 +91,7 @@ void expect_no_allocation(const Scene& scene) {
   for (std::size_t i = 1; i < messages.size() && refusal == Refusal::none; ++i) {
     refusal = decode(messages[i], report);
     const Arrival arrival{static_cast<std::int64_t>(1e9 * report.horizon), report.utime};
-    if (sessions.hear(report, arrival) == SessionTracker::Verdict::continues) {
+    if (sessions.receive(report, arrival) == SessionTracker::Verdict::continues) {
       clock.observe(report, arrival);
       line.receive(report);
     }

@@ -110,7 +110,7 @@ class NetworkTest : public ::testing::Test {
     Recording settled;
     std::int64_t next_seen = 0;
     for (const Delivery& delivery : deliver(reports, plan, random)) {
-      switch (tracker.hear(*delivery.report, {})) {
+      switch (tracker.receive(*delivery.report, {})) {
         case SessionTracker::Verdict::starts:
           line.restart(*delivery.report);
           break;

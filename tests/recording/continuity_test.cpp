@@ -25,7 +25,7 @@ class ContinuityTest : public ::testing::Test {
     return report;
   }
   Verdict hear(const ContactMessage& report) {
-    return continuity_.hear(report, {monotonic_, monotonic_ / 1000});
+    return continuity_.receive(report, {monotonic_, monotonic_ / 1000});
   }
   Verdict hear_next() { return hear(next()); }
   void start(int messages) {

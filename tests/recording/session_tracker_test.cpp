@@ -56,7 +56,7 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
     std::set<std::int64_t> heard;
     MessageCounts expected;
     for (const Delivery& arrival : arrivals) {
-      const Verdict verdict = tracker.hear(message(7, arrival.sequence), later());
+      const Verdict verdict = tracker.receive(message(7, arrival.sequence), later());
       ++expected.received;
       const bool starts = heard.empty();
       const bool late = !starts && arrival.sequence < *heard.rbegin();
@@ -79,51 +79,51 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
 // Numbers before the first received one do not count as lost.
 TEST(SessionTracker, AMessageFromBeforeTheFirstOneHeardWasNotLost) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(7, 5), later()), Verdict::starts);
-  tracker.hear(message(7, 4), later());
+  EXPECT_EQ(tracker.receive(message(7, 5), later()), Verdict::starts);
+  tracker.receive(message(7, 4), later());
   EXPECT_EQ(tracker.counts().lost, 0);
-  EXPECT_EQ(tracker.hear(message(7, 6), later()), Verdict::continues);
+  EXPECT_EQ(tracker.receive(message(7, 6), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 0);
-  tracker.hear(message(7, 9), later());
+  tracker.receive(message(7, 9), later());
   EXPECT_EQ(tracker.counts().lost, 2);
 }
 
 TEST(SessionTracker, ALongGapIsCounted) {
   SessionTracker tracker;
-  tracker.hear(message(7, 1), later());
-  EXPECT_EQ(tracker.hear(message(7, 1001), later()), Verdict::continues);
+  tracker.receive(message(7, 1), later());
+  EXPECT_EQ(tracker.receive(message(7, 1001), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 999);
-  EXPECT_EQ(tracker.hear(message(7, 1000), later()), Verdict::continues);
+  EXPECT_EQ(tracker.receive(message(7, 1000), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 998);
-  EXPECT_EQ(tracker.hear(message(7, 1000), later()), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(message(7, 1001), later()), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(7, 1000), later()), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(7, 1001), later()), Verdict::ignored);
   EXPECT_EQ(tracker.counts().doubled, 2);
 }
 
 /// Three messages of a restarted master, long after the last message of the previous session.
 Verdict restart(SessionTracker& tracker, std::int64_t session, std::int64_t first) {
-  EXPECT_EQ(tracker.hear(message(session, first), later()), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(message(session, first + 1), later()), Verdict::ignored);
-  return tracker.hear(message(session, first + 2), later());
+  EXPECT_EQ(tracker.receive(message(session, first), later()), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(session, first + 1), later()), Verdict::ignored);
+  return tracker.receive(message(session, first + 2), later());
 }
 
 TEST(SessionTracker, ARestartedMasterIsANewSession) {
   SessionTracker tracker;
-  tracker.hear(message(7, 100), later());
+  tracker.receive(message(7, 100), later());
   EXPECT_EQ(restart(tracker, 8, 1), Verdict::starts);
   EXPECT_EQ(tracker.session(), 8);
   EXPECT_EQ(tracker.counts().sessions, 2);
-  EXPECT_EQ(tracker.hear(message(8, 4), later()), Verdict::continues);
+  EXPECT_EQ(tracker.receive(message(8, 4), later()), Verdict::continues);
   EXPECT_EQ(tracker.counts().lost, 0);
 }
 
 TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(1, 1000), later()), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(1, 1000), later()), Verdict::starts);
   for (std::int64_t session = 2; session <= 50; ++session) {
     EXPECT_EQ(restart(tracker, session, 998), Verdict::starts);
     for (std::int64_t past = 1; past < session; ++past) {
-      EXPECT_EQ(tracker.hear(message(past, 1000), later()), Verdict::ignored);
+      EXPECT_EQ(tracker.receive(message(past, 1000), later()), Verdict::ignored);
     }
     EXPECT_EQ(tracker.session(), session);
   }
@@ -134,7 +134,7 @@ TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
 // The master was silent for a while, and another one was followed instead.
 TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
   SessionTracker tracker;
-  tracker.hear(message(7, 100), later());
+  tracker.receive(message(7, 100), later());
   EXPECT_EQ(restart(tracker, 8, 1), Verdict::starts);
   EXPECT_EQ(restart(tracker, 7, 101), Verdict::starts);
 }
@@ -144,15 +144,15 @@ TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
 TEST(SessionTracker, RandomSessionsAreNotHeard) {
   SessionTracker tracker;
   Random random(3);
-  tracker.hear(message(7, 0), after_ms(0));
+  tracker.receive(message(7, 0), after_ms(0));
   std::int64_t sequence = 0;
   for (std::int64_t ms = 1; ms < 300; ++ms) {
     for (int i = 0; i < 25; ++i) {
       const std::int64_t session = 1000 + random.integer(0, 1'000'000'000);
-      ASSERT_EQ(tracker.hear(message(session, i), after_ms(ms)), Verdict::ignored);
+      ASSERT_EQ(tracker.receive(message(session, i), after_ms(ms)), Verdict::ignored);
     }
     if (ms < 150 || ms % 10 != 0) continue;
-    if (tracker.hear(message(8, ++sequence), after_ms(ms)) == Verdict::starts) break;
+    if (tracker.receive(message(8, ++sequence), after_ms(ms)) == Verdict::starts) break;
   }
   EXPECT_EQ(tracker.session(), 8);
   EXPECT_EQ(sequence, 3);
@@ -161,9 +161,9 @@ TEST(SessionTracker, RandomSessionsAreNotHeard) {
 TEST(SessionTracker, OfTwoMastersTheFirstIsKept) {
   SessionTracker tracker;
   for (std::int64_t i = 0; i < 500; ++i) {
-    EXPECT_EQ(tracker.hear(message(7, i), after_ms(10 * i)),
+    EXPECT_EQ(tracker.receive(message(7, i), after_ms(10 * i)),
               i == 0 ? Verdict::starts : Verdict::continues);
-    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i + 5)), Verdict::ignored);
+    EXPECT_EQ(tracker.receive(message(8, i), after_ms(10 * i + 5)), Verdict::ignored);
   }
   EXPECT_EQ(tracker.session(), 7);
   EXPECT_EQ(tracker.other(), 8);
@@ -173,12 +173,12 @@ TEST(SessionTracker, OfTwoMastersTheFirstIsKept) {
 
 TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeartbeats) {
   SessionTracker tracker;
-  tracker.hear(message(7, 0), after_ms(0));
+  tracker.receive(message(7, 0), after_ms(0));
   for (std::int64_t i = 1; i < 10; ++i) {
-    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i)), Verdict::ignored);
+    EXPECT_EQ(tracker.receive(message(8, i), after_ms(10 * i)), Verdict::ignored);
   }
-  EXPECT_EQ(tracker.hear(message(8, 10), after_ms(100)), Verdict::starts);
-  EXPECT_EQ(tracker.hear(message(7, 1), after_ms(101)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(8, 10), after_ms(100)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(7, 1), after_ms(101)), Verdict::ignored);
   EXPECT_EQ(tracker.counts().of_past_sessions, 1);
 }
 
@@ -186,10 +186,10 @@ TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
   SessionTracker tracker;
   ContactMessage report = message(7, 0);
   report.speed = infinity;
-  EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
-  EXPECT_EQ(tracker.hear(message(8, 0), after_ms(1)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(report, after_ms(0)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(8, 0), after_ms(1)), Verdict::starts);
   report.session = 9;
-  EXPECT_EQ(tracker.hear(report, after_ms(2)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(report, after_ms(2)), Verdict::ignored);
 }
 
 // With a key nobody can forge a message, but anybody can resend a recorded one.
@@ -202,25 +202,25 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
     return report;
   };
   const Arrival start = after_ms(0);
-  EXPECT_EQ(tracker.hear(sent(5, 0, start, 10'001), start), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(sent(5, 0, start, -10'001), start), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(sent(5, 0, start, 10'001), start), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(sent(5, 0, start, -10'001), start), Verdict::ignored);
   for (const std::int64_t utime : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1},
                                    std::numeric_limits<std::int64_t>::max()}) {
     ContactMessage report = message(5, 0);
     report.utime = utime;
-    EXPECT_EQ(tracker.hear(report, start), Verdict::ignored);
+    EXPECT_EQ(tracker.receive(report, start), Verdict::ignored);
   }
   EXPECT_EQ(tracker.counts().stale, 5);
-  EXPECT_EQ(tracker.hear(sent(7, 0, start, 200), start), Verdict::starts);
+  EXPECT_EQ(tracker.receive(sent(7, 0, start, 200), start), Verdict::starts);
   // Within a session the message numbers decide, even if a message is late.
-  EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'000), 59'000), after_ms(60'000)),
+  EXPECT_EQ(tracker.receive(sent(7, 1, after_ms(60'000), 59'000), after_ms(60'000)),
             Verdict::continues);
-  EXPECT_EQ(tracker.hear(sent(7, 1, after_ms(60'001), 0), after_ms(60'001)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(sent(7, 1, after_ms(60'001), 0), after_ms(60'001)), Verdict::ignored);
   // Recorded shortly before the present session began.
-  EXPECT_EQ(tracker.hear(sent(6, 0, after_ms(5000), 5300), after_ms(5000)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(sent(6, 0, after_ms(5000), 5300), after_ms(5000)), Verdict::ignored);
   EXPECT_EQ(tracker.counts().stale, 6);
   for (std::int64_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(tracker.hear(sent(9, i, after_ms(70'000), 1), after_ms(70'000)),
+    EXPECT_EQ(tracker.receive(sent(9, i, after_ms(70'000), 1), after_ms(70'000)),
               i < 2 ? Verdict::ignored : Verdict::starts);
   }
 }
@@ -229,14 +229,14 @@ TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
   SessionTracker tracker(Freshness::required);
   ContactMessage report = message(7, 0);
   report.utime = after_ms(0).wall;
-  EXPECT_EQ(tracker.hear(report, after_ms(0)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(report, after_ms(0)), Verdict::starts);
   report.sequence = 1;
   report.utime += std::int64_t{31'536'000} * 1'000'000;
-  EXPECT_EQ(tracker.hear(report, after_ms(10)), Verdict::continues);
+  EXPECT_EQ(tracker.receive(report, after_ms(10)), Verdict::continues);
   for (std::int64_t i = 0; i < 3; ++i) {
     ContactMessage next = message(8, i);
     next.utime = after_ms(20'000).wall;
-    EXPECT_EQ(tracker.hear(next, after_ms(20'000)), i < 2 ? Verdict::ignored : Verdict::starts);
+    EXPECT_EQ(tracker.receive(next, after_ms(20'000)), i < 2 ? Verdict::ignored : Verdict::starts);
   }
   EXPECT_EQ(tracker.counts().stale, 0);
 }
@@ -244,12 +244,12 @@ TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
 // The dropped packets may include the master's messages.
 TEST(SessionTracker, SilenceDoesNotCountWhileMessagesAreDropped) {
   SessionTracker tracker;
-  tracker.hear(message(7, 0), after_ms(0));
+  tracker.receive(message(7, 0), after_ms(0));
   for (std::int64_t i = 1; i < 100; ++i) {
     tracker.note_drop(after_ms(10 * i - 90).monotonic);
-    EXPECT_EQ(tracker.hear(message(8, i), after_ms(10 * i)), Verdict::ignored);
+    EXPECT_EQ(tracker.receive(message(8, i), after_ms(10 * i)), Verdict::ignored);
   }
-  EXPECT_EQ(tracker.hear(message(8, 100), after_ms(1000)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(8, 100), after_ms(1000)), Verdict::starts);
 }
 
 TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
@@ -259,17 +259,17 @@ TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
     report.horizon = horizon;
     return report;
   };
-  EXPECT_EQ(tracker.hear(at_time(0, 5.0), after_ms(0)), Verdict::starts);
-  EXPECT_EQ(tracker.hear(at_time(1, 500.0), after_ms(10)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(at_time(0, 5.0), after_ms(0)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(at_time(1, 500.0), after_ms(10)), Verdict::ignored);
   EXPECT_EQ(tracker.oddity(), Oddity::time);
-  EXPECT_EQ(tracker.hear(at_time(std::int64_t{1} << 53, 5.0), after_ms(10)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(at_time(std::int64_t{1} << 53, 5.0), after_ms(10)), Verdict::ignored);
   EXPECT_EQ(tracker.oddity(), Oddity::number);
-  EXPECT_EQ(tracker.hear(at_time(2, 5.02), after_ms(20)), Verdict::continues);
+  EXPECT_EQ(tracker.receive(at_time(2, 5.02), after_ms(20)), Verdict::continues);
   EXPECT_EQ(tracker.oddity(), Oddity::none);
-  EXPECT_EQ(tracker.hear(at_time(3, 70.03), after_ms(30)), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(at_time(4, 70.04), after_ms(40)), Verdict::ignored);
-  EXPECT_EQ(tracker.hear(at_time(5, 70.05), after_ms(50)), Verdict::resumes);
-  EXPECT_EQ(tracker.hear(at_time(6, 70.06), after_ms(60)), Verdict::continues);
+  EXPECT_EQ(tracker.receive(at_time(3, 70.03), after_ms(30)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(at_time(4, 70.04), after_ms(40)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(at_time(5, 70.05), after_ms(50)), Verdict::resumes);
+  EXPECT_EQ(tracker.receive(at_time(6, 70.06), after_ms(60)), Verdict::continues);
   EXPECT_EQ(tracker.counts().implausible, 4);
   EXPECT_EQ(tracker.counts().resumed, 1);
   EXPECT_EQ(tracker.counts().sessions, 1);
@@ -277,17 +277,17 @@ TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
 
 TEST(SessionTracker, AnImpossibleMessageBeginsNoSession) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(7, std::int64_t{1} << 53), after_ms(0)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(7, std::int64_t{1} << 53), after_ms(0)), Verdict::ignored);
   EXPECT_EQ(tracker.oddity(), Oddity::number);
   EXPECT_EQ(tracker.counts().implausible, 1);
   EXPECT_EQ(tracker.counts().sessions, 0);
-  EXPECT_EQ(tracker.hear(message(7, 1), after_ms(10)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(7, 1), after_ms(10)), Verdict::starts);
 }
 
 TEST(SessionTracker, SessionZeroIsASession) {
   SessionTracker tracker;
-  EXPECT_EQ(tracker.hear(message(0, 1), later()), Verdict::starts);
-  EXPECT_EQ(tracker.hear(message(0, 2), later()), Verdict::continues);
+  EXPECT_EQ(tracker.receive(message(0, 1), later()), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(0, 2), later()), Verdict::continues);
 }
 
 }  // namespace

@@ -298,14 +298,14 @@ class Live {
 
   // The run continues with the remaining files.
   void tell_failures() {
-    const auto tell = [](const auto& file, bool& told) {
-      if (told || file.good()) return;
+    const auto warn = [](const auto& file, bool& warned) {
+      if (warned || file.good()) return;
       std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
-      told = true;
+      warned = true;
     };
-    tell(csv_, csv_failure_reported_);
-    if (now_csv_) tell(*now_csv_, now_failure_reported_);
-    if (record_) tell(*record_, record_failure_reported_);
+    warn(csv_, csv_failure_reported_);
+    if (now_csv_) warn(*now_csv_, now_failure_reported_);
+    if (record_) warn(*record_, record_failure_reported_);
   }
 
   std::string lost() const { return describe(losses_, bus_.counts().overflowed); }

@@ -65,7 +65,7 @@ class OwnObserver {
 
   void take(const ContactMessage& message, const Arrival& arrival) {
     TimeLine<TrackingEstimator>& time_line = estimation_.time_line;
-    switch (sessions_.hear(message, arrival)) {
+    switch (sessions_.receive(message, arrival)) {
       case SessionTracker::Verdict::ignored:
         return;
       case SessionTracker::Verdict::starts:

@@ -138,7 +138,7 @@ void Watch::take(const ContactMessage& message, const Arrival& arrival) {
     ++misfits_;
     return;
   }
-  const SessionTracker::Verdict verdict = tracker_.hear(message, arrival);
+  const SessionTracker::Verdict verdict = tracker_.receive(message, arrival);
   if (verdict == SessionTracker::Verdict::ignored) return;
   contacts_arrival_ = arrival.monotonic;
   speed_ = message.speed;

@@ -232,7 +232,7 @@ void ImpactRecorder::after(const Eigen::VectorXd& u, const Eigen::MatrixXd* S, d
     return {means[found],
             std::hypot(std::sqrt(variances[found]), rounding / dynamics_->G()(contact, contact))};
   };
-  ContactSet told = 0;
+  ContactSet reported = 0;
   for (const ContactEvent& event : events) {
     const Contact& contact = model.contacts[static_cast<std::size_t>(event.contact)];
     const auto speed = [&](const Eigen::VectorXd& velocities,
@@ -250,10 +250,10 @@ void ImpactRecorder::after(const Eigen::VectorXd& u, const Eigen::MatrixXd* S, d
     record.before = speed(u_before_, S != nullptr ? &S_before_ : nullptr);
     record.after = speed(u, S);
     record.impulse = impulse_on(event.contact);
-    told |= bit(event.contact);
+    reported |= bit(event.contact);
     add(record);
   }
-  for_each(struck & ~told, [&](int i) { push(i, impulse_on(i)); });
+  for_each(struck & ~reported, [&](int i) { push(i, impulse_on(i)); });
 }
 
 void ImpactRecorder::add(ImpactRecord record) {

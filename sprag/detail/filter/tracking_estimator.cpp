@@ -106,7 +106,7 @@ void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState
   } else {
     recorded_ = records_ != nullptr ? records_->size() : 0;
     base_.tick(events, state.base,
-               [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+               [&](std::span<const ContactEvent> of_one) { receive(of_one, state); });
   }
   state.tick = state.base.tick;
   state.chi = state.base.chi;
@@ -132,7 +132,7 @@ void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingStat
   recorded_ = records_ != nullptr ? records_->size() : 0;
   base_.apply(events, state.base);
   if (filter_) {
-    for_each_instant(events, [&](std::span<const ContactEvent> of_one) { hear(of_one, state); });
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) { receive(of_one, state); });
   }
   state.chi = state.base.chi;
   if (filter_) end_tick(state);
@@ -140,7 +140,7 @@ void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingStat
 
 // Takes the events of one instant. The replica has already taken them; state.chi is the contact
 // state before them.
-void TrackingEstimator::hear(std::span<const ContactEvent> events, TrackingState& state) {
+void TrackingEstimator::receive(std::span<const ContactEvent> events, TrackingState& state) {
   const double t = events.front().t;
   watch(t, state);
   // The first event may be slightly earlier than the start.

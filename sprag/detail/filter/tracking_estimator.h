@@ -195,7 +195,7 @@ class TrackingEstimator {
   std::int64_t to_confirm(const TrackingState& state) const;
   bool has_result(const TrackingState& state) const;
   void take_result(TrackingState& state);
-  void hear(std::span<const ContactEvent> of_one_instant, TrackingState& state);
+  void receive(std::span<const ContactEvent> of_one_instant, TrackingState& state);
   void end_tick(TrackingState& state);
   void take(std::span<const ContactEvent> of_one_instant, TrackingState& state);
   bool shows_filter(const TrackingState& state) const;

@@ -81,7 +81,8 @@ std::optional<DriftEstimate> estimate_drift(const Scene& scene, const Identifica
     return drift(inside, value_at(*likelihood, inside));
   };
   // An estimated jitter adds its own uncertainty to the drift's.
-  const double of_jitter = likelihood->told() ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit.freedom);
+  const double of_jitter =
+      likelihood->jitter_given() ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit.freedom);
   if (best.none.log < best.top() - less) estimate.low = bound(lowest - 1.0) / of_jitter;
   estimate.high = bound(highest + 1.0) * of_jitter;
   return estimate;

@@ -96,9 +96,9 @@ void HeldFlight::move(double t, double tau, const Eigen::MatrixXd& inputs, Eigen
     s = moved.topRows(r);
     v = moved.bottomRows(r);
   }
-  const Eigen::MatrixXd behind = product(offset(t + tau), harmonics);
-  Y = product(fixed_, p) + product(N_, s) - behind.topRows(n);
-  U = product(N_, v) - behind.bottomRows(n);
+  const Eigen::MatrixXd forced = product(offset(t + tau), harmonics);
+  Y = product(fixed_, p) + product(N_, s) - forced.topRows(n);
+  U = product(N_, v) - forced.bottomRows(n);
 }
 
 Eigen::VectorXd HeldFlight::force(const Eigen::VectorXd& free_rates) const {

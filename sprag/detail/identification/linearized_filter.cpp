@@ -33,8 +33,8 @@ LinearizedFilter::LinearizedFilter(const Scene& scene, const Identification& fit
       measured_(fit.measured),
       speeds_(fit.likelihood.gamma),
       interval_(fit.interval) {
-  told_ = fit.jitter_given && fit.jitter > resolved * interval_;
-  base_ = std::max(told_ ? fit.jitter : fit.scatter, resolved * interval_);
+  jitter_given_ = fit.jitter_given && fit.jitter > resolved * interval_;
+  base_ = std::max(jitter_given_ ? fit.jitter : fit.scatter, resolved * interval_);
   // The filter does not use the equations of contacts that were closed at a start.
   taken_up_ = fit.likelihood.timed - fit.freedom +
               static_cast<int>(equations(stretches_) - count(stretches_));
@@ -198,8 +198,8 @@ void LinearizedFilter::fly(std::size_t s, std::size_t k, double per_root, Estima
 }
 
 // Measurement by the time of impact k of stretch s, and the impact itself.
-void LinearizedFilter::hear(std::size_t s, std::size_t k, double restitution_scatter,
-                            Estimate& of) const {
+void LinearizedFilter::update(std::size_t s, std::size_t k, double restitution_scatter,
+                              Estimate& of) const {
   constexpr double rounding = 1e-13;   // of gaps, in usual flights
   constexpr double least_speed = 0.1;  // of the usual one
   const Impact& impact = stretches_[s].impacts[k];
@@ -283,12 +283,12 @@ LinearizedFilter::Value LinearizedFilter::at(double ratio, double restitution_sc
     of.begin_stretch(of_u * interval_, of_u);
     for (std::size_t k = 0; k < stretches_[s].size(); ++k) {
       fly(s, k, per_root, of);
-      hear(s, k, restitution_scatter, of);
+      update(s, k, restitution_scatter, of);
     }
   }
   Value value{-0.5 * (of.logs + of.squares),          of.squares,    base_, of.x.tail(of.P),
               of.S.bottomRows(of.P).rowwise().norm(), of.innovations};
-  if (told_) return value;
+  if (jitter_given_) return value;
   // All variances but those of the diffuse prior are proportional to the jitter squared.
   const double freedom = std::max(1, static_cast<int>(of.innovations.size()) - taken_up_);
   const double factor = of.squares / freedom;

@@ -48,7 +48,7 @@ class LinearizedFilter {
   /// Jitter of the filter's run: as specified, or the fit's scatter [s]. An unspecified jitter is
   /// then estimated by scaling.
   double base() const { return base_; }
-  bool told() const { return told_; }
+  bool jitter_given() const { return jitter_given_; }
   /// Number of leading innovations that determine start and unknowns. Those after them are white if
   /// the model is right.
   int taken_up() const { return taken_up_; }
@@ -61,7 +61,7 @@ class LinearizedFilter {
   Eigen::Index parameters() const { return J_.empty() ? 0 : J_.front().cols(); }
   struct Estimate;
   void fly(std::size_t s, std::size_t k, double per_root, Estimate& of) const;
-  void hear(std::size_t s, std::size_t k, double restitution_scatter, Estimate& of) const;
+  void update(std::size_t s, std::size_t k, double restitution_scatter, Estimate& of) const;
   void set_parameter_columns(const Identification& fit, const Eigen::VectorXd& values);
   void set_drift(const Scene& fitted);
 
@@ -75,7 +75,7 @@ class LinearizedFilter {
   std::vector<Eigen::MatrixXd> J_;     // of each stretch: its impacts x P
   Eigen::MatrixXd drift_y_, drift_u_;  // square root of the process noise at drift 1
   double base_ = 0.0;                  // see base() [s]
-  bool told_ = false;
+  bool jitter_given_ = false;
   double unit_ = 0.0;
   double speed_ = 0.0, interval_ = 0.0;  // usual speed and interval
   int taken_up_ = 0;                     // see taken_up()

@@ -358,14 +358,14 @@ class Starts {
     }
     for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
       Start start;
-      std::size_t told = of_start;
-      for (std::size_t j = i; j < std::min(i + most, pieces.size()) && told < usual; ++j) {
+      std::size_t covered = of_start;
+      for (std::size_t j = i; j < std::min(i + most, pieces.size()) && covered < usual; ++j) {
         start.window.push_back(pieces[j]);
-        told += pieces[j].size() - of_start;
+        covered += pieces[j].size() - of_start;
         if (pieces[j].size() > start.window[start.base].size()) start.base = j - i;
       }
       start.first = firsts[i + start.base];
-      if (start.window.size() > 1 && told >= least) starts_.push_back(std::move(start));
+      if (start.window.size() > 1 && covered >= least) starts_.push_back(std::move(start));
     }
   }
 

@@ -143,11 +143,11 @@ Eigen::MatrixXd Projection::Core::turned(Eigen::MatrixXd inputs, const Eigen::Ve
       }
     }
   };
-  Eigen::VectorXd before, behind;
+  Eigen::VectorXd before, end;
   offset(from, before);
-  offset(to, behind);
+  offset(to, end);
   for (Eigen::Index g = 0; g < before.size(); ++g) {
-    const double angle = before[g] - behind[g];
+    const double angle = before[g] - end[g];
     const Eigen::RowVectorXd a = inputs.row(2 * g), b = inputs.row(2 * g + 1);
     inputs.row(2 * g) = std::cos(angle) * a - std::sin(angle) * b;
     inputs.row(2 * g + 1) = std::sin(angle) * a + std::cos(angle) * b;

@@ -34,7 +34,7 @@ std::optional<RestitutionScatter> estimate_restitution_scatter(const Scene& scen
       best_of = scatter;
     };
     // With an unspecified jitter the scatter scales with it, so the search reaches farther.
-    const double end = filter.told() ? highest : in_less_jitter * highest;
+    const double end = filter.jitter_given() ? highest : in_less_jitter * highest;
     for (double scatter = lowest; scatter < end; scatter *= factor) look_at(scatter);
     const double middle = best_of;
     for (const double share : {0.7, 0.85, 1.2, 1.4}) look_at(share * middle);

@@ -19,8 +19,8 @@ std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
   filter.add_restitution_trend();
   const LinearizedFilter::Value value = filter.at(0.0);
   trend.chi2_with = value.chi2;
-  trend.gain = filter.told() ? trend.chi2_without - trend.chi2_with
-                             : fit.freedom * std::log(trend.chi2_without / trend.chi2_with);
+  trend.gain = filter.jitter_given() ? trend.chi2_without - trend.chi2_with
+                                     : fit.freedom * std::log(trend.chi2_without / trend.chi2_with);
   trend.trend = value.parameters[value.parameters.size() - 1];
   trend.sigma = value.sigmas[value.sigmas.size() - 1];
   return trend;

@@ -121,10 +121,10 @@ void keep(GridPoint point, std::vector<GridPoint>& best) {
     if (near(point, other) && other.score <= point.score) return;
   }
   std::erase_if(best, [&](const GridPoint& other) { return near(point, other); });
-  const auto behind =
+  const auto later =
       std::upper_bound(best.begin(), best.end(), point.score,
                        [](double score, const GridPoint& other) { return score < other.score; });
-  best.insert(behind, std::move(point));
+  best.insert(later, std::move(point));
   if (best.size() > kept) best.pop_back();
 }
 
