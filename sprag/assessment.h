@@ -35,7 +35,7 @@ struct Finding {
   bool required = true;  ///< the theorem or the clutches need it; false: information only
   bool holds = true;     ///< the check passed
   std::string what;      ///< result in words, with figures
-  std::string change;    ///< what to change; empty: nothing
+  std::string change;    ///< suggested change; empty: none
   std::string provided =
       {};  ///< condition on which it holds, "time windows ... recur"; empty: unconditional
 };

@@ -25,7 +25,7 @@ enum class ContactEventKind : std::int8_t {
 struct ContactEvent {
   double t;               ///< simulated time [s], unrounded
   int contact;            ///< from 0
-  ContactEventKind kind;  ///< what happens
+  ContactEventKind kind;  ///< kind of event
 
   /// \brief Compares all members.
   friend bool operator==(const ContactEvent&, const ContactEvent&) = default;

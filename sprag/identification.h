@@ -34,7 +34,7 @@
 
 namespace sprag {
 
-/// \brief What to identify, and what is known of the recording.
+/// \brief Parameters to identify, and properties of the recording.
 struct IdentificationSettings {
   std::vector<Unknown> unknowns;     ///< parameters to identify; may be empty
   std::optional<double> jitter;      ///< sigma of event times, >= 0 [s]; empty: estimated
@@ -90,9 +90,9 @@ enum class FitProblem {
   wrong_model               ///< the residuals are not the jitter
 };
 
-/// \brief What shows that a model is wrong.
+/// \brief Evidence that a model is wrong.
 enum class Misfit {
-  none,        ///< nothing does
+  none,        ///< none
   scatter,     ///< times scatter by more than their jitter
   structured,  ///< residuals that should be the jitter depend on the path
   prediction,  ///< the first four fifths do not predict the last fifth

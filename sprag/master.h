@@ -36,7 +36,7 @@ inline constexpr double touching = 1e-12;
 /// \brief Bounces shorter than this share of the time t cannot be distinguished in t.
 inline constexpr double resolvable = 1e-14;
 
-/// \brief The simulation cannot continue; what() says when and why.
+/// \brief The simulation cannot continue; what() gives time and reason.
 struct SimulationError : Error {
   using Error::Error;
 };

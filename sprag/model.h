@@ -105,7 +105,7 @@ struct State {
 };
 
 /// \brief The machine has no exact flow, or a computation does not apply to it: M not positive
-/// definite, defective modes, damping that couples the modes, ... what() says which.
+/// definite, defective modes, damping that couples the modes, ... what() gives the reason.
 struct ModelError : Error {
   using Error::Error;
 };

@@ -46,7 +46,7 @@ struct SceneError : Error {
 /// \param names called once with the path of each existing file that the scene names, before the
 /// content of the scene is checked; may be empty.
 /// \return the scene.
-/// \throws SceneError for a file that cannot be read or is wrong, and whatever `names` throws.
+/// \throws SceneError for a file that cannot be read or is wrong, and any exception of `names`.
 Scene read_scene(const std::filesystem::path& file,
                  const std::function<void(const std::filesystem::path&)>& names = {});
 
