@@ -1,5 +1,5 @@
 // Converts the signals SIGINT, SIGTERM and SIGHUP to a request to stop
-// (detail/mechanics/interrupt.h).
+// (sprag/detail/mechanics/interrupt.h).
 #pragma once
 
 #include <string>

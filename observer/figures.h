@@ -25,7 +25,7 @@ struct IntegrationFigures {
   std::int64_t real_time_losses = 0;
   std::int64_t real_time_lost = 0;   ///< total
   std::int64_t repaired_events = 0;  ///< received by repetition after a lost message
-  /// Events that were older than the estimate for now at their arrival. This is normal: a report
+  /// Events that were older at arrival than the provisional estimate. This is normal: a report
   /// follows its event, and the estimate advances meanwhile.
   std::int64_t late_events = 0;
   std::int64_t estimates_dropped = 0;

@@ -1,5 +1,5 @@
-// Runs the identification tasks of an adaptive estimator (detail/identification/task.h) in a thread
-// of its own. The real-time loop hands over a task and polls for the result.
+// Runs the identification tasks of an adaptive estimator (sprag/detail/identification/task.h) in a
+// thread of its own. The real-time loop hands over a task and polls for the result.
 #pragma once
 
 #include <array>

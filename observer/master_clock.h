@@ -6,7 +6,7 @@
 // earlier messages are then disregarded.
 //
 // If the master's clock is ahead by delta <= 1 s, "now" is late by the lesser of the least delay
-// and speed * delta. If it is behind by delta, "now" is early by speed * delta. Settled ticks do
+// and speed * delta. If it lags by delta, "now" is early by speed * delta. Settled ticks do
 // not depend on it. Local times are monotonic nanoseconds.
 #pragma once
 

@@ -9,8 +9,8 @@
 namespace sprag {
 
 /// A joint normal distribution of P parameters about their nominal values, given in the scene. The
-/// keys are those of identification (parameters/unknowns.h), and sigma has the unit of the
-/// parameter's value.
+/// keys are those of identification (sprag/detail/parameters/unknowns.h), and sigma has the unit of
+/// the parameter's value.
 struct ParameterUncertainty {
   std::vector<std::string> keys;  ///< in the order of the scene file; no key twice
   Eigen::VectorXd sigma;          ///< standard deviations, P entries, > 0
