@@ -70,7 +70,6 @@ class Watch {
   bool follows(std::int64_t session, std::int64_t utime, const Arrival& arrival);
   void begin(std::int64_t session);
   bool fits(const StateSample& sample, bool whole);
-  void note(const EstimateSample& sample, const Arrival& arrival);
   void keep_provisional(const EstimateSample& sample);
   double value_of(const Quantity& quantity, const Eigen::VectorXd& q, const Eigen::VectorXd& u,
                   double t) const;

@@ -8,6 +8,7 @@
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/error.h"
 #include "sprag/replica.h"
 
 namespace sprag {
@@ -77,9 +78,9 @@ Followed second_half(std::span<const ContactEvent> events, double begins, Contac
   Followed followed{.events = events, .begins = begins, .closed = closed};
   if (!events.empty()) followed.counts = 0.5 * (begins + events.back().t);
   if (const int count = closings(followed); count < least_closings) {
-    throw std::runtime_error("contacts close at " + std::to_string(count) +
-                             " instants in the second half of the events; at least " +
-                             std::to_string(least_closings) + " are needed");
+    throw Error("contacts close at " + std::to_string(count) +
+                " instants in the second half of the events; at least " +
+                std::to_string(least_closings) + " are needed");
   }
   return followed;
 }

@@ -25,7 +25,7 @@ struct Followed {
 };
 
 /// Counts the second half of the time, since the replica converges to the machine first. Throws
-/// std::runtime_error if contacts close fewer than 8 times in it.
+/// Error if contacts close fewer than 8 times in it.
 Followed second_half(std::span<const ContactEvent> events, double begins = 0.0,
                      ContactSet closed = 0);
 

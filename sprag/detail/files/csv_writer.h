@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "sprag/detail/files/output_file.h"
+#include "sprag/error.h"
 
 namespace sprag {
 
@@ -20,9 +21,9 @@ class CsvWriter {
   bool good() const noexcept { return file_.good(); }
   std::string error() const { return file_.error(); }
 
-  /// Throw std::runtime_error with error() if a write has failed; finish() closes the file first.
+  /// Throw Error with error() if a write has failed; finish() closes the file first.
   void require_good() const {
-    if (!good()) throw std::runtime_error(error());
+    if (!good()) throw Error(error());
   }
   void finish() {
     close();
@@ -43,7 +44,7 @@ class CsvWriter {
   std::string row_;
 };
 
-/// A writer of the file, or nullopt if the name is empty. Throws std::runtime_error if the file
+/// A writer of the file, or nullopt if the name is empty. Throws Error if the file
 /// cannot be written.
 template <typename Writer>
 std::optional<Writer> writer_of(const std::filesystem::path& file) {

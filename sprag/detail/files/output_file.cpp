@@ -9,6 +9,8 @@
 #include <system_error>
 #include <utility>
 
+#include "sprag/error.h"
+
 namespace sprag {
 
 namespace {
@@ -86,7 +88,7 @@ std::string OutputFile::error() const {
 void write_file(const std::filesystem::path& file, std::string_view text) {
   OutputFile out(file);
   out.write(text);
-  if (!out.close()) throw std::runtime_error(out.error());
+  if (!out.close()) throw Error(out.error());
 }
 
 }  // namespace sprag

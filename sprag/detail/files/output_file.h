@@ -52,7 +52,7 @@ class OutputFile {
   int error_ = 0;
 };
 
-/// Writes a file with this text. Throws std::runtime_error, "FILE: No space left on device", if it
+/// Writes a file with this text. Throws Error, "FILE: No space left on device", if it
 /// cannot be written completely.
 void write_file(const std::filesystem::path& file, std::string_view text);
 

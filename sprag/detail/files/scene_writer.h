@@ -22,7 +22,7 @@ std::string to_toml(const ParameterUncertainty& parameters, std::string_view com
 /// The table [tolerance], empty if all tolerances are zero. `comment` is one line.
 std::string to_toml(const Tolerance& tolerance, std::string_view comment = "");
 
-/// Writes a scene to a file. Throws std::runtime_error if the file cannot be written.
+/// Writes a scene to a file. Throws Error if the file cannot be written.
 void write_scene(const std::filesystem::path& file, const Scene& scene,
                  std::string_view comment = "");
 
