@@ -530,8 +530,12 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   belief.reported[event.contact] = event.t;
   if (since < close_reports * belief.sigma) {
     if (!opens) return burst(event, belief);
-    let_go(event.contact, belief);
-    return true;
+    // The contact may have bounced in between. Without a burst and a rebound it was held, and its
+    // release is a measurement like any other.
+    if (contains(belief.bursting, event.contact) || belief.rebound[event.contact] > 0.0) {
+      let_go(event.contact, belief);
+      return true;
+    }
   }
   if (!opens && !contains(flight().independent(belief.held, belief.held | bit(event.contact)),
                           event.contact)) {
