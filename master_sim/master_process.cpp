@@ -38,7 +38,7 @@ class MasterProcess {
  public:
   MasterProcess(const Scene& scene, const MasterOptions& options, const CommonOptions& common)
       : options_(options),
-        master_(scene.model, scene.master),
+        master_(scene.model, scene.truth.start),
         last_tick_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                                 : last_tick(options.duration, options.tick)),
         wants_states_(!options.states.empty() || (options.lcm && options.truth)) {
@@ -234,9 +234,9 @@ class MasterProcess {
 
 // Scenes without [master] are valid, so the start is checked here and not by the reader.
 void require_start_outside(const Scene& scene) {
-  if (scene.has_master) return;
+  if (scene.truth.given) return;
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
-    const double g = gap(scene.model.contacts[i], scene.master.q, 0.0);
+    const double g = gap(scene.model.contacts[i], scene.truth.start.q, 0.0);
     if (g >= 0.0) continue;
     throw UsageError(printable(scene.name) +
                      " does not say where the machine starts, and q = 0 lies inside " +

@@ -11,7 +11,7 @@ namespace sprag {
 
 Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history)
     : supports(scene.model.contacts),
-      length(length_scale(scene.model, scene.replica)),
+      length(length_scale(scene.model, scene.prior.start)),
       contacts(static_cast<int>(scene.model.contacts.size())),
       coordinates(scene.model.coordinates()),
       // The bound is valid only with the right model.
@@ -20,7 +20,7 @@ Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::
                         : sprag::initial_bound(scene)),
       adaptive(options.estimator == EstimatorKind::adaptive),
       estimator(scene, options.tick, options.estimator, options.stepper),
-      time_line(estimator, contacts, scene.replica, history),
+      time_line(estimator, contacts, scene.prior.start, history),
       guarantee(guarantee_of(scene, estimator)) {
   set_end(options.duration);
 }

@@ -15,7 +15,7 @@ constexpr std::int64_t longest_wait_for_settled = 100'000'000;  // ns
 }  // namespace
 
 SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus)
-    : start_(scene.replica),
+    : start_(scene.prior.start),
       last_(options.last()),
       estimator_(scene, options.tick, options.estimator, options.stepper),
       writer_(writer_of<ImpactsWriter>(options.impacts)),

@@ -35,12 +35,12 @@ CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent>
     floor.largest = late.back();
   }
   Scene unknown_start = scene;
-  unknown_start.uncertainty.resize(0);
+  unknown_start.prior.uncertainty.resize(0);
   if (!why_no_bound(unknown_start).empty()) return floor;
   // Largest over all states on the replica's path.
   const Dynamics dynamics(scene.model);
   const EnergyMetric metric(dynamics);
-  const DissipationCap cap(metric, scene.tolerance);
+  const DissipationCap cap(metric, scene.prior.tolerance);
   floor.without_events = 0.0;
   ModalState state;
   for (Eigen::Index k = 0; k < all.t.size(); ++k) {

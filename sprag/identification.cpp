@@ -603,7 +603,7 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
     values[k] = result.unknowns[static_cast<std::size_t>(k)].value;
   }
   result.fitted = family_.with(values);
-  result.fitted.replica = result.start;
+  result.fitted.prior.start = result.start;
   result.fitted.jitter = result.jitter;
 }
 

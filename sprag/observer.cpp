@@ -55,11 +55,11 @@ class Observer::Core {
  public:
   Core(const Scene& scene, const ObserverSettings& settings)
       : supports_(scene.model.contacts),
-        length_(length_scale(scene.model, scene.replica)),
+        length_(length_scale(scene.model, scene.prior.start)),
         contacts_(static_cast<int>(scene.model.contacts.size())),
         outputs_(scene.model.outputs),
         estimator_(scene, settings.tick, settings.estimator, settings.stepper),
-        time_line_(estimator_, contacts_, scene.replica, history),
+        time_line_(estimator_, contacts_, scene.prior.start, history),
         initial_bound_(settings.estimator == EstimatorKind::adaptive ? infinity
                                                                      : initial_bound(scene)),
         confidence_(estimator_.no_confidence()),

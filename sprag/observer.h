@@ -68,12 +68,12 @@ struct ObserverSettings {
 /// \brief Estimates the state of a machine from its contact events.
 class Observer {
  public:
-  /// \brief Starts at tick 0 in scene.replica.
+  /// \brief Starts at tick 0 in scene.prior.start.
   /// \param scene machine, start and uncertainties.
   /// \param settings tick and estimator.
   /// \throws ModelError if the machine has no exact flow, or the scene has no adaptive estimator.
   /// \throws std::invalid_argument for a tick that is not > 0, a stepper that the estimator does
-  /// not have, or an unknown key in scene.adaptation.
+  /// not have, or an unknown key in scene.prior.adaptation.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   ~Observer();
   /// \brief Moves an observer.

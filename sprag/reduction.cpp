@@ -103,7 +103,7 @@ bool starts_inside(const Model& model, const State& start) {
 
 ModalMachine modal_machine(const Scene& scene) {
   const Model& model = scene.model;
-  ModalMachine machine{model, scene.master, scene.replica, observed(scene), scene.uncertainty};
+  ModalMachine machine{model, scene.truth.start, scene.prior.start, observed(scene), scene.prior.uncertainty};
   if (model.M.isDiagonal(0.0) && model.C.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
     return machine;
   }
@@ -138,11 +138,11 @@ ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept
   for (Force& force : part.model.forces) force.direction = of(force.direction);
   for (Contact& contact : part.model.contacts) contact.w = of(contact.w);
   for (Output& output : part.model.outputs) output.direction = of(output.direction);
-  for (State* state : {&part.master, &part.replica}) {
+  for (State* state : {&part.truth.start, &part.prior.start}) {
     state->q = of(state->q);
     state->u = of(state->u);
   }
-  if (part.uncertainty.size() > 0) part.uncertainty = of(part.uncertainty);
+  if (part.prior.uncertainty.size() > 0) part.prior.uncertainty = of(part.prior.uncertainty);
   part.observed = machine.observed(Eigen::all, kept);
   return part;
 }
@@ -189,12 +189,12 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
     (part.*state).q = joined((part.*state).q, to_static * (machine.*state).q);
     (part.*state).u = joined((part.*state).u, to_static * (machine.*state).u);
   }
-  if (part.uncertainty.size() > 0) {
+  if (part.prior.uncertainty.size() > 0) {
     VectorXd left_out = machine.uncertainty;
     left_out(kept).setZero();
     // Spread evenly: its distribution over the static vectors is not known.
-    part.uncertainty =
-        joined(part.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
+    part.prior.uncertainty =
+        joined(part.prior.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
   }
   const MatrixXd kept_rows = part.observed;
   part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);
@@ -216,13 +216,13 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   Scene part;
   part.name = scene.name + "_reduced";
   part.model = machine.model;
-  part.master = machine.master;
-  part.replica = machine.replica;
-  part.uncertainty = machine.uncertainty;
-  part.drift = scene.drift;
-  part.jitter = scene.jitter;
-  part.has_master = scene.has_master;
-  part.release_penetration = scene.release_penetration || starts_inside(part.model, part.master);
+  part.truth.start = machine.master;
+  part.prior.start = machine.replica;
+  part.prior.uncertainty = machine.uncertainty;
+  part.prior.drift = scene.prior.drift;
+  part.prior.jitter = scene.prior.jitter;
+  part.truth.given = scene.truth.given;
+  part.truth.release_penetration = scene.truth.release_penetration || starts_inside(part.model, part.truth.start);
   return part;
 }
 

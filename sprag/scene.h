@@ -1,5 +1,5 @@
 /// \file
-/// \brief A scene: a machine, the starts of its master and of its replica, and their uncertainties.
+/// \brief A scene: the model of a machine, the prior of the observer, and the truth of the master.
 ///
 /// Contacts are counted from 0.
 #pragma once
@@ -54,6 +54,26 @@ Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame);
 /// \return s(t) = w^T r e(t).
 Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame);
 
+/// \brief What the observer knows of a machine before the first event. f coordinates.
+struct Prior {
+  State start;                      ///< mean of the start, padded with zeros to f entries
+  Eigen::VectorXd uncertainty;      ///< energies of the start's error, by coordinate if M and K are
+                                    ///< diagonal, else by mode; empty: not given
+  std::optional<State> sigma;       ///< standard deviations of the start, instead of uncertainty
+  double drift = 0.0;               ///< energy of the model's process noise per unit of time
+  double jitter = 0.0;              ///< standard deviation of event times [s]
+  Tolerance tolerance;              ///< hard limits of deviations; all 0: the scene is exact
+  Adaptation adaptation;            ///< parameters that identification may change
+  ParameterUncertainty parameters;  ///< uncertain parameters; empty: not given
+};
+
+/// \brief What only the simulated machine (master) uses. f coordinates.
+struct Truth {
+  State start;                       ///< start of the master, padded with zeros to f entries
+  bool given = true;                 ///< false: the scene does not give the start
+  bool release_penetration = false;  ///< master.penetration = "release"
+};
+
 /// \brief Content of a scene file. f coordinates, m contacts.
 struct Scene {
   std::string name;                  ///< key `name`, or the file's stem
@@ -61,18 +81,8 @@ struct Scene {
   std::optional<Beam> beam;          ///< set if the scene has a [beam]
   std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty without a beam
   std::optional<ShakenFrame> frame;  ///< set if a [system] has an [excitation]
-  State master;                      ///< start of the master, padded with zeros to f entries
-  State replica;                     ///< start of the replica, padded with zeros to f entries
-  Eigen::VectorXd uncertainty;       ///< energies of the replica's start error, by coordinate if M
-                                     ///< and K are diagonal, else by mode; empty: not given
-  std::optional<State> sigma;        ///< standard deviations of the start, instead of uncertainty
-  double drift = 0.0;                ///< energy of the model's process noise per unit of time
-  double jitter = 0.0;               ///< standard deviation of event times [s]
-  Tolerance tolerance;               ///< hard limits of deviations; all 0: the scene is exact
-  Adaptation adaptation;             ///< parameters that identification may change
-  ParameterUncertainty parameters;   ///< uncertain parameters; empty: not given
-  bool has_master = true;            ///< false: the scene does not give the master's start
-  bool release_penetration = false;  ///< master.penetration = "release"
+  Prior prior;                       ///< knowledge of the observer
+  Truth truth;                       ///< start of the master
   std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each
 };
 

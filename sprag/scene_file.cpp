@@ -344,18 +344,18 @@ bool starts_inside(const Contact& contact, const Eigen::VectorXd& q) {
 void read_master(const TomlTable& root, Scene& scene) {
   const Model& model = scene.model;
   const auto table = root.table("master", {"q", "u", "penetration"});
-  scene.master = table ? read_state(*table, model.coordinates())
+  scene.truth.start = table ? read_state(*table, model.coordinates())
                        : State{Eigen::VectorXd::Zero(model.coordinates()),
                                Eigen::VectorXd::Zero(model.coordinates())};
-  scene.has_master = table.has_value();
-  scene.release_penetration =
+  scene.truth.given = table.has_value();
+  scene.truth.release_penetration =
       table && table->choice("penetration", {"refuse", "release"}) == "release";
-  if (scene.release_penetration || !scene.has_master) return;
+  if (scene.truth.release_penetration || !scene.truth.given) return;
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
-    if (!starts_inside(model.contacts[i], scene.master.q)) continue;
+    if (!starts_inside(model.contacts[i], scene.truth.start.q)) continue;
     const std::string number = std::to_string(i + 1);
     std::string message = "starts inside the support of contact " + number + ": its gap is ";
-    message += rounded(gap(model.contacts[i], scene.master.q, 0.0));
+    message += rounded(gap(model.contacts[i], scene.truth.start.q, 0.0));
     message += "; must be >= 0 (move master.q or contact[" + number;
     message += "].clearance), or set master.penetration = \"release\"";
     table->fail("q", message);
@@ -386,13 +386,13 @@ void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
   const auto table = root.table(
       "replica", {"q", "u", "restitution", "uncertainty", "sigma_q", "sigma_u", "drift"});
-  scene.replica =
+  scene.prior.start =
       table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
-  if (table) scene.drift = table->number_or("drift", 0.0, not_negative);
+  if (table) scene.prior.drift = table->number_or("drift", 0.0, not_negative);
   if (table && table->has("restitution")) read_replica_restitution(*table, scene.model.contacts);
   if (table && (table->has("sigma_q") || table->has("sigma_u"))) {
     refuse_other(*table, table->has("sigma_q") ? "sigma_q" : "sigma_u", {"uncertainty"});
-    scene.sigma = State{read_sigma(*table, "sigma_q", f), read_sigma(*table, "sigma_u", f)};
+    scene.prior.sigma = State{read_sigma(*table, "sigma_q", f), read_sigma(*table, "sigma_u", f)};
   }
   if (!table || !table->has("uncertainty")) return;
   const Eigen::VectorXd energies = table->numbers("uncertainty");
@@ -403,14 +403,14 @@ void read_replica(const TomlTable& root, Scene& scene) {
   if (!(energies.minCoeff() > 0.0)) {
     table->fail("uncertainty", "has " + to_text(energies.minCoeff()) + "; must be > 0");
   }
-  scene.uncertainty = energies.size() == f
+  scene.prior.uncertainty = energies.size() == f
                           ? energies
                           : Eigen::VectorXd::Constant(f, energies[0] / static_cast<double>(f));
 }
 
 void read_events(const TomlTable& root, Scene& scene) {
   const auto table = root.table("events", {"jitter"});
-  if (table) scene.jitter = table->number_or("jitter", 0.0, not_negative);
+  if (table) scene.prior.jitter = table->number_or("jitter", 0.0, not_negative);
 }
 
 void read_tolerance(const TomlTable& root, Scene& scene) {
@@ -419,7 +419,7 @@ void read_tolerance(const TomlTable& root, Scene& scene) {
   if (!table) return;
   constexpr Limits share{.low = 0.0, .high = Tolerance::largest_share};
   constexpr Limits of_restitution{.low = 0.0, .high = Tolerance::largest_restitution};
-  scene.tolerance = {.time = table->number_or("time", 0.0, not_negative),
+  scene.prior.tolerance = {.time = table->number_or("time", 0.0, not_negative),
                      .restitution = table->number_or("restitution", 0.0, of_restitution),
                      .stiffness = table->number_or("stiffness", 0.0, share),
                      .damping = table->number_or("damping", 0.0, share),
@@ -430,7 +430,7 @@ void read_tolerance(const TomlTable& root, Scene& scene) {
 void read_adaptation(const TomlTable& root, Scene& scene) {
   const auto table = root.table("adapt", {"free", "within", "walk"});
   if (!table) return;
-  Adaptation& adaptation = scene.adaptation;
+  Adaptation& adaptation = scene.prior.adaptation;
   if (table->has("free")) {
     adaptation.free = table->strings("free");
     if (adaptation.free.empty()) table->fail("free", "is empty; must name one parameter at least");
@@ -520,12 +520,12 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   read_master(root, scene);
   read_replica(root, scene);
   if (!chatter_time_given) {
-    set_chatter_time(scene.model, scene.has_master ? scene.master : scene.replica);
+    set_chatter_time(scene.model, scene.truth.given ? scene.truth.start : scene.prior.start);
   }
   read_events(root, scene);
   read_tolerance(root, scene);
   read_adaptation(root, scene);
-  scene.parameters = read_parameters(root, scene);
+  scene.prior.parameters = read_parameters(root, scene);
   scene.remarks = document.remarks();
   return scene;
 }

@@ -173,14 +173,14 @@ std::vector<SmoothedStretch> smooth(
     const std::function<void(std::int64_t, const SmoothedEstimate&, bool)>& take,
     std::stop_token stop) {
   const StopScope scope(std::move(stop));
-  if (given.jitter == 0.0 && given.parameters.empty()) {
+  if (given.prior.jitter == 0.0 && given.prior.parameters.empty()) {
     throw SmoothingError("event times are exact ([events] jitter is 0): the filter knows all");
   }
   if (is_homogeneous(given.model)) {
     throw SmoothingError("no force and no clearance sets the scale of the machine's motion");
   }
   Scene scene = given;
-  scene.parameters.consider.assign(scene.parameters.consider.size(), false);
+  scene.prior.parameters.consider.assign(scene.prior.parameters.consider.size(), false);
   const auto f = scene.model.coordinates();
   const auto events_at = [&](std::int64_t k, std::size_t& next) {
     const std::size_t first = next;
@@ -196,7 +196,7 @@ std::vector<SmoothedStretch> smooth(
   std::size_t next = 0;
   const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
     if (k == 0) {
-      of.start(scene.replica, 0, 0, to);
+      of.start(scene.prior.start, 0, 0, to);
       of.apply(events_at(0, next), to);
     } else {
       of.tick(events_at(k, next), to);

@@ -171,9 +171,9 @@ State padded(const std::string& name, const State& state, Eigen::Index f) {
 void require_outside(const Scene& scene) {
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
     const Contact& contact = scene.model.contacts[i];
-    const double scale = contact.w.cwiseAbs().dot(scene.master.q.cwiseAbs()) +
+    const double scale = contact.w.cwiseAbs().dot(scene.truth.start.q.cwiseAbs()) +
                          std::abs(contact.clearance) + std::abs(value(contact.motion, 0.0));
-    require(gap(contact, scene.master.q, 0.0) >= -1e-12 * scale,
+    require(gap(contact, scene.truth.start.q, 0.0) >= -1e-12 * scale,
             "master starts inside the support of contact " + std::to_string(i + 1));
   }
 }
@@ -202,13 +202,13 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
   auto scene = std::make_shared<Scene>();
   scene->name = std::move(name);
   scene->model = model;
-  scene->master = padded("master", master, f);
-  scene->replica = padded("replica", replica, f);
+  scene->truth.start = padded("master", master, f);
+  scene->prior.start = padded("replica", replica, f);
   require_outside(*scene);
   if (uncertainty) {
     require(uncertainty->size() == f && uncertainty->allFinite() && uncertainty->minCoeff() > 0.0,
             "uncertainty must have " + std::to_string(f) + " energies > 0");
-    scene->uncertainty = *uncertainty;
+    scene->prior.uncertainty = *uncertainty;
   }
   if (sigma) {
     const auto usable = [f](const Eigen::VectorXd& of) {
@@ -217,15 +217,15 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
     require(!uncertainty, "uncertainty and sigma exclude each other");
     require(usable(sigma->q) && usable(sigma->u),
             "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
-    scene->sigma = sigma;
+    scene->prior.sigma = sigma;
   }
-  scene->drift = required_not_negative("drift", drift);
-  scene->jitter = required_not_negative("jitter", jitter);
-  if (tolerance) scene->tolerance = *tolerance;
+  scene->prior.drift = required_not_negative("drift", drift);
+  scene->prior.jitter = required_not_negative("jitter", jitter);
+  if (tolerance) scene->prior.tolerance = *tolerance;
   if (chatter_time) {
     scene->model.chatter_time = required_positive("chatter_time", *chatter_time);
   } else {
-    set_chatter_time(scene->model, scene->master);
+    set_chatter_time(scene->model, scene->truth.start);
   }
   return scene;
 }
@@ -398,31 +398,31 @@ void bind_scene(py::module_& module) {
       .def_readonly("model", &Scene::model)
       .def_readonly("beam", &Scene::beam, "None where the scene is not of a beam.")
       .def_property_readonly(
-          "master", [](const Scene& scene) -> const State& { return scene.master; },
+          "master", [](const Scene& scene) -> const State& { return scene.truth.start; },
           py::return_value_policy::reference_internal, "Start of the machine.")
       .def_property_readonly(
-          "replica", [](const Scene& scene) -> const State& { return scene.replica; },
+          "replica", [](const Scene& scene) -> const State& { return scene.prior.start; },
           py::return_value_policy::reference_internal, "Start of the replica.")
       .def_property_readonly(
           "uncertainty",
           [](const py::object& self) -> py::object {
             const auto& scene = self.cast<const Scene&>();
-            if (scene.uncertainty.size() == 0) return py::none();
-            return view(scene.uncertainty, self);
+            if (scene.prior.uncertainty.size() == 0) return py::none();
+            return view(scene.prior.uncertainty, self);
           },
           "Energies of the replica's start, f entries; None where not given.")
-      .def_readonly("sigma", &Scene::sigma,
+      .def_readonly("sigma", &Scene::prior.sigma,
                     "Standard deviations of the replica's start; None where not given.")
-      .def_readonly("drift", &Scene::drift, "Energy per unit of time by which the model departs.")
+      .def_readonly("drift", &Scene::prior.drift, "Energy per unit of time by which the model departs.")
       .def_property_readonly(
           "parameters",
           [](const Scene& scene) -> const ParameterUncertainty* {
-            return scene.parameters.empty() ? nullptr : &scene.parameters;
+            return scene.prior.parameters.empty() ? nullptr : &scene.prior.parameters;
           },
           py::return_value_policy::reference_internal,
           "How uncertain parameters of the machine are; None where not given.")
-      .def_readonly("jitter", &Scene::jitter, "Standard deviation of event times [s].")
-      .def_readonly("tolerance", &Scene::tolerance, "Hard limits of what may be off.")
+      .def_readonly("jitter", &Scene::prior.jitter, "Standard deviation of event times [s].")
+      .def_readonly("tolerance", &Scene::prior.tolerance, "Hard limits of what may be off.")
       .def("__repr__", [](const Scene& scene) {
         return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +
                ", m = " + std::to_string(scene.model.contacts.size()) + ">";

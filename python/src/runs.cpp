@@ -31,7 +31,7 @@ using Table = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 // In Python contacts count from 1.
 Simulation run_master(const Scene& scene, double duration, double tick) {
-  Simulation run = simulate(scene.model, scene.master, duration, tick);
+  Simulation run = simulate(scene.model, scene.truth.start, duration, tick);
   for (ContactEvent& event : run.events) ++event.contact;
   return run;
 }

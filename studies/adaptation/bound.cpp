@@ -10,7 +10,7 @@
 namespace sprag::adaptation_study {
 
 double least_V(const Scene& machine, int impacts, double sigma) {
-  Master master(machine.model, machine.master);
+  Master master(machine.model, machine.truth.start);
   std::vector<ContactEvent> events;
   const auto wanted = static_cast<std::size_t>(impacts);
   master.advance(at(1e5), events, wanted);

@@ -41,14 +41,14 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
     }
   }
   Scene scene = family.with(values);
-  scene.jitter = trial.jitter;
+  scene.prior.jitter = trial.jitter;
   const std::vector<Unknown> free = unknowns_to_adapt(scene);
-  scene.adaptation.within[0] = std::max(scene.adaptation.within[0], trial.off);
-  scene.adaptation.walk.setZero(static_cast<Eigen::Index>(free.size()));
+  scene.prior.adaptation.within[0] = std::max(scene.prior.adaptation.within[0], trial.off);
+  scene.prior.adaptation.walk.setZero(static_cast<Eigen::Index>(free.size()));
   for (std::size_t k = 0; k < free.size(); ++k) {
     for (const Move& move : trial.moves) {
       if (move.key == free[k].key) {
-        scene.adaptation.walk[static_cast<Eigen::Index>(k)] = trial.walk;
+        scene.prior.adaptation.walk[static_cast<Eigen::Index>(k)] = trial.walk;
       }
     }
   }
@@ -59,7 +59,7 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
 class MovingMaster {
  public:
   MovingMaster(const Scene& scene, const Trial& trial)
-      : family_(scene, unknowns(scene, trial)), trial_(trial), state_(scene.master) {
+      : family_(scene, unknowns(scene, trial)), trial_(trial), state_(scene.truth.start) {
     next();
   }
 
@@ -143,11 +143,11 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   Replica replica(scene, trial.tick);
   TrackingEstimator both(scene, trial.tick, EstimatorKind::both);
   TrackingState of_both;
-  both.start(scene.replica, 0, 0, of_both);
+  both.start(scene.prior.start, 0, 0, of_both);
   TrackingState state;
   ReplicaState of_replica;
-  adaptive.start(scene.replica, 0, 0, state);
-  replica.start(scene.replica, 0, 0, of_replica);
+  adaptive.start(scene.prior.start, 0, 0, state);
+  replica.start(scene.prior.start, 0, 0, of_replica);
   const Eigen::Index f = machine.model.coordinates();
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   Confidence confidence = adaptive.no_confidence();

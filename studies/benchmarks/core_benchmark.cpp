@@ -30,7 +30,7 @@ void free_tick(benchmark::State& run) {
   const Scene scene = studies::free_beam(static_cast<int>(run.range(0)));
   E estimator(scene, tick);
   typename E::State state;
-  estimator.start(scene.master, 0, 0, state);
+  estimator.start(scene.truth.start, 0, 0, state);
   for ([[maybe_unused]] auto _ : run) {
     estimator.tick({}, state);
     benchmark::ClobberMemory();
@@ -44,9 +44,9 @@ void free_tick_with_output(benchmark::State& run) {
   const Scene scene = studies::free_beam(static_cast<int>(run.range(0)));
   Replica replica(scene.model, tick);
   Replica::State state;
-  replica.start(scene.master, 0, 0, state);
-  Eigen::VectorXd q(scene.master.q.size());
-  Eigen::VectorXd u(scene.master.u.size());
+  replica.start(scene.truth.start, 0, 0, state);
+  Eigen::VectorXd q(scene.truth.start.q.size());
+  Eigen::VectorXd u(scene.truth.start.u.size());
   for ([[maybe_unused]] auto _ : run) {
     replica.tick({}, state);
     replica.output(state, q, u);
@@ -67,7 +67,7 @@ void master(benchmark::State& run, const char* name, double T) {
   long impacts = 0;
   for ([[maybe_unused]] auto _ : run) {
     run.PauseTiming();
-    Master machine(scene.model, scene.master);
+    Master machine(scene.model, scene.truth.start);
     (void)machine.flows()[1];
     events.clear();
     run.ResumeTiming();
@@ -89,8 +89,8 @@ BENCHMARK_CAPTURE(master, stiff_beam, "stiff_beam", 5.0);
 template <Estimator E>
 void events(benchmark::State& run) {
   Scene scene = studies::paper_beam(static_cast<int>(run.range(0)));
-  scene.jitter = static_cast<double>(run.range(1)) * 1e-6;
-  Master machine(scene.model, scene.master);
+  scene.prior.jitter = static_cast<double>(run.range(1)) * 1e-6;
+  Master machine(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   machine.advance(at(20.0), events);
   constexpr double h = 1.0;
@@ -98,7 +98,7 @@ void events(benchmark::State& run) {
   E estimator(scene, h);
   typename E::State state;
   for ([[maybe_unused]] auto _ : run) {
-    estimator.start(scene.replica, 0, 0, state);
+    estimator.start(scene.prior.start, 0, 0, state);
     std::span<const ContactEvent> left = events;
     const auto begin = std::chrono::steady_clock::now();
     for (int k = 1; k <= ticks; ++k) {
@@ -136,11 +136,11 @@ void row(benchmark::State& run) {
   for (Eigen::Index i = 0; i < n; ++i) {
     scene.model.contacts.push_back({Eigen::VectorXd::Unit(n, i), 1.0, {}, 0.6});
   }
-  scene.master = scene.replica = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
-  scene.replica.q *= 1.1;
+  scene.truth.start = scene.prior.start = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
+  scene.prior.start.q *= 1.1;
   Filter filter(scene, tick);
   TrackingState state;
-  filter.start(scene.replica, 0, 0, state);
+  filter.start(scene.prior.start, 0, 0, state);
   Confidence confidence = filter.no_confidence();
   for ([[maybe_unused]] auto _ : run) {
     filter.tick({}, state);
@@ -153,12 +153,12 @@ BENCHMARK(row)->Arg(3)->Arg(10)->Arg(30)->Arg(60);
 // 100 units of time of the observer's time line at h = 1e-3, with all events known in advance.
 void replay(benchmark::State& run) {
   const Scene scene = scene_of("paper_beam");
-  Master machine(scene.model, scene.master);
+  Master machine(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   machine.advance(at(100.0), events);
   Replica replica(scene.model, tick);
   for ([[maybe_unused]] auto _ : run) {
-    TimeLine<Replica> line(replica, 1, scene.replica, 1);
+    TimeLine<Replica> line(replica, 1, scene.prior.start, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events) line.receive(event);
     line.set_horizon(100.0);

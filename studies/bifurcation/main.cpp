@@ -52,16 +52,16 @@ int compare(nlohmann::ordered_json& report) {
     settings.transient = transient;
     settings.periods = periods;
     double start = cpu_seconds();
-    const sprag::Recurrence found = sprag::recurrence(model, scene.master, settings);
+    const sprag::Recurrence found = sprag::recurrence(model, scene.truth.start, settings);
     exact += cpu_seconds() - start;
     settings.lyapunov = true;
     const bool counts = found.attractor_period > 0 &&
-                        sprag::recurrence(model, scene.master, settings).lyapunov < clearly_stable;
+                        sprag::recurrence(model, scene.truth.start, settings).lyapunov < clearly_stable;
     stable += counts ? 1 : 0;
 
     sprag::work_precision::Task task;
     task.model = model;
-    task.start = scene.master;
+    task.start = scene.truth.start;
     task.sample_step = T;
     task.horizon = (transient + periods - 1) * T;
     for (std::size_t k = 0; k < costs.size(); ++k) {

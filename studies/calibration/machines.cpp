@@ -194,7 +194,7 @@ std::string random_free_beam(Random& random) {
 bool is_of_use(const Scene& scene, Kind kind) {
   const double T = usual_duration(scene.model);
   try {
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     const bool few = master.advance(at(0.5 * T), events, most_events);
     if (kind == Kind::chattering) {
@@ -211,11 +211,11 @@ bool is_of_use(const Scene& scene, Kind kind) {
 }
 
 Scene with_uncertainty(Scene scene) {
-  if (scene.uncertainty.size() > 0) return scene;
+  if (scene.prior.uncertainty.size() > 0) return scene;
   const double V =
-      ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q, scene.replica.u)[0];
+      ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)[0];
   const Eigen::Index f = scene.model.coordinates();
-  if (V > 0.0) scene.uncertainty.setConstant(f, of_first_energy * V / static_cast<double>(f));
+  if (V > 0.0) scene.prior.uncertainty.setConstant(f, of_first_energy * V / static_cast<double>(f));
   return scene;
 }
 

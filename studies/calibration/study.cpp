@@ -35,7 +35,7 @@ std::uint64_t other_seed(int seed, int purpose) {
 
 double duration_of(const Scene& scene) {
   const double T = usual_duration(scene.model);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   return master.advance(at(T), events, enough_events) ? T : to_digits(events.back().t, 2);
 }
@@ -56,9 +56,9 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
   TrackingEstimator estimator(given, truth.tick, kind, StepperKind::exact, thresholds);
   const ErrorEnergy energy(machine.model);
   const double start =
-      energy(machine.master.q, machine.master.u, given.replica.q, given.replica.u)[0];
+      energy(machine.truth.start.q, machine.truth.start.u, given.prior.start.q, given.prior.start.u)[0];
   TrackingState state;
-  estimator.start(given.replica, 0, 0, state);
+  estimator.start(given.prior.start, 0, 0, state);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(f), u(f);
   Trial trial;
@@ -119,7 +119,7 @@ State drawn(const State& start, const Uncertainty& uncertainty, common::Random& 
 
 Scene with_start_of_prior(Scene scene, std::uint64_t seed) {
   common::Random random(seed);
-  scene.replica = drawn(scene.master, uncertainty_of(scene), random);
+  scene.prior.start = drawn(scene.truth.start, uncertainty_of(scene), random);
   return scene;
 }
 
@@ -133,8 +133,8 @@ Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
   common::Random random(seed);
   const Uncertainty uncertainty = uncertainty_of(scene);
   for (int i = 0; i < most_draws; ++i) {
-    scene.master = drawn(scene.replica, uncertainty, random);
-    if (!is_inside(scene.model, scene.master.q)) return scene;
+    scene.truth.start = drawn(scene.prior.start, uncertainty, random);
+    if (!is_inside(scene.model, scene.truth.start.q)) return scene;
   }
   throw std::invalid_argument(scene.name + ": the specified start is inside the supports");
 }
@@ -157,7 +157,7 @@ Scene reported_of(const Scene& scene, double jitter, const Options& options, int
   Scene given = scene;
   if (options.start == Start::prior) given = with_start_of_prior(given, other_seed(seed, 1));
   if (options.trouble == Trouble::wrong) given = with_wrong_parameter(given, other_seed(seed, 2));
-  given.jitter = jitter;
+  given.prior.jitter = jitter;
   return given;
 }
 
@@ -188,7 +188,7 @@ Truth simulate(const Scene& scene, const Options& options) {
   if (samples < 2) throw std::invalid_argument(scene.name + ": fewer than two ticks");
   truth.q.resize(scene.model.coordinates(), samples);
   truth.u.resize(scene.model.coordinates(), samples);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   for (Eigen::Index i = 0; i < samples; ++i) {
     const Instant t = tick_instant((i + 1) * truth.stride, truth.tick);
     master.advance(t, truth.events);
@@ -202,7 +202,7 @@ std::vector<double> follow_replica(const Scene& given, const Scene& machine,
   Replica replica(given.model, truth.tick);
   const ErrorEnergy energy(machine.model);
   Replica::State state;
-  replica.start(given.replica, 0, 0, state);
+  replica.start(given.prior.start, 0, 0, state);
   Eigen::VectorXd q(given.model.coordinates()), u(q.size());
   std::vector<double> V;
   run(

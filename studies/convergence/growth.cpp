@@ -27,7 +27,7 @@ double ns_per_tick(const Model& model) {
   const auto memory = std::make_unique<Replica::State>();
   Replica::State& state = *memory;
   const int n = static_cast<int>(model.coordinates());
-  replica.start(paper_beam(n).master, 0, 0, state);
+  replica.start(paper_beam(n).truth.start, 0, 0, state);
   const int ticks = std::max(100, 1000000 / n);
   const double seconds = shortest_cpu_time([&] {
     for (int k = 0; k < ticks; ++k) replica.tick({}, state);
@@ -38,7 +38,7 @@ double ns_per_tick(const Model& model) {
 double us_per_impact(const Model& model) {
   constexpr std::size_t impacts = 300;
   const int n = static_cast<int>(model.coordinates());
-  const State start = paper_beam(n).master;
+  const State start = paper_beam(n).truth.start;
   const double seconds = shortest_cpu_time([&] {
     Master master(model, start);
     std::vector<ContactEvent> events;

@@ -102,7 +102,7 @@ void add_limits(const ModalMachine& whole, const Truth& truth, int n, const char
 
 Scene damped(const std::string& damping) {
   Scene scene = paper_beam(all_modes);
-  scene.uncertainty.resize(0);  // it is given for three modes
+  scene.prior.uncertainty.resize(0);  // it is given for three modes
   if (damping == "uniform") return scene;
   const Eigen::VectorXd omega =
       scene.model.K.diagonal().cwiseQuotient(scene.model.M.diagonal()).cwiseSqrt();

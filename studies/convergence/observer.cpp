@@ -49,8 +49,8 @@ template <Estimator E, typename... Kind>
 void replay(const Scene& scene, const Events& events, double h, States* ends, Kind... kind) {
   E estimator(scene, h, kind...);
   typename E::State state;
-  State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
-  estimator.start(scene.replica, 0, 0, state);
+  State end{Eigen::VectorXd(scene.prior.start.q.size()), Eigen::VectorXd(scene.prior.start.u.size())};
+  estimator.start(scene.prior.start, 0, 0, state);
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
   for (std::int64_t k = 1; k <= last; ++k) {
@@ -75,9 +75,9 @@ void copy_impact_map(const Scene& scene, const Events& events, double h, States*
   const double epsilon = scene.model.contacts[0].restitution;
   Motion motion;
   Motion shown;
-  flow.enter(scene.replica.q, scene.replica.u, at(0.0), Eigen::VectorXd(0), motion);
+  flow.enter(scene.prior.start.q, scene.prior.start.u, at(0.0), Eigen::VectorXd(0), motion);
   shown = motion;
-  State end{Eigen::VectorXd(scene.replica.q.size()), Eigen::VectorXd(scene.replica.u.size())};
+  State end{Eigen::VectorXd(scene.prior.start.q.size()), Eigen::VectorXd(scene.prior.start.u.size())};
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
   for (std::int64_t k = 1; k <= last; ++k) {
@@ -97,9 +97,9 @@ void copy_impact_map(const Scene& scene, const Events& events, double h, States*
 
 // The machine's own states at those ticks.
 States true_ends(const Scene& scene, double h) {
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   Events ignored;
-  State here = scene.master;
+  State here = scene.truth.start;
   States ends;
   for (std::int64_t k = 1; k <= std::llround(T / h); ++k) {
     keep_ends(k, h, [&](std::size_t i) {
@@ -125,11 +125,11 @@ double median_V(const ErrorEnergy& energy, const std::vector<State>& truth,
 void observer(Table& table) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   Events exact;
-  Master(scene.model, scene.master).advance(at(T), exact);
+  Master(scene.model, scene.truth.start).advance(at(T), exact);
   const ErrorEnergy energy(scene.model);
 
   for (const double jitter : {0.0, 1e-4}) {
-    scene.jitter = jitter;
+    scene.prior.jitter = jitter;
     const Events events = common::disturb(exact, {.jitter = jitter}, 1, T, 1);
     for (const double h : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5}) {
       const States truth = true_ends(scene, h);

@@ -43,8 +43,8 @@ class SaltedKalmanFilter {
         free_(flows_[0]),
         drift_(drift),
         columns_(free_, f(), 8 * f()) {
-    belief_.q = scene.replica.q;
-    belief_.u = scene.replica.u;
+    belief_.q = scene.prior.start.q;
+    belief_.u = scene.prior.start.u;
     belief_.S_q.setZero(f(), 8 * f());
     belief_.S_u.setZero(f(), 8 * f());
     set_start(uncertainty_of(scene), belief_);
@@ -158,8 +158,8 @@ struct Truth {
 
 Truth simulate(const Scene& scene, double T) {
   Truth truth;
-  Master master(scene.model, scene.master);
-  State state = scene.master;
+  Master master(scene.model, scene.truth.start);
+  State state = scene.truth.start;
   for (std::int64_t k = 0; k <= std::llround(T / truth_every); ++k) {
     master.advance(tick_instant(k, truth_every), truth.events);
     master.state(tick_instant(k, truth_every), state.q, state.u);
@@ -191,15 +191,15 @@ double V_of_sensor(const Scene& scene, const Truth& truth, double rate_hz, doubl
 }
 
 double V_of_switch(Scene scene, const Truth& truth, double jitter, int seed) {
-  scene.jitter = jitter;
+  scene.prior.jitter = jitter;
   const double T = truth.end();
   const auto events =
       common::disturb(truth.events, {.jitter = jitter}, 1, T, static_cast<std::uint64_t>(seed));
   TrackingEstimator filter(scene, shown_every, EstimatorKind::timing);
   TrackingState state;
-  filter.start(scene.replica, 0, 0, state);
+  filter.start(scene.prior.start, 0, 0, state);
   const ErrorEnergy energy(scene.model);
-  State shown = scene.replica;
+  State shown = scene.prior.start;
   std::vector<double> V;
   auto next = events.begin();
   for (std::int64_t k = 1; k <= std::llround(T / shown_every); ++k) {
@@ -248,9 +248,9 @@ void position_sensor(Table& table) {
     const Truth truth = simulate(scene, T);
     measure(table, scene, truth, "of the scene");
     // A Kalman filter is local: it starts within the range of its linearization.
-    scene.replica = scene.master;
-    scene.replica.q *= 1.001;
-    scene.uncertainty.setConstant(1e-6);
+    scene.prior.start = scene.truth.start;
+    scene.prior.start.q *= 1.001;
+    scene.prior.uncertainty.setConstant(1e-6);
     measure(table, scene, truth, "near");
   }
 }

@@ -19,12 +19,12 @@ constexpr Case cases[] = {{3, 10.0}, {10, 4.0}, {20, 1.0}, {40, 1.0}};
 constexpr double just_before = 1e-9;
 
 std::vector<ReferenceImpact> impacts_of(const Scene& scene, double horizon) {
-  Master master(scene.model, scene.master);
-  Master before(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
+  Master before(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   std::vector<ContactEvent> ignored;
   master.advance(at(horizon), events);
-  State x = scene.master;
+  State x = scene.truth.start;
   std::vector<ReferenceImpact> impacts;
   for (const ContactEvent& event : events) {
     if (event.kind == ContactEventKind::opens) continue;
@@ -52,7 +52,7 @@ void stability(Table& table) {
   for (const auto& [modes, horizon] : cases) {
     const Scene scene = paper_beam(modes);
     const std::vector<ReferenceImpact> reference = impacts_of(scene, horizon);
-    const Task task{scene.model, scene.master, horizon, 0.0};
+    const Task task{scene.model, scene.truth.start, horizon, 0.0};
     for (const Method& method : work_precision::methods()) {
       const bool stepping = std::string(method.knob) == "step [s]";
       if (!stepping && method.kind != Kind::ours) continue;

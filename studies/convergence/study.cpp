@@ -35,11 +35,11 @@ Scene paper_beam(int modes) {
   model.K = stiffness(beam).asDiagonal();
   model.forces = {{inertia_direction(beam), 0.0, excitation.harmonic}};
   model.contacts[0].w = mode_shapes(beam, 0.868);
-  for (State* state : {&scene.master, &scene.replica}) {
+  for (State* state : {&scene.truth.start, &scene.prior.start}) {
     const auto given = state->q.size();
     state->q.conservativeResizeLike(Eigen::VectorXd::Zero(modes));
     state->u.conservativeResizeLike(Eigen::VectorXd::Zero(modes));
-    if (state == &scene.master) continue;
+    if (state == &scene.truth.start) continue;
     for (Eigen::Index i = given; i < modes; ++i) {
       const double beta = wavenumber(static_cast<int>(i) + 1);
       state->q[i] = 0.5 / (beta * beta);

@@ -37,9 +37,9 @@ void measure(int modes, bool impacts, double h, Table& table) {
   for (std::size_t l = 0; l < ReplicaSweep::lanes; ++l) {
     Scene scene = impacts ? paper_beam(modes) : free_beam(modes);
     scene.model.K *= 1.0 + 1e-3 * static_cast<double>(l);
-    scene.master.q *= 1.0 + 1e-2 * static_cast<double>(l);
-    if (impacts) Master(scene.model, scene.master).advance(at(T), events[l]);
-    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[l], 0, ticks});
+    scene.truth.start.q *= 1.0 + 1e-2 * static_cast<double>(l);
+    if (impacts) Master(scene.model, scene.truth.start).advance(at(T), events[l]);
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.prior.start, events[l], 0, ticks});
     replicas.push_back(std::make_unique<Replica>(runs[l].flows, h));
   }
   Replica::State state;
@@ -78,7 +78,7 @@ void side_by_side(Table& table) {
       for (int i = 0; i < runs; ++i) {
         Scene& scene = scenes[static_cast<std::size_t>(i)];
         scene.model.contacts[0].restitution *= 1.0 + 1e-3 * i;
-        scene.replica.q *= 1.0 + 1e-2 * i;
+        scene.prior.start.q *= 1.0 + 1e-2 * i;
         told.push_back({scene, truth.events, truth});
       }
       for (int turn = 1; turn <= turns; ++turn) {

@@ -14,11 +14,11 @@ std::vector<ContactEvent> drifting_events(const Scene& scene, double drift, doub
                                           double end, double push, std::uint64_t seed) {
   common::Random draw(seed);
   Scene drifting = scene;
-  drifting.drift = 1.0;
+  drifting.prior.drift = 1.0;
   // The kick puts all energy into velocities; half of it is in positions a little later.
   const Eigen::MatrixXd kick = std::sqrt(2.0) * uncertainty_of(drifting).drift_u;
   std::vector<ContactEvent> events;
-  State state = scene.master;
+  State state = scene.truth.start;
   double begin = 0.0;
   while (begin < end) {
     Master master(common::later(scene.model, begin), state);

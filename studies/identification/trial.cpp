@@ -38,9 +38,9 @@ std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const S
   }
   Scene machine = family.with(values);
   for (const Contact& contact : machine.model.contacts) {
-    if (gap(contact, machine.master.q, 0.0) < 0.0) return std::nullopt;
+    if (gap(contact, machine.truth.start.q, 0.0) < 0.0) return std::nullopt;
   }
-  Master master(machine.model, machine.master);
+  Master master(machine.model, machine.truth.start);
   std::vector<ContactEvent> events;
   const auto wanted = static_cast<std::size_t>(trial.impacts);
   master.advance(at(1e5), events, wanted);

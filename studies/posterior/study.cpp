@@ -74,14 +74,14 @@ void follow(const Scene& given, const calibration::Truth& truth,
   const Flows flows(given.model);
   TrackingEstimator filter(given, truth.tick, EstimatorKind::timing);
   TrackingState state;
-  filter.start(given.replica, 0, 0, state);
+  filter.start(given.prior.start, 0, 0, state);
   const Eigen::Index samples = truth.q.cols();
   const Eigen::Index every = std::max<Eigen::Index>(samples / 2 / options.instants, 1);
   const auto impacts = static_cast<std::size_t>(options.window);
   Eigen::VectorXd x(2 * f), mean(2 * f), sigma(2 * f);
   Confidence confidence = filter.no_confidence();
   Belief belief;
-  const Recording recording{truth.events, reports, given.jitter};
+  const Recording recording{truth.events, reports, given.prior.jitter};
   std::vector<Begin> begins;
   std::size_t happened = 0;
   ContactSet chi = 0;
@@ -89,7 +89,7 @@ void follow(const Scene& given, const calibration::Truth& truth,
     const auto window = window_to(t, happened, impacts, begins, recording);
     std::optional<Moments> exact;
     if (window) {
-      exact = moments(flows, *window, given.jitter, options.steps, seed_of_walk(seed, sample));
+      exact = moments(flows, *window, given.prior.jitter, options.steps, seed_of_walk(seed, sample));
     }
     if (!exact) {
       ++sums.of.skipped;
@@ -131,7 +131,7 @@ Comparison compare(const Scene& scene, double jitter, const Options& options) {
   const calibration::Truth truth = calibration::simulate(scene, {});
   const auto contacts = static_cast<int>(scene.model.contacts.size());
   Scene given = scene;
-  given.jitter = jitter;
+  given.prior.jitter = jitter;
   common::Disturbance disturbance;
   disturbance.jitter = jitter;
   Sums all;

@@ -118,7 +118,7 @@ Reference reference(const Scene& scene, const std::filesystem::path& directory) 
   if (source == sources().end()) throw InputError(scene.name + ": has no reference solution");
   Reference reference;
   if (source->files.empty()) {
-    return bouncing_mass(scene.model, scene.master, source->horizon, reference.sample_step);
+    return bouncing_mass(scene.model, scene.truth.start, source->horizon, reference.sample_step);
   }
   reference.horizon = source->horizon;
   reference.early = source->early;

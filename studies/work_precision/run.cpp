@@ -46,7 +46,7 @@ void time_again(Row& row, const Options& options, const Scene& scene, const Refe
   double& shortest = row.measurement.figures.cpu_us_per_time;
   if (!row.measurement.failure.empty() || !(shortest < dear)) return;
   const Measurement again =
-      measure(*row.method, row.setting, scene.model, scene.master, truth, options.limits);
+      measure(*row.method, row.setting, scene.model, scene.truth.start, truth, options.limits);
   if (again.failure.empty()) shortest = std::min(shortest, again.figures.cpu_us_per_time);
 }
 
@@ -59,7 +59,7 @@ std::vector<Row> first_round(const Options& options, const std::string& name,
     for (const double setting : settings(method, options.quick)) {
       std::cerr << name << ", " << method.name << ", " << method.knob << " " << setting << ": ";
       const Measurement measurement =
-          measure(method, setting, scene.model, scene.master, truth, options.limits);
+          measure(method, setting, scene.model, scene.truth.start, truth, options.limits);
       if (stop_requested()) {
         std::cerr << "stopped\n";
         return rows;

@@ -47,7 +47,7 @@ TEST(Accuracy, AModeThatNothingMovesIsNotNeeded) {
   model.C = extend(model.C, model.M(0, 0));
   for (Force& force : model.forces) pad(force.direction);
   for (Contact& contact : model.contacts) pad(contact.w);
-  for (State* state : {&scene.master, &scene.replica}) {
+  for (State* state : {&scene.truth.start, &scene.prior.start}) {
     pad(state->q);
     pad(state->u);
   }
@@ -64,7 +64,7 @@ TEST(ModalMachine, MovesAsTheMachineDoes) {
   const ModalMachine machine = modal_machine(scene);
   Scene modal = scene;
   modal.model = machine.model;
-  modal.master = machine.master;
+  modal.truth.start = machine.master;
   const std::vector<ContactEvent> expected = events_of(scene, 3.0);
   const std::vector<ContactEvent> events = events_of(modal, 3.0);
   ASSERT_EQ(events.size(), expected.size());

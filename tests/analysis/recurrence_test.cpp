@@ -34,7 +34,7 @@ Scene ball_on_table(double A, double Omega, double epsilon) {
   model.C = model.K = Eigen::MatrixXd::Zero(1, 1);
   model.forces = {{Eigen::VectorXd::Ones(1), -weight, {}}};
   model.contacts = {{Eigen::VectorXd::Ones(1), 0.0, {A, Omega, 0.5 * pi}, epsilon}};
-  scene.master = {Eigen::VectorXd::Constant(1, 0.01), Eigen::VectorXd::Zero(1)};
+  scene.truth.start = {Eigen::VectorXd::Constant(1, 0.01), Eigen::VectorXd::Zero(1)};
   return scene;
 }
 
@@ -139,7 +139,7 @@ TEST(Variation, GoesThroughAChatter) {
   const Eigen::Vector3d q(0.3, -0.5, 0.2);
   const Eigen::Vector3d u(1.0, 0.4, -0.7);
   constexpr double T = 9.0;
-  Master master(flows, scene.master, 0.0, 0);
+  Master master(flows, scene.truth.start, 0.0, 0);
   std::vector<ContactEvent> events;
   master.advance(at(0.0), events);
   Variation variation(master, 1);
@@ -151,7 +151,7 @@ TEST(Variation, GoesThroughAChatter) {
   };
   EXPECT_GT(kinds(ContactEventKind::closes), 0);
   EXPECT_GT(kinds(ContactEventKind::opens), 0);
-  const Quotient expected = quotient(flows, scene.master, 0.0, T, q, u, 1e-6);
+  const Quotient expected = quotient(flows, scene.truth.start, 0.0, T, q, u, 1e-6);
   const double size = expected.u.norm() + expected.q.norm();
   EXPECT_LT((variation.q().col(0) - expected.q).norm(), 1e-4 * size);
   EXPECT_LT((variation.u().col(0) - expected.u).norm(), 1e-4 * size);
@@ -159,8 +159,8 @@ TEST(Variation, GoesThroughAChatter) {
 
 TEST(Variation, RefusesAContactInsideItsSupport) {
   Scene scene = shipped_scene("bouncing_ball");
-  scene.master.q[0] = -0.1;
-  Master master(scene.model, scene.master);
+  scene.truth.start.q[0] = -0.1;
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(0.0), events);
   Variation variation(master, 1);
@@ -172,14 +172,14 @@ TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
   Scene scene = oscillator(34.0);
   scene.model.contacts.clear();
   const RecurrenceSettings settings{.transient = 2000, .periods = 40, .lyapunov = true};
-  const Recurrence found = recurrence(scene.model, scene.master, settings);
+  const Recurrence found = recurrence(scene.model, scene.truth.start, settings);
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.impacts_per_period, 0.0);
   EXPECT_NEAR(found.lyapunov, -0.5 * scene.model.C(0, 0) / scene.model.M(0, 0), 1e-11);
   // The same without force, before the transient has decayed: only sampled at a lower rate.
   scene.model.forces.clear();
   const Flows flows(scene.model);
-  Master master(flows, scene.master, 0.0, 0);
+  Master master(flows, scene.truth.start, 0.0, 0);
   std::vector<ContactEvent> events;
   master.advance(stroboscope_instant(0, 0.1), events);
   const double exponent = largest_exponent(master, 0.1, 0, 4000, events);
@@ -188,7 +188,7 @@ TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
   // Overdamped: the exponent of the slow eigenvalue.
   scene.model.C(0, 0) = 50.0;
   const Recurrence slow = recurrence(
-      scene.model, scene.master, {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
+      scene.model, scene.truth.start, {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
   EXPECT_NEAR(slow.lyapunov, -25.0 + std::sqrt(625.0 - 400.0), 1e-10);
 }
 
@@ -206,9 +206,9 @@ TEST(Recurrence, BallOnATableInClosedForm) {
   const Eigen::Vector2d point(A * std::sin(phase) + u * tau - 0.5 * weight * tau * tau,
                               u - weight * tau);
   Scene scene = ball_on_table(A, Omega, epsilon);
-  scene.master = {1.001 * point.head(1), 0.999 * point.tail(1)};
+  scene.truth.start = {1.001 * point.head(1), 0.999 * point.tail(1)};
   const Recurrence found =
-      recurrence(scene.model, scene.master, {.transient = 1000, .lyapunov = true});
+      recurrence(scene.model, scene.truth.start, {.transient = 1000, .lyapunov = true});
   EXPECT_DOUBLE_EQ(found.period, T);
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.impacts_per_period, 1.0);
@@ -222,11 +222,11 @@ TEST(Recurrence, BallOnATableInClosedForm) {
 TEST(Recurrence, ShippedOscillatorIsHitOncePerPeriod) {
   const Scene scene = shipped_scene("impact_oscillator");
   const Recurrence found =
-      recurrence(scene.model, scene.master, {.transient = 50, .lyapunov = true});
+      recurrence(scene.model, scene.truth.start, {.transient = 50, .lyapunov = true});
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.impacts_per_period, 1.0);
-  EXPECT_NEAR(found.attractor[0], scene.master.q[0], 1e-12);
-  EXPECT_NEAR(found.attractor[1], scene.master.u[0], 1e-9);
+  EXPECT_NEAR(found.attractor[0], scene.truth.start.q[0], 1e-12);
+  EXPECT_NEAR(found.attractor[1], scene.truth.start.u[0], 1e-9);
   const double T = 2.0 * pi / 34.0;
   EXPECT_LT(found.lyapunov, 0.0);
   EXPECT_GE(found.lyapunov, std::log(0.7) / T - 0.4 - 1e-9);
@@ -237,7 +237,7 @@ TEST(Recurrence, VolumeShrinksByRestitutionAndDamping) {
   const Scene scene = oscillator(25.0);
   const double T = 2.0 * pi / 25.0;
   const Flows flows(scene.model);
-  Master master(flows, scene.master, 0.0, 0);
+  Master master(flows, scene.truth.start, 0.0, 0);
   std::vector<ContactEvent> events;
   const long impacts_before = master.impacts();
   master.advance(stroboscope_instant(0, T), events);
@@ -260,13 +260,13 @@ TEST(Lyapunov, OfAChaoticOrbitIsThatOfThePoincareMap) {
   constexpr long first = 200;
   constexpr long n = 400;
   const Flows flows(scene.model);
-  Master master(flows, scene.master, 0.0, 0);
+  Master master(flows, scene.truth.start, 0.0, 0);
   std::vector<ContactEvent> events;
   for (long k = 0; k <= first; ++k) master.advance(stroboscope_instant(k, T), events);
   const double exponent = largest_exponent(master, T, first, first + n, events);
 
   // The points must be on the same orbit, because other orbits diverge from it.
-  Master again(flows, scene.master, 0.0, 0);
+  Master again(flows, scene.truth.start, 0.0, 0);
   Eigen::VectorXd d_q = Eigen::VectorXd::Constant(1, std::cos(1.0));
   Eigen::VectorXd d_u = Eigen::VectorXd::Constant(1, Omega * std::sin(1.0));
   State point{Eigen::VectorXd(1), Eigen::VectorXd(1)};
@@ -301,7 +301,7 @@ TEST(Lyapunov, SpectralRadius) {
 TEST(Recurrence, AtRestEverythingIsForgotten) {
   const Scene scene = shipped_scene("bouncing_ball");
   const Recurrence found = recurrence(
-      scene.model, scene.master, {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
+      scene.model, scene.truth.start, {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.lyapunov, -infinity);
   EXPECT_EQ(found.impacts_per_period, 0.0);
@@ -311,10 +311,10 @@ TEST(Recurrence, DoesNotDependOnUnits) {
   for (const double frequency : {25.0, 28.0, 36.0}) {
     const Scene scene = oscillator(frequency);
     const RecurrenceSettings settings{.transient = 100, .periods = 80, .lyapunov = true};
-    const Recurrence expected = recurrence(scene.model, scene.master, settings);
+    const Recurrence expected = recurrence(scene.model, scene.truth.start, settings);
     for (const Units units : {Units{7, -3, 5}, Units{-12, 4, -9}}) {
       const Scene other = in_units(units, scene);
-      const Recurrence found = recurrence(other.model, other.master, settings);
+      const Recurrence found = recurrence(other.model, other.truth.start, settings);
       EXPECT_EQ(found.period, units.of_time(expected.period));
       EXPECT_EQ(found.attractor_period, expected.attractor_period);
       EXPECT_EQ(found.impacts_per_period, expected.impacts_per_period);
@@ -329,13 +329,13 @@ TEST(Recurrence, DoesNotDependOnUnits) {
 TEST(Recurrence, NeedsOneFrequencyOrAPeriod) {
   Scene scene = oscillator(34.0);
   scene.model.forces.push_back(scene.model.forces.front());
-  EXPECT_NO_THROW(recurrence(scene.model, scene.master, {.periods = 4}));
+  EXPECT_NO_THROW(recurrence(scene.model, scene.truth.start, {.periods = 4}));
   scene.model.forces.back().harmonic.frequency = 35.0;
-  EXPECT_THROW(recurrence(scene.model, scene.master, {.periods = 4}), std::invalid_argument);
-  EXPECT_NO_THROW(recurrence(scene.model, scene.master, {.period = 0.1, .periods = 4}));
+  EXPECT_THROW(recurrence(scene.model, scene.truth.start, {.periods = 4}), std::invalid_argument);
+  EXPECT_NO_THROW(recurrence(scene.model, scene.truth.start, {.period = 0.1, .periods = 4}));
   scene.model.forces.clear();
-  EXPECT_THROW(recurrence(scene.model, scene.master, {.periods = 4}), std::invalid_argument);
-  EXPECT_THROW(recurrence(scene.model, scene.master, {.period = 1.0, .periods = 0}),
+  EXPECT_THROW(recurrence(scene.model, scene.truth.start, {.periods = 4}), std::invalid_argument);
+  EXPECT_THROW(recurrence(scene.model, scene.truth.start, {.period = 1.0, .periods = 0}),
                std::invalid_argument);
 }
 

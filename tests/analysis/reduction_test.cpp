@@ -79,7 +79,7 @@ Quality quality(const Truth& truth, const Reduction& reduction) {
   const ModalMachine& part = reduction.machine;
   Replica replica(part.model, h);
   Replica::State state;
-  replica.start(part.replica, 0, 0, state);
+  replica.start(part.prior.start, 0, 0, state);
   const Index n = reduction.modes;
   Eigen::VectorXd q(part.model.coordinates()), u(part.model.coordinates());
   std::vector<double> V;
@@ -229,10 +229,10 @@ Scene two_contacts(Random& random) {
     contact.motion = {};
     contact.clearance = random.uniform(0.0, 1e-3);
   }
-  scene.master.q = scene.master.u = Eigen::VectorXd::Zero(f);
-  scene.replica = random_state(random, model);
-  scene.replica.q *= 0.1;
-  scene.replica.u *= 0.1;
+  scene.truth.start.q = scene.truth.start.u = Eigen::VectorXd::Zero(f);
+  scene.prior.start = random_state(random, model);
+  scene.prior.start.q *= 0.1;
+  scene.prior.start.u *= 0.1;
   return scene;
 }
 

@@ -54,7 +54,7 @@ Tolerance random_tolerance(Random& random, double time_scale) {
 
 Model true_machine(Random& random, const Scene& scene, bool corners) {
   Model truth = scene.model;
-  const Tolerance& tolerance = scene.tolerance;
+  const Tolerance& tolerance = scene.prior.tolerance;
   truth.K *= 1.0 + off_by(random, tolerance.stiffness, corners);
   truth.C *= 1.0 + off_by(random, tolerance.damping, corners);
   for (Contact& contact : truth.contacts) {
@@ -79,7 +79,7 @@ Model true_machine(Random& random, const Scene& scene, bool corners) {
 // A grid, and times on both sides of each report and of each event.
 std::vector<double> sample_times(const BoundCase& machine,
                                  const std::vector<ContactEvent>& reports) {
-  const double delta = machine.scene.tolerance.time;
+  const double delta = machine.scene.prior.tolerance.time;
   std::vector<double> times;
   constexpr int grid = 200;
   for (int i = 0; i <= grid; ++i) times.push_back(machine.end * i / grid);
@@ -131,7 +131,7 @@ class FollowedReplica {
  public:
   FollowedReplica(const BoundCase& machine, std::vector<ContactEvent> reports)
       : replica_(machine.scene.model, 1.0), reports_(std::move(reports)) {
-    replica_.start(machine.scene.replica, 0, 0, state_);
+    replica_.start(machine.scene.prior.start, 0, 0, state_);
   }
 
   void to(double t, Eigen::VectorXd& q, Eigen::VectorXd& u) {
@@ -164,25 +164,25 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
     const Eigen::Index f = scene.model.coordinates();
     machine.start = random_state(random, scene.model);
     const double fastest = std::sqrt(eigenpairs(scene.model.K, scene.model.M).values.maxCoeff());
-    scene.tolerance = random_tolerance(random, 1.0 / std::max(fastest, 1e-3));
+    scene.prior.tolerance = random_tolerance(random, 1.0 / std::max(fastest, 1e-3));
     for (Contact& contact : scene.model.contacts) {
       contact.clearance -=
-          gap(contact, machine.start.q, 0.0) - random.uniform(0.0, 0.3) - scene.tolerance.clearance;
+          gap(contact, machine.start.q, 0.0) - random.uniform(0.0, 0.3) - scene.prior.tolerance.clearance;
     }
     scene.model.chatter_time = 1e-9;
     machine.truth = true_machine(random, scene, settings.corners);
-    scene.replica = machine.start;
+    scene.prior.start = machine.start;
     if (!settings.exact_start) {
       const State off = random_state(random, scene.model);
-      scene.replica.q += 0.3 * off.q;
-      scene.replica.u += 0.3 * off.u;
+      scene.prior.start.q += 0.3 * off.q;
+      scene.prior.start.u += 0.3 * off.u;
     }
-    const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u, scene.replica.q,
-                                               scene.replica.u)[0];
+    const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u, scene.prior.start.q,
+                                               scene.prior.start.u)[0];
     // Upper limit of the rounding errors of machine and replica.
     const double rounding = 1e-26 * (1.0 + machine.start.u.dot(scene.model.M * machine.start.u) +
                                      machine.start.q.dot(scene.model.K * machine.start.q));
-    scene.uncertainty = Eigen::VectorXd::Constant(
+    scene.prior.uncertainty = Eigen::VectorXd::Constant(
         f, std::max(V0 * (1.0 + 1e-12), rounding) / static_cast<double>(f));
     try {
       Master master(machine.truth, machine.start);
@@ -230,7 +230,7 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
                         const BoundSettings& settings) {
   const Received all = received(machine, shifted(machine, shifts));
   const std::vector<ContactEvent>& reports = all.reports;
-  const double delta = machine.scene.tolerance.time;
+  const double delta = machine.scene.prior.tolerance.time;
   FollowedReplica replica(machine, reports);
   BoundTracker tracker(machine.scene, replica.flows(), 1.0, settings);
   EventHistory history(static_cast<int>(machine.scene.model.contacts.size()), reports.size() + 1);
@@ -279,7 +279,7 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
 
 std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, Random& random,
                                 const BoundSettings& settings) {
-  const double delta = machine.scene.tolerance.time * (1.0 - 1e-9);
+  const double delta = machine.scene.prior.tolerance.time * (1.0 - 1e-9);
   std::vector<double> shifts(machine.events.size(), 0.0);
   for (std::size_t k = 0; k < shifts.size(); ++k) {
     switch (pattern) {
@@ -326,7 +326,7 @@ std::vector<double> make_shifts(const BoundCase& machine, ShiftPattern pattern, 
 }
 
 std::string describe(const BoundCase& machine) {
-  const Tolerance& t = machine.scene.tolerance;
+  const Tolerance& t = machine.scene.prior.tolerance;
   std::ostringstream text;
   text << (machine.scene.model.law == ImpactLaw::newton ? "Newton, " : "") << "lost "
        << machine.lost << ", f " << machine.scene.model.coordinates() << ", m "
@@ -336,7 +336,7 @@ std::string describe(const BoundCase& machine) {
        << " clearance " << t.clearance << ", epsilon "
        << machine.scene.model.contacts.front().restitution << ' '
        << machine.scene.model.contacts.back().restitution << ", B(0) "
-       << machine.scene.uncertainty.sum();
+       << machine.scene.prior.uncertainty.sum();
   return text.str();
 }
 

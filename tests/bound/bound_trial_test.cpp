@@ -81,7 +81,7 @@ TEST(BoundTrial, BreaksWeakenedTerms) {
           random_bound_case(random, {.contacts = 1, .exact_start = true, .corners = true}, 8);
       const bool of_restitution = weakened.settings.factors.E < 1.0;
       // Only one quantity is off: others would cover the weakened term.
-      Tolerance& tolerance = machine.scene.tolerance;
+      Tolerance& tolerance = machine.scene.prior.tolerance;
       tolerance = {};
       if (of_restitution) {
         tolerance.restitution = 1e-2;

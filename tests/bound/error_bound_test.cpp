@@ -235,8 +235,8 @@ TEST(ErrorBound, HoldsInAWedge) {
     const ImpactingMachine machine = random_impacting_machine(random);
     Scene scene;
     scene.model = machine.model;
-    scene.master = machine.start;
-    scene.replica = random_state(random, scene.model);
+    scene.truth.start = machine.start;
+    scene.prior.start = random_state(random, scene.model);
     Pair<Replica> pair(scene, 2e-2);
     const double V0 = pair.V();
     while (pair.t() < 5.0) {

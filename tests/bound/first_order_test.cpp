@@ -96,9 +96,9 @@ struct Floors {
 Floors floors_of(const std::string& name, const Tolerance& tolerance, double end) {
   BoundCase machine;
   machine.scene = shipped_scene(name);
-  machine.scene.tolerance = tolerance;
-  machine.scene.uncertainty = Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
-  machine.scene.replica = machine.start = machine.scene.master;
+  machine.scene.prior.tolerance = tolerance;
+  machine.scene.prior.uncertainty = Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
+  machine.scene.prior.start = machine.start = machine.scene.truth.start;
   machine.truth = machine.scene.model;
   machine.truth.K *= 1.0 + tolerance.stiffness;
   machine.truth.C *= 1.0 - tolerance.damping;
@@ -172,7 +172,7 @@ TEST(LostImpact, CostsOneJump) {
   for (int number = 0; number < 12; ++number) {
     Random random(seed + static_cast<std::uint64_t>(number));
     BoundCase machine = random_bound_case(random, {.exact_start = true, .lost = 1}, 10);
-    machine.scene.tolerance = {.time = 1e-6};
+    machine.scene.prior.tolerance = {.time = 1e-6};
     machine.truth = machine.scene.model;
     machine.events.clear();
     Master(machine.truth, machine.start).advance(at(machine.end), machine.events);
@@ -194,8 +194,8 @@ TEST(LostImpact, CostsOneJump) {
 // Without an uncertainty of the start the forces limit the machine's motion.
 TEST(NoUncertainty, GivesAFiniteBoundWhereKAndCArePositive) {
   Scene scene = shipped_scene("paper_beam");
-  scene.uncertainty.resize(0);
-  scene.tolerance.time = 1e-5;
+  scene.prior.uncertainty.resize(0);
+  scene.prior.tolerance.time = 1e-5;
   EXPECT_EQ(why_no_bound(scene), "");
   Flows flows(scene.model);
   BoundTracker tracker(scene, flows, 0.01);

@@ -20,12 +20,12 @@ namespace {
 
 Scene tolerant_beam(double time) {
   Scene scene = shipped_scene("paper_beam");
-  if (scene.uncertainty.size() == 0) {
-    const double V0 = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
-                                               scene.replica.u)[0];
-    scene.uncertainty = Eigen::VectorXd::Constant(3, V0 * 1.001 / 3.0);
+  if (scene.prior.uncertainty.size() == 0) {
+    const double V0 = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
+                                               scene.prior.start.u)[0];
+    scene.prior.uncertainty = Eigen::VectorXd::Constant(3, V0 * 1.001 / 3.0);
   }
-  scene.tolerance.time = time;
+  scene.prior.tolerance.time = time;
   return scene;
 }
 
@@ -37,14 +37,14 @@ std::vector<ContactEvent> moved(std::vector<ContactEvent> events, double delta, 
 TEST(Guarantee, ZeroTolerancesGiveTheExactBoundToTheLastBit) {
   const Scene scene = shipped_scene("paper_beam");
   Scene zero = scene;
-  zero.tolerance = {};
+  zero.prior.tolerance = {};
   const std::vector<ContactEvent> events = events_of(scene, 20.0);
   const Estimates exact = observe(scene, events, 20.0);
   const Estimates same = observe(zero, events, 20.0);
   EXPECT_EQ(exact.bound, same.bound);
   EXPECT_EQ(same.bound_q.cols(), 0);
   // A negligible tolerance gives nearly the same bound.
-  zero.tolerance.restitution = 1e-300;
+  zero.prior.tolerance.restitution = 1e-300;
   const Estimates nearly = observe(zero, events, 20.0);
   for (Eigen::Index k = 0; k < nearly.bound.size(); ++k) {
     EXPECT_LE(nearly.bound[k], exact.bound[k] * 1.08 + 1e-20) << k;
@@ -58,10 +58,10 @@ TEST(Guarantee, HoldsThroughAnObserverAndItsLengths) {
   for (const EstimatorKind kind : {EstimatorKind::replica, EstimatorKind::both}) {
     const double delta = 1e-4;
     Scene scene = tolerant_beam(delta);
-    scene.jitter = delta / 2.0;
+    scene.prior.jitter = delta / 2.0;
     Random random(seed);
     constexpr double end = 60.0;
-    const Simulation machine = simulate(scene.model, scene.master, end, 0.01);
+    const Simulation machine = simulate(scene.model, scene.truth.start, end, 0.01);
     const Estimates all =
         observe(scene, moved(machine.events, delta * 0.999, random), end, {.estimator = kind});
     const ErrorEnergy energy(scene.model);
@@ -112,7 +112,7 @@ TEST(Guarantee, IsFiniteAfterAGap) {
   Scene scene = tolerant_beam(1e-5);
   scene.model.C *= 3.0;
   constexpr double end = 200.0;
-  const Simulation machine = simulate(scene.model, scene.master, end, 0.01);
+  const Simulation machine = simulate(scene.model, scene.truth.start, end, 0.01);
   Flows flows(scene.model);
   BoundTracker tracker(scene, flows, 0.01);
   ASSERT_TRUE(tracker.cap().exists());
@@ -120,7 +120,7 @@ TEST(Guarantee, IsFiniteAfterAGap) {
   history.restart(0, 0, no_horizon);
   Replica replica(scene.model, 0.01);
   Replica::State state;
-  replica.start(scene.replica, 0, 0, state);
+  replica.start(scene.prior.start, 0, 0, state);
   const ErrorEnergy energy(scene.model);
   constexpr double lost_from = 40.0, lost_to = 45.0;
   std::vector<ContactEvent> heard;
@@ -191,7 +191,7 @@ TEST(Guarantee, ShowsTheReplicaWhereAFilterIsFalse) {
   Confidence confidence;
   guarantee.prepare(confidence);
   ASSERT_EQ(confidence.bound_q.size(), 3);
-  const Eigen::VectorXd q = scene.replica.q, u = scene.replica.u;
+  const Eigen::VectorXd q = scene.prior.start.q, u = scene.prior.start.u;
   for (const double off : {0.0, 100.0, 100.0, 0.0}) {
     confidence.from_filter = true;
     confidence.sigma_q = confidence.sigma_u = Eigen::VectorXd::Constant(3, 1e-3);

@@ -11,7 +11,7 @@
 int main(int argc, char** argv) try {
   if (argc != 3) return 2;
   const sprag::Scene scene = sprag::read_scene(argv[1]);
-  sprag::Master master(scene.model, scene.master);
+  sprag::Master master(scene.model, scene.truth.start);
   std::vector<sprag::ContactEvent> events;
   master.advance(sprag::at(std::strtod(argv[2], nullptr)), events);
   for (const sprag::ContactEvent& event : events) {

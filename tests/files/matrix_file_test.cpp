@@ -206,8 +206,8 @@ TEST(ShakenFrame, IsTheMachineWithItsForcesWrittenOut) {
     scene.model.forces = {{r, -1.0, {}},
                           {-scene.model.M * r, 0.0, {-e * Omega * Omega, Omega, phase}}};
     scene.model.contacts = {{w, 0.02, {w.dot(r) * e, Omega, phase}, 0.6}, {v, 0.03, {}, 0.6}};
-    scene.master = scene.replica = {Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
-    scene.release_penetration = true;
+    scene.truth.start = scene.prior.start = {Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
+    scene.truth.release_penetration = true;
     Scene shaken = scene;
     shaken.frame = ShakenFrame{r, {e, Omega, phase}, 1, {0}};
     const std::string text = to_toml(shaken);

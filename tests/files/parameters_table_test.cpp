@@ -200,13 +200,13 @@ consider = false
 )"));
   const ParameterUncertainty again = parse(to_toml(scene)).parameters;
   EXPECT_EQ(again.keys, (Keys{"system.K", "contact.1.clearance", "contact.1.motion.phase"}));
-  EXPECT_EQ(again.keys, scene.parameters.keys);
-  EXPECT_EQ(again.sigma, scene.parameters.sigma);
-  EXPECT_EQ(again.consider, scene.parameters.consider);
-  EXPECT_EQ(again.correlation, scene.parameters.correlation);
+  EXPECT_EQ(again.keys, scene.prior.parameters.keys);
+  EXPECT_EQ(again.sigma, scene.prior.parameters.sigma);
+  EXPECT_EQ(again.consider, scene.prior.parameters.consider);
+  EXPECT_EQ(again.correlation, scene.prior.parameters.correlation);
   EXPECT_EQ(to_toml(ParameterUncertainty{}, "none"), "");
   EXPECT_TRUE(
-      to_toml(scene.parameters, "why")
+      to_toml(scene.prior.parameters, "why")
           .starts_with("[parameters]\n# why\nsystem.K = { sigma = 0.017, consider = true }\n"));
 }
 

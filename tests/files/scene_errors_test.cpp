@@ -171,9 +171,9 @@ TEST(SceneErrors, WhatIsFreeIsAParameterOfTheScene) {
                                       "\n[adapt]\nfree = [\"beam.damping\", "
                                       "\"impact.restitution\"]\nwithin = 0.3\nwalk = [0.0, 1e-3]",
                                   "x.toml");
-  EXPECT_EQ(scene.adaptation.free.size(), 2U);
-  EXPECT_EQ(scene.adaptation.within, Eigen::Vector2d(0.3, 0.3));
-  EXPECT_EQ(scene.adaptation.walk, Eigen::Vector2d(0.0, 1e-3));
+  EXPECT_EQ(scene.prior.adaptation.free.size(), 2U);
+  EXPECT_EQ(scene.prior.adaptation.within, Eigen::Vector2d(0.3, 0.3));
+  EXPECT_EQ(scene.prior.adaptation.walk, Eigen::Vector2d(0.0, 1e-3));
 }
 
 TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
@@ -181,12 +181,12 @@ TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
     return replaced(beam_text, "u = []", "u = []\n" + more);
   };
   const Scene scene = parse(with("sigma_q = 0.25\nsigma_u = [1, 2.0, 3]"));
-  ASSERT_TRUE(scene.sigma);
-  EXPECT_EQ(scene.sigma->q, Eigen::Vector3d(0.25, 0.25, 0.25));
-  EXPECT_EQ(scene.sigma->u, Eigen::Vector3d(1.0, 2.0, 3.0));
+  ASSERT_TRUE(scene.prior.sigma);
+  EXPECT_EQ(scene.prior.sigma->q, Eigen::Vector3d(0.25, 0.25, 0.25));
+  EXPECT_EQ(scene.prior.sigma->u, Eigen::Vector3d(1.0, 2.0, 3.0));
   const Uncertainty uncertainty = uncertainty_of(scene);
-  EXPECT_EQ(uncertainty.q, Eigen::MatrixXd(scene.sigma->q.asDiagonal()));
-  EXPECT_EQ(uncertainty.u, Eigen::MatrixXd(scene.sigma->u.asDiagonal()));
+  EXPECT_EQ(uncertainty.q, Eigen::MatrixXd(scene.prior.sigma->q.asDiagonal()));
+  EXPECT_EQ(uncertainty.u, Eigen::MatrixXd(scene.prior.sigma->u.asDiagonal()));
   EXPECT_EQ(error_of(with("sigma_q = 0.25")), "x.toml:23:1: missing key replica.sigma_u");
   EXPECT_EQ(error_of(with("sigma_q = 0.25\nsigma_u = 0")),
             "x.toml:27:11: replica.sigma_u has 0; must be > 0");
@@ -194,8 +194,8 @@ TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
             "x.toml:26:11: replica.sigma_q and replica.uncertainty exclude each other; must be one "
             "of them");
   const Scene again = parse(to_toml(scene));
-  EXPECT_EQ(again.sigma->u, scene.sigma->u);
-  EXPECT_EQ(again.sigma->q, scene.sigma->q);
+  EXPECT_EQ(again.prior.sigma->u, scene.prior.sigma->u);
+  EXPECT_EQ(again.prior.sigma->q, scene.prior.sigma->q);
 }
 
 TEST(SceneErrors, TolerancesAreLimited) {
@@ -445,7 +445,7 @@ TEST(SceneErrors, MasterMustNotStartInsideASupport) {
   // Without [master] the machine's start is unknown, and not 0.
   const Scene without =
       parse(replaced(replaced(inside, "[master]\nu = [1]\nq = [0.5]\n", ""), "0.25", "-0.25"));
-  EXPECT_FALSE(without.has_master);
+  EXPECT_FALSE(without.truth.given);
 }
 
 }  // namespace

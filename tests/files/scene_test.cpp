@@ -22,8 +22,8 @@ std::filesystem::path shipped(const std::string& name) {
 }
 
 double synchronization_energy(const Scene& scene) {
-  const Eigen::VectorXd q = scene.master.q - scene.replica.q;
-  const Eigen::VectorXd u = scene.master.u - scene.replica.u;
+  const Eigen::VectorXd q = scene.truth.start.q - scene.prior.start.q;
+  const Eigen::VectorXd u = scene.truth.start.u - scene.prior.start.u;
   return 0.5 * u.dot(scene.model.M * u) + 0.5 * q.dot(scene.model.K * q);
 }
 
@@ -51,10 +51,10 @@ TEST(Scene, BeamSceneIsReadAsWritten) {
   EXPECT_EQ(model.contacts[0].w, mode_shapes(*scene.beam, 0.868));
   EXPECT_EQ(model.contacts[0].clearance, 0.01);
   EXPECT_EQ(model.contacts[0].restitution, 0.7);
-  EXPECT_EQ(scene.master.q, Eigen::Vector3d(-0.05, 0, 0));
-  EXPECT_EQ(scene.replica.q, Eigen::Vector3d(0.1, 2, 0));
-  EXPECT_EQ(scene.replica.u, Eigen::Vector3d::Zero());
-  EXPECT_FALSE(scene.release_penetration);
+  EXPECT_EQ(scene.truth.start.q, Eigen::Vector3d(-0.05, 0, 0));
+  EXPECT_EQ(scene.prior.start.q, Eigen::Vector3d(0.1, 2, 0));
+  EXPECT_EQ(scene.prior.start.u, Eigen::Vector3d::Zero());
+  EXPECT_FALSE(scene.truth.release_penetration);
 }
 
 TEST(Scene, SystemSceneIsReadAsWritten) {
@@ -75,8 +75,8 @@ TEST(Scene, SystemSceneIsReadAsWritten) {
   EXPECT_EQ(model.contacts[0].motion.frequency, 4.0);
   EXPECT_EQ(model.contacts[0].motion.phase, 0.5);
   EXPECT_EQ(model.contacts[0].restitution, 0.5);
-  EXPECT_EQ(scene.master.q, Eigen::Vector2d(0.1, 0.2));
-  EXPECT_EQ(scene.master.u, Eigen::Vector2d::Zero());
+  EXPECT_EQ(scene.truth.start.q, Eigen::Vector2d(0.1, 0.2));
+  EXPECT_EQ(scene.truth.start.u, Eigen::Vector2d::Zero());
 }
 
 TEST(Scene, DampingRatiosArePerMode) {
@@ -144,14 +144,14 @@ TEST(Scene, WhatIsLeftOutTakesItsDefault) {
       "[beam]\nmodes = 2\nlength = 1\nbending_stiffness = 1\nmass_per_length = 1\ndamping = 0\n"
       "[[contact]]\nposition = 1\nrestitution = 0.3\n");
   EXPECT_EQ(beam.model.law, ImpactLaw::poisson);
-  EXPECT_EQ(beam.model.chatter_time, 1e-8 * time_scale(beam.model, beam.master));
+  EXPECT_EQ(beam.model.chatter_time, 1e-8 * time_scale(beam.model, beam.truth.start));
   EXPECT_TRUE(beam.model.forces.empty());
   EXPECT_EQ(beam.model.contacts[0].w, mode_shapes(*beam.beam, 1.0));
   EXPECT_EQ(beam.model.contacts[0].clearance, 0.0);
   EXPECT_EQ(beam.model.contacts[0].restitution, 0.3);
   EXPECT_EQ(value(beam.model.contacts[0].motion, 0.3), 0.0);
-  EXPECT_EQ(beam.master.q, Eigen::Vector2d::Zero());
-  EXPECT_EQ(beam.replica.u, Eigen::Vector2d::Zero());
+  EXPECT_EQ(beam.truth.start.q, Eigen::Vector2d::Zero());
+  EXPECT_EQ(beam.prior.start.u, Eigen::Vector2d::Zero());
 }
 
 TEST(Scene, ContactsMayHaveTheirOwnRestitution) {
@@ -212,13 +212,13 @@ TEST(Scene, BeamWrittenOutAsASystemIsTheSameMachine) {
   EXPECT_EQ(system.model.K, beam.model.K);
   EXPECT_EQ(system.model.contacts[0].w, contact.w);
   EXPECT_EQ(system.model.chatter_time, beam.model.chatter_time);
-  EXPECT_EQ(system.master.q, beam.master.q);
-  EXPECT_EQ(system.replica.q, beam.replica.q);
+  EXPECT_EQ(system.truth.start.q, beam.truth.start.q);
+  EXPECT_EQ(system.prior.start.q, beam.prior.start.q);
   for (const double t : {0.0, 0.2, 1.7}) {
     EXPECT_EQ(force_at(system.model, t), force_at(beam.model, t));
-    EXPECT_EQ(gap(system.model.contacts[0], beam.replica.q, t), gap(contact, beam.replica.q, t));
-    EXPECT_EQ(gap_velocity(system.model.contacts[0], beam.replica.q, t),
-              gap_velocity(contact, beam.replica.q, t));
+    EXPECT_EQ(gap(system.model.contacts[0], beam.prior.start.q, t), gap(contact, beam.prior.start.q, t));
+    EXPECT_EQ(gap_velocity(system.model.contacts[0], beam.prior.start.q, t),
+              gap_velocity(contact, beam.prior.start.q, t));
   }
 }
 
@@ -236,19 +236,19 @@ TEST(ShippedScenes, AllParse) {
 TEST(ShippedScenes, PaperBeamStartsOutsideWithThePrintedEnergy) {
   const Scene scene = read_scene(shipped("paper_beam"));
   EXPECT_NEAR(synchronization_energy(scene), 0.4783533, 5e-8);
-  EXPECT_NEAR(gap(scene.model.contacts[0], scene.master.q, 0.0), 0.1118, 5e-5);
+  EXPECT_NEAR(gap(scene.model.contacts[0], scene.truth.start.q, 0.0), 0.1118, 5e-5);
   for (int i = 1; i <= 3; ++i) {
-    EXPECT_DOUBLE_EQ(scene.replica.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
+    EXPECT_DOUBLE_EQ(scene.prior.start.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
   }
 }
 
 TEST(ShippedScenes, PaperBeamAsPrintedStartsInsideWithTheSameEnergy) {
   const Scene scene = read_scene(shipped("paper_beam_as_printed"));
-  EXPECT_TRUE(scene.release_penetration);
+  EXPECT_TRUE(scene.truth.release_penetration);
   EXPECT_NEAR(synchronization_energy(scene), 0.4783533, 5e-8);
-  EXPECT_NEAR(gap(scene.model.contacts[0], scene.master.q, 0.0), -0.0518, 5e-5);
-  EXPECT_EQ(scene.master.q, -read_scene(shipped("paper_beam")).master.q);
-  EXPECT_EQ(scene.replica.q, -read_scene(shipped("paper_beam")).replica.q);
+  EXPECT_NEAR(gap(scene.model.contacts[0], scene.truth.start.q, 0.0), -0.0518, 5e-5);
+  EXPECT_EQ(scene.truth.start.q, -read_scene(shipped("paper_beam")).master.q);
+  EXPECT_EQ(scene.prior.start.q, -read_scene(shipped("paper_beam")).replica.q);
 }
 
 TEST(ShippedScenes, VariantsDifferFromPaperBeamAsNamed) {
@@ -271,8 +271,8 @@ TEST(ShippedScenes, StiffBeamStartsEveryModeAsThePaperDoes) {
   const Scene scene = read_scene(shipped("stiff_beam"));
   ASSERT_EQ(scene.model.coordinates(), 20);
   for (int i = 1; i <= 20; ++i) {
-    EXPECT_DOUBLE_EQ(scene.replica.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
-    EXPECT_EQ(scene.master.q(i - 1), i == 1 ? -0.05 : 0.0);
+    EXPECT_DOUBLE_EQ(scene.prior.start.q(i - 1), 0.5 / (wavenumber(i) * wavenumber(i)));
+    EXPECT_EQ(scene.truth.start.q(i - 1), i == 1 ? -0.05 : 0.0);
   }
 }
 

@@ -53,22 +53,22 @@ Bits bits_of(const Scene& scene) {
   }
   bits.push_back(model.law == ImpactLaw::newton ? 1 : 0);
   add(bits, model.chatter_time);
-  for (const State& state : {scene.master, scene.replica}) {
+  for (const State& state : {scene.truth.start, scene.prior.start}) {
     add(bits, state.q);
     add(bits, state.u);
   }
-  bits.push_back(scene.release_penetration ? 1 : 0);
-  add(bits, scene.uncertainty);
-  add(bits, scene.drift);
-  add(bits, scene.jitter);
-  const Tolerance& tolerance = scene.tolerance;
+  bits.push_back(scene.truth.release_penetration ? 1 : 0);
+  add(bits, scene.prior.uncertainty);
+  add(bits, scene.prior.drift);
+  add(bits, scene.prior.jitter);
+  const Tolerance& tolerance = scene.prior.tolerance;
   for (const double value : {tolerance.time, tolerance.restitution, tolerance.stiffness,
                              tolerance.damping, tolerance.force, tolerance.clearance}) {
     add(bits, value);
   }
-  add(bits, scene.adaptation.within);
-  add(bits, scene.adaptation.walk);
-  bits.push_back(scene.adaptation.free.size());
+  add(bits, scene.prior.adaptation.within);
+  add(bits, scene.prior.adaptation.walk);
+  bits.push_back(scene.prior.adaptation.free.size());
   return bits;
 }
 
@@ -105,26 +105,26 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
     Scene scene;
     scene.name = "a \"name\"\\ with\ttab";
     scene.model = machine.model;
-    scene.master = machine.start;
-    scene.replica = random_state(random, scene.model);
-    scene.replica.u[0] = -0.0;
-    scene.drift = random.log_uniform(1e-300, 1e300);
-    scene.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
+    scene.truth.start = machine.start;
+    scene.prior.start = random_state(random, scene.model);
+    scene.prior.start.u[0] = -0.0;
+    scene.prior.drift = random.log_uniform(1e-300, 1e300);
+    scene.prior.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
     if (random.chance(0.5)) {
-      scene.tolerance = {.time = random.log_uniform(1e-9, 1.0),
+      scene.prior.tolerance = {.time = random.log_uniform(1e-9, 1.0),
                          .restitution = random.uniform(0.0, 1.0),
                          .stiffness = random.uniform(0.0, 0.5),
                          .damping = random.uniform(0.0, 0.5),
                          .force = random.log_uniform(1e-9, 1e9),
                          .clearance = random.log_uniform(1e-9, 1.0)};
     }
-    scene.release_penetration = random.chance(0.5);
-    if (random.chance(0.5)) scene.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
-    const auto free = std::max<Eigen::Index>(1, std::ssize(scene.adaptation.free));
-    scene.adaptation.within = random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
-    scene.adaptation.walk = random.vector(free).cwiseAbs();
+    scene.truth.release_penetration = random.chance(0.5);
+    if (random.chance(0.5)) scene.prior.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
+    const auto free = std::max<Eigen::Index>(1, std::ssize(scene.prior.adaptation.free));
+    scene.prior.adaptation.within = random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
+    scene.prior.adaptation.walk = random.vector(free).cwiseAbs();
     if (random.chance(0.5)) {
-      scene.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
+      scene.prior.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
                           Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
     }
     if (random.chance(0.5)) {
@@ -151,7 +151,7 @@ TEST(SceneWriter, TheReplicaIsTheSame) {
       const Scene& of = i == 0 ? scene : again;
       Replica replica(of, 0.01);
       Replica::State state;
-      replica.start(of.replica, 0, 0, state);
+      replica.start(of.prior.start, 0, 0, state);
       Eigen::VectorXd q(of.model.coordinates()), u(of.model.coordinates());
       auto next = events.begin();
       for (int k = 1; k <= 500; ++k) {

@@ -30,10 +30,10 @@ Scene drawn_scene(Random& random) {
   const ImpactingMachine machine = random_impacting_machine(random);
   Scene scene;
   scene.model = machine.model;
-  scene.master = scene.replica = machine.start;
+  scene.truth.start = scene.prior.start = machine.start;
   const Eigen::Index f = scene.model.coordinates();
-  scene.replica.q += 0.3 * random.vector(f);
-  scene.replica.u += 0.3 * random.vector(f);
+  scene.prior.start.q += 0.3 * random.vector(f);
+  scene.prior.start.u += 0.3 * random.vector(f);
   return scene;
 }
 
@@ -59,7 +59,7 @@ bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, Told& t
 TEST(EventFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
   Scene scene =
       read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/filter/machines/s005.toml");
-  scene.uncertainty.setConstant(scene.model.coordinates(), 0.2);  // V(0) is 65
+  scene.prior.uncertainty.setConstant(scene.model.coordinates(), 0.2);  // V(0) is 65
   Pursuit run(scene, 0.01);
   double largest = 0.0;
   for (int k = 1; k <= 4000; ++k) {
@@ -84,8 +84,8 @@ TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
     for (int i = 0; i < repetitions(24); ++i) {
       Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
-      scene.sigma = State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
-      scene.jitter = jitter;
+      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
+      scene.prior.jitter = jitter;
       Pursuit run(scene, h);
       const auto jitters = [&](std::vector<ContactEvent>& events) {
         for (ContactEvent& event : events) event.t += jitter * normal(engine);
@@ -183,17 +183,17 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
         contact.clearance = 0.0;
         contact.motion = {};
       }
-      scene.master = scene.replica = machine.start;
+      scene.truth.start = scene.prior.start = machine.start;
       // The start must be outside the supports: a start inside a support is mirrored at it.
       for (int pass = 0; pass < 20; ++pass) {
         for (const Contact& contact : scene.model.contacts) {
-          scene.master.q -= 2.0 * std::min(gap(contact, scene.master.q, 0.0), 0.0) * contact.w;
+          scene.truth.start.q -= 2.0 * std::min(gap(contact, scene.truth.start.q, 0.0), 0.0) * contact.w;
         }
       }
       const Eigen::Index f = scene.model.coordinates();
-      scene.replica.q = scene.master.q + 0.3 * random.vector(f);
-      scene.replica.u = scene.master.u + 0.3 * random.vector(f);
-      scene.sigma = State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
+      scene.prior.start.q = scene.truth.start.q + 0.3 * random.vector(f);
+      scene.prior.start.u = scene.truth.start.u + 0.3 * random.vector(f);
+      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
       Pursuit run(scene, h);
       const auto loses = [&](std::vector<ContactEvent>& events) {
         std::erase_if(events, [&](const ContactEvent& event) {
@@ -250,7 +250,7 @@ TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
 // A first impossible event is rejected; a second one resets the filter, however small its sigma.
 TEST(EventFilter, EventsThatCannotBeEndWhatIsKnown) {
   Scene scene = cached_scene("paper_beam.toml");
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   const double h = 1e-2;
   Pursuit run(scene, h);
   const Eigen::Index f = scene.model.coordinates();

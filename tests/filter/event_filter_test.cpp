@@ -48,8 +48,8 @@ TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
     Pursuit run(scene, 1e-3);
     const int enough = 3 * 2 * static_cast<int>(scene.model.coordinates());
     double V = 0.0;
-    const double first = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
-                                                  scene.replica.u)[0];
+    const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
+                                                  scene.prior.start.u)[0];
     for (int k = 0; k < 100000 && run.impacts < enough; ++k) V = run.tick();
     std::cout << name << ": V " << first << " -> " << V << " after " << run.impacts << " events, t "
               << 1e-3 * static_cast<double>(run.k_) << '\n';
@@ -64,11 +64,11 @@ TEST(EventFilter, WhatIsClosedFromTheStartOnRests) {
   const std::vector<ContactEvent> events = {{0.0, 0, ContactEventKind::closes}};
   for (const double jitter : {0.0, 1e-4}) {
     for (const bool inside : {false, true}) {
-      scene.jitter = jitter;
-      scene.release_penetration = inside;
+      scene.prior.jitter = jitter;
+      scene.truth.release_penetration = inside;
       TimingEstimator filter(scene, 0.1);
       TrackingState state;
-      filter.start(scene.replica, 0, 0, state);
+      filter.start(scene.prior.start, 0, 0, state);
       filter.apply(events, state);
       for (int k = 0; k < 30; ++k) filter.tick({}, state);
       Eigen::VectorXd q(1), u(1), sigma_q(1), sigma_u(1), sigma_g(1);
@@ -121,11 +121,11 @@ TEST(EventFilter, IsCalibrated) {
     for (int i = 0; i < runs; ++i) {
       Scene start = scene;
       for (Eigen::Index k = 0; k < f; ++k) {
-        start.replica.q[k] = start.master.q[k] + of_q * normal(engine);
-        start.replica.u[k] = start.master.u[k] + of_u * normal(engine);
+        start.prior.start.q[k] = start.truth.start.q[k] + of_q * normal(engine);
+        start.prior.start.u[k] = start.truth.start.u[k] + of_u * normal(engine);
       }
-      start.jitter = sigma;
-      start.sigma = State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
+      start.prior.jitter = sigma;
+      start.prior.sigma = State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
       Pursuit run(start, 0.1);
       for (int k = 1; k <= 200; ++k) {
         run.tick([&](std::vector<ContactEvent>& events) {
@@ -154,7 +154,7 @@ TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
   constexpr int runs = 50;
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
     Scene told = scene;
-    told.jitter = sigma;
+    told.prior.jitter = sigma;
     std::mt19937_64 engine(19);
     std::normal_distribution<double> normal;
     std::vector<std::vector<double>> of_filter(40), of_replica(40);
@@ -163,12 +163,12 @@ TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
       const auto draw = [&](const Eigen::MatrixXd& S) {
         return Eigen::VectorXd(S * Eigen::VectorXd::NullaryExpr(3, [&] { return normal(engine); }));
       };
-      told.replica.q = told.master.q + draw(uncertainty.q);
-      told.replica.u = told.master.u + draw(uncertainty.u);
+      told.prior.start.q = told.truth.start.q + draw(uncertainty.q);
+      told.prior.start.u = told.truth.start.u + draw(uncertainty.u);
       Pursuit run(told, 0.1);
       Replica replica(told.model, 0.1);
       Replica::State state;
-      replica.start(told.replica, 0, 0, state);
+      replica.start(told.prior.start, 0, 0, state);
       const ErrorEnergy energy(told.model);
       Eigen::VectorXd q(3), u(3);
       for (int k = 1; k <= 400; ++k) {
@@ -204,7 +204,7 @@ TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
 TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
   Scene scene = cached_scene("paper_beam.toml");
   for (const double sigma : {0.0, 1e-3}) {
-    scene.jitter = sigma;
+    scene.prior.jitter = sigma;
     Pursuit run(scene, 0.1);
     const int enough = long_repetitions(sigma == 0.0 ? 1000000 : 100000);
     double last_event = 0.0;
@@ -249,7 +249,7 @@ TEST(EventFilter, BearsAnyOmegaSigma) {
        {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
         std::pair("two_stops_beam.toml", 2e-2)}) {
     Scene scene = cached_scene(name);
-    scene.jitter = sigma;
+    scene.prior.jitter = sigma;
     Pursuit run(scene, 0.1);
     std::mt19937_64 engine(29);
     std::normal_distribution<double> normal;
@@ -257,7 +257,7 @@ TEST(EventFilter, BearsAnyOmegaSigma) {
     Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
     for (int k = 0; k < 200; ++k) {
       run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
+        for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
         std::ranges::sort(events, {}, &ContactEvent::t);
       });
       ASSERT_TRUE(run.mean.q.allFinite() && run.mean.u.allFinite()) << name << ", tick " << k;
@@ -275,7 +275,7 @@ TEST(EventFilter, IsNotSureOfSpeedsThatAStartOnlyAllows) {
   std::string text = test::read_text(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   text.replace(text.find("modes = 3"), 9, "modes = 60");
   Scene scene = parse_scene(text, "beam.toml");
-  scene.jitter = 1e-6;
+  scene.prior.jitter = 1e-6;
   const Eigen::Index f = scene.model.coordinates();
   constexpr std::uint64_t seed = 47;
   std::mt19937_64 engine(seed);
@@ -286,14 +286,14 @@ TEST(EventFilter, IsNotSureOfSpeedsThatAStartOnlyAllows) {
   };
   Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
   for (int start = 0; start < 3; ++start) {
-    scene.replica.q = scene.master.q + draw(uncertainty.q);
-    scene.replica.u = scene.master.u + draw(uncertainty.u);
+    scene.prior.start.q = scene.truth.start.q + draw(uncertainty.q);
+    scene.prior.start.u = scene.truth.start.u + draw(uncertainty.u);
     Pursuit run(scene, 1e-2);
     double squares = 0.0;
     int samples = 0;
     for (int k = 0; k < 280; ++k) {
       run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
+        for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
       });
       if (k < 150) continue;
       deviations(run.filter, run.state, sigma_q, sigma_u, sigma_g);
@@ -314,9 +314,9 @@ Scene shaken_mass(double frequency) {
   scene.model.C = Eigen::MatrixXd::Constant(1, 1, 0.02);
   scene.model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {0.5, frequency, 0.0}});
   scene.model.contacts.push_back({Eigen::VectorXd::Ones(1), 1.0, {}, 0.7});
-  scene.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
-  scene.replica = {Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Zero(1)};
-  scene.jitter = 3e-2;
+  scene.truth.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  scene.prior.start = {Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Zero(1)};
+  scene.prior.jitter = 3e-2;
   return scene;
 }
 
@@ -332,7 +332,7 @@ TEST(EventFilter, ForgetsJitterAtResonanceToo) {
     double V = 0.0;
     while (run.impacts < 120) {
       V = run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
+        for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
       });
     }
     EXPECT_LT(V, 1e-12) << "frequency " << frequency << ", seed " << seed;
@@ -343,7 +343,7 @@ TEST(EventFilter, ForgetsJitterAtResonanceToo) {
 // above it once moved the mean by up to 46 sigma.
 TEST(EventFilter, IsNotSurerThanRoundingAllows) {
   Scene rig = cached_scene("lab_rig.toml");
-  rig.jitter = 1e-3;
+  rig.prior.jitter = 1e-3;
   struct Settling {
     Scene scene;
     double h, known, end;
@@ -360,7 +360,7 @@ TEST(EventFilter, IsNotSurerThanRoundingAllows) {
       double farthest = 0.0, largest_V = 0.0;
       while (static_cast<double>(run.k_) * h < settling.end) {
         const double V = run.tick([&](std::vector<ContactEvent>& events) {
-          for (ContactEvent& event : events) event.t += scene.jitter * normal(engine);
+          for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
         });
         if (static_cast<double>(run.k_) * h < settling.known) continue;
         largest_V = std::max(largest_V, V);
@@ -381,19 +381,19 @@ TEST(EventFilter, IsNotSurerThanRoundingAllows) {
 // modes.
 TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   Scene scene = cached_scene("stiff_beam.toml");
-  scene.jitter = 1e-2;  // 38 periods of the fastest mode over 2 pi
+  scene.prior.jitter = 1e-2;  // 38 periods of the fastest mode over 2 pi
   Pursuit run(scene, 0.1);
   std::mt19937_64 engine(31);
   std::normal_distribution<double> normal;
   const double at_start =
-      ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q, scene.replica.u)[0];
+      ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)[0];
   double largest = 0.0;
   int held = 0;
   for (int k = 0; k < 600; ++k) {
     const double V = run.tick([&](std::vector<ContactEvent>& events) {
       for (ContactEvent& event : events) {
         held += event.kind == ContactEventKind::closes;
-        event.t += scene.jitter * normal(engine);
+        event.t += scene.prior.jitter * normal(engine);
       }
     });
     if (k >= 100) largest = std::max(largest, V);
@@ -409,17 +409,17 @@ TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
 TEST(EventFilter, ExpectsMoreThanOneUnheardBounce) {
   Scene scene = cached_scene("bouncing_ball.toml");
   scene.model.contacts[0].restitution = 0.5;
-  scene.master.q[0] = scene.replica.q[0] = 0.05;
-  scene.jitter = 1e-4;
+  scene.truth.start.q[0] = scene.prior.start.q[0] = 0.05;
+  scene.prior.jitter = 1e-4;
   const double h = 1e-5;
-  scene.sigma = State{Eigen::VectorXd::Constant(1, 1e-9), Eigen::VectorXd::Constant(1, 1e-9)};
+  scene.prior.sigma = State{Eigen::VectorXd::Constant(1, 1e-9), Eigen::VectorXd::Constant(1, 1e-9)};
   Pursuit run(scene, h);
   std::vector<ContactEvent> on_their_way;
   Eigen::VectorXd sigma_q(1), sigma_u(1), sigma_g(1);
   double worst = 0.0, when = 0.0;
   for (std::int64_t k = 1; k < 31000; ++k) {
     run.tick([&](std::vector<ContactEvent>& events) {
-      for (ContactEvent& event : events) event.t += 2.0 * scene.jitter;
+      for (ContactEvent& event : events) event.t += 2.0 * scene.prior.jitter;
       on_their_way.insert(on_their_way.end(), events.begin(), events.end());
       events.clear();
       while (!on_their_way.empty() && on_their_way.front().t <= tick_instant(k, h).hi) {
@@ -448,9 +448,9 @@ TEST(EventFilter, DriftKeepsTheCovarianceOpen) {
     return covariance(run.filter, run.state).trace();
   };
   const double closed = trace();
-  scene.drift = 1e-6;
+  scene.prior.drift = 1e-6;
   const double little = trace();
-  scene.drift = 1e-4;
+  scene.prior.drift = 1e-4;
   const double more = trace();
   std::cout << "trace of P after 300: " << closed << ", " << little << ", " << more << '\n';
   EXPECT_LT(closed, 1e-20);
@@ -468,7 +468,7 @@ TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
   model.contacts.push_back({Eigen::Vector2d(-0.8, 0.6), 0.0, {}, 0.7});
   Scene scene = scene_of(model);
   const double small = 1e-3;
-  scene.sigma = State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
+  scene.prior.sigma = State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
   TimingEstimator filter(scene, 0.1);
   const auto after_impact = [&](const Eigen::Vector2d& u) {
     TrackingState state;

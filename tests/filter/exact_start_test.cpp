@@ -41,9 +41,9 @@ INSTANTIATE_TEST_SUITE_P(Kinds, ExactStart, testing::ValuesIn(machine_kinds), na
 
 TEST(ExactStarts, OfTheShippedBouncingBallIsNeverInconsistent) {
   Scene scene = cached_scene("bouncing_ball.toml");
-  scene.replica = scene.master;
+  scene.prior.start = scene.truth.start;
   for (const double sigma : {1e-3, 0.1}) {
-    scene.sigma = State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
+    scene.prior.sigma = State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
     const std::optional<ExactRun> run = run_exact(scene);
     ASSERT_TRUE(run);
     EXPECT_GT(run->events, 50);
@@ -66,11 +66,11 @@ TEST(ExactStarts, OfPendulumsThatTouchIsNeverInconsistent) {
     contact.restitution = 0.9;
     scene.model.contacts.push_back(contact);
   }
-  scene.master = {-Eigen::VectorXd::Unit(n, 0), Eigen::VectorXd::Zero(n)};
-  scene.sigma = State{Eigen::VectorXd::Constant(n, 0.05), Eigen::VectorXd::Constant(n, 0.1)};
+  scene.truth.start = {-Eigen::VectorXd::Unit(n, 0), Eigen::VectorXd::Zero(n)};
+  scene.prior.sigma = State{Eigen::VectorXd::Constant(n, 0.05), Eigen::VectorXd::Constant(n, 0.1)};
   for (const double off : {0.0, 0.01}) {
-    scene.replica = scene.master;
-    scene.replica.q += off * Eigen::VectorXd::LinSpaced(n, 1.0, 5.0);
+    scene.prior.start = scene.truth.start;
+    scene.prior.start.q += off * Eigen::VectorXd::LinSpaced(n, 1.0, 5.0);
     const std::optional<ExactRun> run = run_exact(scene);
     ASSERT_TRUE(run);
     EXPECT_EQ(run->both, 0) << off;

@@ -21,7 +21,7 @@ class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
   const Scene scene = shipped_scene(GetParam());
   const MachineFamily family(scene, unknowns_to_adapt(scene));
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(100.0), events, 1);
   ASSERT_FALSE(events.empty());
@@ -33,7 +33,7 @@ TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
   }
   flight.set(c, true);
   Eigen::VectorXd start(2 * family.n());
-  start << family.to_modes(scene.master.q), family.to_modes(scene.master.u);
+  start << family.to_modes(scene.truth.start.q), family.to_modes(scene.truth.start.u);
   const double tau = events.front().t;
   flight.fly(start, 0.0, tau, 0);
   const double length = flight.gap(events.front().contact).length;
@@ -54,7 +54,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
   FamilyFlight flight(family), other(family);
   const Eigen::Index n = family.n(), P = flight.unknowns();
   Eigen::VectorXd x(2 * n), c(P);
-  x << family.to_modes(scene.replica.q), family.to_modes(scene.replica.u);
+  x << family.to_modes(scene.prior.start.q), family.to_modes(scene.prior.start.u);
   x += 0.1 * x.cwiseAbs().maxCoeff() * random.vector(2 * n);
   c = 0.01 * random.vector(P);
   const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
@@ -121,7 +121,7 @@ TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
     });
     ASSERT_NE(closing, events.end());
     const double opens = std::next(closing) == events.end() ? 20.0 : std::next(closing)->t;
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> passed;
     const auto state_at = [&](double t) {
       master.advance(at(t), passed);
@@ -153,7 +153,7 @@ TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
   constexpr std::uint64_t seed = 7;
   Random random(seed);
   Scene scene = shipped_scene("paper_beam");
-  scene.adaptation.walk[0] = 0.3;
+  scene.prior.adaptation.walk[0] = 0.3;
   const MachineFamily family(scene, unknowns_to_adapt(scene));
   FamilyFlight flight(family);
   EventFilter filter(flight, {walk_of(family.scene(), std::ssize(family.unknowns()))});

@@ -24,7 +24,7 @@ struct TrueImpact {
 
 std::vector<TrueImpact> true_impacts(const Scene& scene, double end) {
   const std::vector<ContactEvent> events = master_events(scene, end);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   const Eigen::Index f = scene.model.coordinates();
   const Dynamics dynamics(scene.model);
   Eigen::VectorXd q(f), u(f), q_after(f), u_after(f);
@@ -63,8 +63,8 @@ std::vector<TrueImpact> true_impacts(const Scene& scene, double end) {
       master.advance(at(std::nextafter(t, 0.0)), ignored);
       master.state(at(std::nextafter(t, 0.0)), q, u);
     } else {
-      q = scene.master.q;
-      u = scene.master.u;
+      q = scene.truth.start.q;
+      u = scene.truth.start.u;
     }
     master.advance(at(t), ignored);
     master.state(at(t), q_after, u_after);
@@ -96,7 +96,7 @@ std::vector<ImpactRecord> records_of(E& estimator, const Scene& scene,
   std::vector<ImpactRecord> records;
   EXPECT_TRUE(estimator.record_in(records));
   typename E::State state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   const double h = estimator.h();
   for (std::int64_t k = 1; tick_instant(k, h).hi <= end; ++k) {
     std::size_t n = 0;
@@ -222,7 +222,7 @@ class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
   const ImpactTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
-  scene.jitter = of.sigma;
+  scene.prior.jitter = of.sigma;
   const double end = 15.0;
   const std::vector<TrueImpact> truth = true_impacts(scene, end);
   std::vector<ContactEvent> exact;

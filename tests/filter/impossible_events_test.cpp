@@ -49,10 +49,10 @@ Scene random_scene(Random& random) {
     if (random.chance(0.2)) contact.restitution = random.integer(0, 1);
   }
   if (random.chance(0.3)) scene.model.law = ImpactLaw::newton;
-  scene.replica = random_state(random, scene.model);
-  scene.uncertainty = Eigen::VectorXd::Constant(f, 1.0);
-  if (random.chance(0.3)) scene.jitter = random.log_uniform(1e-6, 1e-1);
-  if (random.chance(0.3)) scene.drift = random.log_uniform(1e-8, 1.0);
+  scene.prior.start = random_state(random, scene.model);
+  scene.prior.uncertainty = Eigen::VectorXd::Constant(f, 1.0);
+  if (random.chance(0.3)) scene.prior.jitter = random.log_uniform(1e-6, 1e-1);
+  if (random.chance(0.3)) scene.prior.drift = random.log_uniform(1e-8, 1.0);
   return scene;
 }
 

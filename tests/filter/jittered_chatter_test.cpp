@@ -25,7 +25,7 @@ std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, const Scene
     std::vector<double> times;
     for (const ContactEvent& event : events) {
       if (event.contact != i) continue;
-      times.push_back(std::max(event.t + scene.jitter * normal(engine), 0.0));
+      times.push_back(std::max(event.t + scene.prior.jitter * normal(engine), 0.0));
     }
     std::ranges::sort(times);
     std::size_t next = 0;
@@ -47,7 +47,7 @@ TEST_P(JitteredChatter, IsNotFalselyCertain) {
   constexpr std::int64_t ticks = 5000;
   std::vector<ContactEvent> exact;
   std::vector<Eigen::VectorXd> q_m(ticks + 1, Eigen::VectorXd(f)), u_m = q_m;
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   for (std::int64_t k = 1; k <= ticks; ++k) {
     master.advance(tick_instant(k, h), exact);
     master.state(tick_instant(k, h), q_m[static_cast<std::size_t>(k)],
@@ -59,7 +59,7 @@ TEST_P(JitteredChatter, IsNotFalselyCertain) {
     const std::vector<ContactEvent> events = jittered(exact, scene, engine);
     BothEstimator both(scene, h);
     TrackingState state;
-    both.start(scene.replica, 0, 0, state);
+    both.start(scene.prior.start, 0, 0, state);
     Confidence confidence = both.no_confidence();
     Eigen::VectorXd q(f), u(f);
     std::size_t next = 0;

@@ -25,7 +25,7 @@ template <typename OnEvent>
 void follow(TrackingEstimator& estimator, const Scene& scene, std::span<const ContactEvent> events,
             double end, const OnEvent& on_event) {
   TrackingEstimator::State state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   std::size_t used = 0;
   for (std::int64_t k = 1; tick_instant(k, estimator.h()).hi <= end; ++k) {
     const std::size_t first = used;
@@ -48,7 +48,7 @@ TEST_P(ExactPredictions, AreTheMasters) {
   const double end = 12.0, ahead = GetParam().ahead;
   const std::vector<ContactEvent> events = master_events(scene, end + ahead);
   const Predictor predictor(scene.model);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> ignored;
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
@@ -115,7 +115,7 @@ class PredictionsFromJitteringEvents : public testing::TestWithParam<PredictionT
 TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
   const PredictionTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
-  scene.jitter = of.sigma;
+  scene.prior.jitter = of.sigma;
   const double end = of.end, ahead = of.ahead;
   const std::vector<ContactEvent> truth = master_events(scene, end + ahead);
   const Predictor predictor(scene.model);
@@ -196,10 +196,10 @@ TEST(Prediction, AContactThatIsClosedOpensInTime) {
   Scene scene;
   scene.model = mass(-1.0, {{1.0, 0.0}}, 0.5);
   scene.model.contacts[0].motion = {0.7, 1.3, 0.4};
-  scene.master = {Eigen::VectorXd::Constant(1, 1.5), Eigen::VectorXd::Zero(1)};
+  scene.truth.start = {Eigen::VectorXd::Constant(1, 1.5), Eigen::VectorXd::Zero(1)};
   const std::vector<ContactEvent> events = master_events(scene, 60.0);
   const Predictor predictor(scene.model);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> ignored;
   Eigen::VectorXd q(1), u(1);
   int closed = 0, opens = 0;

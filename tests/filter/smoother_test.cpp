@@ -43,10 +43,10 @@ class SmoothedPath : public testing::TestWithParam<SmoothingTrial> {};
 TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
   const SmoothingTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
-  scene.jitter = of.sigma;
-  scene.drift = of.drift;
+  scene.prior.jitter = of.sigma;
+  scene.prior.drift = of.drift;
   const double h = 0.0137;
-  const Simulation truth = simulate(scene.model, scene.master, of.duration, h);
+  const Simulation truth = simulate(scene.model, scene.truth.start, of.duration, h);
   const Eigen::Index f = scene.model.coordinates();
   double smoothed = 0.0, filtered = 0.0, squares = 0.0, count = 0.0, far = 0.0;
   double misfit = 0.0;
@@ -68,7 +68,7 @@ TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
     }
     TimingEstimator filter(scene, h);
     TrackingState state;
-    filter.start(scene.replica, 0, 0, state);
+    filter.start(scene.prior.start, 0, 0, state);
     std::span<const ContactEvent> left = events;
     Eigen::VectorXd q(f), u(f);
     for (Eigen::Index k = 0; k < truth.t.size(); ++k) {
@@ -128,14 +128,14 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Smoother, OutputsAreSureAsTheStateIs) {
   for (const char* name : {"paper_beam.toml", "two_stops_beam.toml"}) {
     Scene scene = cached_scene(name);
-    scene.jitter = 1e-3;
+    scene.prior.jitter = 1e-3;
     const Eigen::Index f = scene.model.coordinates();
     const auto e = [f](Eigen::Index i) -> Eigen::VectorXd { return Eigen::VectorXd::Unit(f, i); };
     const Eigen::VectorXd w = scene.model.contacts[0].w;
     scene.model.outputs = {
         {"second", e(1)}, {"speed", -2.0 * e(0), true}, {"gap", w}, {"v", w, true}};
-    const Simulation truth = simulate(scene.model, scene.master, 20.0, 0.0137);
-    const std::vector<ContactEvent> events = off(truth.events, scene.jitter, 4);
+    const Simulation truth = simulate(scene.model, scene.truth.start, 20.0, 0.0137);
+    const std::vector<ContactEvent> events = off(truth.events, scene.prior.jitter, 4);
     std::int64_t smoothed = 0, filtered = 0;
     double squares = 0.0;
     smooth(scene, events, 0.0137, truth.t.size() - 1,
@@ -163,7 +163,7 @@ TEST(Smoother, RefusesExactTimesAndScalesThatNothingSets) {
   Scene scene = cached_scene("paper_beam.toml");
   const auto none = [](std::int64_t, const SmoothedEstimate&, bool) {};
   EXPECT_THROW(smooth(scene, {}, 0.01, 10, none), SmoothingError);
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   scene.model.forces.clear();
   scene.model.contacts[0].motion = {};
   scene.model.contacts[0].clearance = 0.0;
@@ -173,7 +173,7 @@ TEST(Smoother, RefusesExactTimesAndScalesThatNothingSets) {
 // Times that no path has: nothing is smoothed and no sigma is claimed.
 TEST(Smoother, EventsThatDoNotFitAreNotSmoothed) {
   Scene scene = cached_scene("paper_beam.toml");
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   std::vector<ContactEvent> wrong;
   for (int i = 1; i < 40; ++i) {
     wrong.push_back({0.3137 * i + 0.1 * std::sin(7.0 * i), 0, ContactEventKind::pulse});

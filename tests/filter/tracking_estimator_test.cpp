@@ -49,9 +49,9 @@ Outcome outcome(const Scene& machine, const Scene& told, std::span<const Contact
   TimingEstimator filter(told, tick_of_both);
   TrackingState state;
   TrackingState alone;
-  both.start(told.replica, 0, 0, state);
-  filter.start(told.replica, 0, 0, alone);
-  Master master(machine.model, machine.master);
+  both.start(told.prior.start, 0, 0, state);
+  filter.start(told.prior.start, 0, 0, alone);
+  Master master(machine.model, machine.truth.start);
   const ErrorEnergy energy(machine.model);
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   std::vector<ContactEvent> ignored;
@@ -115,7 +115,7 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
     std::mt19937_64 engine(11);
     const Scene& scene = cached_scene("paper_beam.toml");
     Scene told = scene;
-    told.jitter = sigma;
+    told.prior.jitter = sigma;
     std::int64_t inconsistencies = 0;
     const int runs = repetitions(sigma > 1e-3 ? 100 : 20);
     for (int run = 0; run < runs; ++run) {
@@ -137,9 +137,9 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
 Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
   Scene told = scene;
   const Eigen::Index f = scene.model.coordinates();
-  told.replica.q = scene.master.q + off * random.vector(f);
-  told.replica.u = scene.master.u + off * random.vector(f);
-  told.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
+  told.prior.start.q = scene.truth.start.q + off * random.vector(f);
+  told.prior.start.u = scene.truth.start.u + off * random.vector(f);
+  told.prior.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
   return told;
 }
 
@@ -151,7 +151,7 @@ std::vector<Scene> drawn_machines(int count, Random& random) {
     const ImpactingMachine machine = random_impacting_machine(random);
     Scene scene;
     scene.model = machine.model;
-    scene.master = scene.replica = machine.start;
+    scene.truth.start = scene.prior.start = machine.start;
     const auto events = master_events(scene, length);
     if (events.size() < 200 || events.size() > 2000 || events.back().t < 0.9 * length) continue;
     scenes.push_back(std::move(scene));
@@ -178,11 +178,11 @@ TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
   int better = 0, machines = 0;
   for (const Scene& scene : drawn_machines(repetitions(20), random)) {
     Scene told = with_start(scene, 1e-6, 1e-6, random);
-    told.jitter = 1e-3;
+    told.prior.jitter = 1e-3;
     const Outcome o =
-        outcome(scene, told, jittered(master_events(scene, length), told.jitter, engine));
+        outcome(scene, told, jittered(master_events(scene, length), told.prior.jitter, engine));
     print("start known to 1e-6", o);
-    const bool apart = count_close(master_events(scene, length), told.jitter) == 0;
+    const bool apart = count_close(master_events(scene, length), told.prior.jitter) == 0;
     EXPECT_GT(o.trusted, apart ? 0.85 : 0.0);
     EXPECT_LE(o.log_both, o.log_replica + 0.02);
     ++machines;
@@ -200,7 +200,7 @@ TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
     int found = 0, machines = 0;
     for (const Scene& scene : drawn_machines(repetitions(20), random)) {
       Scene told = with_start(scene, 0.3, 1e-6, random);
-      told.jitter = jitter;
+      told.prior.jitter = jitter;
       const Outcome o =
           outcome(scene, told, jittered(master_events(scene, length), jitter, engine));
       print("start off by 0.3, told 1e-6", o);
@@ -260,21 +260,21 @@ TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
     floor.restitution = random.uniform(0.7, 0.95);
     machine.model.contacts = {floor};
     const double unit = random.log_uniform(0.01, 100.0);
-    machine.master = {Eigen::VectorXd::Constant(1, 0.3 * unit), Eigen::VectorXd::Zero(1)};
+    machine.truth.start = {Eigen::VectorXd::Constant(1, 0.3 * unit), Eigen::VectorXd::Zero(1)};
     machine.model.forces[0].direction *= unit;
     Scene told = machine;
     told.model.C += random.uniform(0.02, 0.2) * machine.model.M;
     told.model.contacts[0].restitution *= random.uniform(0.995, 1.0);
-    told.replica = machine.master;
-    told.replica.q *= random.uniform(0.8, 1.2);
-    told.sigma =
+    told.prior.start = machine.truth.start;
+    told.prior.start.q *= random.uniform(0.8, 1.2);
+    told.prior.sigma =
         State{Eigen::VectorXd::Constant(1, 0.1 * unit), Eigen::VectorXd::Constant(1, unit)};
-    told.jitter = 1e-4;
+    told.prior.jitter = 1e-4;
     std::mt19937_64 engine(static_cast<std::uint64_t>(run));
     std::vector<ContactEvent> events = master_events(machine, 3.0);
     events =
         jittered(std::vector(events.begin(), events.begin() + std::min(16L, std::ssize(events))),
-                 told.jitter, engine);
+                 told.prior.jitter, engine);
     BothEstimator both(told, tick_of_both);
     std::int64_t count = 0;
     run_time_line(both, told, events, events.back().t, false, [&](const auto& state) {
@@ -312,7 +312,7 @@ TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   const Mismatch& mismatch = GetParam();
   const Scene& scene = cached_scene("paper_beam.toml");
   Scene told = scene;
-  told.jitter = mismatch.jitter_given;
+  told.prior.jitter = mismatch.jitter_given;
   told.model.C *= mismatch.damping;
   for (Contact& contact : told.model.contacts) contact.restitution *= mismatch.restitution;
   std::mt19937_64 engine(5);
@@ -333,7 +333,7 @@ TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
   const auto exact = master_events(scene, length);
   for (const double sigma : {0.0, 1e-3}) {
     Scene told = scene;
-    told.jitter = sigma;
+    told.prior.jitter = sigma;
     double gained = 0.0;
     const int runs = repetitions(20);
     for (int run = 0; run < runs; ++run) {
@@ -376,8 +376,8 @@ TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) 
   const auto last_confidence = [](const Scene& of) {
     BothEstimator both(of, tick_of_both);
     TrackingState state;
-    both.start(of.replica, 0, 0, state);
-    Master master(of.model, of.master);
+    both.start(of.prior.start, 0, 0, state);
+    Master master(of.model, of.truth.start);
     std::vector<ContactEvent> events;
     for (int k = 1; k <= 1000; ++k) {
       events.clear();
@@ -388,14 +388,14 @@ TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) 
     both.confidence(state, 0.0, confidence);
     return confidence;
   };
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   const Confidence open = last_confidence(scene);
   EXPECT_FALSE(open.from_filter);
   EXPECT_TRUE((open.sigma_q.array().isInf()).all());
 
-  scene.jitter = 0.0;
+  scene.prior.jitter = 0.0;
   EXPECT_TRUE(last_confidence(scene).from_filter) << "exact times";
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   scene.model.contacts.front().clearance = 1e-3;
   EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
 }
@@ -413,8 +413,8 @@ TEST(TrackingEstimator, BearsAnyEvents) {
     scene.model = random_machine(random, structure, random.integer(contacts, 5));
     add_forces(random, scene.model, 1);
     add_contacts(random, scene.model, contacts);
-    scene.master = scene.replica = random_state(random, scene.model);
-    scene.jitter = random.chance(0.5) ? 1e-3 : 0.0;
+    scene.truth.start = scene.prior.start = random_state(random, scene.model);
+    scene.prior.jitter = random.chance(0.5) ? 1e-3 : 0.0;
     std::vector<ContactEvent> events = random_events(random, contacts, 400, 0.005, 0.1);
     for (ContactEvent& event : events) event.t = 0.25 * std::round(event.t / 0.25);
     BothEstimator filter(scene, tick_of_both);
@@ -438,7 +438,7 @@ TEST(TrackingEstimator, RollbacksDoNotShow) {
   events.insert(events.begin() + 20,
                 {0.5 * (events[19].t + events[20].t), 0, ContactEventKind::pulse});
   Scene told = scene;
-  told.jitter = 1e-3;
+  told.prior.jitter = 1e-3;
   const auto run = [&](bool late) {
     BothEstimator filter(told, tick_of_both);
     std::pair<Recording, std::vector<Confidence>> settled;

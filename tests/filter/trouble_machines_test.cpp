@@ -24,14 +24,14 @@ void expect_not_taken_for_another(const std::string& name, bool reported_start) 
   const ErrorEnergy energy(scene.model);
   const Eigen::Index f = scene.model.coordinates();
   const Eigen::VectorXd V_i =
-      energy(scene.master.q, scene.master.u, scene.replica.q, scene.replica.u).tail(f);
-  if (reported_start) scene.uncertainty = 3.0 * V_i.array() + 1e-9 * V_i.sum();
+      energy(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u).tail(f);
+  if (reported_start) scene.prior.uncertainty = 3.0 * V_i.array() + 1e-9 * V_i.sum();
   constexpr double h = 0.01;
   BothEstimator both(scene, h);
   TrackingState state;
-  both.start(scene.replica, 0, 0, state);
+  both.start(scene.prior.start, 0, 0, state);
   Confidence confidence = both.no_confidence();
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   Eigen::VectorXd q(f), u(f), q_m(f), u_m(f);
   std::vector<ContactEvent> events;
   double worst = 0.0, largest = 0.0;

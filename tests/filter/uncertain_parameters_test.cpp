@@ -53,10 +53,10 @@ Scene random_rattle(Random& random, Eigen::Index f, double share) {
     model.contacts.push_back(contact);
   }
   model.contacts[1].restitution = model.contacts[0].restitution;
-  scene.master = {Eigen::VectorXd::Zero(f), 0.3 * direction};
-  scene.replica = {0.03 * direction, Eigen::VectorXd::Zero(f)};
-  scene.uncertainty = Eigen::VectorXd::Constant(1, 0.2);
-  ParameterUncertainty& parameters = scene.parameters;
+  scene.truth.start = {Eigen::VectorXd::Zero(f), 0.3 * direction};
+  scene.prior.start = {0.03 * direction, Eigen::VectorXd::Zero(f)};
+  scene.prior.uncertainty = Eigen::VectorXd::Constant(1, 0.2);
+  ParameterUncertainty& parameters = scene.prior.parameters;
   parameters.keys = {"impact.restitution", "system.C", "system.K"};
   parameters.sigma.setConstant(3, share);
   parameters.sigma[0] *= model.contacts[0].restitution;
@@ -84,16 +84,16 @@ struct Drawn {
 
 Drawn draw(const Scene& scene, Random& random, double duration) {
   Drawn drawn;
-  const MachineFamily family(scene, unknowns_named(scene, scene.parameters.keys));
-  Eigen::VectorXd xi(scene.parameters.size());
+  const MachineFamily family(scene, unknowns_named(scene, scene.prior.parameters.keys));
+  Eigen::VectorXd xi(scene.prior.parameters.size());
   for (double& x : xi) x = normal(random);
-  drawn.values = family.nominal() + scene.parameters.root_of_covariance() * xi;
+  drawn.values = family.nominal() + scene.prior.parameters.root_of_covariance() * xi;
   drawn.machine = family.with(drawn.values);
   const Eigen::Index f = scene.model.coordinates();
   drawn.h = duration / static_cast<double>(ticks);
   drawn.q.setZero(f, ticks + 1);
   drawn.u.setZero(f, ticks + 1);
-  Master master(drawn.machine.model, scene.master);
+  Master master(drawn.machine.model, scene.truth.start);
   for (std::int64_t k = 0; k <= ticks; ++k) {
     master.advance(tick_instant(k, drawn.h), drawn.events);
     master.state(tick_instant(k, drawn.h), drawn.q.col(k), drawn.u.col(k));
@@ -103,7 +103,7 @@ Drawn draw(const Scene& scene, Random& random, double duration) {
     std::vector<double> times;
     for (ContactEvent& event : drawn.events) {
       if (event.contact == contact) {
-        times.push_back(std::max(event.t + scene.jitter * normal(random), 0.0));
+        times.push_back(std::max(event.t + scene.prior.jitter * normal(random), 0.0));
       }
     }
     std::sort(times.begin(), times.end());
@@ -148,7 +148,7 @@ struct Claims {
 template <typename Visit>
 void run(TrackingEstimator& estimator, const Scene& scene, const Drawn& drawn, std::int64_t last,
          TrackingState& state, Visit visit) {
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   std::size_t next = 0;
   for (std::int64_t k = 1; k <= last; ++k) {
     const std::size_t first = next;
@@ -194,12 +194,12 @@ TEST_P(UncertainParameters, SigmaIsTheErrorsWhereTheyAreEstimated) {
   Observed estimated, exact;
   for (int i = 0; i < 16; ++i) {
     Scene scene = random_rattle(random, 1 + i % 2, 1e-3);
-    scene.jitter = GetParam();
+    scene.prior.jitter = GetParam();
     const Drawn drawn = draw(scene, random, 25.0);
     ASSERT_GT(drawn.events.size(), 30U);
     observe(scene, drawn, estimated);
     // Evidence that the trial can fail: parameters treated as exact.
-    scene.parameters = {};
+    scene.prior.parameters = {};
     observe(scene, drawn, exact);
   }
   std::cout << "estimated: " << estimated.state.mean() << ", beyond 5 "
@@ -222,12 +222,12 @@ TEST_P(UncertainParameters, ConsideredOnesStayAndSigmaIsTheErrors) {
   Observed observed;
   for (int i = 0; i < 12; ++i) {
     Scene scene = random_rattle(random, 1 + i % 2, 1e-3);
-    scene.jitter = GetParam();
-    scene.parameters.consider.assign(3, true);
+    scene.prior.jitter = GetParam();
+    scene.prior.parameters.consider.assign(3, true);
     const Drawn drawn = draw(scene, random, 25.0);
     Observed one;
     observe(scene, drawn, one);
-    EXPECT_NEAR(one.sigma_restitution, scene.parameters.sigma[0], 1e-9);
+    EXPECT_NEAR(one.sigma_restitution, scene.prior.parameters.sigma[0], 1e-9);
     observe(scene, drawn, observed);
   }
   std::cout << "considered: " << observed.state.mean() << '\n';
@@ -244,7 +244,7 @@ TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
   Observed filtered;
   for (int i = 0; i < 8; ++i) {
     Scene scene = random_rattle(random, 1 + i % 2, 1e-3);
-    scene.jitter = GetParam();
+    scene.prior.jitter = GetParam();
     const Drawn drawn = draw(scene, random, 25.0);
     observe(scene, drawn, filtered);
     std::int64_t of_all = 0;
@@ -274,8 +274,8 @@ TEST(UncertainParametersOf, SmoothedChatter) {
   Claims smoothed;
   for (int i = 0; i < 12; ++i) {
     Scene scene = shipped_scene("paper_beam_chatter");
-    scene.jitter = 1e-3;
-    scene.parameters = uncertain_restitution(1e-3 * scene.model.contacts[0].restitution);
+    scene.prior.jitter = 1e-3;
+    scene.prior.parameters = uncertain_restitution(1e-3 * scene.model.contacts[0].restitution);
     const Drawn drawn = draw(scene, random, 40.0);
     std::int64_t of_all = 0;
     smooth(scene, drawn.events, drawn.h, ticks,
@@ -298,11 +298,11 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   constexpr std::uint64_t seed = 24;
   Random random(seed);
   Scene scene = random_rattle(random, 2, 1e-3);
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   const Drawn drawn = draw(scene, random, 25.0);
   const auto settled = [&](std::int64_t delay) {
     TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
-    TimeLine<TrackingEstimator> line(estimator, 2, scene.replica, 16);
+    TimeLine<TrackingEstimator> line(estimator, 2, scene.prior.start, 16);
     line.restart(0, 0, 0, no_horizon);
     std::vector<double> rows;
     Eigen::VectorXd q(2), u(2);
@@ -340,12 +340,12 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
 TEST(UncertainParametersOf, TheLibrarysObserver) {
   Random random(25);
   Scene scene = random_rattle(random, 1, 1e-3);
-  scene.jitter = 1e-4;
+  scene.prior.jitter = 1e-4;
   const Drawn drawn = draw(scene, random, 10.0);
   const ObserverSettings settings{drawn.h, EstimatorKind::both};
   const Estimates estimates = observe(scene, drawn.events, 10.0, settings);
-  ASSERT_EQ(estimates.keys, scene.parameters.keys);
-  EXPECT_LT(estimates.sigma_parameters.bottomRows(1)(0, 0), 0.7 * scene.parameters.sigma[0]);
+  ASSERT_EQ(estimates.keys, scene.prior.parameters.keys);
+  EXPECT_LT(estimates.sigma_parameters.bottomRows(1)(0, 0), 0.7 * scene.prior.parameters.sigma[0]);
   EXPECT_TRUE(estimates.sigma_q.allFinite());
 }
 
@@ -357,9 +357,9 @@ TEST(UncertainParametersOf, ImpactRecords) {
   Claims times, velocities;
   for (int i = 0; i < 8; ++i) {
     Scene scene = random_rattle(random, 1, 1e-3);
-    scene.jitter = 1e-4;
+    scene.prior.jitter = 1e-4;
     const Drawn drawn = draw(scene, random, 25.0);
-    Master master(drawn.machine.model, scene.master);
+    Master master(drawn.machine.model, scene.truth.start);
     std::vector<ContactEvent> exact;
     master.advance(at(25.0), exact);
     TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
@@ -368,7 +368,7 @@ TEST(UncertainParametersOf, ImpactRecords) {
     TrackingState state;
     run(estimator, scene, drawn, ticks, state, [](std::int64_t) {});
     Eigen::VectorXd q(1), u(1);
-    Master again(drawn.machine.model, scene.master);
+    Master again(drawn.machine.model, scene.truth.start);
     std::vector<ContactEvent> passed;
     for (std::size_t k = 0; k < std::min(records.size(), exact.size()); ++k) {
       if (records[k].contact != exact[k].contact || exact[k].kind != ContactEventKind::pulse) break;
@@ -403,10 +403,10 @@ TEST(UncertainParametersOf, Predictions) {
   Claims claims;
   for (int i = 0; i < 12; ++i) {
     Scene scene = random_rattle(random, 1, 1e-2);
-    scene.jitter = 1e-4;
+    scene.prior.jitter = 1e-4;
     const Drawn drawn = draw(scene, random, 12.0);
     std::vector<ContactEvent> true_events;
-    Master(drawn.machine.model, scene.master).advance(at(20.0), true_events);
+    Master(drawn.machine.model, scene.truth.start).advance(at(20.0), true_events);
     TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
     const Predictor predictor(scene.model);
     TrackingState state;
@@ -432,7 +432,7 @@ TEST(UncertainParametersOf, Predictions) {
 
 TEST(UncertainParametersOf, MachinesWithoutSuchAFilterAreRefused) {
   Scene scene = shipped_scene("non_proportional");
-  scene.parameters = uncertain_restitution(1e-3);
+  scene.prior.parameters = uncertain_restitution(1e-3);
   EXPECT_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::both), ModelError);
   EXPECT_NO_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::replica));
 }

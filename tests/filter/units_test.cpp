@@ -46,7 +46,7 @@ Run run_master(const Scene& scene, double T, const Units& units) {
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   try {
-    Master master(here.model, here.master);
+    Master master(here.model, here.truth.start);
     for (int k = 0; k <= samples; ++k) {
       const Instant t = tick_instant(k, units.of_time(T / samples));
       if (!master.advance(t, run.events, 100000 - run.events.size())) break;
@@ -69,7 +69,7 @@ Run run_stepper(const Scene& scene, std::vector<ContactEvent> events, double T,
   const double h = units.of_time(T / samples);
   E estimator(here, h);
   typename E::State state;
-  estimator.start(here.replica, 0, 0, state);
+  estimator.start(here.prior.start, 0, 0, state);
   for (ContactEvent& event : events) event.t = units.of_time(event.t);
   Confidence confidence = estimator.no_confidence();
   Run run;
@@ -114,11 +114,11 @@ std::size_t check(const Scene& scene, double T) {
   const Run master = run_master(scene, T, {});
   const Run replica = run_stepper<Replica>(scene, master.events, T, {});
   const Run filter = run_stepper<TimingEstimator>(scene, master.events, T, {});
-  const double own = time_scale(scene.model, scene.master);
+  const double own = time_scale(scene.model, scene.truth.start);
   for (const Units& units : changes) {
     SCOPED_TRACE(name_of(units));
     const Scene here = in_units(units, scene);
-    EXPECT_EQ(time_scale(here.model, here.master), units.of_time(own));
+    EXPECT_EQ(time_scale(here.model, here.truth.start), units.of_time(own));
     {
       SCOPED_TRACE("master");
       expect_same(master, run_master(scene, T, units));
@@ -129,7 +129,7 @@ std::size_t check(const Scene& scene, double T) {
     }
     // Roots of M scale exactly only for even powers. With jitter the filter takes logarithms, which
     // scale up to rounding only.
-    if (units.mass % 2 == 0 && scene.jitter == 0.0) {
+    if (units.mass % 2 == 0 && scene.prior.jitter == 0.0) {
       SCOPED_TRACE("timing filter");
       expect_same(filter, run_stepper<TimingEstimator>(scene, master.events, T, units));
     }
@@ -163,12 +163,12 @@ TEST_P(RandomInOtherUnits, AreTheSameBitForBit) {
     scene.model = random_machine(random, structures[GetParam()], f);
     add_forces(random, scene.model, random.integer(1, 2));
     add_contacts(random, scene.model, random.integer(1, 3));
-    scene.master = random_state(random, scene.model);
-    scene.replica = random_state(random, scene.model);
+    scene.truth.start = random_state(random, scene.model);
+    scene.prior.start = random_state(random, scene.model);
     for (Contact& contact : scene.model.contacts) {
-      contact.clearance += random.uniform(0.05, 0.5) - gap(contact, scene.master.q, 0.0);
+      contact.clearance += random.uniform(0.05, 0.5) - gap(contact, scene.truth.start.q, 0.0);
     }
-    if (random.chance(0.5)) scene.jitter = 1e-5;
+    if (random.chance(0.5)) scene.prior.jitter = 1e-5;
     events += check(scene, 5.0);
     if (HasFailure()) return;
   }

@@ -251,7 +251,7 @@ void scene(Input input) {
     if (read.model.coordinates() > most_coordinates) return;
     Replica replica(read.model, 1e-2);
     Replica::State state;
-    replica.start(read.replica, 0, 0, state);
+    replica.start(read.prior.start, 0, 0, state);
     for (int k = 0; k < 3; ++k) replica.tick({}, state);
     require(state.tick == 3, "a replica ticks");
   } catch (const SceneError&) {

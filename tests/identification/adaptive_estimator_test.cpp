@@ -121,7 +121,7 @@ TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
   constexpr double h = 0.02;
   TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
   TrackingState state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   AdaptationResult result;
   std::size_t next = 0;
   Confidence confidence = estimator.no_confidence();
@@ -149,7 +149,7 @@ TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
   using Row = std::vector<double>;
   const auto rows_of = [&](std::int64_t delay, std::int64_t history) {
     TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
-    TimeLine<TrackingEstimator> line(estimator, 1, scene.replica, history);
+    TimeLine<TrackingEstimator> line(estimator, 1, scene.prior.start, history);
     line.restart(0, 0, 0, no_horizon);
     AdaptationTask task;
     AdaptationResult result;
@@ -211,7 +211,7 @@ TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
   constexpr double h = 0.02;
   TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
   TrackingState state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   AdaptationResult result;
   std::size_t next = 0;
   double before = 0.0;
@@ -244,7 +244,7 @@ TEST(TrackingEstimator, MayJoinLate) {
   std::size_t next = 30;
   std::int64_t k = first_tick_after(events[next].t, h);
   ASSERT_LT(events[next].t, tick_instant(k, h).hi);
-  estimator.start(scene.replica, k, 0, state);
+  estimator.start(scene.prior.start, k, 0, state);
   AdaptationTask task;
   AdaptationResult result;
   for (bool first = true; k < 240; first = false) {
@@ -288,13 +288,13 @@ TEST(TrackingEstimator, WhatItCannotDoIsRefused) {
             "system.C couples the modes of M and K; an adaptive estimator needs damping that does "
             "not, as C = a M + b K");
   Scene entries = shipped_scene("lab_rig");
-  entries.adaptation.free = {"impact.restitution", "system.K.2.2"};
+  entries.prior.adaptation.free = {"impact.restitution", "system.K.2.2"};
   EXPECT_EQ(refusal(entries),
             "adapt.free: system.K.2.2 is a single entry; an adaptive estimator seeks system.C and "
             "system.K as factors alone");
   EXPECT_THROW(Observer(coupled, {.estimator = EstimatorKind::adaptive}), ModelError);
   Scene scene = shipped_scene("paper_beam");
-  scene.adaptation.free = {"beam.dampin"};
+  scene.prior.adaptation.free = {"beam.dampin"};
   EXPECT_THROW(TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive), std::invalid_argument);
 }
 

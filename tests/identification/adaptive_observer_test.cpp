@@ -20,8 +20,8 @@ constexpr double tick_length = 0.05, duration = 24.0;
 /// The paper's beam with a wrong damping and restitution.
 Scene wrong_scene() {
   Scene scene = shipped_scene("paper_beam");
-  scene.adaptation.free = {"impact.restitution", "beam.damping"};
-  scene.adaptation.within.setConstant(1, 0.1);
+  scene.prior.adaptation.free = {"impact.restitution", "beam.damping"};
+  scene.prior.adaptation.within.setConstant(1, 0.1);
   const MachineFamily family(scene, unknowns_to_adapt(scene));
   return family.with(Eigen::Vector2d(0.67, 0.18));
 }
@@ -38,7 +38,7 @@ struct Row {
 std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEvent>& events) {
   TrackingEstimator estimator(scene, tick_length, EstimatorKind::adaptive);
   TrackingState state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   AdaptationResult result;
   Confidence confidence = estimator.no_confidence();
   std::vector<Row> rows;

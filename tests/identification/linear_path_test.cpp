@@ -164,7 +164,7 @@ struct ThroughContact {
       holding += impact.held != 0 ? 1 : 0;
       passages += static_cast<int>(impact.passed.size());
     }
-    x0 = free_part(path.family, scene.master, 0.0);
+    x0 = free_part(path.family, scene.truth.start, 0.0);
   }
 
   Scene scene;
@@ -240,8 +240,8 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
   const FreeFlight flight(machine, inputs);
   const std::complex<double> e(inputs[0], inputs[1]);
   const std::complex<double> rate = e * std::complex<double>(0.0, machine.frequencies[0]);
-  Eigen::VectorXd y = family.to_modes(scene.master.q) - (machine.response.col(0) * e).real();
-  Eigen::VectorXd u = family.to_modes(scene.master.u) - (machine.response.col(0) * rate).real();
+  Eigen::VectorXd y = family.to_modes(scene.truth.start.q) - (machine.response.col(0) * e).real();
+  Eigen::VectorXd u = family.to_modes(scene.truth.start.u) - (machine.response.col(0) * rate).real();
   double t = 0.0;
   for (std::size_t k = 0; k < 8; ++k) {
     const auto next = flight.next_impact(y, u, t, t + 20.0);
@@ -265,7 +265,7 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
   }
   flight.move(-t, y, u);
   const Eigen::VectorXd start =
-      family.to_modes(scene.master.q) - (machine.response.col(0) * e).real();
+      family.to_modes(scene.truth.start.q) - (machine.response.col(0) * e).real();
   EXPECT_LT((y - start).norm(), 1e-6 * start.norm());
 }
 

@@ -40,7 +40,7 @@ TEST(Record, AStretchBeginsWithTheReleaseOfASustainedContact) {
     });
     ASSERT_NE(opens, events.end());
     EXPECT_EQ(opens->kind, ContactEventKind::opens);
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> passed;
     master.advance(at(stretch.start), passed);
     Eigen::VectorXd q(n), u(n);

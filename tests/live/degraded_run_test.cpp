@@ -24,7 +24,7 @@ struct Lossy {
 template <Estimator E>
 std::vector<double> error_energy(const Scene& scene, double h, const Lossy& lossy,
                                  EventCounts& counts, std::vector<DegradedInterval>& degraded) {
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   std::vector<State> truth;
   for (std::int64_t k = 0; k <= last_tick(lossy.end, h); ++k) {
@@ -37,7 +37,7 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
   master.advance(at(lossy.end), events);
 
   E estimator(scene.model, h);
-  TimeLine<E> line(estimator, 1, scene.replica, 50);
+  TimeLine<E> line(estimator, 1, scene.prior.start, 50);
   const ErrorEnergy energy(scene.model);
   std::vector<double> V;
   State state = truth.front();

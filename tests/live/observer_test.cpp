@@ -27,7 +27,7 @@ Scene scene_of(const std::string& name) {
 }
 
 std::vector<ContactEvent> events_of(const Scene& scene) {
-  return simulate(scene.model, scene.master, duration, 0.0).events;
+  return simulate(scene.model, scene.truth.start, duration, 0.0).events;
 }
 
 // Events of one instant keep their order.
@@ -62,7 +62,7 @@ TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
   {
     TrackingEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
-    TimeLine<TrackingEstimator> line(estimator, contacts, scene_.replica, 1);
+    TimeLine<TrackingEstimator> line(estimator, contacts, scene_.prior.start, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events_) line.receive(event);
     line.set_horizon(duration);
@@ -178,7 +178,7 @@ TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
 TEST(Observer, HasABoundWhereTheEventsAreComplete) {
   const Scene scene = scene_of("paper_beam");
   const Estimates all = observe(scene, events_of(scene), duration, {.tick = tick_length});
-  EXPECT_NEAR(all.bound[0], scene.uncertainty.sum(), 1e-12);
+  EXPECT_NEAR(all.bound[0], scene.prior.uncertainty.sum(), 1e-12);
   EXPECT_LT(all.bound[all.bound.size() - 1], 0.2 * all.bound[0]);
 }
 
@@ -209,8 +209,8 @@ TEST(BeamInCode, IsThatOfTheSceneFile) {
   Model model = beam_model(beam, shake);
   model.contacts = {beam_contact(beam, 0.868, Side::below, 0.0, 0.7, shake)};
   model.chatter_time = scene.model.chatter_time;
-  const Simulation a = simulate(model, scene.master, duration, tick_length);
-  const Simulation b = simulate(scene.model, scene.master, duration, tick_length);
+  const Simulation a = simulate(model, scene.truth.start, duration, tick_length);
+  const Simulation b = simulate(scene.model, scene.truth.start, duration, tick_length);
   EXPECT_EQ(a.events, b.events);
   EXPECT_EQ(a.q, b.q);
   EXPECT_EQ(a.u, b.u);

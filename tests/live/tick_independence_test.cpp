@@ -51,7 +51,7 @@ std::vector<Estimate> estimates(const Scene& scene, std::vector<ContactEvent> ev
   const Eigen::Index f = scene.model.coordinates();
   E estimator(scene, h);
   typename E::State state;
-  estimator.start(scene.replica, 0, 0, state);
+  estimator.start(scene.prior.start, 0, 0, state);
   std::vector<Estimate> all;
   std::span<const ContactEvent> left = events;
   for (std::int64_t k = 1; k <= last_tick(end, h); ++k) {
@@ -185,7 +185,7 @@ std::vector<ContactEvent> events_of(const Case& c, const Scene& scene, double ji
 TEST_P(TickIndependence, OfBoth) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);
-  scene.jitter = jitter;
+  scene.prior.jitter = jitter;
   expect_equal<BothEstimator>(scene, events_of(c, scene, jitter), c.end, c.trouble != Trouble::none,
                               c.share_after_restart);
 }
@@ -194,7 +194,7 @@ TEST_P(TickIndependence, OfBoth) {
 TEST_P(TickIndependence, OfTheTimingFilter) {
   const auto& [c, jitter] = GetParam();
   Scene scene = scene_of(c);
-  scene.jitter = jitter;
+  scene.prior.jitter = jitter;
   if (c.trouble == Trouble::spurious || c.trouble == Trouble::spurious_before) return;
   expect_equal<TimingEstimator>(scene, events_of(c, scene, jitter), c.end,
                                 c.trouble == Trouble::missing);

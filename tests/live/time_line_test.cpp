@@ -62,7 +62,7 @@ class TimeLineTest : public ::testing::Test {
     std::vector<std::int64_t> seen;
   };
 
-  static const State& start() { return cached_scene("paper_beam.toml").replica; }
+  static const State& start() { return cached_scene("paper_beam.toml").prior.start; }
 
   static Recording reference(double h, std::span<const ContactEvent> events, double end,
                              std::int64_t first = 0, ContactSet chi = 0) {
@@ -100,7 +100,7 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
     ASSERT_GT(events.size(), 10U);
     for (const double h : {1e-2, 1e-3, 1.0 / 128}) {
       TypeParam estimator(scene.model, h);
-      TimeLine<TypeParam> line(estimator, 1, scene.replica, 1);
+      TimeLine<TypeParam> line(estimator, 1, scene.prior.start, 1);
       line.restart(0, 0, 0, no_horizon);
       for (const ContactEvent& event : events) line.receive(event);
       line.set_horizon(end);
@@ -109,7 +109,7 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
         settled.add(estimator, state, scene.model.coordinates());
         return true;
       });
-      EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), settled),
+      EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), settled),
                 "")
           << name << " h " << h;
       EXPECT_EQ(line.rollbacks().rollbacks, 0);
@@ -156,7 +156,7 @@ TYPED_TEST(TimeLineTest, GoingBackWithAMastersEventsChangesNothing) {
     const double h = 1e-2;
     const auto events = master_events(scene, end);
     const auto reports = reports_at(event_and_heartbeat_times(events, h / 3, end), events, 1);
-    const Recording expected = offline<TypeParam>(scene.model, scene.replica, h, events, end);
+    const Recording expected = offline<TypeParam>(scene.model, scene.prior.start, h, events, end);
     for (const std::int64_t target : {std::int64_t{0}, far_ahead}) {
       typename TestFixture::Run run(h, 50, scene.model);
       run.line.restart(reports.front());
@@ -242,7 +242,7 @@ TYPED_TEST(TimeLineTest, EventsOfOneInstantAreOneImpactHoweverTheyArrive) {
 }
 
 TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
-  const State& start = cached_scene("paper_beam.toml").replica;
+  const State& start = cached_scene("paper_beam.toml").prior.start;
   const std::vector<ContactEvent> once{{0.3, 0, pulse}, {0.3, 1, pulse}};
   const std::vector<ContactEvent> twice{{0.3, 0, pulse}, {std::nextafter(0.3, 1.0), 1, pulse}};
   EXPECT_NE(difference(offline<Replica>(two_contacts(), start, 0.25, once, 1.0),
@@ -266,11 +266,11 @@ TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
     const double h = seed % 2 == 0 ? 1e-2 : 1.0 / 64;
     const auto events = random_events(random, 2, 200, 0.0, h * random.log_uniform(0.3, 100.0));
     const double end = events.back().t + 0.5;
-    const Recording expected = offline<Replica>(two_contacts(), scene.replica, h, events, end);
+    const Recording expected = offline<Replica>(two_contacts(), scene.prior.start, h, events, end);
 
     Replica replica(two_contacts(), h);
     ReplicaState last_shown;
-    TimeLine<Replica> line(replica, 2, scene.replica, 5);
+    TimeLine<Replica> line(replica, 2, scene.prior.start, 5);
     line.restart(0, 0, 0, no_horizon);
     std::int64_t shown = 0, coasted = 0;
     std::size_t next = 0;
@@ -367,7 +367,7 @@ TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
     }
     run.to(far_ahead);
     EXPECT_EQ(
-        difference(offline<TypeParam>(scene.model, scene.replica, h, events, end), run.settled), "")
+        difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), run.settled), "")
         << "history " << history;
   }
 }

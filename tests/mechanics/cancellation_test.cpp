@@ -36,7 +36,7 @@ std::vector<std::vector<double>> rows(const std::string& name) {
 
 void expect_impacts(const Scene& scene, const std::vector<double>& row, double tolerance,
                     double& worst) {
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(3.0), events);
   ASSERT_GE(events.size(), 3U);
@@ -73,7 +73,7 @@ TEST(SoftSpring, ABallFallsAsLongAsItDoesOnAnyPath) {
     model.C = row[1] * along * along.transpose() + 0.3 * across * across.transpose();
     model.forces.front().direction = along;
     model.contacts.front().w = along;
-    scene.master = {0.9 * along, Eigen::Vector2d::Zero()};
+    scene.truth.start = {0.9 * along, Eigen::Vector2d::Zero()};
     ASSERT_EQ(Flow(Dynamics(model), 0).path(), FlowPath::modal);
     // Rounding relative to the other mode's K and C changes those of this mode by about 1e-16.
     expect_impacts(scene, row, 1e-12, worst);

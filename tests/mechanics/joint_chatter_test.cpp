@@ -105,8 +105,8 @@ u = [0.5658465681839568, -0.27348529413655287, 0.30152449081207533, 0.2946767640
 
 TEST(JointChatter, ABeamThatTwoStopsSqueezeGoesOn) {
   const Scene scene = parse_scene(squeezed_beam, "squeezed.toml");
-  EXPECT_TRUE(ends({scene.model, scene.master}, 1.0, 20000));
-  const Simulation run = simulate(scene.model, scene.master, 1.0, 0.01);
+  EXPECT_TRUE(ends({scene.model, scene.truth.start}, 1.0, 20000));
+  const Simulation run = simulate(scene.model, scene.truth.start, 1.0, 0.01);
   EXPECT_LT(run.events.size(), 20000U);
   for (Eigen::Index k = 0; k < run.t.size(); ++k) {
     for (const Contact& contact : scene.model.contacts) {
@@ -146,7 +146,7 @@ q = [0.0]
 u = [0.3]
 )";
   const Scene scene = parse_scene(squeezed, "squeezed_mass.toml");
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   try {
     master.advance(at(5.0), events, 200000);

@@ -13,7 +13,7 @@ namespace {
 
 Scene ball(double height, double restitution) {
   Scene scene = shipped_scene("bouncing_ball");
-  scene.master.q[0] = height;
+  scene.truth.start.q[0] = height;
   scene.model.contacts[0].restitution = restitution;
   return scene;
 }
@@ -116,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(Beams, Scenes,
 TEST_P(Scenes, GapIsNeverNegativeAndZeroInSustainedContact) {
   const Scene scene = shipped_scene(GetParam());
   const Contact& contact = scene.model.contacts[0];
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   Eigen::VectorXd q(3);
   Eigen::VectorXd u(3);
@@ -136,7 +136,7 @@ TEST_P(Scenes, GapIsNeverNegativeAndZeroInSustainedContact) {
 TEST_P(Scenes, EventsDoNotDependOnHowOftenOneAsks) {
   const Scene scene = shipped_scene(GetParam());
   const std::vector<ContactEvent> at_once = events_of(scene, 40.0);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> in_ticks;
   for (std::int64_t k = 0; k <= 40000; ++k) master.advance(tick_instant(k, 1e-3), in_ticks);
   EXPECT_EQ(at_once, in_ticks);
@@ -146,7 +146,7 @@ TEST_P(Scenes, EnergyOfTheUnforcedMachineNeverGrows) {
   Scene scene = shipped_scene(GetParam());
   scene.model.forces.clear();
   scene.model.contacts[0].motion = {};
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   Eigen::VectorXd q(3);
   Eigen::VectorXd u(3);
@@ -167,8 +167,8 @@ TEST_P(Scenes, EnergyOfTheUnforcedMachineNeverGrows) {
 TEST_P(Scenes, MirroredMachineHasTheSameEvents) {
   const Scene scene = shipped_scene(GetParam());
   Scene mirrored = scene;
-  mirrored.master.q = -scene.master.q;
-  mirrored.master.u = -scene.master.u;
+  mirrored.truth.start.q = -scene.truth.start.q;
+  mirrored.truth.start.u = -scene.truth.start.u;
   mirrored.model.contacts[0].w = -scene.model.contacts[0].w;
   for (Force& force : mirrored.model.forces) force.direction = -force.direction;
   EXPECT_EQ(events_of(scene, 30.0), events_of(mirrored, 30.0));
@@ -176,9 +176,9 @@ TEST_P(Scenes, MirroredMachineHasTheSameEvents) {
 
 TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
   const Scene scene = shipped_scene("paper_beam_as_printed");
-  ASSERT_TRUE(scene.release_penetration);
+  ASSERT_TRUE(scene.truth.release_penetration);
   const Contact& contact = scene.model.contacts[0];
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   Eigen::VectorXd q(3);
   Eigen::VectorXd u(3);

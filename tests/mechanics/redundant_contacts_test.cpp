@@ -110,8 +110,8 @@ TEST(RedundantContacts, ADoubledContactIsOneContact) {
     doubled.push_back(event);
     doubled.push_back({event.t, 1, event.kind});
   }
-  const Motions with = run(twice.model, scene.replica, 0.01, 2000, doubled);
-  const Motions without = run(scene.model, scene.replica, 0.01, 2000, events);
+  const Motions with = run(twice.model, scene.prior.start, 0.01, 2000, doubled);
+  const Motions without = run(scene.model, scene.prior.start, 0.01, 2000, events);
   EXPECT_LT(difference(with, without), 1e-11);
   EXPECT_EQ(with.state.refused_impacts, 0);
   EXPECT_GT(with.state.redundancy.closings, 0);

@@ -46,7 +46,7 @@ class ReferenceTimes : public testing::TestWithParam<Case> {
 
   void SetUp() override {
     const Scene scene = shipped_scene(GetParam().scene);
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     master.advance(at(GetParam().horizon), events);
     for (const ContactEvent& event : events) {
@@ -139,7 +139,7 @@ TEST(ReferenceStates, MasterIsAtTheReferenceStateAtItsSamples) {
        {std::pair("paper_beam", "A_n3_c0"), std::pair("paper_beam_chatter", "B_n3_c0.0125"),
         std::pair("paper_beam_frame", "D_n3_s0_c0.005")}) {
     const Scene scene = shipped_scene(name);
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     Eigen::VectorXd q(3);
     Eigen::VectorXd u(3);

@@ -118,7 +118,7 @@ class RungeKutta {
 void expect_impacts_as_integrated(const char* name, double T, long double h) {
   const Scene scene = shipped_scene(name);
   const std::vector<ContactEvent> events = events_of(scene, T);
-  const std::vector<double> expected = RungeKutta(scene.model, scene.master).impacts(10, h);
+  const std::vector<double> expected = RungeKutta(scene.model, scene.truth.start).impacts(10, h);
   ASSERT_GE(events.size(), expected.size());
   double worst = 0.0;
   for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -212,8 +212,8 @@ TEST(ImpactOscillator, StaysOnTheOrbitWithOneImpactAPeriod) {
   const Oscillator oscillator(scene.model);
   const OneImpactOrbit orbit = oscillator.one_impact_orbit();
   EXPECT_NEAR(scene.model.forces[0].harmonic.phase, orbit.phase, 1e-14);
-  EXPECT_NEAR(scene.master.u[0], orbit.velocity, 1e-15);
-  EXPECT_EQ(scene.master.q[0], -oscillator.c);
+  EXPECT_NEAR(scene.truth.start.u[0], orbit.velocity, 1e-15);
+  EXPECT_EQ(scene.truth.start.q[0], -oscillator.c);
   EXPECT_GT(orbit.velocity, 0.0);
 
   const double period = 2.0 * std::numbers::pi / oscillator.Omega;
@@ -243,14 +243,14 @@ TEST(ImpactOscillator, GrazingFollowsTheSquareRootLaw) {
   const double X = oscillator.X;
   const double Omega = oscillator.Omega;
   scene.model.forces[0].harmonic.phase = oscillator.theta;  // x = X cos(Omega t)
-  scene.master.q[0] = X;
-  scene.master.u[0] = 0.0;
+  scene.truth.start.q[0] = X;
+  scene.truth.start.u[0] = 0.0;
   std::vector<double> log_mu;
   std::vector<double> log_deviation;
   for (double exponent = -8.0; exponent < -5.9; exponent += 0.25) {
     const double mu = X * std::pow(10.0, exponent);
     scene.model.contacts[0].clearance = X - mu;
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     Eigen::VectorXd q(1);
     Eigen::VectorXd u(1);
@@ -296,7 +296,7 @@ Scene elastic_bar(int n) {
     model.K(i, i + 1) = model.K(i + 1, i) = -stiffness;
   }
   model.contacts.push_back({Eigen::VectorXd::Unit(nodes, 0), distance, {}, 0.0});
-  scene.master = {Eigen::VectorXd::Zero(nodes), Eigen::VectorXd::Constant(nodes, -speed)};
+  scene.truth.start = {Eigen::VectorXd::Zero(nodes), Eigen::VectorXd::Constant(nodes, -speed)};
   return scene;
 }
 
@@ -310,8 +310,8 @@ TEST(ElasticBar, SceneIsTheBarOfAHundredElements) {
   EXPECT_EQ(scene.model.contacts[0].w, expected.model.contacts[0].w);
   EXPECT_EQ(scene.model.contacts[0].clearance, distance);
   EXPECT_EQ(scene.model.contacts[0].restitution, 0.0);
-  EXPECT_EQ(scene.master.q, expected.master.q);
-  EXPECT_EQ(scene.master.u, expected.master.u);
+  EXPECT_EQ(scene.truth.start.q, expected.truth.start.q);
+  EXPECT_EQ(scene.truth.start.u, expected.truth.start.u);
 }
 
 struct BarImpact {
@@ -321,12 +321,12 @@ struct BarImpact {
 
 BarImpact bar_impact(int n) {
   const Scene scene = elastic_bar(n);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
-  State x = scene.master;
+  State x = scene.truth.start;
   master.advance(at(2e-3), events);
   master.state(at(2e-3), x.q, x.u);
-  const Eigen::VectorXd momentum = scene.model.M * (x.u - scene.master.u);
+  const Eigen::VectorXd momentum = scene.model.M * (x.u - scene.truth.start.u);
   const double energy = 0.5 * x.u.dot(scene.model.M * x.u) + 0.5 * x.q.dot(scene.model.K * x.q);
   const double energy_before = 0.5 * rho * S * L * speed * speed;
   return {events.front().t, events.back().t - events.front().t, momentum.sum(),

@@ -64,9 +64,9 @@ TEST_P(SceneRuns, ErrorEnergyFallsAndNeverGrows) {
 TEST_P(SceneRuns, GapsAreNeverNegativeAndZeroInSustainedContact) {
   const Scene scene = shipped_scene(GetParam().scene);
   const std::vector<Contact>& contacts = scene.model.contacts;
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
-  State x = scene.master;
+  State x = scene.truth.start;
   std::vector<double> closest(contacts.size(), infinity);
   for (std::int64_t k = 0; tick_instant(k, GetParam().h).hi <= GetParam().T; ++k) {
     const Instant t = tick_instant(k, GetParam().h);
@@ -90,10 +90,10 @@ TEST_P(SceneRuns, GapsAreNeverNegativeAndZeroInSustainedContact) {
 template <typename Visit>
 void at_each_event(const Scene& scene, double T, Visit visit) {
   const std::vector<ContactEvent> events = events_of(scene, T);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> ignored;
-  State before = scene.master;
-  State after = scene.master;
+  State before = scene.truth.start;
+  State after = scene.truth.start;
   for (const ContactEvent& event : events) {
     master.advance(at(std::nextafter(event.t, 0.0)), ignored);
     master.state(at(event.t), before.q, before.u);
@@ -173,10 +173,10 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
   const Scene scene = shipped_scene("two_supports_beam");
   const Model& model = scene.model;
   const double d = 1e-5;  // of the differences, whose error is about (61.7 d)^2 / 6 of u'
-  Master master(model, scene.master);
-  Master later(model, scene.master);
+  Master master(model, scene.truth.start);
+  Master later(model, scene.truth.start);
   std::vector<ContactEvent> ignored;
-  State x = scene.master;
+  State x = scene.truth.start;
   State left = x;
   State right = x;
   Eigen::MatrixXd W(3, 2);
@@ -242,9 +242,9 @@ TEST(TwoSupportsBeam, ShakenHarderStaysOutsideAndSynchronizes) {
 
 TEST(ThreeBallChainScene, OneImpactOfBothContacts) {
   const Scene scene = shipped_scene("three_ball_chain");
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
-  State x = scene.master;
+  State x = scene.truth.start;
   const Eigen::Vector3d after(-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0);
   master.advance(at(100.0), events);
   master.state(at(100.0), x.q, x.u);

@@ -19,12 +19,12 @@ TEST(StopToken, EndsItsOwnCallOnly) {
   std::stop_source source;
   bool interrupted_first = false;
   std::thread first([&] {
-    EXPECT_THROW(simulate(scene.model, scene.master, endless, 0.0, source.get_token()),
+    EXPECT_THROW(simulate(scene.model, scene.truth.start, endless, 0.0, source.get_token()),
                  Interrupted);
     interrupted_first = true;
   });
   source.request_stop();
-  const Simulation other = simulate(scene.model, scene.master, 20.0, 0.0);
+  const Simulation other = simulate(scene.model, scene.truth.start, 20.0, 0.0);
   EXPECT_FALSE(other.events.empty());
   first.join();
   EXPECT_TRUE(interrupted_first);
@@ -37,11 +37,11 @@ TEST(StopToken, OfTheEnclosingScopeIsKeptWithoutOneOfItsOwn) {
   source.request_stop();
   {
     const StopScope scope(source.get_token());
-    EXPECT_THROW(simulate(scene.model, scene.master, endless, 0.0), Interrupted);
+    EXPECT_THROW(simulate(scene.model, scene.truth.start, endless, 0.0), Interrupted);
     std::stop_source inner;
-    EXPECT_NO_THROW(simulate(scene.model, scene.master, 20.0, 0.0, inner.get_token()));
+    EXPECT_NO_THROW(simulate(scene.model, scene.truth.start, 20.0, 0.0, inner.get_token()));
   }
-  EXPECT_NO_THROW(simulate(scene.model, scene.master, 20.0, 0.0));
+  EXPECT_NO_THROW(simulate(scene.model, scene.truth.start, 20.0, 0.0));
 }
 
 }  // namespace

@@ -18,8 +18,8 @@ TEST(TrackingEstimator, TicksDoNotAllocate) {
   constexpr double h = 0.01;
   TrackingEstimator estimator(told, h, EstimatorKind::adaptive);
   TrackingState state, saved;
-  estimator.start(told.replica, 0, 0, state);
-  estimator.start(told.replica, 0, 0, saved);
+  estimator.start(told.prior.start, 0, 0, state);
+  estimator.start(told.prior.start, 0, 0, saved);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(3), u(3);
   AdaptationTask task;

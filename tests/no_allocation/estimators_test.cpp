@@ -39,7 +39,7 @@ struct Drive {
 
 Drive shipped(const std::string& name) {
   const Scene scene = shipped_scene(name);
-  Drive drive{scene.model, scene.replica, 1e-3, events_of(scene, 30.0), {}};
+  Drive drive{scene.model, scene.prior.start, 1e-3, events_of(scene, 30.0), {}};
   drive.assign_ticks(30000);
   return drive;
 }
@@ -128,8 +128,8 @@ TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
 /// A scene that uses all features of the filter.
 Scene uncertain(const char* name) {
   Scene scene = shipped_scene(name);
-  scene.drift = 1e-6;
-  scene.jitter = 1e-4;
+  scene.prior.drift = 1e-6;
+  scene.prior.jitter = 1e-4;
   return scene;
 }
 

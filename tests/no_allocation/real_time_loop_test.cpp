@@ -67,8 +67,8 @@ TEST(RealTimeLoop, BoundsTheErrorUnderTolerancesWithoutAllocating) {
                            "non_proportional.toml"}) {
     SCOPED_TRACE(name);
     Scene scene = cached_scene(name);
-    scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1.0);
-    scene.tolerance = {.time = 1e-3,
+    scene.prior.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1.0);
+    scene.prior.tolerance = {.time = 1e-3,
                        .restitution = 1e-3,
                        .stiffness = 1e-4,
                        .damping = 1e-3,

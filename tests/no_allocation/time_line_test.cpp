@@ -52,13 +52,13 @@ std::vector<Scene> scenes(const char* name) {
 
 template <Estimator E>
 void expect_no_allocation(const Scene& scene) {
-  SCOPED_TRACE(scene.jitter);
+  SCOPED_TRACE(scene.prior.jitter);
   const double end = 30.0;
   const double h = 1e-3;
   const std::vector<ContactEvent> events = master_events(scene, end);
   const std::vector<EncodedContacts> messages = messages_of(events, 1, end);
   E estimator(scene, h);
-  TimeLine<E> line(estimator, 1, scene.replica, 100);
+  TimeLine<E> line(estimator, 1, scene.prior.start, 100);
   SessionTracker sessions;
   EstimateSample empty;
   empty.q.setZero(scene.model.coordinates());
@@ -140,7 +140,7 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
   const std::vector<ContactMessage> reports = reports_at(times, events, 2);
   TypeParam estimator(scene, h);
-  TimeLine<TypeParam> line(estimator, 2, cached_scene("paper_beam.toml").replica, 100);
+  TimeLine<TypeParam> line(estimator, 2, cached_scene("paper_beam.toml").prior.start, 100);
   line.restart(reports.front());
 
   std::int64_t settled = 0;

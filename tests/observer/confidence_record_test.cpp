@@ -91,7 +91,7 @@ TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
   const Scene& scene = cached_scene("paper_beam.toml");
   Scene told = scene;
   told.model.contacts[0].restitution *= 0.98;
-  told.jitter = 1e-4;
+  told.prior.jitter = 1e-4;
   const Said said = said_of<TimingEstimator>(told, master_events(scene, 100.0), 100.0);
   const auto& confidence = said.report["confidence"];
   EXPECT_GE(confidence["inconsistencies"], 1);

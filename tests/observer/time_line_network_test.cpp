@@ -104,7 +104,7 @@ class NetworkTest : public ::testing::Test {
     const Plan plan{random.uniform(0.0, 0.6), random.uniform(0.0, 1.0), 0.25, 0.2};
 
     E estimator(scene.model, h);
-    TimeLine<E> line(estimator, 1, scene.replica, history);
+    TimeLine<E> line(estimator, 1, scene.prior.start, history);
     LateResults<E> results(estimator);
     SessionTracker tracker;
     Recording settled;
@@ -154,7 +154,7 @@ class NetworkTest : public ::testing::Test {
     ASSERT_EQ(line.events().counts().lost_records, 0) << "not a plan that repeats repair";
     EXPECT_EQ(line.events().events(), events);
     EXPECT_EQ(line.events().counts().events, static_cast<std::int64_t>(events.size()));
-    EXPECT_EQ(difference(offline<E>(scene.model, scene.replica, h, events, end), settled), "");
+    EXPECT_EQ(difference(offline<E>(scene.model, scene.prior.start, h, events, end), settled), "");
     figures_.rollbacks += line.rollbacks().rollbacks;
     figures_.lost += tracker.counts().lost;
     figures_.doubled += tracker.counts().doubled;

@@ -15,7 +15,7 @@ constexpr double duration = 20.0;
 template <Estimator E>
 void expect_same(StepperKind stepper) {
   Scene scene = cached_scene("two_stops_beam.toml");
-  scene.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-3);
+  scene.prior.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-3);
   const Eigen::Index f = scene.model.coordinates();
   const std::vector<ContactEvent> events = master_events(scene, duration);
   ASSERT_GT(events.size(), 20U);
@@ -24,8 +24,8 @@ void expect_same(StepperKind stepper) {
   EXPECT_EQ(any.h(), typed.h());
   typename E::State typed_state;
   AnyReplica::State state, other;
-  typed.start(scene.replica, 0, 0, typed_state);
-  any.start(scene.replica, 0, 0, state);
+  typed.start(scene.prior.start, 0, 0, typed_state);
+  any.start(scene.prior.start, 0, 0, state);
   const double bound = initial_bound(scene);
   Confidence expected = typed.no_confidence(), actual = any.no_confidence();
   EXPECT_EQ(actual.has_replica, expected.has_replica);
@@ -73,9 +73,9 @@ TEST(AnyReplica, TakesAnyStateAtItsStart) {
   AnyReplica moreau(scene, step_length, StepperKind::moreau);
   AnyReplica replica(scene, step_length);
   AnyReplica::State state;
-  moreau.start(scene.replica, 0, 0, state);
+  moreau.start(scene.prior.start, 0, 0, state);
   moreau.tick({}, state);
-  replica.start(scene.replica, 5, 1, state);
+  replica.start(scene.prior.start, 5, 1, state);
   EXPECT_EQ(state.tick, 5);
   EXPECT_EQ(state.chi, 1U);
   replica.tick({}, state);

@@ -62,9 +62,9 @@ TEST(Penetration, LeavesOutRoundingAndWhatDeviationsCover) {
 // filter's estimate is not marked if its sigma covers the depth; the machine's own start never is.
 TEST(Penetration, MarksEstimatesOfAnObserver) {
   Scene scene = cached_scene("paper_beam.toml");
-  scene.replica.q *= 2.0;
-  ASSERT_LT(gap(scene.model.contacts[0], scene.replica.q, 0.0), -0.1);
-  const Simulation machine = simulate(scene.model, scene.master, 60.0, 0.01);
+  scene.prior.start.q *= 2.0;
+  ASSERT_LT(gap(scene.model.contacts[0], scene.prior.start.q, 0.0), -0.1);
+  const Simulation machine = simulate(scene.model, scene.truth.start, 60.0, 0.01);
   for (const EstimatorKind kind : {EstimatorKind::replica, EstimatorKind::both}) {
     const Estimates all = observe(scene, machine.events, 60.0, {.tick = 0.01, .estimator = kind});
     const bool replica = kind == EstimatorKind::replica;
@@ -81,7 +81,7 @@ TEST(Penetration, MarksEstimatesOfAnObserver) {
     }
     EXPECT_GT(marked, replica ? 10 : -1);
   }
-  scene.replica = scene.master;
+  scene.prior.start = scene.truth.start;
   const Estimates right = observe(scene, machine.events, 60.0, {.tick = 0.01});
   EXPECT_EQ(std::count(right.penetrating.begin(), right.penetrating.end(), 1), 0);
 }

@@ -146,7 +146,7 @@ TEST(ReplicaSweep, OfChatteringBeamsIsTheReplicasBitForBit) {
   for (std::size_t i = 0; i < events.size(); ++i) {
     scene.model.K *= 1.0 + 1e-3 * static_cast<double>(i);
     events[i] = test::events_of(scene, 20.0);
-    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[i]});
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.prior.start, events[i]});
   }
   const Met met = expect_equal(runs, 1e-3, 20000);
   EXPECT_GT(met.locked_ticks, 100);
@@ -188,13 +188,13 @@ TEST(ReplicaSweep, OfAMachineAtResonanceIsTheReplicasBitForBit) {
 // A contact that is closed at the start of the events.
 TEST(ReplicaSweep, TakesEventsOfTheStartAndBeforeItAtTheStart) {
   Scene scene = test::shipped_scene("bouncing_ball");
-  scene.replica = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, -1.0)};
+  scene.prior.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, -1.0)};
   std::vector<std::vector<ContactEvent>> events(3);
   std::vector<ReplicaSweep::Run> runs;
   for (std::size_t i = 0; i < events.size(); ++i) {
     events[i] = {{-0.1 * static_cast<double>(i), 0, ContactEventKind::closes},
                  {0.013, 0, ContactEventKind::opens}};
-    runs.push_back({std::make_shared<Flows>(scene.model), scene.replica, events[i]});
+    runs.push_back({std::make_shared<Flows>(scene.model), scene.prior.start, events[i]});
   }
   const Met met = expect_equal(runs, 1e-3, 100);
   EXPECT_EQ(met.locked_ticks, 3 * 12);
@@ -203,8 +203,8 @@ TEST(ReplicaSweep, TakesEventsOfTheStartAndBeforeItAtTheStart) {
 TEST(ReplicaSweep, TakesOneToEightRunsOfOneStructure) {
   const Scene beam = test::shipped_scene("paper_beam");
   const Scene others = test::shipped_scene("two_stops_beam");
-  const ReplicaSweep::Run run{std::make_shared<Flows>(beam.model), beam.replica, {}};
-  const ReplicaSweep::Run other{std::make_shared<Flows>(others.model), others.replica, {}};
+  const ReplicaSweep::Run run{std::make_shared<Flows>(beam.model), beam.prior.start, {}};
+  const ReplicaSweep::Run other{std::make_shared<Flows>(others.model), others.prior.start, {}};
   EXPECT_THROW(ReplicaSweep({}, 1e-3), ModelError);
   EXPECT_THROW(ReplicaSweep(std::vector(9, run), 1e-3), ModelError);
   EXPECT_THROW(ReplicaSweep(std::vector({run, other}), 1e-3), ModelError);

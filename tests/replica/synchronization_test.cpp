@@ -45,7 +45,7 @@ TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
   const Scene scene = shipped_scene(GetParam().scene);
   const double T = std::min(GetParam().T, 15.0);
   const std::vector<ContactEvent> events = events_of(scene, T);
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   Replica replica(scene.model, 1e-7);
   ErrorEnergy energy(scene.model);
   Replica::State state;
@@ -60,7 +60,7 @@ TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
     master.advance(tick_instant(k, 1e-7), ignored);
     const ContactSet chi = master.closed();
     master.state(tick_instant(k, 1e-7), q_m, u_m);
-    replica.start({q_m + 0.3 * scene.replica.q, u_m + scene.replica.q}, k, chi, state);
+    replica.start({q_m + 0.3 * scene.prior.start.q, u_m + scene.prior.start.q}, k, chi, state);
     replica.output(state, q_s, u_s);
     const double before = energy(q_m, u_m, q_s, u_s)[0];
     replica.tick(std::span(events).subspan(i, 1), state);
@@ -108,7 +108,7 @@ TEST(ExactStepper, StaysWithTheMasterOnceItIsThere) {
        {std::pair("paper_beam_chatter", 100.0), std::pair("paper_beam_as_printed", 50.0),
         std::pair("stiff_beam", 5.0)}) {
     Scene scene = shipped_scene(name);
-    scene.replica = scene.master;
+    scene.prior.start = scene.truth.start;
     Pair<Replica> pair(scene, 1e-3);
     double worst = 0.0;
     while (pair.t() < T) {
@@ -139,7 +139,7 @@ TEST(ExactStepper, ItsStateIsAValue) {
     return state;
   };
   Replica::State state;
-  replica.start(scene.replica, 0, 0, state);
+  replica.start(scene.prior.start, 0, 0, state);
   const Replica::State first = run(state);
   const Replica::State again = run(saved);
   EXPECT_TRUE((first.motion.x.z == again.motion.x.z).all());
@@ -190,8 +190,8 @@ TEST(MoreauStepper, IsSecondOrderWithoutImpacts) {
     Replica exact(scene.model, h);
     MoreauReplica::State m;
     Replica::State e;
-    moreau.start(scene.replica, 0, 0, m);
-    exact.start(scene.replica, 0, 0, e);
+    moreau.start(scene.prior.start, 0, 0, m);
+    exact.start(scene.prior.start, 0, 0, e);
     double worst = 0.0;
     Eigen::VectorXd q_m(3), u_m(3), q_e(3), u_e(3);
     for (int k = 0; k < static_cast<int>(std::lround(2.0 / h)); ++k) {

@@ -26,7 +26,7 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
   const Flows flows(paper_beam().model);
   const TickedFlight flight(flows[0], tick_length);
   Motion motion;
-  const State start = paper_beam().replica;
+  const State start = paper_beam().prior.start;
   flows[0].enter(start.q, start.u, at(0.0), Eigen::VectorXd(0), motion);
   TickedFlight::Anchor anchor;
   TickedFlight::set_anchor(motion, anchor);
@@ -44,7 +44,7 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
 // The phase of the excitation is exact after any number of ticks of any length.
 TEST(TickedFlight, RoundingsOfThePhasesDoNotAddUp) {
   const Flows flows(paper_beam().model);
-  const State start = paper_beam().replica;
+  const State start = paper_beam().prior.start;
   for (const double h : {1e-4, 1e-3, 1e-2, 0.1, 0.7}) {
     const TickedFlight flight(flows[0], h);
     Motion motion;
@@ -68,7 +68,7 @@ void has_its_time_again(Stepper& stepper) {
   for (const std::int64_t ticks : {1, 63, 64, 65, 200}) {
     SCOPED_TRACE(ticks);
     typename Stepper::State state;
-    stepper.start(paper_beam().replica, 0, 0, state);
+    stepper.start(paper_beam().prior.start, 0, 0, state);
     for (std::int64_t k = 0; k < ticks; ++k) stepper.tick({}, state);
     ASSERT_TRUE(has_no_time(state.motion));
     const ContactEvent event{(static_cast<double>(ticks) + 0.5) * tick_length, 0,

@@ -148,14 +148,14 @@ TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
   const auto chattering = machines("chatter:1-" + std::to_string(count));
   all.insert(all.end(), chattering.begin(), chattering.end());
   for (const Scene& scene : all) {
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     const double T = usual_duration(scene.model);
     master.advance(at(T), events, 30);
     EXPECT_GE(events.size(), 30U) << scene.name;
-    const double V = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
-                                              scene.replica.u)[0];
-    EXPECT_NEAR(scene.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
+    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
+                                              scene.prior.start.u)[0];
+    EXPECT_NEAR(scene.prior.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
   }
   EXPECT_NE(random_scene(Kind::hit, 1), random_scene(Kind::hit, 3));
   EXPECT_NE(random_scene(Kind::hit, 2), random_scene(Kind::chattering, 2));
@@ -164,7 +164,7 @@ TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
 
 TEST(CalibrationMachines, ChatteringContactsStayClosed) {
   for (const Scene& scene : machines("chatter:1-6")) {
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     std::vector<ContactEvent> events;
     master.advance(at(usual_duration(scene.model)), events, 2500);
     const auto stay = std::count_if(events.begin(), events.end(), [](const ContactEvent& event) {
@@ -241,7 +241,7 @@ TEST(CalibrationStudy, DrawsMachines) {
   if (!sanitized) {
     EXPECT_NEAR(of.state.mean_square(), 1.0, 0.3);
   }
-  scene.replica.q *= 1e4;
+  scene.prior.start.q *= 1e4;
   EXPECT_THROW(study(scene, {1e-5}, {EstimatorKind::timing}, options, [](const Row&) {}),
                std::invalid_argument);
 }
@@ -306,7 +306,7 @@ TEST(CalibrationStudy, AReplicaIsFollowedAtTheSamples) {
   ASSERT_EQ(V.size(), 200U);
   EXPECT_TRUE(std::is_sorted(V.rbegin(), V.rend()));  // V never grows
   Scene same = scene;
-  same.replica = same.master;
+  same.prior.start = same.truth.start;
   for (const double of : follow_replica(same, same, truth.events, truth)) EXPECT_LT(of, 1e-20);
 }
 
@@ -467,10 +467,10 @@ TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
   common::Disturbance disturbance;
   disturbance.jitter = jitter;
   const auto events = common::disturb(truth.events, disturbance, contacts, truth.duration, 2);
-  scene.jitter = jitter;
+  scene.prior.jitter = jitter;
   TimingEstimator filter(scene, truth.tick);
   TrackingState state;
-  filter.start(scene.replica, 0, 0, state);
+  filter.start(scene.prior.start, 0, 0, state);
   const Flows flows(scene.model);
 
   State then{Eigen::VectorXd(f), Eigen::VectorXd(f)};

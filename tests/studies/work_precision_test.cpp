@@ -111,8 +111,8 @@ TEST(States, ErrorsLeaveOutImpactsAndWhatWasNotReached) {
 
 TEST(BouncingMass, ClosedFormIsWhatTheMasterDoes) {
   const Scene scene = shipped_scene("bouncing_ball");
-  const Reference exact = bouncing_mass(scene.model, scene.master, 20.0, 0.01);
-  Master master(scene.model, scene.master);
+  const Reference exact = bouncing_mass(scene.model, scene.truth.start, 20.0, 0.01);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   Eigen::VectorXd q(1), u(1);
   for (Eigen::Index k = 0; k < exact.q.cols(); ++k) {
@@ -135,7 +135,7 @@ TEST(BouncingMass, ClosedFormIsWhatTheMasterDoes) {
 
 TEST(BouncingMass, AnotherMachineIsRefused) {
   const Scene scene = shipped_scene("paper_beam");
-  EXPECT_THROW(bouncing_mass(scene.model, scene.master, 1.0, 0.1), ModelError);
+  EXPECT_THROW(bouncing_mass(scene.model, scene.truth.start, 1.0, 0.1), ModelError);
 }
 
 TEST(References, EveryOneIsReadAndFitsItsScene) {
@@ -181,7 +181,7 @@ void holds_memory(const Task& task, double, Outcome& outcome) {
 Measurement measured(void (*run)(const Task&, double, Outcome&), double timeout = 60.0) {
   const Scene scene = shipped_scene("bouncing_ball");
   const Method made{"made up", Kind::rival, 1, "none", {0.0}, "", run};
-  return measure(made, 0.0, scene.model, scene.master, reference_of(scene),
+  return measure(made, 0.0, scene.model, scene.truth.start, reference_of(scene),
                  {.timeout = timeout, .timing = 0.01});
 }
 
@@ -230,7 +230,7 @@ TEST(Children, MemoryIsWhatTheRunAdds) {
 
 TEST(WorkPrecision, TheExactMethodFindsAllImpactsOfThePaperBeam) {
   const Scene scene = shipped_scene("paper_beam");
-  const Measurement result = measure(method("exact"), 0.0, scene.model, scene.master,
+  const Measurement result = measure(method("exact"), 0.0, scene.model, scene.truth.start,
                                      reference_of(scene), {.timing = 0.01});
   EXPECT_EQ(result.failure, "");
   EXPECT_EQ(result.figures.impacts.found, 33);

@@ -32,7 +32,7 @@ inline void draw_balls(Random& random, Scene& scene) {
   model.C = (random.chance(0.5) ? 0.0 : random.uniform(0.0, 0.3)) * model.M;
   model.K = Eigen::MatrixXd::Zero(n, n);
   const double restitution = random.uniform(0.05, 0.9);
-  scene.master = {Eigen::VectorXd(n), Eigen::VectorXd(n)};
+  scene.truth.start = {Eigen::VectorXd(n), Eigen::VectorXd(n)};
   for (Eigen::Index i = 0; i < n; ++i) {
     model.forces.push_back({-9.81 * model.M.col(i), 1.0, {}});
     Contact floor;
@@ -41,9 +41,9 @@ inline void draw_balls(Random& random, Scene& scene) {
     floor.restitution = restitution;
     floor.clearance = random.chance(0.5) ? 0.0 : random.uniform(-0.2, 0.2);
     model.contacts.push_back(floor);
-    const double below = stacked && i > 0 ? scene.master.q[i - 1] : 0.0;
-    scene.master.q[i] = below - floor.clearance + random.uniform(0.05, 1.5);
-    scene.master.u[i] = random.uniform(-2.0, 2.0);
+    const double below = stacked && i > 0 ? scene.truth.start.q[i - 1] : 0.0;
+    scene.truth.start.q[i] = below - floor.clearance + random.uniform(0.05, 1.5);
+    scene.truth.start.u[i] = random.uniform(-2.0, 2.0);
   }
 }
 
@@ -70,9 +70,9 @@ inline void draw_chain(Random& random, Scene& scene) {
     contact.clearance = touch ? 0.0 : random.uniform(0.0, 0.1);
     model.contacts.push_back(contact);
   }
-  scene.master = {Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  scene.master.q[0] = -random.uniform(0.2, 1.0);
-  if (!touch) scene.master.u = random.vector(n);
+  scene.truth.start = {Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  scene.truth.start.q[0] = -random.uniform(0.2, 1.0);
+  if (!touch) scene.truth.start.u = random.vector(n);
 }
 
 /// A shaken beam of one to four modes over one to three supports.
@@ -82,7 +82,7 @@ inline void draw_beam(Random& random, Scene& scene) {
   beam.modes = random.integer(1, 4);
   beam.damping = random.uniform(0.05, 0.4);
   scene.model = beam_model(beam, shake);
-  scene.master = {0.03 * random.vector(beam.modes), 0.3 * random.vector(beam.modes)};
+  scene.truth.start = {0.03 * random.vector(beam.modes), 0.3 * random.vector(beam.modes)};
   const double restitution = random.uniform(0.1, 0.9);
   const int contacts = random.integer(1, std::min(3, beam.modes));
   for (int i = 0; i < contacts; ++i) {
@@ -90,7 +90,7 @@ inline void draw_beam(Random& random, Scene& scene) {
     Contact contact = beam_contact(beam, random.uniform(0.4, 1.0), side, 0.0, restitution,
                                    random.chance(0.5) ? shake : Harmonic{});
     contact.clearance =
-        random.uniform(0.0, 0.03) - std::min(gap(contact, scene.master.q, 0.0), 0.0);
+        random.uniform(0.0, 0.03) - std::min(gap(contact, scene.truth.start.q, 0.0), 0.0);
     scene.model.contacts.push_back(contact);
   }
 }
@@ -102,7 +102,7 @@ inline Scene exact_scene(Random& random, MachineKind kind) {
     case MachineKind::any: {
       const ImpactingMachine machine = random_impacting_machine(random);
       scene.model = machine.model;
-      scene.master = machine.start;
+      scene.truth.start = machine.start;
       break;
     }
     case MachineKind::balls:
@@ -115,9 +115,9 @@ inline Scene exact_scene(Random& random, MachineKind kind) {
       draw_beam(random, scene);
       break;
   }
-  scene.replica = scene.master;
+  scene.prior.start = scene.truth.start;
   const Eigen::Index f = scene.model.coordinates();
-  scene.sigma = State{Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 0.3)),
+  scene.prior.sigma = State{Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 0.3)),
                       Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 1.0))};
   return scene;
 }
@@ -136,12 +136,12 @@ inline std::optional<ExactRun> run_exact(const Scene& scene) {
   TrackingState of_both;
   TimingEstimator timing(scene, h);
   TrackingState of_timing;
-  both.start(scene.replica, 0, 0, of_both);
-  timing.start(scene.replica, 0, 0, of_timing);
+  both.start(scene.prior.start, 0, 0, of_both);
+  timing.start(scene.prior.start, 0, 0, of_timing);
   ExactRun run;
   std::vector<ContactEvent> events;
   try {
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     const auto take = [&](std::int64_t k) {
       events.clear();
       master.advance(tick_instant(k, h), events);

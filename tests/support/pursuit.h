@@ -17,12 +17,12 @@ struct Pursuit {
   Pursuit(const Scene& scene, double h)
       : scene_(scene),
         h_(h),
-        master(scene.model, scene.master),
+        master(scene.model, scene.truth.start),
         filter(scene, h),
         energy_(scene.model),
-        truth{scene.master.q, scene.master.u},
+        truth{scene.truth.start.q, scene.truth.start.u},
         mean(truth) {
-    filter.start(scene.replica, 0, 0, state);
+    filter.start(scene.prior.start, 0, 0, state);
   }
 
   /// One tick; `spoil` may change the events.

@@ -93,7 +93,7 @@ Recording offline(const Model& model, const State& start, double h,
 template <Estimator E, typename OnSettled>
 void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEvent> events,
                    double end, bool late, const OnSettled& on_settled) {
-  TimeLine<E> line(estimator, static_cast<int>(scene.model.contacts.size()), scene.replica, 30);
+  TimeLine<E> line(estimator, static_cast<int>(scene.model.contacts.size()), scene.prior.start, 30);
   line.restart(0, 0, 0, no_horizon);
   Random random(3);
   const auto settle = [&](std::int64_t target) {
@@ -128,7 +128,7 @@ inline const Scene& cached_scene(const std::string& name) {
 }
 
 inline std::vector<ContactEvent> master_events(const Scene& scene, double end) {
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(end), events);
   return events;

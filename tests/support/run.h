@@ -16,7 +16,7 @@ inline Scene shipped_scene(const std::string& name) {
 }
 
 inline std::vector<ContactEvent> events_of(const Scene& scene, double T) {
-  Master master(scene.model, scene.master);
+  Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(T), events);
   return events;
@@ -27,10 +27,10 @@ inline std::vector<ContactEvent> events_of(const Scene& scene, double T) {
 template <Estimator E>
 struct Pair {
   Pair(const Scene& scene, double h)
-      : master(scene.model, scene.master), estimator(scene.model, h), energy(scene.model) {
+      : master(scene.model, scene.truth.start), estimator(scene.model, h), energy(scene.model) {
     const Eigen::Index f = scene.model.coordinates();
     q_m = u_m = q_s = u_s = Eigen::VectorXd::Zero(f);
-    estimator.start(scene.replica, 0, 0, state);
+    estimator.start(scene.prior.start, 0, 0, state);
     master.advance(at(0.0), passed);
     if (!passed.empty()) estimator.apply(passed, state);
     read();

@@ -21,9 +21,9 @@ class TimingEstimator : public TrackingEstimator {
 inline Scene scene_of(const Model& model) {
   Scene scene;
   scene.model = model;
-  scene.replica.q = scene.replica.u = Eigen::VectorXd::Zero(model.coordinates());
-  scene.master = scene.replica;
-  scene.has_master = false;
+  scene.prior.start.q = scene.prior.start.u = Eigen::VectorXd::Zero(model.coordinates());
+  scene.truth.start = scene.prior.start;
+  scene.truth.given = false;
   return scene;
 }
 
@@ -36,7 +36,7 @@ class JitteringBoth : public TrackingEstimator {
  private:
   static Scene with_jitter(const Model& model, double jitter) {
     Scene scene = scene_of(model);
-    scene.jitter = jitter;
+    scene.prior.jitter = jitter;
     return scene;
   }
 };
@@ -64,7 +64,7 @@ class IdentifyingAdaptive : public TrackingEstimator {
  private:
   static Scene within(const Model& model) {
     Scene scene = scene_of(model);
-    scene.adaptation.within.setConstant(1, 0.02);
+    scene.prior.adaptation.within.setConstant(1, 0.02);
     return scene;
   }
 

@@ -52,11 +52,11 @@ inline State in_units(const Units& units, State state) {
 inline Scene in_units(const Units& units, Scene scene) {
   scene.model = in_units(units, scene.model);
   scene.beam.reset();
-  scene.master = in_units(units, scene.master);
-  scene.replica = in_units(units, scene.replica);
-  scene.uncertainty *= units.of_energy(1.0);
-  scene.drift = std::ldexp(units.of_energy(scene.drift), -units.time);
-  scene.jitter = units.of_time(scene.jitter);
+  scene.truth.start = in_units(units, scene.truth.start);
+  scene.prior.start = in_units(units, scene.prior.start);
+  scene.prior.uncertainty *= units.of_energy(1.0);
+  scene.prior.drift = std::ldexp(units.of_energy(scene.prior.drift), -units.time);
+  scene.prior.jitter = units.of_time(scene.prior.jitter);
   return scene;
 }
 

@@ -62,7 +62,7 @@ Scene two_contacts(ImpactLaw law, double epsilon_1, double epsilon_2) {
                     contact(Eigen::Vector2d(-0.8, 0.6), epsilon_2, 3.0)};
   model.forces.push_back({Eigen::Vector2d(1.0, 0.4), 0.0, {2.0, 1.3, 0.0}});
   model.forces.push_back({Eigen::Vector2d(0.0, 1.0), 0.0, {1.0, 0.7, 0.0}});
-  scene.master = scene.replica = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  scene.truth.start = scene.prior.start = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
   return scene;
 }
 
@@ -76,7 +76,7 @@ Scene one_mass(double C, double K, double force) {
   const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
   model.contacts = {contact(one, 0.5)};
   model.forces.push_back({one, force, {}});
-  scene.master = scene.replica = {0.5 * one, 0.0 * one};
+  scene.truth.start = scene.prior.start = {0.5 * one, 0.0 * one};
   return scene;
 }
 
@@ -177,8 +177,8 @@ Scene between_stops(double room, const Harmonic& motion = {}) {
                     contact(Eigen::VectorXd::Constant(1, -3.0), 0.5, 3.0 * 0.6 * room)};
   model.contacts[1].motion = motion;
   model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {2.0, 1.3, 0.0}});
-  scene.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
-  scene.replica = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  scene.truth.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
+  scene.prior.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
   return scene;
 }
 
@@ -581,8 +581,8 @@ TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
   model.C = Eigen::Vector2d(0.1, 0.0).asDiagonal();
   model.contacts = {contact(Eigen::Vector2d(1.0, 0.0), 0.5)};
   model.forces = {{Eigen::Vector2d(1.0, 0.0), 0.0, {1.0, 2.0, 0.0}}};
-  blind.master = {Eigen::Vector2d(0.5, 0.5), Eigen::Vector2d::Zero()};
-  blind.replica = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  blind.truth.start = {Eigen::Vector2d(0.5, 0.5), Eigen::Vector2d::Zero()};
+  blind.prior.start = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
   const Assessment unseen = assess(blind);
   ASSERT_GT(unseen.filter->closings, 20);
   EXPECT_FALSE(finding(unseen, "by_filter").holds) << finding(unseen, "by_filter").what;
@@ -592,10 +592,10 @@ TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
 // Without a start of the machine, a trial uses the replica's start.
 TEST(CheckScene, AMasterIsNotNeeded) {
   Scene scene = read_scene(shipped("lab_rig"));
-  scene.replica = scene.master;
+  scene.prior.start = scene.truth.start;
   const Assessment with = assess(scene);
-  scene.master.q.setConstant(1e3);
-  scene.has_master = false;
+  scene.truth.start.q.setConstant(1e3);
+  scene.truth.given = false;
   EXPECT_EQ(assess(scene).trial.closings, with.trial.closings);
 }
 

@@ -323,7 +323,7 @@ TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
   constexpr std::size_t events = 80;
   const Scene scene = shipped_scene(GetParam().scene);
   const auto diagnosed = [&](const Scene& other) {
-    Master master(other.model, other.master);
+    Master master(other.model, other.truth.start);
     std::vector<ContactEvent> of;
     master.advance(at(1000.0), of, events);
     return diagnose(scene, of, 0.0);

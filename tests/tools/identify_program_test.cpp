@@ -80,9 +80,9 @@ TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {
   EXPECT_NEAR(scene.model.contacts[0].restitution, 0.65, 1e-10);
   EXPECT_NEAR(scene.beam->damping, 0.17, 1e-10);
   EXPECT_NEAR(scene.positions[0], 0.868, 1e-10);
-  EXPECT_NEAR(scene.replica.q[0], -0.05, 1e-9);
-  EXPECT_NEAR(scene.master.q[0], -0.05, 1e-9);
-  EXPECT_EQ(scene.jitter, 0.0);
+  EXPECT_NEAR(scene.prior.start.q[0], -0.05, 1e-9);
+  EXPECT_NEAR(scene.truth.start.q[0], -0.05, 1e-9);
+  EXPECT_EQ(scene.prior.jitter, 0.0);
   // The written scene explains the events without changes.
   const Ended again = identify({events, path("fitted.toml"), "--json"});
   EXPECT_EQ(again.code, 0);
@@ -253,9 +253,9 @@ TEST_F(IdentifyProgramTest, ADriftIsToldAndWritten) {
   EXPECT_NE(found.out.find("The machine drifts from its model: drift "), std::string::npos)
       << found.out;
   const Scene fitted = read_scene(path("fitted.toml"));
-  EXPECT_GT(fitted.drift, 3e-9);
-  EXPECT_LT(fitted.drift, 3e-8);
-  EXPECT_NEAR(fitted.jitter, 1e-4, 4e-5);
+  EXPECT_GT(fitted.prior.drift, 3e-9);
+  EXPECT_LT(fitted.prior.drift, 3e-8);
+  EXPECT_NEAR(fitted.prior.jitter, 1e-4, 4e-5);
   const Ended again = identify({path("events.csv"), scene_file("paper_beam"), "--within", "0.05",
                                 "--duration", "30", "--json"});
   const auto json = nlohmann::json::parse(again.out);
@@ -391,7 +391,7 @@ correlation = [["beam.damping", "excitation.amplitude", 0.5]]
       identify({events, path("given.toml"), "--output", path("fitted.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   const Scene fitted = read_scene(path("fitted.toml"));
-  const ParameterUncertainty& parameters = fitted.parameters;
+  const ParameterUncertainty& parameters = fitted.prior.parameters;
   const auto json = nlohmann::json::parse(ended.out);
   ASSERT_EQ(parameters.keys.size(), json["parameters"].size());
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
@@ -429,7 +429,7 @@ TEST(FittedText, CorrelationsAreThoseOfTheFit) {
   ASSERT_TRUE(fit.fits());
   const FittedText fitted = fitted_text(text, scene, fit, 0.0, "in.toml", "out.toml");
   EXPECT_TRUE(fitted.not_filtered.empty());
-  const ParameterUncertainty parameters = parse_scene(fitted.text, "out.toml").parameters;
+  const ParameterUncertainty parameters = parse_scene(fitted.text, "out.toml").prior.parameters;
   ASSERT_EQ(parameters.keys.size(), fit.unknowns.size());
   for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
     const FittedUnknown& of = fit.unknowns[k];

@@ -49,7 +49,7 @@ TEST(Outputs, AreSureAsTheStateIs) {
         observe(scene, events, 8.0, {.tick = 0.01, .estimator = EstimatorKind::timing});
     TimingEstimator filter(scene, 0.01);
     TrackingState state;
-    filter.start(scene.replica, 0, 0, state);
+    filter.start(scene.prior.start, 0, 0, state);
     auto next = events.begin();
     for (int k = 1; k <= 800; ++k) {
       const auto since = next;

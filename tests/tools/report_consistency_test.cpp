@@ -420,7 +420,7 @@ void ReportConsistencyTest::check_written(const Ended& ended) {
   if (ended.code != 0) return;
   const Scene fitted = read_scene(path("fitted.toml"));
   const Scene scene = read_scene(path("scene.toml"));
-  const auto& listed = fitted.parameters.keys;
+  const auto& listed = fitted.prior.parameters.keys;
   for (const auto& of : report_["parameters"]) {
     const std::string key = of["parameter"];
     SCOPED_TRACE(key);

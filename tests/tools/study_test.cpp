@@ -258,7 +258,7 @@ TEST_F(StudyTest, StartsHaveTheirEnergyAndAreOutsideOfSupports) {
 
 std::vector<ContactEvent> events_of_rig() {
   const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/lab_rig.toml");
-  return simulate(scene.model, scene.master, 100.0, 0.0).events;
+  return simulate(scene.model, scene.truth.start, 100.0, 0.0).events;
 }
 
 TEST(StudyDisturbance, IsAsLargeAsItSays) {
@@ -310,8 +310,8 @@ TEST_F(StudyTest, FiguresOfARunAreThoseOfItsErrors) {
 TEST(StudyFigures, AreThoseOfAnObserversEstimates) {
   for (const char* name : {"lab_rig", "two_stops_beam"}) {
     Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/" + std::string(name) + ".toml");
-    scene.jitter = 1e-4;
-    scene.drift = 1e-6;
+    scene.prior.jitter = 1e-4;
+    scene.prior.drift = 1e-6;
     const Eigen::Index f = scene.model.coordinates();
     const auto contacts = static_cast<int>(scene.model.contacts.size());
     const Truth truth = run_machine(scene, 20.0, 0.025, 160);
@@ -354,8 +354,8 @@ TEST(StudyFigures, AreThoseOfAnObserversEstimates) {
 
 TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/bouncing_ball.toml");
-  scene.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
-  scene.replica = {Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Zero(1)};
+  scene.truth.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  scene.prior.start = {Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Zero(1)};
   const Truth truth = run_machine(scene, 4.0, 0.0, 40);
   ASSERT_EQ(truth.events.size(), 1U);
   ASSERT_EQ(truth.events[0].t, 0.0);
@@ -376,7 +376,7 @@ TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
     events.push_back(
         disturb(truths.back().events, {.jitter = 1e-3, .spurious = 0.2}, contacts, 10.0, 5, run));
     scene.model.K *= 1.0 + 1e-3 * static_cast<double>(run);
-    scene.replica.q.array() += 1e-3;
+    scene.prior.start.q.array() += 1e-3;
     scenes.push_back(std::move(scene));
   };
   const auto scene = [](const std::string& name) {
@@ -387,8 +387,8 @@ TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
   for (int i = 0; i < 2; ++i) add(scene("lab_rig"), 2e-2);
   scenes[2].model.M *= -1.0;
   Scene at_rest = scene("bouncing_ball");
-  at_rest.master = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
-  at_rest.replica = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
+  at_rest.truth.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  at_rest.prior.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
   for (int i = 0; i < 2; ++i) add(at_rest, 1e-2);
 
   std::vector<Told> runs;

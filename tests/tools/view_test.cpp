@@ -362,7 +362,7 @@ TEST(Watch, WhatDoesNotSettleStaysBoundedAndInSight) {
 TEST(Watch, EnergiesAreThoseOfTheLogger) {
   const Scene scene = two_carriages();
   constexpr double tick = 0.01;
-  const Simulation machine = simulate(scene.model, scene.master, 20.0, tick);
+  const Simulation machine = simulate(scene.model, scene.truth.start, 20.0, tick);
   ASSERT_GT(machine.events.size(), 3u);
   Observer observer(scene, {.tick = tick});
   for (const ContactEvent& event : machine.events) observer.take(event);

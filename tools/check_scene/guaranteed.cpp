@@ -53,7 +53,7 @@ std::string limits_text(const Tolerance& tolerance) {
 }  // namespace
 
 std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene) {
-  if (!scene.tolerance.any()) return std::nullopt;
+  if (!scene.prior.tolerance.any()) return std::nullopt;
   GuaranteedWidths result;
   result.why_none = why_no_bound(scene);
   if (!result.why_none.empty()) return result;
@@ -63,7 +63,7 @@ std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene) {
   result.duration = slow_periods * 6.3 / (slowest > 0.0 ? slowest : 1.0);
   std::vector<ContactEvent> events;
   try {
-    Master master(scene.model, scene.has_master ? scene.master : scene.replica);
+    Master master(scene.model, scene.truth.given ? scene.truth.start : scene.prior.start);
     for (int i = 0; i < most_doublings; ++i) {
       master.advance(at(result.duration), events, 20 * wanted_events);
       if (events.size() >= wanted_events) break;
@@ -100,7 +100,7 @@ std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWi
       const auto& [name, width] = found->widths[i];
       words += (i > 0 ? ", " : " ") + name + " within " + length(width);
     }
-    words += " at " + limits_text(scene.tolerance) + "; B is at most " +
+    words += " at " + limits_text(scene.prior.tolerance) + "; B is at most " +
              with_unit(found->floor.largest, 1.0, "") + " in the second half of a trial of " +
              with_unit(found->duration, 1.0, "s");
     words += std::isfinite(found->floor.without_events)

@@ -18,7 +18,7 @@ std::string short_text(double value, int digits) {
 }  // namespace
 
 std::string parameters_text(const Scene& scene) {
-  const ParameterUncertainty& parameters = scene.parameters;
+  const ParameterUncertainty& parameters = scene.prior.parameters;
   if (parameters.empty()) return {};
   std::string words = "uncertain parameters:";
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
@@ -33,7 +33,7 @@ std::string parameters_text(const Scene& scene) {
 }
 
 void write_parameters(const Scene& scene, nlohmann::ordered_json& object) {
-  const ParameterUncertainty& parameters = scene.parameters;
+  const ParameterUncertainty& parameters = scene.prior.parameters;
   if (parameters.empty()) return;
   auto list = nlohmann::ordered_json::array();
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {

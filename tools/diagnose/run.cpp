@@ -15,7 +15,7 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
                            AfterLoss::dropped, common, report);
-  const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.jitter),
+  const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.prior.jitter),
                                        {recorded.begins, recorded.closed});
   nlohmann::ordered_json object;
   write_json(diagnosis, object);

@@ -288,7 +288,7 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
   if (fit.start_t == begins) {
     out.set("replica.q", fit.start.q);
     out.set("replica.u", fit.start.u);
-    if (scene.sigma) {
+    if (scene.prior.sigma) {
       out.set("replica.sigma_q", start_deviations(fit.start_sigma.q, fit.start.q));
       out.set("replica.sigma_u", start_deviations(fit.start_sigma.u, fit.start.u));
     } else {
@@ -299,7 +299,7 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
       out.set("master.u", fit.start.u);
     }
   }
-  if (fit.fitted.drift != scene.drift) out.set("replica.drift", fit.fitted.drift);
+  if (fit.fitted.drift != scene.prior.drift) out.set("replica.drift", fit.fitted.drift);
   // A jitter below the resolution of times counts as none.
   const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
   if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);

@@ -69,8 +69,8 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   settings.closed = recorded.closed;
   if (run.jitter) {
     settings.jitter = run.jitter;
-  } else if (scene.jitter > 0.0) {
-    settings.jitter = scene.jitter;
+  } else if (scene.prior.jitter > 0.0) {
+    settings.jitter = scene.prior.jitter;
   }
   IdentifyResult result;
   result.scene = scene.name;

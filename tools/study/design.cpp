@@ -75,7 +75,7 @@ State drawn_offset(const Model& model, double energy, Random& random) {
 bool outside(const Scene& scene) {
   return std::all_of(
       scene.model.contacts.begin(), scene.model.contacts.end(),
-      [&](const Contact& contact) { return gap(contact, scene.master.q, 0.0) >= 0.0; });
+      [&](const Contact& contact) { return gap(contact, scene.truth.start.q, 0.0) >= 0.0; });
 }
 
 }  // namespace
@@ -177,27 +177,27 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
 void draw_starts(const Study& study, std::uint64_t stream, Setting& setting) {
   Scene& machine = setting.machine;
   if (setting.start_machine > 0.0) {
-    const State center = machine.master;
+    const State center = machine.truth.start;
     constexpr int attempts = 1000;
     Random random(study.seed, stream, Purpose::start_of_machine);
     for (int attempt = 0;; ++attempt) {
       if (attempt == attempts)
         throw Error("no start of the machine outside its supports was drawn");
       const State offset = drawn_offset(machine.model, setting.start_machine, random);
-      machine.master = {center.q + offset.q, center.u + offset.u};
-      if (machine.release_penetration || outside(machine)) break;
+      machine.truth.start = {center.q + offset.q, center.u + offset.u};
+      if (machine.truth.release_penetration || outside(machine)) break;
     }
-    machine.has_master = true;
+    machine.truth.given = true;
   }
   if (setting.start_replica) {
     Random random(study.seed, stream, Purpose::start_of_replica);
     const State offset = drawn_offset(machine.model, *setting.start_replica, random);
     const Eigen::Index f = setting.told.model.coordinates();
-    setting.told.replica = {(machine.master.q + offset.q).head(f),
-                            (machine.master.u + offset.u).head(f)};
+    setting.told.replica = {(machine.truth.start.q + offset.q).head(f),
+                            (machine.truth.start.u + offset.u).head(f)};
   }
-  setting.told.master = {machine.master.q.head(setting.told.model.coordinates()),
-                         machine.master.u.head(setting.told.model.coordinates())};
+  setting.told.master = {machine.truth.start.q.head(setting.told.model.coordinates()),
+                         machine.truth.start.u.head(setting.told.model.coordinates())};
 }
 
 }  // namespace sprag::study

@@ -477,7 +477,7 @@ void check_completeness(const TomlTable& root, const Study& study) {
               "go with machine.period");
   }
   const Scene& scene = study.scene;
-  if ((needs_duration || record.of_recurrence()) && !scene.has_master) {
+  if ((needs_duration || record.of_recurrence()) && !scene.truth.given) {
     root.fail("scene", "has no [master]; must say where the machine starts");
   }
 }

@@ -102,7 +102,7 @@ void follow_group(std::span<const Told> runs, std::span<const SharedFlows> flows
   std::vector<ReplicaSweep::Run> of_sweep;
   std::vector<ErrorEnergy> energies;
   for (const std::size_t i : group) {
-    of_sweep.push_back({flows[i], runs[i].scene.replica, runs[i].events, 0, max_tick});
+    of_sweep.push_back({flows[i], runs[i].scene.prior.start, runs[i].events, 0, max_tick});
     energies.emplace_back(runs[i].truth.model);
   }
   ReplicaSweep sweep(of_sweep, first.tick);
@@ -140,7 +140,7 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
   if (count < 2) throw Error("the duration has fewer than two ticks");
   truth.q.resize(machine.model.coordinates(), count + 1);
   truth.u.resize(machine.model.coordinates(), count + 1);
-  Master master(machine.model, machine.master);
+  Master master(machine.model, machine.truth.start);
   for (Eigen::Index i = 0; i <= count; ++i) {
     const Instant t = tick_instant(i * truth.stride, truth.tick);
     master.advance(t, truth.events);
@@ -197,7 +197,7 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
       squares.add(u[j] - truth.u(j, i), confidence.sigma_u[j]);
     }
   };
-  pursue(estimator, told.replica, events, truth, take);
+  pursue(estimator, told.prior.start, events, truth, take);
 
   Figures figures = figures_of(std::move(V), truth.interval(), threshold);
   if (filter) {

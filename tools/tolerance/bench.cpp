@@ -66,9 +66,9 @@ double motion_energy_of(const study::Truth& truth) {
 
 Bench::Bench(const Scene& scene, const Settings& settings, int threads)
     : scene_(scene), settings_(settings) {
-  if (!scene_.has_master) scene_.master = scene_.replica;
-  if (settings.jitter > 0.0) scene_.jitter = settings.jitter;
-  if (settings.drift > 0.0) scene_.drift = settings.drift;
+  if (!scene_.truth.given) scene_.truth.start = scene_.prior.start;
+  if (settings.jitter > 0.0) scene_.prior.jitter = settings.jitter;
+  if (settings.drift > 0.0) scene_.prior.drift = settings.drift;
   for (const EstimatorKind kind : settings.estimators) {
     if (kind == EstimatorKind::adaptive) const TrackingEstimator possible(scene_, 1.0, kind);
   }
@@ -114,7 +114,7 @@ std::vector<ContactEvent> Bench::arrived(const study::Disturbance& disturbance, 
 std::vector<study::Figures> Bench::figures(const Deviation* deviation, double amount,
                                            int run) const {
   using Kind = Deviation::Kind;
-  study::Disturbance disturbance{.jitter = scene_.jitter};
+  study::Disturbance disturbance{.jitter = scene_.prior.jitter};
   Scene told = scene_;
   study::Figures none;
   none.V_floor = std::numeric_limits<double>::infinity();
@@ -124,7 +124,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
     const bool other_way = run % 2 == 1;
     switch (deviation->kind) {
       case Kind::jitter:
-        disturbance.jitter = told.jitter = amount;
+        disturbance.jitter = told.prior.jitter = amount;
         break;
       case Kind::offset:
         disturbance.offset = other_way ? -amount : amount;

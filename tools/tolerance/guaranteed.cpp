@@ -47,16 +47,16 @@ std::optional<Tolerance> tolerance_of(const Scene& scene, const Deviation& devia
 std::optional<Limit> guaranteed_limit(const Bench& bench, const Deviation& deviation) {
   Scene scene = bench.scene();
   if (!tolerance_of(scene, deviation, deviation.least)) return std::nullopt;
-  if (scene.uncertainty.size() == 0) {
-    const double V = ErrorEnergy(scene.model)(scene.master.q, scene.master.u, scene.replica.q,
-                                              scene.replica.u)[0];
+  if (scene.prior.uncertainty.size() == 0) {
+    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
+                                              scene.prior.start.u)[0];
     const Eigen::Index f = scene.model.coordinates();
     const double least = 1e-12 * bench.motion_energy();
-    scene.uncertainty = Eigen::VectorXd::Constant(f, std::max(V, least) / static_cast<double>(f));
+    scene.prior.uncertainty = Eigen::VectorXd::Constant(f, std::max(V, least) / static_cast<double>(f));
   }
   if (!why_no_bound(scene).empty()) return std::nullopt;
   const auto holds = [&](double amount) {
-    scene.tolerance = *tolerance_of(scene, deviation, amount);
+    scene.prior.tolerance = *tolerance_of(scene, deviation, amount);
     return certified_floor(scene, bench.truth(0).events, bench.duration()).median < bench.target();
   };
   double low = least_share * deviation.least;

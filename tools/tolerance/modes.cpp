@@ -38,7 +38,7 @@ double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine
   Eigen::VectorXd q(f), u(f);
   double squares = 0.0;
   Eigen::Index count = 0;
-  study::pursue(estimator, told.replica, events, truth,
+  study::pursue(estimator, told.prior.start, events, truth,
                 [&](Eigen::Index k, const TrackingEstimator::State& state) {
                   if (2 * k <= truth.q.cols()) return;
                   estimator.output(state, q, u);
@@ -60,7 +60,7 @@ struct Outcome {
 
 Outcome outcome_of(const Bench& bench, const ModalMachine& whole, int modes, int run) {
   const study::Truth& truth = bench.truth(run);
-  const std::vector<ContactEvent> events = bench.arrived({.jitter = bench.scene().jitter}, run);
+  const std::vector<ContactEvent> events = bench.arrived({.jitter = bench.scene().prior.jitter}, run);
   std::vector<Eigen::Index> kept = by_frequency(whole);
   const bool all = modes == static_cast<int>(kept.size());
   kept.resize(static_cast<std::size_t>(modes));

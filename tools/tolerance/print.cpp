@@ -120,9 +120,9 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
                 " runs of " + short_number(bench.duration()) + " s, " +
                 short_number(bench.duration() * bench.closings_per_time()) +
                 " closings each. One thing is off at a time; event times jitter by " +
-                short_number(bench.scene().jitter) + " s beside it" +
-                (bench.scene().drift > 0.0 ? ", and filters are told a drift of " +
-                                                 short_number(bench.scene().drift) + " per s"
+                short_number(bench.scene().prior.jitter) + " s beside it" +
+                (bench.scene().prior.drift > 0.0 ? ", and filters are told a drift of " +
+                                                 short_number(bench.scene().prior.drift) + " per s"
                                            : std::string()) +
                 ". The columns of estimators are measured. \"guaranteed for\" is proven: with a "
                 "deviation of every event, or of the parameter, up to there the replica's bound B "
@@ -147,8 +147,8 @@ void write_json(const Bench& bench, const Tolerances& tolerances, nlohmann::orde
   object["duration"] = bench.duration();
   object["runs"] = settings.runs;
   object["closings_per_time"] = bench.closings_per_time();
-  object["jitter"] = bench.scene().jitter;
-  object["drift"] = bench.scene().drift;
+  object["jitter"] = bench.scene().prior.jitter;
+  object["drift"] = bench.scene().prior.drift;
   object["undisturbed"] = spreads(tolerances.undisturbed);
   object["disturbances"] = nlohmann::ordered_json::array();
   for (const Found& found : tolerances.found) {

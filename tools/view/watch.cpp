@@ -88,7 +88,7 @@ Watch::Watch(const Scene& scene, Freshness freshness)
       machine_(scene),
       quantities_(quantities_of(scene.model)),
       f_(scene.model.coordinates()),
-      length_(length_scale(scene.model, scene.replica)),
+      length_(length_scale(scene.model, scene.prior.start)),
       tracker_(freshness),
       freshness_(freshness),
       events_(static_cast<int>(scene.model.contacts.size()), usual_events),

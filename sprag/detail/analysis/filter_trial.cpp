@@ -25,7 +25,7 @@ FilterTrial try_filter(const Scene& scene, std::span<const ContactEvent> events,
   if (!(duration > 0.0) || events.empty()) return trial;
   const double h = duration / ticks;
   Scene exact = scene;
-  exact.parameters = {};
+  exact.prior.parameters = {};
   Observer observer(exact, {.tick = h, .estimator = EstimatorKind::timing});
   for (const ContactEvent& event : events) observer.take(event);
   const Estimate start = observer.at(0.0);

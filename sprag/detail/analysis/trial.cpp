@@ -98,7 +98,7 @@ Trial run_trial(const Scene& scene, double duration, const TrialLimits& limits) 
   Trial trial;
   trial.planned = duration;
   trial.contacts.resize(scene.model.contacts.size());
-  const State& start = scene.has_master ? scene.master : scene.replica;
+  const State& start = scene.truth.given ? scene.truth.start : scene.prior.start;
   Master master(scene.model, start);
 
   std::vector<ContactEvent>& events = trial.events;

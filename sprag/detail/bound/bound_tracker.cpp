@@ -43,23 +43,23 @@ struct BoundTracker::Impact {
 
 BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
                            const BoundSettings& settings)
-    : tolerance_(scene.tolerance),
+    : tolerance_(scene.prior.tolerance),
       factors_(settings.factors),
       metric_(flows.dynamics()),
-      contraction_(flows, scene.tolerance),
-      defect_(metric_, scene.tolerance),
-      cap_(metric_, scene.tolerance),
-      first_order_(metric_, defect_, flows[0], scene.tolerance),
+      contraction_(flows, scene.prior.tolerance),
+      defect_(metric_, scene.prior.tolerance),
+      cap_(metric_, scene.prior.tolerance),
+      first_order_(metric_, defect_, flows[0], scene.prior.tolerance),
       use_first_order_(settings.first_order && first_order_.exists()),
       replica_(std::shared_ptr<Flows>(std::shared_ptr<void>(), &flows), h),
-      start_(scene.replica),
-      initial_(scene.uncertainty.size() > 0 ? scene.uncertainty.sum() : infinity),
+      start_(scene.prior.start),
+      initial_(scene.prior.uncertainty.size() > 0 ? scene.prior.uncertainty.sum() : infinity),
       law_(law_is_masters(flows.dynamics().model())),
       monotone_(law_is_monotone(flows.dynamics().model())),
-      in_(std::sqrt(1.0 + scene.tolerance.stiffness)),
-      out_(1.0 / std::sqrt(1.0 - scene.tolerance.stiffness)) {
+      in_(std::sqrt(1.0 + scene.prior.tolerance.stiffness)),
+      out_(1.0 / std::sqrt(1.0 - scene.prior.tolerance.stiffness)) {
   cap_holds_ = law_ && cap_.exists() &&
-               gains_nothing(flows.dynamics(), monotone_, scene.tolerance.restitution);
+               gains_nothing(flows.dynamics(), monotone_, scene.prior.tolerance.restitution);
   const Eigen::Index f = metric_.coordinates();
   for (Eigen::VectorXd* x : {&modal_.z, &modal_.v, &modal_.acceleration, &q_, &u_}) x->setZero(f);
   flows[0].enter(start_.q, start_.u, at(0.0), no_gaps_, path_);
@@ -461,13 +461,13 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
 
 std::string why_no_bound(const Scene& scene) {
   if (!law_is_masters(scene.model)) return "the replica has a restitution of its own";
-  if (scene.uncertainty.size() > 0) return {};
+  if (scene.prior.uncertainty.size() > 0) return {};
   const Dynamics dynamics(scene.model);
   const EnergyMetric metric(dynamics);
-  if (!DissipationCap(metric, scene.tolerance).exists()) {
+  if (!DissipationCap(metric, scene.prior.tolerance).exists()) {
     return "replica.uncertainty is not given, and C or K is singular";
   }
-  if (!gains_nothing(dynamics, law_is_monotone(scene.model), scene.tolerance.restitution)) {
+  if (!gains_nothing(dynamics, law_is_monotone(scene.model), scene.prior.tolerance.restitution)) {
     return "replica.uncertainty is not given, and joint impacts may gain energy";
   }
   return {};

@@ -254,9 +254,9 @@ void ErrorBound::note_energy(const Motion& motion, ErrorBoundState& state) {
 }
 
 double initial_bound(const Scene& scene) {
-  const bool exact = scene.tolerance.any() ||
-                     (scene.jitter == 0.0 && scene.drift == 0.0 && scene.parameters.empty());
-  return scene.uncertainty.size() > 0 && exact ? scene.uncertainty.sum()
+  const bool exact = scene.prior.tolerance.any() ||
+                     (scene.prior.jitter == 0.0 && scene.prior.drift == 0.0 && scene.prior.parameters.empty());
+  return scene.prior.uncertainty.size() > 0 && exact ? scene.prior.uncertainty.sum()
                                                : std::numeric_limits<double>::infinity();
 }
 

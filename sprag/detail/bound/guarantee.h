@@ -95,7 +95,7 @@ class Guarantee {
 /// the estimator no replica. Throws ModelError.
 template <typename Estimator>
 std::unique_ptr<Guarantee> guarantee_of(const Scene& scene, Estimator& estimator) {
-  if (!scene.tolerance.any() || !estimator.has_replica()) return nullptr;
+  if (!scene.prior.tolerance.any() || !estimator.has_replica()) return nullptr;
   return std::make_unique<Guarantee>(scene, *estimator.flows(), estimator.h());
 }
 

@@ -12,8 +12,8 @@ namespace {
 // distribution over the modes is unknown.
 Eigen::VectorXd energies_of(const Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  if (scene.uncertainty.size() == f) return scene.uncertainty;
-  const double scale = energy_scale(scene.model, scene.replica);
+  if (scene.prior.uncertainty.size() == f) return scene.prior.uncertainty;
+  const double scale = energy_scale(scene.model, scene.prior.start);
   return Eigen::VectorXd::Constant(f, scale > 0.0 ? scale : 1.0);
 }
 
@@ -23,7 +23,7 @@ Uncertainty uncertainty_of(const Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
   const NaturalModes modes = natural_modes(scene.model);
   const Eigen::VectorXd energy = energies_of(scene);
-  const double longest = length_scale(scene.model, scene.replica);
+  const double longest = length_scale(scene.model, scene.prior.start);
   const auto of_u = [&](const Eigen::VectorXd& of) {
     return Eigen::VectorXd(of.cwiseQuotient(modes.mass).cwiseSqrt());
   };
@@ -38,16 +38,16 @@ Uncertainty uncertainty_of(const Scene& scene) {
   };
   Uncertainty uncertainty{modes.Phi * of_q(energy, true).asDiagonal(),
                           modes.Phi * of_u(energy).asDiagonal(),
-                          scene.jitter,
+                          scene.prior.jitter,
                           {},
                           {},
-                          scene.release_penetration};
-  if (scene.sigma) {
-    uncertainty.q = scene.sigma->q.asDiagonal();
-    uncertainty.u = scene.sigma->u.asDiagonal();
+                          scene.truth.release_penetration};
+  if (scene.prior.sigma) {
+    uncertainty.q = scene.prior.sigma->q.asDiagonal();
+    uncertainty.u = scene.prior.sigma->u.asDiagonal();
   }
-  if (scene.drift > 0.0) {
-    const Eigen::VectorXd each = Eigen::VectorXd::Constant(f, scene.drift / static_cast<double>(f));
+  if (scene.prior.drift > 0.0) {
+    const Eigen::VectorXd each = Eigen::VectorXd::Constant(f, scene.prior.drift / static_cast<double>(f));
     uncertainty.drift_q = modes.Phi * of_q(each, false).asDiagonal();
     uncertainty.drift_u = modes.Phi * of_u(each).asDiagonal();
   }

@@ -99,8 +99,8 @@ const char* mount_of(const Scene& scene, std::size_t contact) {
 
 void add_replica(std::string& text, const Scene& scene) {
   text += "\n[replica]\n";
-  add(text, "q", scene.replica.q);
-  add(text, "u", scene.replica.u);
+  add(text, "q", scene.prior.start.q);
+  add(text, "u", scene.prior.start.u);
   Eigen::VectorXd restitution(static_cast<Eigen::Index>(scene.model.contacts.size()));
   bool own = false;
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
@@ -109,21 +109,21 @@ void add_replica(std::string& text, const Scene& scene) {
     restitution[static_cast<Eigen::Index>(i)] = restitution_of_replica(contact);
   }
   if (own) add(text, "restitution", restitution);
-  if (scene.uncertainty.size() > 0) add(text, "uncertainty", scene.uncertainty);
-  if (scene.sigma) {
-    add(text, "sigma_q", scene.sigma->q);
-    add(text, "sigma_u", scene.sigma->u);
+  if (scene.prior.uncertainty.size() > 0) add(text, "uncertainty", scene.prior.uncertainty);
+  if (scene.prior.sigma) {
+    add(text, "sigma_q", scene.prior.sigma->q);
+    add(text, "sigma_u", scene.prior.sigma->u);
   }
-  add(text, "drift", scene.drift);
+  add(text, "drift", scene.prior.drift);
 }
 
 // A beam is written as matrices, which its keys do not name.
 void add_adaptation(std::string& text, const Scene& scene) {
   if (scene.beam) return;
   text += "\n[adapt]\n";
-  if (!scene.adaptation.free.empty()) add(text, "free", scene.adaptation.free);
-  add(text, "within", scene.adaptation.within);
-  add(text, "walk", scene.adaptation.walk);
+  if (!scene.prior.adaptation.free.empty()) add(text, "free", scene.prior.adaptation.free);
+  add(text, "within", scene.prior.adaptation.within);
+  add(text, "walk", scene.prior.adaptation.walk);
 }
 
 }  // namespace
@@ -186,18 +186,18 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   text += "\n[impact]\nlaw = ";
   text += model.law == ImpactLaw::newton ? "\"newton\"\n" : "\"poisson\"\n";
   add(text, "chatter_time", model.chatter_time);
-  if (scene.has_master) {
+  if (scene.truth.given) {
     text += "\n[master]\n";
-    add(text, "q", scene.master.q);
-    add(text, "u", scene.master.u);
-    if (scene.release_penetration) text += "penetration = \"release\"\n";
+    add(text, "q", scene.truth.start.q);
+    add(text, "u", scene.truth.start.u);
+    if (scene.truth.release_penetration) text += "penetration = \"release\"\n";
   }
   add_replica(text, scene);
   text += "\n[events]\n";
-  add(text, "jitter", scene.jitter);
-  if (scene.tolerance.any()) text += '\n' + to_toml(scene.tolerance);
+  add(text, "jitter", scene.prior.jitter);
+  if (scene.prior.tolerance.any()) text += '\n' + to_toml(scene.prior.tolerance);
   add_adaptation(text, scene);
-  if (!scene.beam && !scene.parameters.empty()) text += '\n' + to_toml(scene.parameters);
+  if (!scene.beam && !scene.prior.parameters.empty()) text += '\n' + to_toml(scene.prior.parameters);
   return text;
 }
 

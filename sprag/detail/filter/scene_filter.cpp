@@ -45,7 +45,7 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
   model.drift = product(flight.from_state(), model.drift);
   model.chatter_time = scene.model.chatter_time;
   model.homogeneous = is_homogeneous(scene.model);
-  if (P > 0 && from_prior) model.considered = scene.parameters.consider;
+  if (P > 0 && from_prior) model.considered = scene.prior.parameters.consider;
   if (P > 0 && !from_prior) model.walk = walk_of(scene, P);
   return model;
 }
@@ -80,7 +80,7 @@ const MachineFamily& require_modal(const MachineFamily& family, const std::strin
 SceneFilter::SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows)
     : flight(std::make_unique<ModelFlight>(std::move(flows))),
       filter(*flight, model_of(scene, *flight, true)),
-      sigma(scene.jitter) {
+      sigma(scene.prior.jitter) {
   scale_is_open = is_homogeneous(scene.model) && sigma > 0.0;
   set_up(scene);
 }
@@ -91,9 +91,9 @@ SceneFilter::SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool
           require_modal(*family, from_prior ? "parameters" : "adapt.free"))),
       filter(*flight, model_of(scene, *flight, from_prior)),
       keys(keys_of(family->unknowns())) {
-  sigma = std::max(scene.jitter, least_sigma / flight->smallest_frequency());
+  sigma = std::max(scene.prior.jitter, least_sigma / flight->smallest_frequency());
   if (from_prior) {
-    prior = scene.parameters.root_of_covariance();
+    prior = scene.prior.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
       const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
       prior.row(k) /= unknown.slope(unknown.nominal);

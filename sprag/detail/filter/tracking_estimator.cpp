@@ -36,9 +36,9 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
   if (identifies_) {
     filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
     received_.resize(2 * static_cast<std::size_t>(most_events));
-  } else if (!scene.parameters.empty()) {
+  } else if (!scene.prior.parameters.empty()) {
     filter_ =
-        std::make_unique<SceneFilter>(scene, unknowns_named(scene, scene.parameters.keys), true);
+        std::make_unique<SceneFilter>(scene, unknowns_named(scene, scene.prior.parameters.keys), true);
   } else {
     filter_ = std::make_unique<SceneFilter>(scene, shared_flows(base_.flows(), scene));
   }

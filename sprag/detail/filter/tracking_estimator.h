@@ -111,7 +111,7 @@ class TrackingEstimator {
   /// \param h        interval of the ticks, > 0 [s]
   /// \param stepper  integration of a plain replica
   /// \throws ModelError             also if parameters are uncertain and the damping is not modal
-  /// \throws std::invalid_argument  for an unknown key in scene.adaptation
+  /// \throws std::invalid_argument  for an unknown key in scene.prior.adaptation
   TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
                     StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});
 

@@ -114,7 +114,7 @@ void LinearizedFilter::add_restitution_trend() {
 
 void LinearizedFilter::set_drift(const Scene& fitted) {
   Scene scene = fitted;
-  scene.drift = 1.0;
+  scene.prior.drift = 1.0;
   const Uncertainty uncertainty = uncertainty_of(scene);
   const Eigen::Index n = family_.n();
   drift_y_.resize(n, uncertainty.drift_q.cols());

@@ -59,7 +59,7 @@ bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events
   if (!(least > 0.0) || recorded.size() < 2) return false;
   std::vector<ContactEvent> of_model;
   try {
-    Master master(scene.model, scene.master);
+    Master master(scene.model, scene.truth.start);
     master.advance(at(2.0 * recorded.back()), of_model, 4 * recorded.size());
   } catch (const ModelError&) {
     return false;

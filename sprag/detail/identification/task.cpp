@@ -17,10 +17,10 @@ constexpr double resolved_time = 1e-10;
 }  // namespace
 
 std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
-  const std::vector<std::string>& free = scene.adaptation.free;
+  const std::vector<std::string>& free = scene.prior.adaptation.free;
   std::vector<Unknown> unknowns =
       free.empty() ? all_but_the_scale(scene) : unknowns_named(scene, free);
-  const Eigen::VectorXd& within = scene.adaptation.within;
+  const Eigen::VectorXd& within = scene.prior.adaptation.within;
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     unknowns[k].within = within[within.size() > 1 ? static_cast<Eigen::Index>(k) : 0];
   }
@@ -28,7 +28,7 @@ std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
 }
 
 Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns) {
-  const Eigen::VectorXd& walk = scene.adaptation.walk;
+  const Eigen::VectorXd& walk = scene.prior.adaptation.walk;
   return walk.size() > 1 ? walk : Eigen::VectorXd::Constant(unknowns, walk[0]);
 }
 
@@ -42,8 +42,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   settings.closed = task.closed;
   settings.through_contact = false;  // path_posterior() restarts at each stretch
   // Parameters that walk scatter the event times beyond the jitter.
-  if (scene.jitter > 0.0 && !scene.adaptation.walks()) settings.jitter = scene.jitter;
-  settings.white = !scene.adaptation.walks();
+  if (scene.prior.jitter > 0.0 && !scene.prior.adaptation.walks()) settings.jitter = scene.prior.jitter;
+  settings.white = !scene.prior.adaptation.walks();
   settings.strictly_within = false;  // parameters may have moved since the scene was written
   Identification found;
   try {
@@ -57,8 +57,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                   [](const FittedUnknown& fitted) { return fitted.determined; });
   result.accepted = found.fits() && !found.ambiguous() && determined;
   if (!result.accepted) return result;
-  const double sigma = scene.jitter > 0.0 ? scene.jitter
-                       : scene.adaptation.walks()
+  const double sigma = scene.prior.jitter > 0.0 ? scene.prior.jitter
+                       : scene.prior.adaptation.walks()
                            ? resolved_time * found.interval
                            : std::max(found.jitter, resolved_time * found.interval);
   result.belief = path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},

@@ -78,8 +78,8 @@ double usual_length(const Scene& scene) {
   double length = 0.0;
   for (const Contact& contact : scene.model.contacts) {
     length = std::max({length, std::abs(contact.clearance), std::abs(contact.motion.amplitude),
-                       std::abs(contact.w.dot(scene.master.q)),
-                       std::abs(contact.w.dot(scene.replica.q))});
+                       std::abs(contact.w.dot(scene.truth.start.q)),
+                       std::abs(contact.w.dot(scene.prior.start.q))});
   }
   return length > 0.0 ? length : 1.0;
 }
