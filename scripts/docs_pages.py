@@ -17,14 +17,14 @@ import os
 import re
 import shutil
 import sys
-import unicodedata
 from pathlib import Path
 from urllib.parse import unquote
+
+from markdown_pages import LINK, Anchors
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ["README.md", "docs/**/*.md", "data/README.md", "python/README.md", "scripts/README.md"]
 PYTHON_PAGE = "python_reference"
-LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
 FENCE = re.compile(r"^ *```")
 DECLARATORS = re.compile(r"( +)([\w:]+(?:<[^;()]*>)?) (\w+(?: = [^,;]+)?(?:, \w+(?: = [^,;]+)?)+);(?: *///<(.*))?")
 
@@ -37,14 +37,8 @@ def name_of(page: Path) -> str:
     return "_".join(relative.parts).lower().replace("-", "_")
 
 
-def anchor_of(heading: str) -> str:
-    """The anchor that GitHub makes of a heading, in ASCII."""
-    heading = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "")
-    return ascii_of("".join(c for c in heading.lower() if c in " -_" or unicodedata.category(c)[0] in "LNM"))
-
-
 def ascii_of(anchor: str) -> str:
-    return "".join(c if c.isascii() else f"u{ord(c):x}" for c in anchor.replace(" ", "-"))
+    return "".join(c if c.isascii() else f"u{ord(c):x}" for c in anchor)
 
 
 def target_of(page: Path, target: str) -> str | None:
@@ -77,7 +71,7 @@ def replace_links(page: Path, text: str) -> str:
 def filtered(page: Path) -> str:
     text = page.read_text(encoding="utf-8")
     text = re.sub(r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.S)
-    lines, in_code, seen = [], False, set()
+    lines, in_code, has_title, anchors = [], False, False, Anchors()
     for line in text.split("\n"):
         if FENCE.match(line):
             in_code = not in_code
@@ -86,16 +80,11 @@ def filtered(page: Path) -> str:
             # Code spans stay as they are; a link's label may hold one.
             if heading is None:
                 line = replace_links(page, line)
-            elif not seen:
-                seen.add("")
+            elif not has_title:
+                has_title = True
                 line += " {#" + ("mainpage" if name_of(page) == "index" else name_of(page)) + "}"
             else:
-                base = anchor_of(heading[2])
-                number, anchor = 0, base
-                while anchor in seen:
-                    number += 1
-                    anchor = f"{base}-{number}"
-                seen.add(anchor)
+                anchor = ascii_of(anchors.of(heading[2]))
                 line = f"{heading[1]} {replace_links(page, heading[2])} {{#{name_of(page)}-{anchor}}}"
         lines.append(line)
     return "\n".join(lines)

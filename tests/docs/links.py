@@ -10,11 +10,12 @@ usage: links.py SOURCE    exit code 1, with a line for each fault, if there are 
 
 import re
 import sys
-import unicodedata
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from markdown_pages import LINK, Anchors  # noqa: E402
+
 PAGES = ["README.md", "docs/**/*.md", "*/README.md"]
-LINK = re.compile(r"\[(?:[^\[\]]|\[[^\[\]]*\])*\]\(([^()\s]+)\)")
 QUESTIONS = re.compile(r"\n<!-- Questions that this page answers:\n(.*?)\n-->\n$", re.S)
 QUESTION = re.compile(r".+\? #(\S+)")
 
@@ -32,18 +33,11 @@ def without_code(text: str) -> str:
 
 def anchors(text: str) -> set[str]:
     """The anchors that GitHub makes of the headings."""
-    found: set[str] = set()
+    made = Anchors()
     text = re.sub(r"^( *)```.*?^ *```$", "", text, flags=re.M | re.S)
     for heading in re.findall(r"^#+ +(.*?) *$", text, flags=re.M):
-        heading = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "")
-        kept = [c for c in heading.lower() if c in " -_" or unicodedata.category(c)[0] in "LNM"]
-        name = "".join(kept).replace(" ", "-")
-        number, unique = 0, name
-        while unique in found:
-            number += 1
-            unique = f"{name}-{number}"
-        found.add(unique)
-    return found
+        made.of(heading)
+    return made.used
 
 
 def faults_of(source: Path, page: Path) -> list[str]:
@@ -51,7 +45,7 @@ def faults_of(source: Path, page: Path) -> list[str]:
     name = page.relative_to(source)
     faults = []
     for number, line in enumerate(without_code(text).split("\n"), start=1):
-        for target in LINK.findall(line):
+        for _, _, target in LINK.findall(line):
             if re.match(r"[a-z]+:", target):
                 continue
             path, _, anchor = target.partition("#")
@@ -74,7 +68,7 @@ def faults_of(source: Path, page: Path) -> list[str]:
 def missing_in_index(source: Path) -> list[str]:
     index = source / "docs" / "README.md"
     linked = {(index.parent / target.partition("#")[0]).resolve()
-              for target in LINK.findall(without_code(index.read_text(encoding="utf-8")))}
+              for _, _, target in LINK.findall(without_code(index.read_text(encoding="utf-8")))}
     return [f"docs/README.md: does not name {page.relative_to(source)}"
             for page in sorted((source / "docs").glob("**/*.md")) if page != index and page.resolve() not in linked]
 
