@@ -21,8 +21,7 @@ void in_parallel(int threads, int count, const Work& work) {
   std::atomic<int> next = 0;
   std::exception_ptr failure;
   std::mutex mutex;
-  const auto take = [&, stop = thread_stop_token()] {
-    const StopScope scope(stop);
+  const auto take = with_stop_token([&] {
     try {
       for (int i = next++; i < count; i = next++) work(i);
     } catch (...) {
@@ -30,7 +29,7 @@ void in_parallel(int threads, int count, const Work& work) {
       failure = std::current_exception();
       next = count;
     }
-  };
+  });
   std::vector<std::thread> others;
   try {
     for (int i = 1; i < std::min(threads, count); ++i) others.emplace_back(take);

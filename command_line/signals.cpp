@@ -36,6 +36,11 @@ std::size_t message_size = 0;
 // may come late.
 std::stop_source& stop = *new std::stop_source;
 
+std::stop_token new_stop_token() {
+  stop = std::stop_source();
+  return stop.get_token();
+}
+
 void end_here(int) {
   (void)!::write(STDERR_FILENO, message.data(), message_size);
   ::_exit(1);
@@ -64,8 +69,7 @@ bool ignored(int signal) {
 
 bool stop_requested() noexcept { return stop.stop_requested(); }
 
-Signals::Signals(const std::string& program)
-    : scope_((stop = std::stop_source(), stop.get_token())) {
+Signals::Signals(const std::string& program) : scope_(new_stop_token()) {
   const std::string text = program + ": does not end by itself after the signal; ended as it is\n";
   message_size = std::min(text.size(), message.size());
   std::copy_n(text.begin(), message_size, message.begin());

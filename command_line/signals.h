@@ -18,7 +18,7 @@ bool stop_requested() noexcept;
 class Signals {
  public:
   explicit Signals(const std::string& program);
-  /// Cancels the timer and the request to stop.
+  /// Cancels the timer. The signals remain caught.
   ~Signals();
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;

@@ -26,10 +26,7 @@ class ThreadGroup {
   /// Runs body() in a thread of its own.
   template <typename Body>
   void start(Body body) {
-    threads_.emplace_back([this, body = std::move(body), stop = thread_stop_token()] {
-      const StopScope scope(stop);
-      run(body);
-    });
+    threads_.emplace_back(with_stop_token([this, body = std::move(body)] { run(body); }));
   }
 
   /// Runs body() in the calling thread as a member of the group.

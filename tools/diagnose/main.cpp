@@ -5,8 +5,7 @@
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
       "Tells whether contact events fit a scene's machine and, if not, which single parameter "
-      "would "
-      "explain them, and by what value. Exit code 0: they fit, 3: they do not.",
+      "would explain them, and by what value. Exit code 0: they fit, 3: they do not.",
       "diagnose");
   sprag::CommonOptions common;
   sprag::DiagnoseRun run;

@@ -94,7 +94,7 @@ void check_levels(const ImportRun& run, const std::vector<ContactColumns>& chose
     throw UsageError("--time, --threshold, --inverted and --impacts-at are for --level");
 }
 
-void tell_unfed(const std::vector<ContactColumns>& chosen, int contacts) {
+void warn_of_unfed(const std::vector<ContactColumns>& chosen, int contacts) {
   for (int contact = 0; contact < contacts; ++contact) {
     const auto feeds = [contact](const ContactColumns& of) { return of.contact == contact; };
     if (std::ranges::any_of(chosen, feeds)) continue;
@@ -114,7 +114,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   ColumnFile columns = parse_columns(text, file, run.separator, run.names);
   auto chosen = choose_columns(run.columns, columns, contacts, file);
   check_levels(run, chosen);
-  tell_unfed(chosen, contacts);
+  warn_of_unfed(chosen, contacts);
   if (const auto column = alternating_column(columns, chosen)) {
     std::cerr << file << ": column '" << *column
               << "' alternates between 0 and 1: these are the times of both its edges, and each is "

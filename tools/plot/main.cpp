@@ -5,7 +5,7 @@
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
       "Draws states, gaps, contacts and error energies of any run with gnuplot, on one time axis, "
-      "with bands of two sigma. Files are told apart by their headers; those with one LABEL are "
+      "with bands of two sigma. Files are distinguished by their headers; those with one LABEL are "
       "one "
       "run and have one colour. With the scene, gaps are shown in place of coordinates. Of a "
       "study's "

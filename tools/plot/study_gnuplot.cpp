@@ -261,10 +261,10 @@ void StudyScript::draw_bands(const StudyPanel& panel) {
   }
   for (const Curve& curve : panel.curves) {
     // A single curve with the name of its panel needs no legend.
-    const bool told = curve.title != panel.name;
+    const bool has_title = curve.title != panel.name;
     parts.push_back(script_.data({of_axis(curve.t), positive(curve.y)}) +
                     " using 1:2 with linespoints pt 7 ps 0.3 lw 1.4 lc rgb " + rgb(curve.colour) +
-                    (told ? " title " + quoted(curve.title) : " notitle"));
+                    (has_title ? " title " + quoted(curve.title) : " notitle"));
   }
   // The sign distinguishes stable from unstable, so the zero line is drawn.
   if (negative && others) parts.emplace_back("0 with lines lw 1 lc rgb '#404040' notitle");

@@ -159,14 +159,13 @@ std::uint64_t Ranks::from_manager(std::uint64_t number) const {
 
 void Ranks::manage(Coordinator& coordinator, const std::function<Compute()>& make_compute,
                    const std::function<void()>& on_wait) {
-  std::thread own([&, stop = thread_stop_token()] {
-    const StopScope scope(stop);
+  std::thread own(with_stop_token([&] {
     try {
       work(coordinator, make_compute());
     } catch (...) {
       coordinator.stop(std::current_exception());
     }
-  });
+  }));
   int active = size_ - 1;
   Nap nap;
   Patience others;

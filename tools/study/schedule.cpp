@@ -180,14 +180,13 @@ void run_threads(Coordinator& coordinator, int threads,
                  const std::function<void()>& on_wait) {
   std::vector<std::thread> workers;
   workers.reserve(static_cast<std::size_t>(threads));
-  const auto serve = [&, stop = thread_stop_token()] {
-    const StopScope scope(stop);
+  const auto serve = with_stop_token([&] {
     try {
       work(coordinator, make_compute());
     } catch (...) {
       coordinator.stop(std::current_exception());
     }
-  };
+  });
   try {
     for (int i = 0; i < threads; ++i) workers.emplace_back(serve);
   } catch (const std::system_error&) {  // the system provides no more threads

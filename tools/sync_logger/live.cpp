@@ -113,10 +113,10 @@ class Live {
     auto next_progress = Clock::now() + 1s;
     while (!stop_requested() && !finish_.paired() && !received_in_vain()) {
       bus_.handle(100ms);
-      tell_failures();
+      report_failures();
       if (to_stdout_) csv_.flush();
       const auto now = Clock::now();
-      if (now >= next_loss_line_) tell_losses(now);
+      if (now >= next_loss_line_) report_losses(now);
       follow_the_other(now);
       if (finish_.lost(now)) {
         std::cerr << "the last row did not come: its truth or its estimate was lost\n";
@@ -131,7 +131,7 @@ class Live {
 
   /// Closes the files and fills the report. Returns the exit code.
   int close(nlohmann::ordered_json& report) {
-    tell_losses(Clock::now());
+    report_losses(Clock::now());
     if (last_word_) write_now(now_pairing_->add_estimate(*last_word_));
     csv_.close();
     if (now_csv_) now_csv_->close();
@@ -297,7 +297,7 @@ class Live {
   }
 
   // The run continues with the remaining files.
-  void tell_failures() {
+  void report_failures() {
     const auto warn = [](const auto& file, bool& warned) {
       if (warned || file.good()) return;
       std::cerr << file.error() << ": nothing more is written to it; the run goes on\n";
@@ -311,7 +311,7 @@ class Live {
   std::string lost() const { return describe(losses_, bus_.counts().overflowed); }
 
   // Reports losses as soon as they are known, at most once a second.
-  void tell_losses(Clock::time_point now) {
+  void report_losses(Clock::time_point now) {
     const std::string all = lost();
     if (all == reported_losses_) return;
     reported_losses_ = all;

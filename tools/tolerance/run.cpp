@@ -39,7 +39,7 @@ std::vector<EstimatorKind> estimators_named(const std::vector<std::string>& name
 }
 
 // Prints the progress, `part` from 0 to 1, on a terminal only.
-void tell_progress(double part) {
+void show_progress(double part) {
   static int last = -1;
   const int percent = static_cast<int>(100.0 * part);
   if (::isatty(STDERR_FILENO) != 1 || percent == last) return;
@@ -79,12 +79,12 @@ int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::order
   };
   if (run.modes) {
     const Bench bench(in_modes(scene, 0), run.settings, threads);
-    conclude(bench, fewer_modes(bench, threads, tell_progress));
+    conclude(bench, fewer_modes(bench, threads, show_progress));
   } else {
     const Bench bench(scene, run.settings, threads);
     conclude(bench,
              search(bench, deviations_of(bench.scene(), bench.closings_per_time()), threads,
-                    [](int round, double done) { tell_progress(0.5 * (round - 1 + done)); }));
+                    [](int round, double done) { show_progress(0.5 * (round - 1 + done)); }));
   }
   return exit_done;
 }

@@ -228,8 +228,8 @@ class TimeLine {
   }
   // The same with `lag_`.
   std::int64_t known_tick() const {
-    const std::int64_t heard = received_tick();
-    if (lag_ == 0.0 || heard >= last_asked_ || heard < first_) return heard;
+    const std::int64_t received = received_tick();
+    if (lag_ == 0.0 || received >= last_asked_ || received < first_) return received;
     const double waited = events_.horizon() - lag_;
     return waited < 0.0 ? first_ - 1 : std::max(last_tick(waited, h()), first_ - 1);
   }

@@ -34,9 +34,15 @@ class StopScope {
   const std::stop_token* outer_;
 };
 
-/// The token of the calling thread, to hand it to another thread; empty without a scope.
-inline std::stop_token thread_stop_token() {
-  return detail::thread_stop == nullptr ? std::stop_token() : *detail::thread_stop;
+/// body with the token of the calling thread, for another thread to call.
+template <typename Body>
+auto with_stop_token(Body body) {
+  std::stop_token stop;
+  if (detail::thread_stop != nullptr) stop = *detail::thread_stop;
+  return [body = std::move(body), stop = std::move(stop)] {
+    const StopScope scope(stop);
+    return body();
+  };
 }
 
 inline bool interrupted() noexcept {
