@@ -69,7 +69,8 @@ struct Bus::Impl {
   }
 
   void subscribe(std::string_view channel, bool is_prefix, Handler handler) {
-    if (log) throw BusError(url.text + ": is a log that is written; nothing can be heard from it");
+    if (log)
+      throw BusError(url.text + ": is a log that is written; nothing can be received from it");
     subscriptions.push_back({std::string(channel), is_prefix, std::move(handler)});
     if (url.multicast) {
       if (!udp) open();

@@ -20,10 +20,10 @@ struct RefusedCount {
 
 struct Health {
   enum class Master : std::int8_t {
-    awaited = 0,  ///< no message has been received
-    heard = 1,
-    silent = 2,  ///< the estimate is a free prediction
-    ended = 3    ///< its run has ended; the estimate is a free prediction
+    awaited = 0,   ///< no message has been received
+    received = 1,  ///< its messages arrive
+    silent = 2,    ///< the estimate is a free prediction
+    ended = 3      ///< its run has ended; the estimate is a free prediction
   };
   enum class Estimate : std::int8_t { none = 0, replica = 1, filter = 2, adaptive = 3 };
 

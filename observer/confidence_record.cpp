@@ -128,7 +128,7 @@ void ConfidenceRecord::take_contacts(const Confidence& confidence, std::ostream&
 }
 
 // Takes a new value of the counter. Returns whether it has risen and a line is to be printed.
-bool ConfidenceRecord::Told::more(std::int64_t now, std::ostream& out) {
+bool ConfidenceRecord::Counter::more(std::int64_t now, std::ostream& out) {
   if (now < seen) seen = 0;  // a new session
   if (now == seen) return false;
   total += now - seen;

@@ -49,7 +49,7 @@ class ConfidenceRecord {
   void take_parameters(const Confidence& confidence, std::ostream& out);
 
   // A counter of the estimator that restarts with each session, and the lines printed about it.
-  struct Told {
+  struct Counter {
     std::int64_t seen = 0;   // in the present session
     std::int64_t total = 0;  // in all sessions
     std::int64_t lines = 0;
@@ -63,14 +63,14 @@ class ConfidenceRecord {
   std::int64_t ticks_ = 0;
   bool from_filter_ = false;  // source of the last tick
   std::int64_t ticks_from_filter_ = 0;
-  Told refutations_;
+  Counter refutations_;
   std::vector<Inconsistency> first_;  // the first ones, a bounded number
   // Number of settled estimates with a complete confidence, number of these that penetrate a
   // support, and the largest depth [m].
   std::int64_t ticks_in_full_ = 0, penetrating_ticks_ = 0;
   double deepest_ = 0.0;
-  Told inconsistencies_, redundant_, refused_, forgotten_;
-  Told identified_;
+  Counter inconsistencies_, redundant_, refused_, forgotten_;
+  Counter identified_;
   double accepted_ = -1.0;              // last reported value
   std::vector<double> accepted_times_;  // a bounded number
 };

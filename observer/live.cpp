@@ -67,7 +67,7 @@ class LiveObserver {
     }
     if (!options.impacts.empty() || options.predict > 0.0) {
       follower_.emplace(scene, options, bus_);
-      loop_.tell_settled_to(*follower_);
+      loop_.set_follower(*follower_);
     }
     real_time_ = options.real_time && claim_real_time();
     std::cerr << "listening on " << common.url << '\n';

@@ -100,7 +100,7 @@ void describe(Notice notice, double first, double second, std::ostream& out) {
 
 }  // namespace
 
-void Notices::tell(Notice notice, Cause& cause, std::ostream& out) {
+void Notices::print(Notice notice, Cause& cause, std::ostream& out) {
   const std::int64_t raised = cause.raised.load(std::memory_order_acquire);
   const std::int64_t more = raised - cause.reported.load(std::memory_order_relaxed) - 1;
   if (more < 0) return;
@@ -113,7 +113,7 @@ void Notices::tell(Notice notice, Cause& cause, std::ostream& out) {
   cause.reported.store(cause.raised.load(std::memory_order_acquire), std::memory_order_release);
 }
 
-void Notices::tell(std::int64_t now, std::ostream& out) {
+void Notices::print(std::int64_t now, std::ostream& out) {
   for (std::size_t i = 0; i < notice_kinds; ++i) {
     Cause& cause = causes_[i];
     if (cause.raised.load(std::memory_order_relaxed) ==
@@ -121,12 +121,12 @@ void Notices::tell(std::int64_t now, std::ostream& out) {
       continue;
     if (now < cause.next_line) continue;
     cause.next_line = now + period;
-    tell(static_cast<Notice>(i), cause, out);
+    print(static_cast<Notice>(i), cause, out);
   }
 }
 
-void Notices::tell_rest(std::ostream& out) {
-  for (std::size_t i = 0; i < notice_kinds; ++i) tell(static_cast<Notice>(i), causes_[i], out);
+void Notices::print_rest(std::ostream& out) {
+  for (std::size_t i = 0; i < notice_kinds; ++i) print(static_cast<Notice>(i), causes_[i], out);
 }
 
 void raise_skipped(const EventHistory& history, const EventCounts& before,

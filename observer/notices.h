@@ -63,10 +63,10 @@ class Notices {
 
   /// Prints the cases since the last line, except of causes with a line within the last second.
   /// `now`: monotonic [ns].
-  void tell(std::int64_t now, std::ostream& out);
+  void print(std::int64_t now, std::ostream& out);
 
   /// Prints all remaining cases, at the end of a run.
-  void tell_rest(std::ostream& out);
+  void print_rest(std::ostream& out);
 
  private:
   struct Cause {
@@ -76,7 +76,7 @@ class Notices {
     std::int64_t next_line = 0;  // monotonic [ns]
   };
 
-  static void tell(Notice notice, Cause& cause, std::ostream& out);
+  static void print(Notice notice, Cause& cause, std::ostream& out);
 
   std::array<Cause, notice_kinds> causes_;
 };

@@ -39,7 +39,7 @@ void Publication::run(const std::function<bool()>& over) {
   while (!over()) {
     outbox_.ready.wait_until(monotonic_now() + longest_idle);
     empty_outbox();
-    notices_.tell(monotonic_now(), std::cerr);
+    notices_.print(monotonic_now(), std::cerr);
     if (monotonic_now() < next_progress) continue;
     next_progress += progress_period;
     progress();
@@ -56,12 +56,12 @@ void Publication::finish() {
     if (!parameters_.empty()) (void)bus_.publish(parameters_channel, parameters_);
     (void)bus_.publish(health_channel, health_);
   }
-  notices_.tell_rest(std::cerr);
+  notices_.print_rest(std::cerr);
 }
 
 void Publication::empty_outbox() {
   while (const Announcement* announcement = outbox_.announcements.front()) {
-    tell(*announcement);
+    print(*announcement);
     outbox_.announcements.pop();
   }
   while (Sample* sample = outbox_.samples.front()) {
@@ -124,7 +124,7 @@ void Publication::publish_parameters(const EstimateSample& estimate) {
   if (!bus_.publish(parameters_channel, encode_parameters(estimate, parameters_))) ++unsent_;
 }
 
-void Publication::tell(const Announcement& announcement) {
+void Publication::print(const Announcement& announcement) {
   const auto digits = std::cerr.precision(12);
   switch (announcement.kind) {
     case Announcement::Kind::session:

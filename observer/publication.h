@@ -41,7 +41,7 @@ class Publication {
   void publish_parameters(const EstimateSample& estimate);
   void publish_health(const ReceptionFigures& reception, bool last);
   void publish_outputs(const EstimateSample& estimate, bool settled);
-  void tell(const Announcement& announcement);
+  void print(const Announcement& announcement);
   void progress();
 
   Bus& bus_;

@@ -49,13 +49,13 @@ void RealTimeLoop::run(const std::atomic<bool>& stop) {
   figures_.unsettled_ticks = std::min(reached_, last_) - time_line_.handed_out();
   end_loss(monotonic_now());
   status_.last = true;
-  tell_status(monotonic_now());
+  hand_over_status(monotonic_now());
 }
 
 void RealTimeLoop::turn(bool& in_time) {
   if (in_time) wait();
   const std::int64_t begin = monotonic_now();
-  if (begin - status_reported_ >= health_period) tell_status(begin);
+  if (begin - status_reported_ >= health_period) hand_over_status(begin);
   take_messages();
   if (!time_line_.started()) return;
   watch(begin);
@@ -106,7 +106,7 @@ void RealTimeLoop::take(const ReceivedMessage& received) {
   const MessageCounts before = sessions_.counts();
   switch (sessions_.receive(message, received.arrival)) {
     case SessionTracker::Verdict::ignored:
-      tell_ignored(received, before);
+      report_ignored(received, before);
       return;
     case SessionTracker::Verdict::starts:
       start(received);
@@ -162,7 +162,7 @@ void RealTimeLoop::resume(const ReceivedMessage& received) {
   receive_events(received.message, true, true);
 }
 
-void RealTimeLoop::tell_ignored(const ReceivedMessage& received, const MessageCounts& before) {
+void RealTimeLoop::report_ignored(const ReceivedMessage& received, const MessageCounts& before) {
   const ContactMessage& message = received.message;
   const MessageCounts& now = sessions_.counts();
   if (now.stale > before.stale) {
@@ -248,7 +248,7 @@ void RealTimeLoop::on_tick(const State& state) {
 }
 
 bool RealTimeLoop::on_settled(const State& state) {
-  if (follower_ != nullptr && !tell_settled(state.tick)) return false;
+  if (follower_ != nullptr && !hand_over_events(state.tick)) return false;
   if (state.tick <= last_ && !send(true, state)) return false;
   if (follower_ != nullptr) {
     (void)follower_->put({Settled::Kind::tick, state.tick, sessions_.session(), 0, {}});
@@ -262,7 +262,7 @@ bool RealTimeLoop::on_settled(const State& state) {
 }
 
 // Hands over the events up to a settled tick; false if the queue has no room for all of them yet.
-bool RealTimeLoop::tell_settled(std::int64_t tick) {
+bool RealTimeLoop::hand_over_events(std::int64_t tick) {
   const EventHistory& history = time_line_.events();
   const auto& all = history.events();
   const auto taken = history.counts().events;
@@ -360,7 +360,7 @@ void RealTimeLoop::account(std::int64_t begin) {
 }
 
 // Hands over the status of the period. If the queue is full, the period continues.
-void RealTimeLoop::tell_status(std::int64_t now) {
+void RealTimeLoop::hand_over_status(std::int64_t now) {
   IntegrationStatus* slot = outbox_.statuses.free_slot();
   if (slot == nullptr) return;
   const bool started = time_line_.started();
@@ -369,7 +369,7 @@ void RealTimeLoop::tell_status(std::int64_t now) {
   status_.master = !started   ? Health::Master::awaited
                    : at_end() ? Health::Master::ended
                    : silent   ? Health::Master::silent
-                              : Health::Master::heard;
+                              : Health::Master::received;
   status_.session = sessions_.session();
   status_.tick = reached_;
   status_.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;

@@ -29,7 +29,7 @@ class RealTimeLoop {
   void identify_in(IdentificationThread& thread);
 
   /// Sets the receiver of settled events and ticks; it must outlive this.
-  void tell_settled_to(SettledFollower& follower) { follower_ = &follower; }
+  void set_follower(SettledFollower& follower) { follower_ = &follower; }
 
   /// Runs until tick `last` has settled, or until `stop` or a signal.
   void run(const std::atomic<bool>& stop);
@@ -55,7 +55,7 @@ class RealTimeLoop {
   void start(const ReceivedMessage& received);
   void start_again(const ReceivedMessage& received);
   void resume(const ReceivedMessage& received);
-  void tell_ignored(const ReceivedMessage& received, const MessageCounts& before);
+  void report_ignored(const ReceivedMessage& received, const MessageCounts& before);
   void receive_events(const ContactMessage& message, bool after_a_loss, bool resumed);
 
   // Ticks.
@@ -63,7 +63,7 @@ class RealTimeLoop {
   std::int64_t tick_for_now(std::int64_t now) const;
   void on_tick(const State& state);
   bool on_settled(const State& state);
-  bool tell_settled(std::int64_t tick);
+  bool hand_over_events(std::int64_t tick);
   void repeat_corrected();
   void identify();
   bool send(bool settled, const State& state);
@@ -75,7 +75,7 @@ class RealTimeLoop {
   bool paced() const;
   bool at_end() const;
   void announce(Announcement::Kind kind);
-  void tell_status(std::int64_t now);
+  void hand_over_status(std::int64_t now);
 
   Estimation& estimation_;
   TimeLine<TrackingEstimator>& time_line_;

@@ -62,26 +62,26 @@ Reception::Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices)
 void Reception::run(const std::atomic<bool>& stop) {
   while (!stop) {
     bus_.handle(50ms);
-    tell_refused();
-    tell_figures();
+    raise_refused();
+    hand_over_figures();
   }
 }
 
-void Reception::tell_figures() {
-  ReceptionFigures* slot = telling_.free_slot();
+void Reception::hand_over_figures() {
+  ReceptionFigures* slot = figures_queue_.free_slot();
   if (slot == nullptr) return;
   *slot = figures();
   if (*slot == last_put_) return;
   last_put_ = *slot;
-  telling_.push();
+  figures_queue_.push();
 }
 
 const ReceptionFigures& Reception::reported() {
-  while (const ReceptionFigures* figures = telling_.front()) {
-    told_ = *figures;
-    telling_.pop();
+  while (const ReceptionFigures* figures = figures_queue_.front()) {
+    reported_ = *figures;
+    figures_queue_.pop();
   }
-  return told_;
+  return reported_;
 }
 
 ReceptionFigures Reception::figures() const {
@@ -126,20 +126,20 @@ void Reception::receive(std::span<const std::uint8_t> data, std::int64_t utime) 
 }
 
 // Raises notices about packets that the bus has discarded.
-void Reception::tell_refused() {
+void Reception::raise_refused() {
   const BusCounts& counts = bus_.counts();
   const auto fault = [&counts](PacketFault of) {
     return counts.faults[static_cast<std::size_t>(of)];
   };
-  tell_rise(Notice::malformed, fault(PacketFault::foreign) + fault(PacketFault::no_channel));
-  tell_rise(Notice::fragment, fault(PacketFault::fragment));
-  tell_rise(Notice::other_host, counts.other_host);
-  if (tell_rise(Notice::unauthenticated, counts.unauthenticated)) {
+  raise_increase(Notice::malformed, fault(PacketFault::foreign) + fault(PacketFault::no_channel));
+  raise_increase(Notice::fragment, fault(PacketFault::fragment));
+  raise_increase(Notice::other_host, counts.other_host);
+  if (raise_increase(Notice::unauthenticated, counts.unauthenticated)) {
     inbox_.last_arrival.store(monotonic_now(), std::memory_order_relaxed);
   }
 }
 
-bool Reception::tell_rise(Notice notice, std::int64_t count) {
+bool Reception::raise_increase(Notice notice, std::int64_t count) {
   std::int64_t& before = kept_away_[static_cast<std::size_t>(notice)];
   if (count == before) return false;
   notices_.raise(notice, count - before);

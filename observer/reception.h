@@ -33,18 +33,18 @@ class Reception {
 
  private:
   void receive(std::span<const std::uint8_t> data, std::int64_t utime);
-  void tell_refused();
-  void tell_figures();
-  bool tell_rise(Notice notice, std::int64_t count);
+  void raise_refused();
+  void hand_over_figures();
+  bool raise_increase(Notice notice, std::int64_t count);
 
   Bus& bus_;
   int contacts_;
   Inbox& inbox_;
   Notices& notices_;
   ReceptionFigures figures_;
-  SpscQueue<ReceptionFigures> telling_{2, ReceptionFigures{}};
+  SpscQueue<ReceptionFigures> figures_queue_{2, ReceptionFigures{}};
   ReceptionFigures last_put_;  // last entry of the queue
-  ReceptionFigures told_;      // used by the other thread
+  ReceptionFigures reported_;  // used by the other thread
   std::int64_t kernel_drops_ = 0;
   std::array<std::int64_t, notice_kinds> kept_away_{};  // discarded by the bus, by Notice
 };

@@ -95,7 +95,7 @@ class Replay {
       while (!done() && log.next(contacts, arrival)) {
         check_interrupt();
         take(contacts, arrival, sessions);
-        notices_.tell(monotonic_now(), std::cerr);
+        notices_.print(monotonic_now(), std::cerr);
         settle();
       }
     } catch (const Interrupted&) {  // the settled ticks until then are valid
@@ -123,7 +123,7 @@ class Replay {
   }
 
   void finish(nlohmann::ordered_json& report) {
-    notices_.tell_rest(std::cerr);
+    notices_.print_rest(std::cerr);
     report["ticks"] = settled_.ticks();
     estimation_.to_json(report);
     settled_.sum_up(time_line_.events(), report);

@@ -51,7 +51,7 @@ void SettledFollower::finish() {
   take_all();
   // The last tick may have been lost because the queue was full.
   if (!events_.empty()) advance(first_tick_after(events_.back().t, estimator_.h()));
-  tell();
+  write_impacts();
 }
 
 void SettledFollower::take_all() {
@@ -64,7 +64,7 @@ void SettledFollower::take_all() {
   } catch (const Interrupted&) {  // a signal during an identification or a prediction
     stop_ = true;
   }
-  tell();
+  write_impacts();
   if (writer_) writer_->flush();
   if (predictions_) predictions_->flush();
 }
@@ -72,12 +72,12 @@ void SettledFollower::take_all() {
 void SettledFollower::take(const Settled& item) {
   switch (item.kind) {
     case Settled::Kind::start:
-      tell();
+      write_impacts();
       events_.clear();
       session_ = item.session;
       estimator_.start(start_, item.tick, item.chi, state_);
       started_ = false;
-      foretells_ = false;
+      prediction_due_ = false;
       break;
     case Settled::Kind::event:
       events_.push_back(item.event);
@@ -106,21 +106,21 @@ void SettledFollower::advance(std::int64_t tick) {
     identify_now(estimator_, state_, identified_);
     estimator_.tick(due(k), state_);
   }
-  if (used > 0) foretells_ = true;
+  if (used > 0) prediction_due_ = true;
   events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(used));
 }
 
 // Predicts from the last settled state only: a follower that is late must not predict past events.
 void SettledFollower::predict() {
-  if (!predictor_ || !foretells_) return;
-  foretells_ = false;
+  if (!predictor_ || !prediction_due_) return;
+  prediction_due_ = false;
   const Prediction prediction = estimator_.predict(state_, *predictor_, ahead_);
   if (predictions_) predictions_->write(prediction);
   (void)bus_.publish(prediction_channel,
                      encode_prediction(prediction, session_, wall_clock_us(), buffer_));
 }
 
-void SettledFollower::tell() {
+void SettledFollower::write_impacts() {
   for (const ImpactRecord& record : impacts_) {
     writer_->write(record);
     (void)bus_.publish(impacts_channel, encode_impact(record, session_, wall_clock_us(), buffer_));

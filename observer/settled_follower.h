@@ -59,7 +59,7 @@ class SettledFollower {
   void take(const Settled& item);
   void advance(std::int64_t tick);
   void predict();
-  void tell();
+  void write_impacts();
 
   static constexpr std::size_t slots = 1U << 14U;
 
@@ -75,7 +75,7 @@ class SettledFollower {
   std::optional<ImpactsWriter> writer_;
   std::optional<Predictor> predictor_;  // with --predict
   double ahead_;                        // horizon of the prediction [s]
-  bool foretells_ = false;              // an event has settled since the last prediction
+  bool prediction_due_ = false;         // an event has settled since the last prediction
   std::optional<PredictionsWriter> predictions_;
   Bus& bus_;
   std::vector<std::uint8_t> buffer_;

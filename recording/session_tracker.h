@@ -48,7 +48,8 @@ class SessionTracker {
     ++counts_.received;
     oddity_ = continuity_.impossible(message);
     if (oddity_ != Oddity::none) return refuse();
-    if (counts_.sessions > 0 && message.session == session_) return hear_followed(message, arrival);
+    if (counts_.sessions > 0 && message.session == session_)
+      return receive_followed(message, arrival);
     if (!freshness_.allows(message.utime, arrival.wall)) {
       ++counts_.stale;
       return Verdict::ignored;
@@ -99,7 +100,7 @@ class SessionTracker {
     return Verdict::ignored;
   }
 
-  Verdict hear_followed(const ContactMessage& message, const Arrival& arrival) {
+  Verdict receive_followed(const ContactMessage& message, const Arrival& arrival) {
     switch (continuity_.receive(message, arrival)) {
       case Continuity::Verdict::odd:
         oddity_ = continuity_.oddity();

@@ -156,7 +156,7 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   Outcome outcome;
   // Jittered times may cross ticks, so the machine runs ahead by six standard deviations.
   const double lead = 6.0 * trial.jitter + trial.tick;
-  MovingMaster heard(machine, trial);
+  MovingMaster master_ahead(machine, trial);
   const auto ticks = last_tick(trial.duration, trial.tick);
   std::vector<ContactEvent> drawn;
   double last = 0.0;
@@ -164,7 +164,7 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   for (std::int64_t k = 1; k <= ticks; ++k) {
     const Instant t = tick_instant(k, trial.tick);
     drawn.clear();
-    heard.advance(at(t.hi + lead), drawn);
+    master_ahead.advance(at(t.hi + lead), drawn);
     for (ContactEvent event : drawn) {
       if (draw.uniform() < trial.spurious) {
         const double before = last + draw.uniform() * std::max(event.t - last, 0.0);

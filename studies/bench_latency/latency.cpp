@@ -181,7 +181,7 @@ class Machine {
     bus_.handle(0ms);
   }
 
-  bool heard() const { return received_; }
+  bool received() const { return received_; }
 
   /// Time from the sending of an event to the first estimate that contains it [ns]; negative if
   /// none came.
@@ -258,7 +258,7 @@ std::vector<Samples> measure(const Options& options, const CommonOptions& common
     ::execv(options.observer.c_str(), const_cast<char* const*>(arguments.data()));
   });
   Machine machine(common.url, key_of(common), contacts);
-  while (!machine.heard()) {
+  while (!machine.received()) {
     machine.heartbeat();
     wait(10 * millisecond);
     if (!observer.running()) throw std::runtime_error(options.observer + " does not run");

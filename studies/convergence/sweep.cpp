@@ -74,19 +74,19 @@ void side_by_side(Table& table) {
     for (const double tick : {1e-2, 1e-3, 1e-4}) {
       const study::Truth truth = study::run_machine(machine, 100.0, tick, 100);
       std::vector<Scene> scenes(runs, machine);
-      std::vector<study::Told> told;
+      std::vector<study::EstimatorInput> inputs;
       for (int i = 0; i < runs; ++i) {
         Scene& scene = scenes[static_cast<std::size_t>(i)];
         scene.model.contacts[0].restitution *= 1.0 + 1e-3 * i;
         scene.prior.start.q *= 1.0 + 1e-2 * i;
-        told.push_back({scene, truth.events, truth});
+        inputs.push_back({scene, truth.events, truth});
       }
       for (int turn = 1; turn <= turns; ++turn) {
         double begin = work_precision::cpu_seconds();
-        if (study::follow_replicas(told, 0.0).back()->V.empty()) throw Error("no run");
+        if (study::follow_replicas(inputs, 0.0).back()->V.empty()) throw Error("no run");
         const double together = work_precision::cpu_seconds() - begin;
         begin = work_precision::cpu_seconds();
-        for (const study::Told& run : told) {
+        for (const study::EstimatorInput& run : inputs) {
           follow(EstimatorKind::replica, run.scene, run.events, run.truth, 0.0);
         }
         const double alone = work_precision::cpu_seconds() - begin;

@@ -88,13 +88,13 @@ class BoundFollower {
         energy_(model),
         state_(replica) {}
 
-  /// `hear`: number of received arrivals, before the master ends.
+  /// `received`: number of received arrivals, before the master ends.
   Said follow(const Run& run, const State& master, const State& replica,
-              const std::vector<Arriving>& arriving, std::size_t hear) {
+              const std::vector<Arriving>& arriving, std::size_t received) {
     Said said;
     const double V0 = energy_(master.q, master.u, replica.q, replica.u)[0];
     line_.restart(arriving.front().report);
-    for (std::size_t i = 0; i < hear; ++i) {
+    for (std::size_t i = 0; i < received; ++i) {
       if (i > 0 && line_.receive(arriving[i].report)) break;
       const std::int64_t now = std::min(last_tick(arriving[i].at, line_.h()),
                                         static_cast<std::int64_t>(run.truth.size()) - 1);
@@ -179,9 +179,9 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
     const double lost_from = lossy ? random.uniform(0.2, 0.6) * trial_end : infinity;
     const auto arriving = arrivals(random, *run, m, random.log_uniform(1e-3, 1.0), lost_from,
                                    lost_from + 0.3 * trial_end, session);
-    const std::size_t hear = session == 1 ? arriving.size() * 2 / 3 : arriving.size();
+    const std::size_t received = session == 1 ? arriving.size() * 2 / 3 : arriving.size();
     const std::int64_t lost_before = observer.lost();
-    const Said said = observer.follow(*run, start, replica, arriving, hear);
+    const Said said = observer.follow(*run, start, replica, arriving, received);
     totals.ticks += said.finite;
     totals.events += static_cast<std::int64_t>(run->events.size());
     totals.closings += std::count_if(

@@ -21,8 +21,8 @@ namespace {
 Scene tolerant_beam(double time) {
   Scene scene = shipped_scene("paper_beam");
   if (scene.prior.uncertainty.size() == 0) {
-    const double V0 = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                               scene.prior.start.u)[0];
+    const double V0 = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                               scene.prior.start.q, scene.prior.start.u)[0];
     scene.prior.uncertainty = Eigen::VectorXd::Constant(3, V0 * 1.001 / 3.0);
   }
   scene.prior.tolerance.time = time;
@@ -123,16 +123,16 @@ TEST(Guarantee, IsFiniteAfterAGap) {
   replica.start(scene.prior.start, 0, 0, state);
   const ErrorEnergy energy(scene.model);
   constexpr double lost_from = 40.0, lost_to = 45.0;
-  std::vector<ContactEvent> heard;
+  std::vector<ContactEvent> received;
   for (const ContactEvent& event : machine.events) {
-    if (event.t < lost_from || event.t > lost_to) heard.push_back(event);
+    if (event.t < lost_from || event.t > lost_to) received.push_back(event);
   }
-  for (const ContactEvent& event : heard) {
+  for (const ContactEvent& event : received) {
     if (event.t < lost_from) history.add(event);
   }
   history.set_horizon(lost_from);
   history.degrade(lost_from, lost_to);
-  for (const ContactEvent& event : heard) {
+  for (const ContactEvent& event : received) {
     if (event.t > lost_to) history.add(event);
   }
   history.set_horizon(end + 1.0);
@@ -142,8 +142,8 @@ TEST(Guarantee, IsFiniteAfterAGap) {
   for (Eigen::Index k = 0; k < machine.q.rows(); ++k) {
     const double t = 0.01 * static_cast<double>(k);
     std::size_t last = next;
-    while (last < heard.size() && heard[last].t <= t) ++last;
-    if (k > 0) replica.tick(std::span(heard).subspan(next, last - next), state);
+    while (last < received.size() && received[last].t <= t) ++last;
+    if (k > 0) replica.tick(std::span(received).subspan(next, last - next), state);
     next = last;
     replica.output(state, q, u);
     tracker.follow(history, t);

@@ -24,7 +24,7 @@ class HealthListener {
  public:
   HealthListener(const std::string& url, std::optional<Key> key) : bus_(url, std::move(key)) {
     bus_.subscribe(health_channel, [this](std::string_view, std::span<const std::uint8_t> data,
-                                          std::int64_t) { hear(data); });
+                                          std::int64_t) { receive(data); });
     thread_ = std::thread([this] {
       while (!stop_) bus_.handle(20ms);
     });
@@ -37,7 +37,7 @@ class HealthListener {
   HealthListener& operator=(const HealthListener&) = delete;
 
   /// All messages so far, each once: the last one is repeated.
-  std::vector<Health> heard() const {
+  std::vector<Health> distinct_messages() const {
     const std::lock_guard lock(mutex_);
     std::vector<Health> all;
     for (const auto& [utime, health] : received_) all.push_back(health);
@@ -50,7 +50,7 @@ class HealthListener {
   int refused() const { return refused_; }
 
  private:
-  void hear(std::span<const std::uint8_t> data) {
+  void receive(std::span<const std::uint8_t> data) {
     Health health;
     if (decode(data, health) != Refusal::none) {
       ++refused_;
@@ -88,7 +88,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
   const Arguments common{scene("paper_beam"), "--duration", "20", "--tick",
                          "0.015625",          "--key",      key};
   Process& observer = start_listening("observer", common + Arguments{"--report", file("o.json")});
-  ASSERT_TRUE(in_time([&] { return !listener.heard().empty(); }));
+  ASSERT_TRUE(in_time([&] { return !listener.distinct_messages().empty(); }));
   const Health before = listener.latest();
   EXPECT_EQ(before.master, awaited);
   EXPECT_EQ(before.estimate, Health::Estimate::none);
@@ -124,7 +124,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
   EXPECT_EQ(end_of(observer).code, 0);
   ASSERT_TRUE(in_time([&] { return listener.latest().last; }));
 
-  const std::vector<Health> all = listener.heard();
+  const std::vector<Health> all = listener.distinct_messages();
   EXPECT_EQ(listener.refused(), 0);
   ASSERT_GT(all.size(), 4U);
   const Health& last = all.back();
@@ -171,7 +171,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
     latencies += health.latencies;
     longest_latency = std::max(longest_latency, health.latency.max);
     greatest_lateness = std::max(greatest_lateness, health.lateness.max);
-    if (health.master == heard) {
+    if (health.master == received) {
       paced = true;
       EXPECT_EQ(health.speed, 6.0);
       EXPECT_NE(health.estimate, Health::Estimate::none);
@@ -199,7 +199,7 @@ TEST_F(HealthTest, SaysWhetherTheMasterIsHeard) {
       "observer", {scene("paper_beam"), "--tick", "0.015625", "--estimator", "replica"});
   EXPECT_TRUE(comes_to(awaited));
   Process& killed = start_master({scene("paper_beam"), "--tick", "0.015625"});
-  EXPECT_TRUE(comes_to(heard));
+  EXPECT_TRUE(comes_to(received));
   const std::int64_t first = listener.latest().session;
   killed.signal(SIGKILL);
   EXPECT_TRUE(comes_to(silent));
@@ -209,7 +209,7 @@ TEST_F(HealthTest, SaysWhetherTheMasterIsHeard) {
   // Without a master no message is late, and the estimate continues.
   EXPECT_TRUE(in_time([&] { return listener.latest().tick > alone.tick + 32; }));
   Process& next = start_master({scene("paper_beam"), "--duration", "6", "--speed", "3"});
-  EXPECT_TRUE(comes_to(heard));
+  EXPECT_TRUE(comes_to(received));
   EXPECT_EQ(listener.latest().sessions, 2);
   EXPECT_NE(listener.latest().session, first);
   EXPECT_EQ(listener.latest().speed, 3.0);

@@ -22,9 +22,10 @@ class LiveAndOfflineTest : public EndToEnd {
   /// The observer may have another scene than the master.
   void run_live(const std::string& scene_file, const std::string& duration, const std::string& tick,
                 const Arguments& of_observer, const Arguments& of_master = {},
-                const std::string& told = {}) {
+                const std::string& observer_scene = {}) {
     const Arguments common{scene_file, "--duration", duration};
-    const Arguments to_observer{told.empty() ? scene_file : told, "--duration", duration};
+    const Arguments to_observer{observer_scene.empty() ? scene_file : observer_scene, "--duration",
+                                duration};
     Process& logger = start_listening(
         "sync_logger",
         common + Arguments{"--csv", file("sync.csv"), "--record", file("run.lcmlog")});
@@ -42,9 +43,9 @@ class LiveAndOfflineTest : public EndToEnd {
   }
 
   void expect_settled_ticks_as_in_replays(const std::string& name, const Arguments& how,
-                                          const std::string& told = {}) {
-    run_live(scene(name), "40", "0.015625", how, {}, told);
-    const std::string replayed = told.empty() ? scene(name) : told;
+                                          const std::string& observer_scene = {}) {
+    run_live(scene(name), "40", "0.015625", how, {}, observer_scene);
+    const std::string replayed = observer_scene.empty() ? scene(name) : observer_scene;
     const std::string live = text("live.csv");
     EXPECT_EQ(read_states_file(file("live.csv")).size(), 2561U);
     const Arguments more = Arguments{"--tick", "0.015625", "--duration", "40"} + how;
@@ -116,12 +117,12 @@ TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBi
 // takes.
 TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitForBit) {
   std::string wrong = read_text(scene("paper_beam"));
-  for (const auto& [is, told] :
+  for (const auto& [is, given] :
        std::map<std::string, std::string>{{"damping = 0.17", "damping = 0.18"},
                                           {"restitution = 0.7", "restitution = 0.65"},
                                           {"bending_stiffness = 1.0", "bending_stiffness = 1.1"}}) {
     ASSERT_NE(wrong.find(is), std::string::npos);
-    wrong.replace(wrong.find(is), is.size(), told);
+    wrong.replace(wrong.find(is), is.size(), given);
   }
   write_text(file("wrong.toml"), wrong);
   expect_settled_ticks_as_in_replays("paper_beam",
@@ -156,7 +157,7 @@ TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
   wrong.replace(wrong.find(damping), damping.size(), "damping = 0.18");
   write_text(file("wrong.toml"), wrong);
   const std::string chatter = scene("paper_beam_chatter");
-  for (const auto& [estimator, told] :
+  for (const auto& [estimator, observer_scene] :
        std::map<std::string, std::string>{{"replica", chatter},
                                           {"timing", chatter},
                                           {"both", chatter},
@@ -165,9 +166,10 @@ TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
     set_url(udp_url());
     const std::string machine = estimator == "adaptive" ? scene("paper_beam") : chatter;
     const Arguments how{"--estimator", estimator, "--impacts"};
-    run_live(machine, "30", "0.015625", how + Arguments{file("live_impacts.csv")}, {}, told);
+    run_live(machine, "30", "0.015625", how + Arguments{file("live_impacts.csv")}, {},
+             observer_scene);
     const Arguments more = Arguments{"--tick", "0.015625", "--duration", "30"} + how;
-    replay(told, file("events.csv"), more + Arguments{file("impacts.csv")});
+    replay(observer_scene, file("events.csv"), more + Arguments{file("impacts.csv")});
     const std::string live = text("live_impacts.csv");
     EXPECT_GT(count_rows(file("live_impacts.csv")), 30U);
     EXPECT_TRUE(live == text("impacts.csv")) << "live differs from the replay of the events";
@@ -285,12 +287,12 @@ TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
 
 // Smoothing makes the estimate accurate from the first tick on.
 TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
-  const std::string told = read_text(scene("paper_beam")) + "\n[events]\njitter = 1e-6\n";
-  write_text(file("told.toml"), told);
+  const std::string with_jitter = read_text(scene("paper_beam")) + "\n[events]\njitter = 1e-6\n";
+  write_text(file("with_jitter.toml"), with_jitter);
   simulate(scene("paper_beam"), "20", "0.1");
   const Arguments more{"--tick", "0.1", "--duration", "20", "--report", file("report.json")};
   const auto energy_at_the_start = [&](const Arguments& how) {
-    const std::string estimate = replay(file("told.toml"), file("events.csv"), more + how);
+    const std::string estimate = replay(file("with_jitter.toml"), file("events.csv"), more + how);
     EXPECT_EQ(read_states_file(estimate).size(), 201U);
     EXPECT_EQ(run("sync_logger", {scene("paper_beam"), "--truth", file("truth.csv"), "--estimate",
                                   estimate, "--csv", file("V.csv")})
@@ -303,7 +305,7 @@ TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
   EXPECT_EQ(json("report.json").at("smoothed_ticks"), 201);
   // A recording without its beginning is not smoothed.
   write_text(file("late.csv"), "t,contact,closed\n0.5,1,0\n");
-  EXPECT_EQ(run("observer", {file("told.toml"), "--replay", file("late.csv"), "--smooth",
+  EXPECT_EQ(run("observer", {file("with_jitter.toml"), "--replay", file("late.csv"), "--smooth",
                              "--states", file("late_states.csv")})
                 .code,
             2);

@@ -21,7 +21,7 @@ namespace sprag {
 namespace {
 
 /// Ticks with a claimed sigma, and those of them at which a coordinate is off by more than 5 sigma.
-struct Told {
+struct ClaimCount {
   std::int64_t ticks = 0, wrong = 0;
 };
 
@@ -40,16 +40,16 @@ Scene drawn_scene(Random& random) {
 /// Runs to tick `last` and counts from tick `first` on. Returns whether sigma is claimed at the
 /// end.
 template <typename Spoil>
-bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, Told& told) {
+bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, ClaimCount& claims) {
   const Eigen::Index f = run.truth.q.size();
   Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(run.scene_.model.contacts.size());
   for (int k = 1; k <= last; ++k) {
     run.tick(spoil);
     deviations(run.filter, run.state, sigma_q, sigma_u, sigma_g);
     if (k < first || !sigma_q.allFinite()) continue;
-    ++told.ticks;
+    ++claims.ticks;
     const Eigen::ArrayXd off = (run.truth.q - run.mean.q).array().abs();
-    if ((off > 5.0 * sigma_q.array()).any()) ++told.wrong;
+    if ((off > 5.0 * sigma_q.array()).any()) ++claims.wrong;
   }
   return sigma_q.allFinite();
 }
@@ -84,21 +84,22 @@ TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
     for (int i = 0; i < repetitions(24); ++i) {
       Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
-      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
+      scene.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
       scene.prior.jitter = jitter;
       Pursuit run(scene, h);
       const auto jitters = [&](std::vector<ContactEvent>& events) {
         for (ContactEvent& event : events) event.t += jitter * normal(engine);
       };
-      Told told;
-      const bool is_known = count_claims(run, 10000, 20000, jitters, told);
-      if (told.wrong > told.ticks / 20) ++wrong;
+      ClaimCount claims;
+      const bool is_known = count_claims(run, 10000, 20000, jitters, claims);
+      if (claims.wrong > claims.ticks / 20) ++wrong;
       if (run.impacts < 100 || run.state.inconsistencies == 0) continue;
       ++machines;
       if (is_known) ++found;
     }
     std::cout << "seed 1, jitter " << jitter << ": " << found << " of " << machines << " found, "
-              << wrong << " told wrong\n";
+              << wrong << " with a wrong claim\n";
     EXPECT_GT(machines, 0);
     EXPECT_GE(found, jitter > 0.0 ? machines - machines / 10 : machines);
     // One of 24 machines, with 43 impacts and an error growth by 10^4, is off by 6 sigma.
@@ -113,18 +114,18 @@ TEST(EventFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
   const auto as_they_are = [](std::vector<ContactEvent>&) {};
   Random random(3);
   int machines = 0, doubted = 0;
-  Told told;
+  ClaimCount claims;
   for (int i = 0; i < repetitions(40); ++i) {
     const Scene scene = in_units(units, drawn_scene(random));
     Pursuit run(scene, 0.01);
-    count_claims(run, 1, 4000, as_they_are, told);
+    count_claims(run, 1, 4000, as_they_are, claims);
     ++machines;
     if (run.state.inconsistencies > 0) ++doubted;
   }
-  std::cout << "seed 3: " << doubted << " of " << machines << " doubted, " << told.wrong << " of "
-            << told.ticks << " ticks beyond 5 sigma\n";
+  std::cout << "seed 3: " << doubted << " of " << machines << " doubted, " << claims.wrong << " of "
+            << claims.ticks << " ticks beyond 5 sigma\n";
   EXPECT_EQ(doubted, 0);
-  EXPECT_EQ(told.wrong, 0);
+  EXPECT_EQ(claims.wrong, 0);
 }
 
 // Without further events, on random machines and on a ball on a spring that is soft for its weight.
@@ -157,7 +158,7 @@ TEST(EventFilter, IsNotSureOfAStateInsideASupport) {
     }
   }
   std::cout << "seed 4: " << inside << " of " << ticks << " gaps below zero, " << wrong
-            << " told with less than an eighth of that\n";
+            << " with a sigma of less than an eighth of that\n";
   EXPECT_GT(inside, 100);
   EXPECT_EQ(wrong, 0);
 }
@@ -173,7 +174,7 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
     std::mt19937_64 engine(2);
     std::bernoulli_distribution is_lost(share);
     int machines = 0, doubted = 0;
-    Told told;
+    ClaimCount claims;
     for (int i = 0; i < 24; ++i) {
       const ImpactingMachine machine = random_impacting_machine(random);
       Scene scene;
@@ -187,30 +188,32 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
       // The start must be outside the supports: a start inside a support is mirrored at it.
       for (int pass = 0; pass < 20; ++pass) {
         for (const Contact& contact : scene.model.contacts) {
-          scene.truth.start.q -= 2.0 * std::min(gap(contact, scene.truth.start.q, 0.0), 0.0) * contact.w;
+          scene.truth.start.q -=
+              2.0 * std::min(gap(contact, scene.truth.start.q, 0.0), 0.0) * contact.w;
         }
       }
       const Eigen::Index f = scene.model.coordinates();
       scene.prior.start.q = scene.truth.start.q + 0.3 * random.vector(f);
       scene.prior.start.u = scene.truth.start.u + 0.3 * random.vector(f);
-      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
+      scene.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
       Pursuit run(scene, h);
       const auto loses = [&](std::vector<ContactEvent>& events) {
         std::erase_if(events, [&](const ContactEvent& event) {
           return event.kind == ContactEventKind::pulse && is_lost(engine);
         });
       };
-      count_claims(run, 3000, 6000, loses, told);
+      count_claims(run, 3000, 6000, loses, claims);
       if (run.impacts < 100) continue;
       ++machines;
       if (run.state.inconsistencies > 0) ++doubted;
     }
     std::cout << "seed 2, " << share << " lost: " << doubted << " of " << machines << " doubted, "
-              << told.wrong << " of " << told.ticks << " ticks beyond 5 sigma\n";
+              << claims.wrong << " of " << claims.ticks << " ticks beyond 5 sigma\n";
     EXPECT_GT(machines, 0);
     EXPECT_EQ(doubted > 0, share > 0.0);
     // An inconsistency is detected at the next event.
-    EXPECT_LE(told.wrong, share > 0.0 ? told.ticks / 40 : 0);
+    EXPECT_LE(claims.wrong, share > 0.0 ? claims.ticks / 40 : 0);
   }
 }
 
@@ -239,7 +242,7 @@ TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
   }
   EXPECT_LT(sigma_q[0], 1e-9);
   for (int k = 0; k < 2; ++k) run.tick();
-  std::cout << "opened at " << left_out << ", told at " << run.state.last.t << '\n';
+  std::cout << "opened at " << left_out << ", reported at " << run.state.last.t << '\n';
   EXPECT_EQ(run.state.inconsistencies, 1);
   EXPECT_EQ(run.state.last.suspicion, Suspicion::missing_event);
   EXPECT_NEAR(run.state.last.t, left_out, 2.0 * h);

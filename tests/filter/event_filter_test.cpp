@@ -48,8 +48,8 @@ TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
     Pursuit run(scene, 1e-3);
     const int enough = 3 * 2 * static_cast<int>(scene.model.coordinates());
     double V = 0.0;
-    const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                                  scene.prior.start.u)[0];
+    const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                                  scene.prior.start.q, scene.prior.start.u)[0];
     for (int k = 0; k < 100000 && run.impacts < enough; ++k) V = run.tick();
     std::cout << name << ": V " << first << " -> " << V << " after " << run.impacts << " events, t "
               << 1e-3 * static_cast<double>(run.k_) << '\n';
@@ -125,7 +125,8 @@ TEST(EventFilter, IsCalibrated) {
         start.prior.start.u[k] = start.truth.start.u[k] + of_u * normal(engine);
       }
       start.prior.jitter = sigma;
-      start.prior.sigma = State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
+      start.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
       Pursuit run(start, 0.1);
       for (int k = 1; k <= 200; ++k) {
         run.tick([&](std::vector<ContactEvent>& events) {
@@ -153,31 +154,31 @@ TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
   const Scene& scene = cached_scene("paper_beam.toml");
   constexpr int runs = 50;
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
-    Scene told = scene;
-    told.prior.jitter = sigma;
+    Scene given = scene;
+    given.prior.jitter = sigma;
     std::mt19937_64 engine(19);
     std::normal_distribution<double> normal;
     std::vector<std::vector<double>> of_filter(40), of_replica(40);
     for (int i = 0; i < runs; ++i) {
-      const Uncertainty uncertainty = uncertainty_of(told);
+      const Uncertainty uncertainty = uncertainty_of(given);
       const auto draw = [&](const Eigen::MatrixXd& S) {
         return Eigen::VectorXd(S * Eigen::VectorXd::NullaryExpr(3, [&] { return normal(engine); }));
       };
-      told.prior.start.q = told.truth.start.q + draw(uncertainty.q);
-      told.prior.start.u = told.truth.start.u + draw(uncertainty.u);
-      Pursuit run(told, 0.1);
-      Replica replica(told.model, 0.1);
+      given.prior.start.q = given.truth.start.q + draw(uncertainty.q);
+      given.prior.start.u = given.truth.start.u + draw(uncertainty.u);
+      Pursuit run(given, 0.1);
+      Replica replica(given.model, 0.1);
       Replica::State state;
-      replica.start(told.prior.start, 0, 0, state);
-      const ErrorEnergy energy(told.model);
+      replica.start(given.prior.start, 0, 0, state);
+      const ErrorEnergy energy(given.model);
       Eigen::VectorXd q(3), u(3);
       for (int k = 1; k <= 400; ++k) {
-        std::vector<ContactEvent> heard;
+        std::vector<ContactEvent> reported;
         const double V = run.tick([&](std::vector<ContactEvent>& events) {
           for (ContactEvent& event : events) event.t += sigma * normal(engine);
-          heard = events;
+          reported = events;
         });
-        replica.tick(heard, state);
+        replica.tick(reported, state);
         if (k % 10 != 0) continue;
         replica.output(state, q, u);
         const auto t = static_cast<std::size_t>(k / 10 - 1);
@@ -385,8 +386,8 @@ TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   Pursuit run(scene, 0.1);
   std::mt19937_64 engine(31);
   std::normal_distribution<double> normal;
-  const double at_start =
-      ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)[0];
+  const double at_start = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                                   scene.prior.start.q, scene.prior.start.u)[0];
   double largest = 0.0;
   int held = 0;
   for (int k = 0; k < 600; ++k) {
@@ -468,7 +469,8 @@ TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
   model.contacts.push_back({Eigen::Vector2d(-0.8, 0.6), 0.0, {}, 0.7});
   Scene scene = scene_of(model);
   const double small = 1e-3;
-  scene.prior.sigma = State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
+  scene.prior.sigma =
+      State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
   TimingEstimator filter(scene, 0.1);
   const auto after_impact = [&](const Eigen::Vector2d& u) {
     TrackingState state;

@@ -53,7 +53,7 @@ TEST_P(JitteredChatter, IsNotFalselyCertain) {
     master.state(tick_instant(k, h), q_m[static_cast<std::size_t>(k)],
                  u_m[static_cast<std::size_t>(k)]);
   }
-  std::int64_t told = 0, wrong = 0;
+  std::int64_t claims = 0, wrong = 0;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     std::mt19937_64 engine(seed);
     const std::vector<ContactEvent> events = jittered(exact, scene, engine);
@@ -72,16 +72,16 @@ TEST_P(JitteredChatter, IsNotFalselyCertain) {
       for (Eigen::Index i = 0; i < f; ++i) {
         if (!std::isfinite(confidence.sigma_q[i])) continue;
         const auto now = static_cast<std::size_t>(k);
-        told += 2;
+        claims += 2;
         if (std::abs(q[i] - q_m[now][i]) > 5.0 * confidence.sigma_q[i]) ++wrong;
         if (std::abs(u[i] - u_m[now][i]) > 5.0 * confidence.sigma_u[i]) ++wrong;
       }
     }
   }
-  std::cout << GetParam() << ", seeds 1 to 3: " << wrong << " of " << told
+  std::cout << GetParam() << ", seeds 1 to 3: " << wrong << " of " << claims
             << " values beyond 5 sigma\n";
-  EXPECT_GT(told, 3 * ticks * f);  // claims at half of them at least
-  EXPECT_LT(static_cast<double>(wrong), 0.01 * static_cast<double>(told));
+  EXPECT_GT(claims, 3 * ticks * f);  // claims at half of them at least
+  EXPECT_LT(static_cast<double>(wrong), 0.01 * static_cast<double>(claims));
 }
 
 INSTANTIATE_TEST_SUITE_P(Drawn, JitteredChatter, testing::Values("r090", "r095"),

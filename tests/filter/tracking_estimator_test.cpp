@@ -43,14 +43,14 @@ struct Outcome {
   std::vector<Inconsistency> first;
 };
 
-Outcome outcome(const Scene& machine, const Scene& told, std::span<const ContactEvent> events) {
+Outcome outcome(const Scene& machine, const Scene& given, std::span<const ContactEvent> events) {
   const Eigen::Index f = machine.model.coordinates();
-  BothEstimator both(told, tick_of_both);
-  TimingEstimator filter(told, tick_of_both);
+  BothEstimator both(given, tick_of_both);
+  TimingEstimator filter(given, tick_of_both);
   TrackingState state;
   TrackingState alone;
-  both.start(told.prior.start, 0, 0, state);
-  filter.start(told.prior.start, 0, 0, alone);
+  both.start(given.prior.start, 0, 0, state);
+  filter.start(given.prior.start, 0, 0, alone);
   Master master(machine.model, machine.truth.start);
   const ErrorEnergy energy(machine.model);
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
@@ -114,12 +114,13 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
     std::mt19937_64 engine(11);
     const Scene& scene = cached_scene("paper_beam.toml");
-    Scene told = scene;
-    told.prior.jitter = sigma;
+    Scene given = scene;
+    given.prior.jitter = sigma;
     std::int64_t inconsistencies = 0;
     const int runs = repetitions(sigma > 1e-3 ? 100 : 20);
     for (int run = 0; run < runs; ++run) {
-      const Outcome o = outcome(scene, told, jittered(master_events(scene, length), sigma, engine));
+      const Outcome o =
+          outcome(scene, given, jittered(master_events(scene, length), sigma, engine));
       inconsistencies += o.inconsistencies;
       if (o.inconsistencies > 0) {
         std::cout << sigma << ", run " << run << ": " << name(o.first.front().suspicion)
@@ -135,12 +136,13 @@ TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
 /// The replica's start is off by `off` in each coordinate and velocity; the specified sigma is
 /// `sigma`.
 Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
-  Scene told = scene;
+  Scene given = scene;
   const Eigen::Index f = scene.model.coordinates();
-  told.prior.start.q = scene.truth.start.q + off * random.vector(f);
-  told.prior.start.u = scene.truth.start.u + off * random.vector(f);
-  told.prior.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
-  return told;
+  given.prior.start.q = scene.truth.start.q + off * random.vector(f);
+  given.prior.start.u = scene.truth.start.u + off * random.vector(f);
+  given.prior.sigma =
+      State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
+  return given;
 }
 
 /// Machines with enough impacts, until the end, for the filter to converge, and few enough that
@@ -177,12 +179,12 @@ TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
   std::mt19937_64 engine(3);
   int better = 0, machines = 0;
   for (const Scene& scene : drawn_machines(repetitions(20), random)) {
-    Scene told = with_start(scene, 1e-6, 1e-6, random);
-    told.prior.jitter = 1e-3;
+    Scene given = with_start(scene, 1e-6, 1e-6, random);
+    given.prior.jitter = 1e-3;
     const Outcome o =
-        outcome(scene, told, jittered(master_events(scene, length), told.prior.jitter, engine));
+        outcome(scene, given, jittered(master_events(scene, length), given.prior.jitter, engine));
     print("start known to 1e-6", o);
-    const bool apart = count_close(master_events(scene, length), told.prior.jitter) == 0;
+    const bool apart = count_close(master_events(scene, length), given.prior.jitter) == 0;
     EXPECT_GT(o.trusted, apart ? 0.85 : 0.0);
     EXPECT_LE(o.log_both, o.log_replica + 0.02);
     ++machines;
@@ -199,11 +201,11 @@ TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
   for (const double jitter : {0.0, 1e-5}) {
     int found = 0, machines = 0;
     for (const Scene& scene : drawn_machines(repetitions(20), random)) {
-      Scene told = with_start(scene, 0.3, 1e-6, random);
-      told.prior.jitter = jitter;
+      Scene given = with_start(scene, 0.3, 1e-6, random);
+      given.prior.jitter = jitter;
       const Outcome o =
-          outcome(scene, told, jittered(master_events(scene, length), jitter, engine));
-      print("start off by 0.3, told 1e-6", o);
+          outcome(scene, given, jittered(master_events(scene, length), jitter, engine));
+      print("start off by 0.3, given 1e-6", o);
       ++machines;
       if (o.trusted > 0.5) ++found;
       EXPECT_LE(o.log_both, std::max(o.log_replica, -25.0) + 1.0);
@@ -262,22 +264,22 @@ TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
     const double unit = random.log_uniform(0.01, 100.0);
     machine.truth.start = {Eigen::VectorXd::Constant(1, 0.3 * unit), Eigen::VectorXd::Zero(1)};
     machine.model.forces[0].direction *= unit;
-    Scene told = machine;
-    told.model.C += random.uniform(0.02, 0.2) * machine.model.M;
-    told.model.contacts[0].restitution *= random.uniform(0.995, 1.0);
-    told.prior.start = machine.truth.start;
-    told.prior.start.q *= random.uniform(0.8, 1.2);
-    told.prior.sigma =
+    Scene given = machine;
+    given.model.C += random.uniform(0.02, 0.2) * machine.model.M;
+    given.model.contacts[0].restitution *= random.uniform(0.995, 1.0);
+    given.prior.start = machine.truth.start;
+    given.prior.start.q *= random.uniform(0.8, 1.2);
+    given.prior.sigma =
         State{Eigen::VectorXd::Constant(1, 0.1 * unit), Eigen::VectorXd::Constant(1, unit)};
-    told.prior.jitter = 1e-4;
+    given.prior.jitter = 1e-4;
     std::mt19937_64 engine(static_cast<std::uint64_t>(run));
     std::vector<ContactEvent> events = master_events(machine, 3.0);
     events =
         jittered(std::vector(events.begin(), events.begin() + std::min(16L, std::ssize(events))),
-                 told.prior.jitter, engine);
-    BothEstimator both(told, tick_of_both);
+                 given.prior.jitter, engine);
+    BothEstimator both(given, tick_of_both);
     std::int64_t count = 0;
-    run_time_line(both, told, events, events.back().t, false, [&](const auto& state) {
+    run_time_line(both, given, events, events.back().t, false, [&](const auto& state) {
       if (state.inconsistencies == count) return;
       count = state.inconsistencies;
       EXPECT_NE(state.last.suspicion, Suspicion::spurious_event)
@@ -303,7 +305,7 @@ INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
                                          Mismatch{"restitution_10_percent", 1e-3, 1e-3, 1.1, 1.0},
                                          Mismatch{"restitution_1_percent", 1e-4, 1e-4, 0.99, 1.0},
                                          Mismatch{"damping_20_percent", 1e-4, 1e-4, 1.0, 1.2},
-                                         Mismatch{"jitter_not_told", 0.0, 1e-4, 1.0, 1.0},
+                                         Mismatch{"jitter_not_given", 0.0, 1e-4, 1.0, 1.0},
                                          Mismatch{"jitter_ten_times", 1e-4, 1e-3, 1.0, 1.0}),
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
@@ -311,13 +313,13 @@ INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
 TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   const Mismatch& mismatch = GetParam();
   const Scene& scene = cached_scene("paper_beam.toml");
-  Scene told = scene;
-  told.prior.jitter = mismatch.jitter_given;
-  told.model.C *= mismatch.damping;
-  for (Contact& contact : told.model.contacts) contact.restitution *= mismatch.restitution;
+  Scene given = scene;
+  given.prior.jitter = mismatch.jitter_given;
+  given.model.C *= mismatch.damping;
+  for (Contact& contact : given.model.contacts) contact.restitution *= mismatch.restitution;
   std::mt19937_64 engine(5);
   const Outcome o =
-      outcome(scene, told, jittered(master_events(scene, length), mismatch.jitter, engine));
+      outcome(scene, given, jittered(master_events(scene, length), mismatch.jitter, engine));
   print(mismatch.name, o);
   EXPECT_GE(o.inconsistencies, 1);
   const auto blamed = std::count_if(o.first.begin(), o.first.end(), [](const Inconsistency& one) {
@@ -332,8 +334,8 @@ TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto exact = master_events(scene, length);
   for (const double sigma : {0.0, 1e-3}) {
-    Scene told = scene;
-    told.prior.jitter = sigma;
+    Scene given = scene;
+    given.prior.jitter = sigma;
     double gained = 0.0;
     const int runs = repetitions(20);
     for (int run = 0; run < runs; ++run) {
@@ -354,7 +356,7 @@ TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
         if (fits) chi = after(chi, event);
         return !fits;
       });
-      const Outcome o = outcome(scene, told, events);
+      const Outcome o = outcome(scene, given, events);
       gained += (o.log_replica - o.log_both) / runs;
     }
     std::cout << "sigma " << sigma << ": " << gained << " decades of V below the replica\n";
@@ -437,13 +439,13 @@ TEST(TrackingEstimator, RollbacksDoNotShow) {
   auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
   events.insert(events.begin() + 20,
                 {0.5 * (events[19].t + events[20].t), 0, ContactEventKind::pulse});
-  Scene told = scene;
-  told.prior.jitter = 1e-3;
+  Scene given = scene;
+  given.prior.jitter = 1e-3;
   const auto run = [&](bool late) {
-    BothEstimator filter(told, tick_of_both);
+    BothEstimator filter(given, tick_of_both);
     std::pair<Recording, std::vector<Confidence>> settled;
     Confidence confidence = filter.no_confidence();
-    run_time_line(filter, told, events, 30.0, late, [&](const auto& state) {
+    run_time_line(filter, given, events, 30.0, late, [&](const auto& state) {
       settled.first.add(filter, state, 3);
       filter.confidence(state, 0.5, confidence);
       settled.second.push_back(confidence);

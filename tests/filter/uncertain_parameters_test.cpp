@@ -203,7 +203,7 @@ TEST_P(UncertainParameters, SigmaIsTheErrorsWhereTheyAreEstimated) {
     observe(scene, drawn, exact);
   }
   std::cout << "estimated: " << estimated.state.mean() << ", beyond 5 "
-            << estimated.state.share_beyond() << ", told " << estimated.state.count << " of "
+            << estimated.state.share_beyond() << ", finite " << estimated.state.count << " of "
             << estimated.state.samples << "; parameters " << estimated.parameters.mean()
             << "; taken as exact: " << exact.state.mean() << '\n';
   EXPECT_GT(estimated.state.mean(), 0.25);

@@ -16,13 +16,13 @@ using identification_study::drifting_events;
 using test::shipped_scene;
 
 std::optional<DriftEstimate> drift_of(const char* name, double drift, double jitter,
-                                      std::optional<double> told, std::uint64_t seed) {
+                                      std::optional<double> given, std::uint64_t seed) {
   constexpr double end = 60.0, push = 0.05;
   const Scene scene = shipped_scene(name);
   IdentificationSettings settings;
   settings.unknowns = unknowns_named(scene, identification_study::usual_keys(scene));
   for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
-  settings.jitter = told;
+  settings.jitter = given;
   settings.mend = false;
   const auto events = drifting_events(scene, drift, jitter, end, push, seed);
   const auto estimate = estimate_drift(scene, identify(scene, events, settings));
@@ -39,9 +39,9 @@ class DriftOfScenes : public testing::TestWithParam<const char*> {};
 TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
   constexpr double drift = 1e-8, jitter = 1e-4;
   for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
-    for (const std::optional<double> told : {std::optional<double>(), std::optional(jitter)}) {
+    for (const std::optional<double> given : {std::optional<double>(), std::optional(jitter)}) {
       const auto found =
-          drift_of(GetParam(), drift, jitter, told, static_cast<std::uint64_t>(seed));
+          drift_of(GetParam(), drift, jitter, given, static_cast<std::uint64_t>(seed));
       ASSERT_TRUE(found);
       EXPECT_TRUE(found->found());
       EXPECT_GT(found->drift, drift / 3.0);
@@ -56,8 +56,8 @@ TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
 TEST_P(DriftOfScenes, IsNoneOfAMachineThatIsItsModel) {
   constexpr double jitter = 1e-4;
   for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
-    for (const std::optional<double> told : {std::optional<double>(), std::optional(jitter)}) {
-      const auto none = drift_of(GetParam(), 0.0, jitter, told, static_cast<std::uint64_t>(seed));
+    for (const std::optional<double> given : {std::optional<double>(), std::optional(jitter)}) {
+      const auto none = drift_of(GetParam(), 0.0, jitter, given, static_cast<std::uint64_t>(seed));
       ASSERT_TRUE(none);
       EXPECT_FALSE(none->found());
       EXPECT_EQ(none->low, 0.0);

@@ -166,9 +166,9 @@ TEST(Identification, TheFrontOfARecordIsMended) {
     events.erase(events.begin() + static_cast<std::ptrdiff_t>(*k));
   }
   for (const double t : {4.0, 9.0}) {
-    const auto behind = std::find_if(events.begin(), events.end(),
-                                     [t](const ContactEvent& event) { return event.t > t; });
-    events.insert(behind, {t, 0, ContactEventKind::pulse});
+    const auto later = std::find_if(events.begin(), events.end(),
+                                    [t](const ContactEvent& event) { return event.t > t; });
+    events.insert(later, {t, 0, ContactEventKind::pulse});
   }
   const Identification found = mended(scene, events);
   EXPECT_TRUE(found.fits());

@@ -30,13 +30,13 @@ struct Found {
   std::optional<DriftEstimate> drift;
 };
 
-Found found_of(double trend, std::optional<double> told, int seed) {
+Found found_of(double trend, std::optional<double> given, int seed) {
   constexpr double jitter = 1e-5;
   const Scene scene =
       test::ball("0.0", "law = \"newton\"\nrestitution = 0.92", "[master]\nu = [3.0]\n[replica]\n");
   IdentificationSettings settings;
   settings.unknowns = {unknown_of(scene, "impact.restitution")};
-  settings.jitter = told;
+  settings.jitter = given;
   const auto events = bounces(0.9, trend, jitter, static_cast<std::uint64_t>(seed));
   const Identification fit = identify(scene, events, settings);
   Found found{estimate_restitution_trend(scene, fit), estimate_drift(scene, fit)};
@@ -52,8 +52,8 @@ Found found_of(double trend, std::optional<double> told, int seed) {
 TEST(RestitutionTrend, IsFoundOfTheRightSize) {
   constexpr double trend = -3e-4;
   for (int seed = 1; seed <= 5; ++seed) {
-    for (const std::optional<double> told : {std::optional<double>(), std::optional(1e-5)}) {
-      const Found of = found_of(trend, told, seed);
+    for (const std::optional<double> given : {std::optional<double>(), std::optional(1e-5)}) {
+      const Found of = found_of(trend, given, seed);
       ASSERT_TRUE(of.trend);
       EXPECT_TRUE(of.trend->found());
       // The trend is not mistaken for a drift.
@@ -68,8 +68,8 @@ TEST(RestitutionTrend, IsFoundOfTheRightSize) {
 
 TEST(RestitutionTrend, IsNoneWhereThereIsOneRestitution) {
   for (int seed = 1; seed <= 5; ++seed) {
-    for (const std::optional<double> told : {std::optional<double>(), std::optional(1e-5)}) {
-      const Found of = found_of(0.0, told, seed);
+    for (const std::optional<double> given : {std::optional<double>(), std::optional(1e-5)}) {
+      const Found of = found_of(0.0, given, seed);
       ASSERT_TRUE(of.trend);
       EXPECT_FALSE(of.trend->found());
       ASSERT_TRUE(of.drift);

@@ -22,9 +22,10 @@ using namespace std::chrono_literals;
 using enum ContactEventKind;
 
 /// Receives the published messages.
-class Ear {
+class Receiver {
  public:
-  explicit Ear(const std::string& url, std::optional<Key> key = std::nullopt) : bus_(url, key) {
+  explicit Receiver(const std::string& url, std::optional<Key> key = std::nullopt)
+      : bus_(url, key) {
     bus_.subscribe(contacts_channel,
                    [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
                      ContactMessage report;
@@ -34,13 +35,13 @@ class Ear {
   }
 
   /// Whether `count` reports have arrived in the end.
-  bool hears(std::size_t count) {
+  bool receives(std::size_t count) {
     for (int silence = 0; reports.size() < count && silence < 30;)
       silence = bus_.handle(1s) > 0 ? 0 : silence + 1;
     return reports.size() >= count;
   }
   /// Receives until no more messages arrive.
-  void hear_all() {
+  void receive_all() {
     while (bus_.handle(500ms) > 0) continue;
   }
   std::int64_t unauthenticated() const { return bus_.counts().unauthenticated; }
@@ -53,15 +54,15 @@ class Ear {
 
 TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
   const std::string url = test::udp_url();
-  Ear ear(url);
+  Receiver receiver(url);
   EventPublisher publisher(2, {.url = url});
   EXPECT_TRUE(publisher.take({0.7, 1, ContactEventKind::opens}));
   EXPECT_TRUE(publisher.take({0.5, 1, ContactEventKind::closes}));
   EXPECT_TRUE(publisher.take({0.5, 0, pulse}));
   std::this_thread::sleep_for(50ms);
   publisher.set_horizon(0.6);
-  ASSERT_TRUE(ear.hears(1));
-  const ContactMessage& report = ear.reports.front();  // the first message
+  ASSERT_TRUE(receiver.receives(1));
+  const ContactMessage& report = receiver.reports.front();  // the first message
   EXPECT_EQ(report.session, publisher.session());
   EXPECT_EQ(report.contacts, 2);
   EXPECT_EQ(report.horizon, 0.6);
@@ -72,67 +73,68 @@ TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
   EXPECT_EQ(report.record[1], (ContactEvent{0.5, 0, pulse}));
   EXPECT_FALSE(publisher.take({0.6, 0, pulse}));
 
-  ear.reports.clear();
+  receiver.reports.clear();
   publisher.set_horizon(0.8);
   do {
-    ASSERT_TRUE(ear.hears(1));
-    if (ear.reports.back().horizon == 0.8) break;
-    ear.reports.clear();
+    ASSERT_TRUE(receiver.receives(1));
+    if (receiver.reports.back().horizon == 0.8) break;
+    receiver.reports.clear();
   } while (true);
-  EXPECT_EQ(ear.reports.back().records_total, 3);
-  EXPECT_EQ(ear.reports.back().closed, 0U);
+  EXPECT_EQ(receiver.reports.back().records_total, 3);
+  EXPECT_EQ(receiver.reports.back().closed, 0U);
 }
 
 TEST(EventPublisher, HeartbeatsGoOnAndTheLastMessageIsRepeated) {
   const std::string url = test::udp_url();
-  Ear ear(url);
+  Receiver receiver(url);
   EventPublisher publisher(1, {.url = url, .speed = std::numeric_limits<double>::infinity()});
   publisher.take({0.5, 0, pulse});
   publisher.set_horizon(1.0);
-  ASSERT_TRUE(ear.hears(10));
+  ASSERT_TRUE(receiver.receives(10));
   publisher.close();
   EXPECT_FALSE(publisher.take({2.0, 0, pulse}));
   publisher.set_horizon(2.0);
   publisher.close();
-  ear.hear_all();
-  ASSERT_GE(ear.reports.size(), 30U);
-  EXPECT_EQ(ear.reports.size(), static_cast<std::size_t>(publisher.sent()));
+  receiver.receive_all();
+  ASSERT_GE(receiver.reports.size(), 30U);
+  EXPECT_EQ(receiver.reports.size(), static_cast<std::size_t>(publisher.sent()));
   EXPECT_EQ(publisher.unsent(), 0);
-  for (std::size_t i = 0; i < ear.reports.size(); ++i) {
-    EXPECT_EQ(ear.reports[i].sequence, ear.reports[0].sequence + static_cast<std::int64_t>(i));
-    EXPECT_EQ(ear.reports[i].horizon, 1.0);
-    EXPECT_EQ(ear.reports[i].records_total, 1);
+  for (std::size_t i = 0; i < receiver.reports.size(); ++i) {
+    EXPECT_EQ(receiver.reports[i].sequence,
+              receiver.reports[0].sequence + static_cast<std::int64_t>(i));
+    EXPECT_EQ(receiver.reports[i].horizon, 1.0);
+    EXPECT_EQ(receiver.reports[i].records_total, 1);
   }
 }
 
 TEST(EventPublisher, APacedMachineThatStandsStillIsNotSaidToHaveEnded) {
   const std::string url = test::udp_url();
-  Ear ear(url);
+  Receiver receiver(url);
   EventPublisher publisher(1, {.url = url});
   publisher.set_horizon(1.0);
-  ear.hear_all();
-  EXPECT_EQ(ear.reports.size(), 3U);
+  receiver.receive_all();
+  EXPECT_EQ(receiver.reports.size(), 3U);
   publisher.set_horizon(2.0);
-  ear.hear_all();
-  EXPECT_EQ(ear.reports.size(), 6U);
+  receiver.receive_all();
+  EXPECT_EQ(receiver.reports.size(), 6U);
   publisher.close();
-  ear.hear_all();
-  EXPECT_EQ(ear.reports.size(), 26U);
+  receiver.receive_all();
+  EXPECT_EQ(receiver.reports.size(), 26U);
 }
 
 TEST(EventPublisher, ManyEventsAtOnceAreAllHeard) {
   const std::string url = test::udp_url();
-  Ear ear(url);
+  Receiver receiver(url);
   constexpr int events = 1000;
   {
     EventPublisher publisher(1, {.url = url, .speed = std::numeric_limits<double>::infinity()});
     for (int i = 1; i <= events; ++i) publisher.take({1e-3 * i, 0, pulse});
     publisher.set_horizon(2.0);
   }
-  ear.hear_all();
+  receiver.receive_all();
   EventHistory history(1, events);
   history.restart(0, 0, no_horizon);
-  for (const ContactMessage& report : ear.reports) history.add(report);
+  for (const ContactMessage& report : receiver.reports) history.add(report);
   EXPECT_EQ(history.counts().events, events);
   EXPECT_EQ(history.counts().lost_records, 0);
   EXPECT_EQ(history.horizon(), 2.0);
@@ -141,13 +143,13 @@ TEST(EventPublisher, ManyEventsAtOnceAreAllHeard) {
 TEST(EventPublisher, WithAKeyEveryMessageIsSigned) {
   const std::string url = test::udp_url();
   const Key key(std::array<std::uint8_t, Key::size>{1, 2, 3});
-  Ear with(url, key), other(url, Key(std::array<std::uint8_t, Key::size>{4}));
+  Receiver with(url, key), other(url, Key(std::array<std::uint8_t, Key::size>{4}));
   {
     EventPublisher publisher(1, {.url = url, .key = key});
     publisher.set_horizon(1.0);
   }
-  EXPECT_TRUE(with.hears(20));
-  other.hear_all();
+  EXPECT_TRUE(with.receives(20));
+  other.receive_all();
   EXPECT_TRUE(other.reports.empty());
   EXPECT_GE(other.unauthenticated(), 20);
 }
@@ -177,10 +179,10 @@ TEST(EstimateListener, HearsTheEstimatesOfItsChannel) {
   std::vector<std::uint8_t> buffer;
   ASSERT_TRUE(bus.publish(settled_channel, encode(sample, buffer)));
   ASSERT_TRUE(bus.publish(settled_channel, std::vector<std::uint8_t>(10)));
-  const auto heard = settled.next(10s);
-  ASSERT_TRUE(heard);
-  EXPECT_EQ(heard->tick, 7);
-  EXPECT_EQ(heard->u, sample.u);
+  const auto estimate = settled.next(10s);
+  ASSERT_TRUE(estimate);
+  EXPECT_EQ(estimate->tick, 7);
+  EXPECT_EQ(estimate->u, sample.u);
   EXPECT_FALSE(settled.next(50ms));
   EXPECT_EQ(settled.refused(), 1);
   EXPECT_FALSE(now.next(0ms));

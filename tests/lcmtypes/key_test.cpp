@@ -109,10 +109,10 @@ TEST(KeyTest, ABusWithAKeyHearsOnlyItsOwn) {
   Bus stranger(url, key_of_ones(2));
   Bus open(url);
   Bus receiver(url, key_of_ones());
-  std::vector<Bytes> heard;
+  std::vector<Bytes> received;
   std::vector<Bytes> as_sent;
   receiver.subscribe("A", [&](auto, std::span<const std::uint8_t> data, auto) {
-    heard.emplace_back(data.begin(), data.end());
+    received.emplace_back(data.begin(), data.end());
     const auto whole = receiver.as_sent(data);
     as_sent.emplace_back(whole.begin(), whole.end());
   });
@@ -121,9 +121,9 @@ TEST(KeyTest, ABusWithAKeyHearsOnlyItsOwn) {
   EXPECT_TRUE(stranger.publish("A", Bytes{2}));
   EXPECT_TRUE(open.publish("B", Bytes{3}));  // not subscribed to: not counted
   EXPECT_TRUE(friendly.publish("A", Bytes{4, 5}));
-  while (heard.empty() && receiver.handle(10s) > 0) {
+  while (received.empty() && receiver.handle(10s) > 0) {
   }
-  EXPECT_EQ(heard, (std::vector<Bytes>{{4, 5}}));
+  EXPECT_EQ(received, (std::vector<Bytes>{{4, 5}}));
   EXPECT_EQ(as_sent, (std::vector<Bytes>{tagged(key_of_ones(), "A", {4, 5})}));
   EXPECT_EQ(receiver.counts().unauthenticated, 3);
 }

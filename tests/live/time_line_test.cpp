@@ -109,8 +109,9 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
         settled.add(estimator, state, scene.model.coordinates());
         return true;
       });
-      EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), settled),
-                "")
+      EXPECT_EQ(
+          difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), settled),
+          "")
           << name << " h " << h;
       EXPECT_EQ(line.rollbacks().rollbacks, 0);
     }
@@ -141,11 +142,11 @@ TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
     const auto events = random_events(random, 2, repetitions(200), from, spacing);
     const double end = events.back().t + 0.2;
     const Recording expected = this->reference(h, events, end);
-    RollbackCounts ahead, behind;
+    RollbackCounts ahead, in_order;
     EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, far_ahead, &ahead)), "");
-    EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, 0, &behind)), "");
+    EXPECT_EQ(difference(expected, this->one_by_one(h, events, end, 0, &in_order)), "");
     EXPECT_GE(ahead.rollbacks, static_cast<std::int64_t>(events.size()) - 1);
-    EXPECT_LE(behind.depth.largest(), 1);
+    EXPECT_LE(in_order.depth.largest(), 1);
   }
 }
 
@@ -367,7 +368,8 @@ TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
     }
     run.to(far_ahead);
     EXPECT_EQ(
-        difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), run.settled), "")
+        difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), run.settled),
+        "")
         << "history " << history;
   }
 }
@@ -549,13 +551,14 @@ TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
     run.line.restart(reports.front());
     run.to(far_ahead);
     // Every other session is replaced before its end.
-    const std::size_t heard = seed % 2 == 1 ? reports.size() / 2 : reports.size();
-    for (std::size_t i = 1; i < heard; ++i) {
+    const std::size_t received = seed % 2 == 1 ? reports.size() / 2 : reports.size();
+    for (std::size_t i = 1; i < received; ++i) {
       run.line.receive(reports[i]);
       run.to(far_ahead);
     }
     EXPECT_EQ(run.seen.front(), 0);
-    EXPECT_EQ(difference(this->reference(h, events, reports[heard - 1].horizon), run.settled), "")
+    EXPECT_EQ(difference(this->reference(h, events, reports[received - 1].horizon), run.settled),
+              "")
         << "session " << seed;
   }
 }

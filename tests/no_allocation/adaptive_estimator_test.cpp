@@ -11,15 +11,15 @@ namespace {
 
 TEST(TrackingEstimator, TicksDoNotAllocate) {
   const Scene machine = shipped_scene("paper_beam");
-  Scene told = machine;
-  told.model.contacts[0].restitution = 0.68;
-  told.model.outputs = {{"a", Eigen::Vector3d::Ones()}, {"b", Eigen::Vector3d::Ones(), true}};
+  Scene given = machine;
+  given.model.contacts[0].restitution = 0.68;
+  given.model.outputs = {{"a", Eigen::Vector3d::Ones()}, {"b", Eigen::Vector3d::Ones(), true}};
   const std::vector<ContactEvent> events = events_of(machine, 110.0);
   constexpr double h = 0.01;
-  TrackingEstimator estimator(told, h, EstimatorKind::adaptive);
+  TrackingEstimator estimator(given, h, EstimatorKind::adaptive);
   TrackingState state, saved;
-  estimator.start(told.prior.start, 0, 0, state);
-  estimator.start(told.prior.start, 0, 0, saved);
+  estimator.start(given.prior.start, 0, 0, state);
+  estimator.start(given.prior.start, 0, 0, saved);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(3), u(3);
   AdaptationTask task;

@@ -56,7 +56,7 @@ MissingEvent missing_event(const Scene& scene, double end) {
 }
 
 template <Estimator E>
-void expect_told_when_an_event_does_not_come(const std::string& words) {
+void expect_missing_event_reported(const std::string& words) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const MissingEvent missing = missing_event(scene, 30.0);
   const Said said = said_of<E>(scene, missing.events, 30.0);
@@ -71,11 +71,11 @@ void expect_told_when_an_event_does_not_come(const std::string& words) {
 }
 
 TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfTheTimingFilterAlone) {
-  expect_told_when_an_event_does_not_come<TimingEstimator>(", contact 1: an event has not come");
+  expect_missing_event_reported<TimingEstimator>(", contact 1: an event has not come");
 }
 
 TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfBoth) {
-  expect_told_when_an_event_does_not_come<BothEstimator>("a missing event? The estimate is");
+  expect_missing_event_reported<BothEstimator>("a missing event? The estimate is");
 }
 
 TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
@@ -89,10 +89,10 @@ TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
 // The same for a wrong model, and that no sigma is claimed.
 TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
   const Scene& scene = cached_scene("paper_beam.toml");
-  Scene told = scene;
-  told.model.contacts[0].restitution *= 0.98;
-  told.prior.jitter = 1e-4;
-  const Said said = said_of<TimingEstimator>(told, master_events(scene, 100.0), 100.0);
+  Scene given = scene;
+  given.model.contacts[0].restitution *= 0.98;
+  given.prior.jitter = 1e-4;
+  const Said said = said_of<TimingEstimator>(given, master_events(scene, 100.0), 100.0);
   const auto& confidence = said.report["confidence"];
   EXPECT_GE(confidence["inconsistencies"], 1);
   EXPECT_EQ(confidence["first_inconsistencies"][0]["suspicion"], "model");

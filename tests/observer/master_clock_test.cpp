@@ -63,21 +63,21 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
     const Network network{random.log_uniform(0.01, 100.0), random.uniform(0.0, 1000.0)};
     MasterClock clock;
     EXPECT_FALSE(clock.running());
-    std::vector<Transmission> heard;
+    std::vector<Transmission> received;
     for (const Transmission& arrival :
          arrivals(random, boot, boot + 12 * second, millisecond / 5, 400 * millisecond)) {
       clock.observe(report_at(network.truth(arrival.sent), network.speed), received_at(arrival.at));
-      heard.push_back(arrival);
+      received.push_back(arrival);
       const std::int64_t now = arrival.at + random.integer(0, 5'000'000);
-      const double behind = network.truth(now) - clock.simulated(now);
+      const double lag = network.truth(now) - clock.simulated(now);
       const double limit = rounding * std::max(1.0, network.speed);
-      EXPECT_GE(behind, -limit);
+      EXPECT_GE(lag, -limit);
       // The error is at most the least delay of the last 2 s.
       std::int64_t least = std::numeric_limits<std::int64_t>::max();
-      for (const Transmission& past : heard) {
+      for (const Transmission& past : received) {
         if (past.at >= arrival.at - 2 * second) least = std::min(least, past.at - past.sent);
       }
-      EXPECT_LE(behind, network.speed * 1e-9 * static_cast<double>(least) + limit);
+      EXPECT_LE(lag, network.speed * 1e-9 * static_cast<double>(least) + limit);
     }
     EXPECT_TRUE(clock.running());
     EXPECT_EQ(clock.speed(), network.speed);
@@ -121,9 +121,9 @@ TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
     for (const auto& [way, report] : sent) {
       clock.observe(report, received_at(way.at));
       if (way.at < stepped + 200 * millisecond) continue;
-      const double behind = network.truth(way.at) - clock.simulated(way.at);
-      EXPECT_GE(behind, -rounding);
-      EXPECT_LE(behind, network.speed * 35e-3);
+      const double lag = network.truth(way.at) - clock.simulated(way.at);
+      EXPECT_GE(lag, -rounding);
+      EXPECT_LE(lag, network.speed * 35e-3);
     }
   }
 }
@@ -143,9 +143,9 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
        arrivals(random, resumed, resumed + 8 * second, millisecond, 20 * millisecond)) {
     clock.observe(report_at(network.truth(arrival.sent), 2.0), received_at(arrival.at));
     if (arrival.at < resumed + 5 * second) continue;
-    const double behind = network.truth(arrival.at) - clock.simulated(arrival.at);
-    EXPECT_GE(behind, -rounding);
-    EXPECT_LE(behind, 2.0 * 3e-3);
+    const double lag = network.truth(arrival.at) - clock.simulated(arrival.at);
+    EXPECT_GE(lag, -rounding);
+    EXPECT_LE(lag, 2.0 * 3e-3);
   }
 }
 
@@ -199,7 +199,7 @@ struct Clocks {
   const char* what;
   std::int64_t offset;  // of the master's wall clock [ns]
   double ahead;         // how far "now" may be ahead of the master [s]
-  double behind;
+  double lag;           // how far it may be behind [s]
 };
 
 // The master's wall clock has a constant error; delays are 20 to 200 ms.
@@ -224,7 +224,7 @@ TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
       const double ahead = clock.simulated(message.at) - network.truth(message.at);
       constexpr double microseconds = 2e-6;
       EXPECT_LE(ahead, 3.0 * (clocks.ahead + microseconds));
-      EXPECT_GE(ahead, -3.0 * (clocks.behind + microseconds));
+      EXPECT_GE(ahead, -3.0 * (clocks.lag + microseconds));
     }
   }
 }

@@ -18,17 +18,17 @@ TEST(Notices, ACauseIsToldAtOnceThenOnceASecondWithItsFirstCase) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::backwards, 1, 4.5, 1);
-  notices.tell(0, out);
+  notices.print(0, out);
   EXPECT_EQ(lines(out.str()), 1);
   EXPECT_NE(out.str().find("contact 2 at t = 4.5 "), std::string::npos) << out.str();
   for (int i = 0; i < 10; ++i) notices.raise(Notice::backwards, 1, 5.0 + i, 0);
-  notices.tell(one_second - 1, out);
+  notices.print(one_second - 1, out);
   EXPECT_EQ(lines(out.str()), 1);
-  notices.tell(one_second, out);
+  notices.print(one_second, out);
   EXPECT_EQ(lines(out.str()), 2);
   EXPECT_NE(out.str().find("contact 1 at t = 5 "), std::string::npos) << out.str();
   EXPECT_NE(out.str().find("(and 9 more)"), std::string::npos) << out.str();
-  notices.tell(10 * one_second, out);
+  notices.print(10 * one_second, out);
   EXPECT_EQ(lines(out.str()), 2);
 }
 
@@ -36,7 +36,7 @@ TEST(Notices, CausesDoNotHideOneAnother) {
   Notices notices;
   std::ostringstream out;
   for (std::size_t i = 0; i < notice_kinds; ++i) notices.raise(static_cast<Notice>(i));
-  notices.tell(0, out);
+  notices.print(0, out);
   EXPECT_EQ(lines(out.str()), static_cast<std::int64_t>(notice_kinds));
 }
 
@@ -44,11 +44,11 @@ TEST(Notices, TheRestIsToldAtTheEnd) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::bad_kind);
-  notices.tell(0, out);
+  notices.print(0, out);
   notices.raise(Notice::bad_kind);
-  notices.tell_rest(out);
+  notices.print_rest(out);
   EXPECT_EQ(lines(out.str()), 2);
-  notices.tell_rest(out);
+  notices.print_rest(out);
   EXPECT_EQ(lines(out.str()), 2);
 }
 
@@ -56,7 +56,7 @@ TEST(Notices, TimesAreToldInFull) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::gap, 1, 1700000000.25, 1700000001.5);
-  notices.tell(0, out);
+  notices.print(0, out);
   EXPECT_NE(out.str().find("1700000000.25 and 1700000001.5"), std::string::npos) << out.str();
 }
 
@@ -70,9 +70,9 @@ TEST(Notices, OneThreadRaisesAnotherTells) {
     done = true;
   });
   std::int64_t now = 0;
-  while (!done) notices.tell(now += one_second, out);
+  while (!done) notices.print(now += one_second, out);
   raising.join();
-  notices.tell_rest(out);
+  notices.print_rest(out);
   std::istringstream read(out.str());
   for (std::string line; std::getline(read, line);) {
     double contact = 0.0, t = 0.0;

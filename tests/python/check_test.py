@@ -28,11 +28,11 @@ class CheckTest(unittest.TestCase):
                 code, text = program(name)
                 self.assertEqual(code, 0 if synchronizes else 3)
                 self.assertEqual(str(check), text)
-                told = json.loads(program(name, "--json")[1])
-                self.assertEqual(check.verdict, told["verdict"])
+                printed = json.loads(program(name, "--json")[1])
+                self.assertEqual(check.verdict, printed["verdict"])
                 self.assertEqual(
                     [(f.id, f.required, f.holds, f.what, f.provided, f.change) for f in check.findings],
-                    [tuple(finding.values()) for finding in told["findings"]],
+                    [tuple(finding.values()) for finding in printed["findings"]],
                 )
 
     def test_what_does_not_hold_says_what_to_change(self):
@@ -43,9 +43,9 @@ class CheckTest(unittest.TestCase):
 
     def test_how_many_modes_are_needed(self):
         self.assertIsNone(sprag.check(scene("paper_beam")).modes_needed)
-        told = json.loads(program("stiff_beam", "--json", "--accuracy", "0.01")[1])
+        printed = json.loads(program("stiff_beam", "--json", "--accuracy", "0.01")[1])
         check = sprag.check(scene("stiff_beam"), accuracy=0.01)
-        self.assertEqual(check.modes_needed, told["accuracy"]["modes"])
+        self.assertEqual(check.modes_needed, printed["accuracy"]["modes"])
         with self.assertRaises(ValueError):
             sprag.check(scene("paper_beam"), accuracy=0.0)
 

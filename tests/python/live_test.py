@@ -66,7 +66,7 @@ class LiveTest(unittest.TestCase):
         settled = sprag.EstimateListener(settled=True, url=url, key=key)
         self.start_observer(url, *(["--key", str(key)] if key else []))
         now = sprag.EstimateListener(url=url, key=key)
-        heard = []
+        received = []
         with sprag.EventPublisher(1, url=url, **publisher_options) as publisher:
             publisher.set_horizon(0.0)
             self.assertIsNotNone(now.next(30.0))  # the observer runs
@@ -75,29 +75,29 @@ class LiveTest(unittest.TestCase):
             # On one core messages may arrive faster than a process handles them.
             for part in np.linspace(0.0, duration, 21)[1:]:
                 publisher.set_horizon(part)
-                while not heard or heard[-1].t < part - 0.02:
+                while not received or received[-1].t < part - 0.02:
                     estimate = settled.next(30.0)
                     self.assertIsNotNone(estimate)
-                    heard.append(estimate)
+                    received.append(estimate)
             self.assertEqual(publisher.unsent, 0)
         self.assertGreater(publisher.sent, 40)
         self.assertFalse(publisher.take(duration + 1.0))
-        self.assertTrue(all(estimate.session == publisher.session for estimate in heard))
+        self.assertTrue(all(estimate.session == publisher.session for estimate in received))
         self.assertEqual(settled.refused, 0)
-        return sprag.observe(beam, events, duration), heard
+        return sprag.observe(beam, events, duration), received
 
-    def expect_same(self, offline, heard):
-        ticks = [estimate.tick for estimate in heard]
+    def expect_same(self, offline, received):
+        ticks = [estimate.tick for estimate in received]
         self.assertEqual(ticks, sorted(set(ticks)))
-        np.testing.assert_array_equal([e.t for e in heard], offline.t[ticks])
-        np.testing.assert_array_equal([e.q for e in heard], offline.q[ticks])
-        np.testing.assert_array_equal([e.u for e in heard], offline.u[ticks])
-        np.testing.assert_array_equal([e.sigma_q for e in heard], offline.sigma_q[ticks])
-        np.testing.assert_array_equal([e.sigma_gap for e in heard], offline.sigma_gap[ticks])
-        np.testing.assert_array_equal([e.of_filter for e in heard], offline.of_filter[ticks])
-        np.testing.assert_array_equal([e.bound for e in heard], offline.bound[ticks])
-        self.assertFalse(heard[0].q.flags.writeable)
-        self.assertEqual(heard[-1].closed, ())
+        np.testing.assert_array_equal([e.t for e in received], offline.t[ticks])
+        np.testing.assert_array_equal([e.q for e in received], offline.q[ticks])
+        np.testing.assert_array_equal([e.u for e in received], offline.u[ticks])
+        np.testing.assert_array_equal([e.sigma_q for e in received], offline.sigma_q[ticks])
+        np.testing.assert_array_equal([e.sigma_gap for e in received], offline.sigma_gap[ticks])
+        np.testing.assert_array_equal([e.of_filter for e in received], offline.of_filter[ticks])
+        np.testing.assert_array_equal([e.bound for e in received], offline.bound[ticks])
+        self.assertFalse(received[0].q.flags.writeable)
+        self.assertEqual(received[-1].closed, ())
 
     def test_what_settles_live_is_what_is_observed_offline(self):
         self.expect_same(*self.observe_live(4.0, speed=math.inf))

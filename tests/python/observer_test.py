@@ -183,10 +183,10 @@ class ObserverTest(unittest.TestCase):
                 self.assertFalse(read.flags.owndata)
                 with file.open("a") as csv:
                     csv.write("0.001,1,1\n22,1")
-                with self.assertWarns(RuntimeWarning) as told:
+                with self.assertWarns(RuntimeWarning) as caught:
                     np.testing.assert_array_equal(sprag.read_events(file, scene(name)), events)
                 lines = len(file.read_text().splitlines())
-                texts = [str(warning.message) for warning in told.warnings]
+                texts = [str(warning.message) for warning in caught.warnings]
                 self.assertEqual(len(texts), 2)
                 self.assertTrue(texts[0].startswith(f"{file}:{lines - 1}: "), texts)
                 self.assertTrue(texts[1].startswith(f"{file}:{lines}: "), texts)

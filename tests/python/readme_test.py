@@ -40,9 +40,9 @@ class ReadmeTest(unittest.TestCase):
 
     def test_the_tutorial_has_the_first_example(self):
         text = (SOURCE / "docs/tutorials/python.md").read_text(encoding="utf-8")
-        behind = text.split("```python\n")[1].split("```")
-        self.assertEqual(behind[0].strip(), self.blocks[0].strip())
-        self.assertEqual(behind[2].lstrip("\n"), self.printed)
+        parts = text.split("```python\n")[1].split("```")
+        self.assertEqual(parts[0].strip(), self.blocks[0].strip())
+        self.assertEqual(parts[2].lstrip("\n"), self.printed)
 
     def test_the_first_example_is_short(self):
         self.assertLessEqual(len(self.blocks[0].splitlines()), 15)

@@ -24,18 +24,18 @@ class ContinuityTest : public ::testing::Test {
     report.horizon = t_ += 0.01 * speed_;
     return report;
   }
-  Verdict hear(const ContactMessage& report) {
+  Verdict receive(const ContactMessage& report) {
     return continuity_.receive(report, {monotonic_, monotonic_ / 1000});
   }
-  Verdict hear_next() { return hear(next()); }
+  Verdict receive_next() { return receive(next()); }
   void start(int messages) {
     continuity_.restart(next(), {monotonic_, 0});
-    for (int i = 0; i < messages; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+    for (int i = 0; i < messages; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
   }
   /// Messages until one is followed, and its verdict.
   int refused(Verdict& last) {
     int count = 0;
-    while ((last = hear_next()) == Verdict::odd && count < 100) ++count;
+    while ((last = receive_next()) == Verdict::odd && count < 100) ++count;
     return count;
   }
 
@@ -59,9 +59,9 @@ TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
     start(2000);
     ContactMessage odd = next();
     spoil(odd);
-    EXPECT_EQ(hear(odd), Verdict::odd);
+    EXPECT_EQ(receive(odd), Verdict::odd);
     EXPECT_EQ(continuity_.oddity(), oddity);
-    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
   }
 }
 
@@ -92,7 +92,7 @@ TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
     Verdict last;
     EXPECT_EQ(refused(last), 2) << step;
     EXPECT_EQ(last, Verdict::resumes);
-    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
   }
 }
 
@@ -106,10 +106,10 @@ TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
     EXPECT_EQ(refused(last), 2) << step;
     EXPECT_EQ(last, Verdict::resumes);
     EXPECT_EQ(continuity_.oddity(), Oddity::time);
-    for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
   }
   t_ -= 0.2 * speed_;
-  for (int i = 0; i < 100; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
 }
 
 TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
@@ -137,7 +137,7 @@ TEST_F(ContinuityTest, WhereTheFirstMessageWasOddTheOthersAreFollowed) {
     Verdict last;
     EXPECT_EQ(refused(last), 2);
     EXPECT_EQ(last, Verdict::resumes);
-    EXPECT_EQ(hear_next(), Verdict::fits);
+    EXPECT_EQ(receive_next(), Verdict::fits);
   }
 }
 
@@ -145,7 +145,7 @@ TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
   start(10);
   for (int i = 0; i < 100; ++i) {
     number_ = 11;
-    const Verdict verdict = hear_next();
+    const Verdict verdict = receive_next();
     EXPECT_EQ(verdict, i == 0 ? Verdict::fits : Verdict::odd);
     EXPECT_EQ(continuity_.oddity(), i == 0 ? Oddity::none : Oddity::number);
   }
@@ -154,17 +154,17 @@ TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
 TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
   start(100);
   const ContactMessage late = next();
-  for (int i = 0; i < 50; ++i) EXPECT_EQ(hear_next(), Verdict::fits);
-  EXPECT_EQ(hear(late), Verdict::fits);
-  EXPECT_EQ(hear(late), Verdict::fits);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
+  EXPECT_EQ(receive(late), Verdict::fits);
+  EXPECT_EQ(receive(late), Verdict::fits);
   for (int i = 0; i < 5000; ++i) (void)next();
-  EXPECT_EQ(hear_next(), Verdict::fits);
+  EXPECT_EQ(receive_next(), Verdict::fits);
 }
 
 TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
   start(10);
   monotonic_ += 3600'000'000'000;  // stopped, and continues at the same time
-  EXPECT_EQ(hear_next(), Verdict::fits);
+  EXPECT_EQ(receive_next(), Verdict::fits);
   speed_ = infinity;
   t_ = 0.0;
   ContactMessage report = next();
@@ -173,11 +173,11 @@ TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
   for (double t = 2.0; t < 1e6; t *= 3.0) {
     report = next();
     report.horizon = t;
-    EXPECT_EQ(hear(report), Verdict::fits);
+    EXPECT_EQ(receive(report), Verdict::fits);
   }
   report = next();
   report.horizon = 1.0;
-  EXPECT_EQ(hear(report), Verdict::odd);
+  EXPECT_EQ(receive(report), Verdict::odd);
   EXPECT_EQ(continuity_.oddity(), Oddity::time);
 }
 

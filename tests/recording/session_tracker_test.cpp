@@ -53,18 +53,18 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const Delivery& a, const Delivery& b) { return a.time < b.time; });
     SessionTracker tracker;
-    std::set<std::int64_t> heard;
+    std::set<std::int64_t> received;
     MessageCounts expected;
     for (const Delivery& arrival : arrivals) {
       const Verdict verdict = tracker.receive(message(7, arrival.sequence), later());
       ++expected.received;
-      const bool starts = heard.empty();
-      const bool late = !starts && arrival.sequence < *heard.rbegin();
-      const bool is_new = heard.insert(arrival.sequence).second;
+      const bool starts = received.empty();
+      const bool late = !starts && arrival.sequence < *received.rbegin();
+      const bool is_new = received.insert(arrival.sequence).second;
       if (!is_new) ++expected.doubled;
       if (is_new && late) ++expected.reordered;
       EXPECT_EQ(verdict, starts ? Verdict::starts : is_new ? Verdict::continues : Verdict::ignored);
-      expected.lost = *heard.rbegin() - first + 1 - static_cast<std::int64_t>(heard.size());
+      expected.lost = *received.rbegin() - first + 1 - static_cast<std::int64_t>(received.size());
       ASSERT_EQ(tracker.counts().lost, expected.lost);
     }
     EXPECT_EQ(tracker.counts().received, expected.received);

@@ -367,7 +367,7 @@ TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
       diagnose(scene, events_of(changed(scene, "excitation amplitude", 0.031), 60.0), 0.0);
   EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
   for (const Candidate& candidate : diagnosis.candidates) {
-    EXPECT_EQ(candidate.told, candidate.parameter.name != "excitation amplitude");
+    EXPECT_EQ(candidate.determined, candidate.parameter.name != "excitation amplitude");
   }
 }
 

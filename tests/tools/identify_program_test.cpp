@@ -178,10 +178,10 @@ TEST_F(IdentifyProgramTest, ALogAndAJitter) {
   EXPECT_NEAR(json["jitter"].get<double>(), 1e-4, 3e-5);
   EXPECT_EQ(json["jitter_told"], false);
   EXPECT_NEAR(read_scene(path("fitted.toml")).jitter, 1e-4, 3e-5);
-  const Ended told = identify({path("run.lcmlog"), scene_file("paper_beam"), "--jitter", "1e-6",
-                               "--within", "0.1", "--free", "impact.restitution"});
-  EXPECT_EQ(told.code, 3) << told.out;
-  EXPECT_NE(told.out.find("no fit"), std::string::npos) << told.out;
+  const Ended given = identify({path("run.lcmlog"), scene_file("paper_beam"), "--jitter", "1e-6",
+                                "--within", "0.1", "--free", "impact.restitution"});
+  EXPECT_EQ(given.code, 3) << given.out;
+  EXPECT_NE(given.out.find("no fit"), std::string::npos) << given.out;
 }
 
 // Events after the loss count like those before it.

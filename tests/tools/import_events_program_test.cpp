@@ -292,9 +292,9 @@ TEST_F(ImportEventsTest, ACaptureWithoutAHeaderIsReadAndItsBouncesAreSaid) {
   EXPECT_EQ(report()["hints"].size(), 1U);
   EXPECT_FALSE(report().contains("batches"));
 
-  Arguments told = arguments;
-  told.insert(told.end(), {"--debounce", "1e-3", "--pulse-shorter-than", "1e-3"});
-  const Ended clean = import(told);
+  Arguments corrected = arguments;
+  corrected.insert(corrected.end(), {"--debounce", "1e-3", "--pulse-shorter-than", "1e-3"});
+  const Ended clean = import(corrected);
   EXPECT_EQ(clean.code, 0) << clean.err;
   EXPECT_EQ(clean.err.find("sustained contacts last"), std::string::npos) << clean.err;
   EXPECT_EQ(report()["contacts"][0]["pulses"], 40);

@@ -114,7 +114,7 @@ contact.1.clearance = { relative = [-0.5, 0.5, 1.0], zip = "trouble" }
   const Setting setting = setting_of(study, values_at(study, 53));
   EXPECT_EQ(setting.machine.model.contacts[0].restitution, 0.6);
   EXPECT_EQ(setting.machine.model.contacts[0].clearance, 0.004);
-  EXPECT_EQ(setting.told.jitter, 1e-2);
+  EXPECT_EQ(setting.observer.prior.jitter, 1e-2);
   EXPECT_EQ(setting.disturbance.jitter, 1e-2);
   EXPECT_EQ(setting.disturbance.lost, 0.2);
 }
@@ -159,11 +159,11 @@ system.K.1.2 = [-610.0]
   EXPECT_DOUBLE_EQ(values[1], 0.63);  // relative to the machine's varied value
   const Setting setting = setting_of(study, values);
   EXPECT_EQ(setting.machine.model.contacts[0].restitution, 0.7);
-  EXPECT_DOUBLE_EQ(setting.told.model.contacts[0].restitution, 0.63);
+  EXPECT_DOUBLE_EQ(setting.observer.model.contacts[0].restitution, 0.63);
   EXPECT_EQ(setting.machine.model.K(1, 0), -610.0);
-  EXPECT_EQ(setting.told.model.K(0, 1), -610.0);
+  EXPECT_EQ(setting.observer.model.K(0, 1), -610.0);
   EXPECT_EQ(setting.machine.model.K(0, 0), 1800.0);
-  EXPECT_EQ(setting.told.model.K(0, 0), 1810.0);
+  EXPECT_EQ(setting.observer.model.K(0, 0), 1810.0);
 }
 
 TEST_F(StudyTest, ErrorsSayWhereWhatAndWhatIsAllowed) {
@@ -245,12 +245,14 @@ TEST_F(StudyTest, StartsHaveTheirEnergyAndAreOutsideOfSupports) {
       const auto between = [&](const State& a, const State& b) {
         return energy(a.q, a.u, b.q, b.u)[0];
       };
-      EXPECT_NEAR(between(setting.machine.master, setting.told.replica), 0.3, 1e-9) << scene;
-      EXPECT_NEAR(between(setting.machine.master, fixed.machine.master), 1e-3, 1e-11) << scene;
+      EXPECT_NEAR(between(setting.machine.truth.start, setting.observer.prior.start), 0.3, 1e-9)
+          << scene;
+      EXPECT_NEAR(between(setting.machine.truth.start, fixed.machine.truth.start), 1e-3, 1e-11)
+          << scene;
       for (const Contact& contact : setting.machine.model.contacts) {
-        EXPECT_GE(gap(contact, setting.machine.master.q, 0.0), 0.0) << scene;
+        EXPECT_GE(gap(contact, setting.machine.truth.start.q, 0.0), 0.0) << scene;
       }
-      starts.insert(setting.machine.master.u[0]);
+      starts.insert(setting.machine.truth.start.u[0]);
     }
     EXPECT_EQ(starts.size(), 20U);
   }
@@ -277,8 +279,8 @@ TEST(StudyDisturbance, IsAsLargeAsItSays) {
   const auto more = disturb(events, {.jitter = 2e-4, .lost = 0.0}, 1, 1e9, 1, 5);
   EXPECT_NEAR(more[7].t - events[7].t, 2.0 * (jittered[7].t - events[7].t), 1e-12);
 
-  const auto told = [&](double lost) { return disturb(events, {.lost = lost}, 1, 1e9, 1, 5); };
-  const auto few = told(0.4), many = told(0.1);
+  const auto with_loss = [&](double lost) { return disturb(events, {.lost = lost}, 1, 1e9, 1, 5); };
+  const auto few = with_loss(0.4), many = with_loss(0.1);
   EXPECT_LT(few.size(), many.size());
   for (const ContactEvent& event : few) {
     EXPECT_NE(std::find(events.begin(), events.end(), event), events.end());
@@ -292,11 +294,11 @@ TEST_F(StudyTest, FiguresOfARunAreThoseOfItsErrors) {
   const Study study = read("[start]\nreplica = 0.5\n");
   Setting setting = setting_of(study, {});
   draw_starts(study, 0, setting);
-  setting.told.uncertainty.setConstant(2, 0.25);
+  setting.observer.prior.uncertainty.setConstant(2, 0.25);
   const Truth truth = run_machine(setting.machine, 60.0, 0.0, 600);
   EXPECT_EQ(truth.samples(), 600);
   const auto figures = [&](EstimatorKind kind, double threshold) {
-    return follow(kind, setting.told, truth.events, truth, threshold);
+    return follow(kind, setting.observer, truth.events, truth, threshold);
   };
   const Figures replica = figures(EstimatorKind::replica, 0.05);
   EXPECT_LT(replica.V_floor, 1e-15);
@@ -391,7 +393,7 @@ TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
   at_rest.prior.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
   for (int i = 0; i < 2; ++i) add(at_rest, 1e-2);
 
-  std::vector<Told> runs;
+  std::vector<EstimatorInput> runs;
   for (std::size_t i = 0; i < scenes.size(); ++i) runs.push_back({scenes[i], events[i], truths[i]});
   const auto figures = follow_replicas(runs, 1e-3);
   ASSERT_EQ(figures.size(), runs.size());
@@ -454,7 +456,7 @@ events.jitter = [1e-4]
           disturb(truth.events, setting.disturbance, 1, 120.0, study.seed, stream_of(study, index));
       std::vector<Figures> figures;
       for (const EstimatorKind kind : study.estimators)
-        figures.push_back(follow(kind, setting.told, events, truth, 0.0));
+        figures.push_back(follow(kind, setting.observer, events, truth, 0.0));
       add_worse(study.estimators, figures);
       V_replica.push_back(figures[0].V_floor);
       V.push_back(figures[1].V_floor);
@@ -487,8 +489,8 @@ observer.impact.restitution = { relative = [-0.1] }
   const Setting setting = setting_of(study, values_at(study, 0));
   const Truth truth = run_machine(setting.machine, 100.0, 0.0, 1000);
   const auto events = disturb(truth.events, setting.disturbance, 1, 100.0, 1, 0);
-  const Figures replica = follow(EstimatorKind::replica, setting.told, events, truth, 0.0);
-  const Figures adaptive = follow(EstimatorKind::adaptive, setting.told, events, truth, 0.0);
+  const Figures replica = follow(EstimatorKind::replica, setting.observer, events, truth, 0.0);
+  const Figures adaptive = follow(EstimatorKind::adaptive, setting.observer, events, truth, 0.0);
   EXPECT_LT(adaptive.V_floor, 1e-3 * replica.V_floor);
   EXPECT_GT(adaptive.trusted, 0.5);
   EXPECT_LT(adaptive.nees, 10.0);
@@ -508,7 +510,7 @@ replica = 0.1
     Setting setting = setting_of(study, values);
     draw_starts(study, 0, setting);
     const Truth truth = run_machine(setting.machine, study.duration, 0.0, 200);
-    return follow(EstimatorKind::replica, setting.told,
+    return follow(EstimatorKind::replica, setting.observer,
                   disturb(truth.events, setting.disturbance, 1, study.duration, 1, 0), truth, 0.0);
   };
   const double whole = figures(plain, {1e-4}).V_floor;

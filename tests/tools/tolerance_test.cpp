@@ -126,8 +126,8 @@ TEST(Tolerance, ADriftIsToldToFiltersAlone) {
                           .estimators = {EstimatorKind::replica, EstimatorKind::timing}};
   Settings drifting = settings;
   drifting.drift = 1e-3;
-  const Bench plain(rig(), settings, 1), told(rig(), drifting, 1);
-  const auto before = plain.figures(nullptr, 0.0, 0), after = told.figures(nullptr, 0.0, 0);
+  const Bench plain(rig(), settings, 1), with_drift(rig(), drifting, 1);
+  const auto before = plain.figures(nullptr, 0.0, 0), after = with_drift.figures(nullptr, 0.0, 0);
   EXPECT_EQ(after[0].V_floor, before[0].V_floor);
   EXPECT_LT(after[1].nees, 0.5 * before[1].nees);
 }

@@ -305,7 +305,7 @@ TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
   watch.take(contacts_at(0.0, 1), {0, 0});
   watch.take_estimate(estimate_at(1, 0.1, 0.01), {0, 0});
   EXPECT_EQ(watch.frame(second / 10).badge, Badge::filter);
-  EXPECT_EQ(watch.frame(second * 7 / 10).badge, Badge::free) << "no contacts are heard";
+  EXPECT_EQ(watch.frame(second * 7 / 10).badge, Badge::free) << "no contact messages arrive";
   EXPECT_EQ(watch.frame(3 * second).badge, Badge::waiting) << "no estimates either";
 
   watch.take(contacts_at(4.0, 2), {4 * second, 0});
@@ -317,7 +317,7 @@ TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
   EXPECT_EQ(watch.frame(4 * second).badge, Badge::filter) << "of another run";
   health.session = 5;
   watch.take(health, {4 * second, 0});
-  EXPECT_EQ(watch.frame(4 * second).badge, Badge::free) << "the observer does not hear them";
+  EXPECT_EQ(watch.frame(4 * second).badge, Badge::free) << "the observer does not receive them";
 }
 
 TEST(Watch, AnotherMasterBeginsAnewAndStrangersAreNotHeard) {
@@ -470,17 +470,17 @@ TEST(Client, GetsTheNewestAndOnlyAsMuchAsItHasSeen) {
   for (const char* nonsense :
        {"", "{", "[1]", "7", R"({"seen": "x"})", R"({"seen": -1})", R"({"seen": 1e99})",
         R"({"view": 3})", R"({"view": {"from": 2, "to": 1}})"}) {
-    client.hear(nonsense);
+    client.receive(nonsense);
   }
   EXPECT_FALSE(client.wants());
-  client.hear(
+  client.receive(
       R"({"seen": 3, "view": {"from": 0.005, "to": 0.02, "pixels": 1e9, "quantity": "q2"}})");
   EXPECT_TRUE(client.wants());
   const nlohmann::json zoomed = next(4);
   EXPECT_EQ(zoomed["curves"]["from"], 0.005);
   EXPECT_EQ(zoomed["curves"]["quantity"], "q2");
   EXPECT_NEAR(zoomed["curves"]["estimate"]["mean"][0].get<double>(), 0.1, 1e-6);
-  client.hear(R"({"view": {"window": 2}})");
+  client.receive(R"({"view": {"window": 2}})");
   EXPECT_EQ(next(5)["curves"]["to"], 0.01 + 2.0) << "it fills from the left";
 }
 

@@ -148,8 +148,8 @@ Candidate candidate_of(const Parameter& parameter, const std::optional<Identific
     return nominal.freedom * (misfit_of(of_fit, s) + 2.0 * std::log(s));
   };
   const double gain = J(nominal, diagnosis.scatter) - J(*fit, scatter);
-  candidate.told = of.sigma > 0.0 && gain > -significant_gain;
-  if (!candidate.told) return candidate;
+  candidate.determined = of.sigma > 0.0 && gain > -significant_gain;
+  if (!candidate.determined) return candidate;
   candidate.value = of.value;
   candidate.deviation = of.sigma * scatter / std::max(fit->jitter, fit->scatter);
   candidate.scatter = scatter;
@@ -176,7 +176,7 @@ double squares_lost(const Scene& scene, const Identification& first, const Unkno
 const Candidate* Diagnosis::explanation() const {
   if (fits || is_repaired() || candidates.empty()) return nullptr;
   const Candidate& best = candidates.front();
-  const bool alone = best.told && best.fits && best.improved_by.empty();
+  const bool alone = best.determined && best.fits && best.improved_by.empty();
   return alone && best.gain > significant_gain ? &best : nullptr;
 }
 
@@ -185,7 +185,7 @@ std::vector<const Candidate*> Diagnosis::ties() const {
   const Candidate* best = explanation();
   if (best == nullptr) return ties;
   for (const Candidate& other : candidates) {
-    if (&other == best || !other.told) continue;
+    if (&other == best || !other.determined) continue;
     const bool as_good = best->gain - other.gain < significant_gain;
     if (as_good || (other.fits && jitter == 0.0)) ties.push_back(&other);
   }

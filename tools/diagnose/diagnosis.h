@@ -28,7 +28,7 @@ struct Candidate {
   Parameter parameter;
   /// Whether the events determine the parameter. If false, `value` is the nominal one and `gain` is
   /// 0.
-  bool told = false;
+  bool determined = false;
   double value = 0.0;
   double deviation = 0.0;    ///< standard deviation of the value
   double sensitivity = 0.0;  ///< root mean square shift of the events per unit of the value [s]

@@ -10,7 +10,8 @@ namespace sprag {
 namespace {
 
 constexpr double nearly_all = 0.9999;
-constexpr double worth_telling = 0.5;  // of the misfit: smaller explained shares are not reported
+// Of the misfit: smaller explained shares are not reported.
+constexpr double least_reported_share = 0.5;
 
 std::string number(double value, int digits) {
   char text[32];
@@ -56,7 +57,7 @@ std::string clock_text(const Diagnosis& diagnosis) {
   std::string text =
       "With one frequency an offset of the clock cannot be distinguished from a change of the "
       "phase";
-  if (phase->told && change(*phase) != 0.0) {
+  if (phase->determined && change(*phase) != 0.0) {
     text += ": " + number(change(*phase), 3) + " rad is " +
             number(-change(*phase) / diagnosis.only_frequency, 3) + " s";
   }
@@ -80,7 +81,7 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
   for (const Candidate& candidate : diagnosis.candidates) {
     const Parameter& parameter = candidate.parameter;
     const std::string nominal = number(parameter.nominal, 6);
-    if (!candidate.told) {
+    if (!candidate.determined) {
       append_row({parameter.name, nominal, "not determined"}, text);
       continue;
     }
@@ -115,7 +116,7 @@ std::string verdict(const Diagnosis& diagnosis) {
   std::string text = "no single parameter explains the misfit";
   if (diagnosis.candidates.empty()) return text;
   const Candidate& best = diagnosis.candidates.front();
-  if (best.told && best.explained > worth_telling) {
+  if (best.determined && best.explained > least_reported_share) {
     text += "; the best is " + instead(best) + ", which ";
     text += best.improved_by.empty() ? "leaves " + number(best.scatter, 3) + " s"
                                      : "with another " + best.improved_by + " does better";
@@ -191,8 +192,8 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
     nlohmann::ordered_json entry{{"parameter", parameter.name}, {"unit", parameter.unit}};
     if (parameter.contact >= 0) entry["contact"] = parameter.contact + 1;
     entry["nominal"] = parameter.nominal;
-    entry["told"] = candidate.told;
-    if (candidate.told) {
+    entry["told"] = candidate.determined;
+    if (candidate.determined) {
       entry["value"] = candidate.value;
       entry["deviation"] = candidate.deviation;
       entry["change"] = change(candidate);
@@ -209,7 +210,7 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
     object["parameters"].push_back(std::move(entry));
   }
   const Candidate* phase = phase_of(diagnosis);
-  if (phase != nullptr && phase->told && diagnosis.only_frequency > 0.0) {
+  if (phase != nullptr && phase->determined && diagnosis.only_frequency > 0.0) {
     object["clock_offset_instead_of_phase"] = -change(*phase) / diagnosis.only_frequency;
   }
 }

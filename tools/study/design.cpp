@@ -153,7 +153,7 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
   }
   setting.machine = scene_with(study, of_machine);
   if (of_observer.empty()) {
-    setting.told = setting.machine;
+    setting.observer = setting.machine;
   } else {
     // If both are varied, the observer's own value takes precedence.
     std::erase_if(of_machine, [&](const SceneValue& value) {
@@ -161,14 +161,14 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
                          [&](const SceneValue& own) { return own.path == value.path; });
     });
     of_machine.insert(of_machine.end(), of_observer.begin(), of_observer.end());
-    setting.told = scene_with(study, of_machine);
+    setting.observer = scene_with(study, of_machine);
   }
-  if (setting.told.model.coordinates() > setting.machine.model.coordinates()) {
+  if (setting.observer.model.coordinates() > setting.machine.model.coordinates()) {
     throw Error("the observer has more coordinates than the machine; must be as many at most");
   }
-  if (!jitter_given) setting.disturbance.jitter = setting.machine.jitter;
+  if (!jitter_given) setting.disturbance.jitter = setting.machine.prior.jitter;
   if (modes > 0) {
-    setting.told = in_modes(setting.told, modes);
+    setting.observer = in_modes(setting.observer, modes);
     setting.machine = in_modes(setting.machine, 0);
   }
   return setting;
@@ -192,12 +192,12 @@ void draw_starts(const Study& study, std::uint64_t stream, Setting& setting) {
   if (setting.start_replica) {
     Random random(study.seed, stream, Purpose::start_of_replica);
     const State offset = drawn_offset(machine.model, *setting.start_replica, random);
-    const Eigen::Index f = setting.told.model.coordinates();
-    setting.told.replica = {(machine.truth.start.q + offset.q).head(f),
-                            (machine.truth.start.u + offset.u).head(f)};
+    const Eigen::Index f = setting.observer.model.coordinates();
+    setting.observer.prior.start = {(machine.truth.start.q + offset.q).head(f),
+                                    (machine.truth.start.u + offset.u).head(f)};
   }
-  setting.told.master = {machine.truth.start.q.head(setting.told.model.coordinates()),
-                         machine.truth.start.u.head(setting.told.model.coordinates())};
+  setting.observer.truth.start = {machine.truth.start.q.head(setting.observer.model.coordinates()),
+                                  machine.truth.start.u.head(setting.observer.model.coordinates())};
 }
 
 }  // namespace sprag::study

@@ -24,7 +24,7 @@ std::vector<double> values_at(const Study& study, std::int64_t index);
 /// The settings of a run with these values.
 struct Setting {
   Scene machine;
-  Scene told;  ///< the observer's model of the machine, possibly with fewer coordinates
+  Scene observer;  ///< the observer's model of the machine, possibly with fewer coordinates
   Disturbance disturbance;
   std::optional<double> start_replica;
   double start_machine = 0.0;

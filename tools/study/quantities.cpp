@@ -151,14 +151,14 @@ void Measurement::begin(Run& run) {
                           static_cast<int>(setting.machine.model.contacts.size()), setting.duration,
                           study_.seed, stream);
   } else if (record.impacts) {
-    Master(setting.machine.model, setting.machine.master)
+    Master(setting.machine.model, setting.machine.truth.start)
         .advance(at(setting.duration), run.truth.events);
   }
   run.impacts = static_cast<double>(closings(run.truth.events));
   if (!record.of_recurrence()) return;
   const Stroboscope& stroboscope = study_.stroboscope;
   if (!flows_) flows_ = std::make_unique<const Flows>(setting.machine.model);
-  run.found = recurrence(*flows_, setting.machine.master,
+  run.found = recurrence(*flows_, setting.machine.truth.start,
                          {.period = stroboscope.period,
                           .transient = stroboscope.transient,
                           .periods = stroboscope.periods,
@@ -169,14 +169,14 @@ void Measurement::begin(Run& run) {
 void Measurement::follow_all(std::vector<Run>& runs) const {
   if (!study_.record.of_estimators()) return;
   std::vector<Run*> good;
-  std::vector<Told> told;
+  std::vector<EstimatorInput> inputs;
   for (Run& run : runs) {
     if (!run.failure.empty()) continue;
     good.push_back(&run);
-    told.push_back({run.setting.told, run.arrived, run.truth});
+    inputs.push_back({run.setting.observer, run.arrived, run.truth});
   }
   std::vector<std::optional<Figures>> of_replicas(good.size());
-  if (good.size() > 1) of_replicas = follow_replicas(told, study_.threshold);
+  if (good.size() > 1) of_replicas = follow_replicas(inputs, study_.threshold);
   for (std::size_t i = 0; i < good.size(); ++i) {
     Run& run = *good[i];
     note_failure(run, [&] {
@@ -184,7 +184,7 @@ void Measurement::follow_all(std::vector<Run>& runs) const {
         run.figures.push_back(
             kind == EstimatorKind::replica && of_replicas[i]
                 ? *of_replicas[i]
-                : follow(kind, run.setting.told, run.arrived, run.truth, study_.threshold));
+                : follow(kind, run.setting.observer, run.arrived, run.truth, study_.threshold));
       }
       if (study_.record.worse) add_worse(study_.estimators, run.figures);
     });

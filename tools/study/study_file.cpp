@@ -524,13 +524,13 @@ Study parse_study(const std::string& text, const std::filesystem::path& file,
                            "\"; must be a scene file, seen from the study's folder, or the name of "
                            "a scene that comes with Sprag");
   }
-  const auto tell = [&](const std::filesystem::path& named) {
+  const auto add_input = [&](const std::filesystem::path& named) {
     study.inputs.push_back(named);
     if (names) names(named);
   };
-  tell(study.scene_file);
+  add_input(study.scene_file);
   study.scene_text = read_whole(study.scene_file);
-  study.scene = read_scene(study.scene_file, tell);
+  study.scene = read_scene(study.scene_file, add_input);
 
   constexpr std::int64_t most = 1'000'000'000;
   if (root.has("seed")) {

@@ -94,7 +94,7 @@ bool same_ticks(const Truth& a, const Truth& b) {
   return a.tick == b.tick && a.stride == b.stride && a.samples() == b.samples();
 }
 
-void follow_group(std::span<const Told> runs, std::span<const SharedFlows> flows,
+void follow_group(std::span<const EstimatorInput> runs, std::span<const SharedFlows> flows,
                   std::span<const std::size_t> group, double threshold,
                   std::span<std::optional<Figures>> figures) {
   const Truth& first = runs[group.front()].truth;
@@ -174,13 +174,13 @@ void pursue(
   }
 }
 
-Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEvent> events,
+Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEvent> events,
                const Truth& truth, double threshold) {
-  TrackingEstimator estimator(told, truth.tick, kind);
+  TrackingEstimator estimator(scene, truth.tick, kind);
   const bool filter = kind != EstimatorKind::replica;
   const ErrorEnergy energy(truth.model);
   Confidence confidence = estimator.no_confidence();
-  const Eigen::Index f = told.model.coordinates();
+  const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   std::vector<double> V;
   NormalizedSquares squares;
@@ -197,7 +197,7 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
       squares.add(u[j] - truth.u(j, i), confidence.sigma_u[j]);
     }
   };
-  pursue(estimator, told.prior.start, events, truth, take);
+  pursue(estimator, scene.prior.start, events, truth, take);
 
   Figures figures = figures_of(std::move(V), truth.interval(), threshold);
   if (filter) {
@@ -209,7 +209,8 @@ Figures follow(EstimatorKind kind, const Scene& told, std::span<const ContactEve
   return figures;
 }
 
-std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, double threshold) {
+std::vector<std::optional<Figures>> follow_replicas(std::span<const EstimatorInput> runs,
+                                                    double threshold) {
   std::vector<std::optional<Figures>> figures(runs.size());
   std::vector<SharedFlows> flows(runs.size());
   std::vector<std::size_t> left;

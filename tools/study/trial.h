@@ -57,15 +57,15 @@ struct Figures {
   std::vector<double> V;  ///< at the samples, from the start on; infinity where it is not finite
 };
 
-/// Runs an estimator. `told` is its model of the machine, with the start of the estimate. It may
+/// Runs an estimator. `scene` is its model of the machine, with the start of the estimate. It may
 /// have fewer coordinates than the machine; the missing ones count as zero. `events` are those that
 /// arrive. threshold 0: 1e-4 of V at the start. Throws as the constructor of TrackingEstimator, or
 /// Interrupted.
-Figures follow(EstimatorKind estimator, const Scene& told, std::span<const ContactEvent> events,
+Figures follow(EstimatorKind estimator, const Scene& scene, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
 
-/// A run with the input of an estimator.
-struct Told {
+/// Input of an estimator, and the truth of the run.
+struct EstimatorInput {
   const Scene& scene;
   std::span<const ContactEvent> events;
   const Truth& truth;
@@ -75,7 +75,8 @@ struct Told {
 /// runs with the same structure and ticks are computed at once (replica_sweep.h). Nullopt for a run
 /// that must be followed alone: no other run has its structure, it has no ticks between its
 /// samples, so that nothing would be gained, or a run of its group throws. Throws Interrupted.
-std::vector<std::optional<Figures>> follow_replicas(std::span<const Told> runs, double threshold);
+std::vector<std::optional<Figures>> follow_replicas(std::span<const EstimatorInput> runs,
+                                                    double threshold);
 
 /// Sets `worse` of all estimators except the replica: the fraction of settled samples at which V is
 /// more than ten times the replica's, and above the rounding level, 1e-20 of V at the start.

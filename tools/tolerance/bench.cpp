@@ -97,7 +97,7 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
     study::Study of_starts;
     of_starts.seed = seed;
     study::Setting setting;
-    setting.machine = setting.told = scene_;
+    setting.machine = setting.observer = scene_;
     setting.start_machine = energy_of_starts * motion_energy_;
     const auto run = static_cast<std::size_t>(i + 1);
     study::draw_starts(of_starts, run, setting);
@@ -115,7 +115,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
                                            int run) const {
   using Kind = Deviation::Kind;
   study::Disturbance disturbance{.jitter = scene_.prior.jitter};
-  Scene told = scene_;
+  Scene given = scene_;
   study::Figures none;
   none.V_floor = std::numeric_limits<double>::infinity();
   none.V.assign(static_cast<std::size_t>(truth(run).q.cols()), none.V_floor);
@@ -124,7 +124,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
     const bool other_way = run % 2 == 1;
     switch (deviation->kind) {
       case Kind::jitter:
-        disturbance.jitter = told.prior.jitter = amount;
+        disturbance.jitter = given.prior.jitter = amount;
         break;
       case Kind::offset:
         disturbance.offset = other_way ? -amount : amount;
@@ -137,7 +137,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
         break;
       case Kind::parameter:
         try {
-          told = with_wrong_parameter(scene_, *deviation, amount, other_way);
+          given = with_wrong_parameter(scene_, *deviation, amount, other_way);
         } catch (const ModelError&) {
           return figures;
         }
@@ -147,7 +147,7 @@ std::vector<study::Figures> Bench::figures(const Deviation* deviation, double am
   const std::vector<ContactEvent> events = arrived(disturbance, run);
   for (std::size_t e = 0; e < figures.size(); ++e) {
     try {
-      figures[e] = study::follow(settings_.estimators[e], told, events, truth(run), target_);
+      figures[e] = study::follow(settings_.estimators[e], given, events, truth(run), target_);
     } catch (const ModelError&) {
       // This observer does not exist and gives no figures.
     }

@@ -32,13 +32,13 @@ std::vector<int> numbers_of_modes(int all) {
 double observed_error(EstimatorKind kind, const Scene& scene, const ModalMachine& whole,
                       const ModalMachine& part, const std::vector<ContactEvent>& events,
                       const study::Truth& truth) try {
-  const Scene told = reduced_scene(scene, part);
-  TrackingEstimator estimator(told, truth.tick, kind);
-  const Eigen::Index f = told.model.coordinates();
+  const Scene given = reduced_scene(scene, part);
+  TrackingEstimator estimator(given, truth.tick, kind);
+  const Eigen::Index f = given.model.coordinates();
   Eigen::VectorXd q(f), u(f);
   double squares = 0.0;
   Eigen::Index count = 0;
-  study::pursue(estimator, told.prior.start, events, truth,
+  study::pursue(estimator, given.prior.start, events, truth,
                 [&](Eigen::Index k, const TrackingEstimator::State& state) {
                   if (2 * k <= truth.q.cols()) return;
                   estimator.output(state, q, u);
@@ -60,7 +60,8 @@ struct Outcome {
 
 Outcome outcome_of(const Bench& bench, const ModalMachine& whole, int modes, int run) {
   const study::Truth& truth = bench.truth(run);
-  const std::vector<ContactEvent> events = bench.arrived({.jitter = bench.scene().prior.jitter}, run);
+  const std::vector<ContactEvent> events =
+      bench.arrived({.jitter = bench.scene().prior.jitter}, run);
   std::vector<Eigen::Index> kept = by_frequency(whole);
   const bool all = modes == static_cast<int>(kept.size());
   kept.resize(static_cast<std::size_t>(modes));
@@ -99,7 +100,7 @@ double observed_motion(const Bench& bench) {
 }
 
 std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
-                                    const std::function<void(double done)>& tell) {
+                                    const std::function<void(double done)>& progress) {
   const ModalMachine whole = modal_machine(bench.scene());
   const std::vector<int> numbers = numbers_of_modes(static_cast<int>(whole.model.coordinates()));
   const int runs = bench.settings().runs;
@@ -111,7 +112,7 @@ std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
     const int modes = numbers[static_cast<std::size_t>(i / runs)];
     outcomes[static_cast<std::size_t>(i)] = outcome_of(bench, whole, modes, i % runs);
     const std::lock_guard lock(mutex);
-    tell(static_cast<double>(++done) / count);
+    progress(static_cast<double>(++done) / count);
   });
 
   std::vector<FewerModes> table;

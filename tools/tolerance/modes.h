@@ -27,7 +27,7 @@ struct FewerModes {
 /// come from in_modes() (sprag/reduction.h). The result does not depend on the number of threads.
 /// Throws Interrupted.
 std::vector<FewerModes> fewer_modes(const Bench& bench, int threads,
-                                    const std::function<void(double done)>& tell);
+                                    const std::function<void(double done)>& progress);
 
 /// Root mean square of the observed quantity about its mean [m], in the second half of the first
 /// run.

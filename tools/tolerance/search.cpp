@@ -19,7 +19,7 @@ struct Trial {
 };
 
 std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int threads,
-                       const std::function<void(double)>& tell) {
+                       const std::function<void(double)>& progress) {
   const int runs = bench.settings().runs;
   const std::size_t estimators = bench.settings().estimators.size();
   const int count = runs * static_cast<int>(trials.size());
@@ -34,7 +34,7 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
     for (const study::Figures& of : bench.figures(trial.deviation, trial.amount, i % runs))
       left[static_cast<std::size_t>(i)].push_back({of.V_floor, of.worse});
     const std::lock_guard lock(mutex);
-    tell(static_cast<double>(++done) / count);
+    progress(static_cast<double>(++done) / count);
   });
   std::vector<Point> points;
   for (std::size_t t = 0; t < trials.size(); ++t) {
@@ -85,7 +85,7 @@ Spread spread_of(const std::vector<double>& values) {
 }
 
 Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,
-                  const std::function<void(int round, double done)>& tell) {
+                  const std::function<void(int round, double done)>& progress) {
   const std::size_t estimators = bench.settings().estimators.size();
   Tolerances result;
   for (Deviation& deviation : deviations)
@@ -96,7 +96,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
     for (const double amount : amounts(found.deviation, true))
       coarse.push_back({&found.deviation, amount});
   }
-  std::vector<Point> points = run(bench, coarse, threads, [&](double done) { tell(1, done); });
+  std::vector<Point> points = run(bench, coarse, threads, [&](double done) { progress(1, done); });
   result.undisturbed = std::move(points.front());
   for (std::size_t t = 1; t < coarse.size(); ++t) {
     const auto of = std::find_if(result.found.begin(), result.found.end(), [&](const Found& found) {
@@ -120,7 +120,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
     for (const Point& point : found.points) wanted.erase(point.amount);
     for (const double amount : wanted) fine.push_back({&found.deviation, amount});
   }
-  points = run(bench, fine, threads, [&](double done) { tell(2, done); });
+  points = run(bench, fine, threads, [&](double done) { progress(2, done); });
   for (Found& found : result.found) {
     for (std::size_t t = 0; t < fine.size(); ++t)
       if (fine[t].deviation == &found.deviation) found.points.push_back(points[t]);

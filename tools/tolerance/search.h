@@ -47,9 +47,9 @@ struct Tolerances {
   std::vector<Found> found;
 };
 
-/// Runs the study. `tell` receives the round (of two) and its progress from 0 to 1, from one thread
-/// at a time. The result does not depend on the number of threads. Throws Interrupted.
+/// Runs the study. `progress` receives the round (of two) and the fraction of it that is done, from
+/// one thread at a time. The result does not depend on the number of threads. Throws Interrupted.
 Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int threads,
-                  const std::function<void(int round, double done)>& tell);
+                  const std::function<void(int round, double done)>& progress);
 
 }  // namespace sprag::tolerance

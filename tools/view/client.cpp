@@ -21,7 +21,7 @@ std::optional<double> number_in(const nlohmann::json& object, const char* key) {
 
 }  // namespace
 
-void Client::hear(std::string_view message) {
+void Client::receive(std::string_view message) {
   const nlohmann::json said = nlohmann::json::parse(message, nullptr, false);
   if (!said.is_object()) return;
   if (const auto seen = number_in(said, "seen"); seen && *seen >= 0.0 && *seen < 1e15) {

@@ -17,7 +17,7 @@ class Client {
   /// Takes a message of the client and ignores everything else:
   /// {"seen": n}, {"view": {"window": s, ...}} or {"view": {"from": t, "to": t, ...}}, with
   /// "pixels" and "quantity" in either.
-  void hear(std::string_view message);
+  void receive(std::string_view message);
 
   /// Whether enough of the messages sent are acknowledged.
   bool wants() const { return sent_ - seen_ < most_unseen; }

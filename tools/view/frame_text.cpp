@@ -75,7 +75,7 @@ void put_times(const char* name, const Health::Times& times, JsonText& to) {
 
 const char* name(Health::Master master) {
   switch (master) {
-    case Health::Master::heard:
+    case Health::Master::received:
       return "heard";
     case Health::Master::silent:
       return "silent";

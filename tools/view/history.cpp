@@ -59,12 +59,12 @@ class Pixel {
     rows.t.push_back(first_);
     if (!one) rows.t.push_back(last_);
     for (std::size_t c = 0; c < wanted.size(); ++c) {
-      double before = least_[c], behind = greatest_[c];
-      if (wanted[c].keep == Keep::least) behind = before;
-      if (wanted[c].keep == Keep::greatest) before = behind;
-      if (at_greatest_[c] < at_least_[c]) std::swap(before, behind);
+      double before = least_[c], after = greatest_[c];
+      if (wanted[c].keep == Keep::least) after = before;
+      if (wanted[c].keep == Keep::greatest) before = after;
+      if (at_greatest_[c] < at_least_[c]) std::swap(before, after);
       rows.values[c].push_back(before);
-      if (!one) rows.values[c].push_back(behind);
+      if (!one) rows.values[c].push_back(after);
     }
     parts_ = 0;
   }
@@ -166,10 +166,10 @@ Rows History::thinned(const Window& window, std::span<const Wanted> wanted) cons
     const Level& level = levels_[l];
     // The first bucket that ends after `from` and after `done`, and the bucket before it.
     std::size_t i = 0, end = level.size;
-    const double behind = std::max(done, window.from);
+    const double limit = std::max(done, window.from);
     while (i < end) {
       const std::size_t middle = (i + end) / 2;
-      if (level.last[slot(level, middle)] <= behind) {
+      if (level.last[slot(level, middle)] <= limit) {
         i = middle + 1;
       } else {
         end = middle;

@@ -52,7 +52,7 @@ class Serving {
         const std::lock_guard lock(stage.mutex);
         return client->next(stage.watch, speed, stage.now, monotonic_now(), stage.over);
       };
-      return StreamClient{[client](std::string_view message) { client->hear(message); }, next};
+      return StreamClient{[client](std::string_view message) { client->receive(message); }, next};
     };
     try {
       return std::make_unique<Server>(endpoint, page_files(), make_client);

@@ -367,8 +367,8 @@ const EstimateSample* Watch::shown_estimate() const {
   const EstimateSample* latest = latest_ ? &*latest_ : settled;
   if (latest != nullptr && settled != nullptr && settled->t > latest->t) latest = settled;
   if (truth_.empty() || latest == nullptr || latest->t <= truth_.back().t) return latest;
-  const auto behind = provisional_.upper_bound(truth_.back().t);
-  if (behind != provisional_.begin()) return &std::prev(behind)->second;
+  const auto later = provisional_.upper_bound(truth_.back().t);
+  if (later != provisional_.begin()) return &std::prev(later)->second;
   return settled != nullptr ? settled : latest;
 }
 
@@ -385,9 +385,9 @@ const StateSample* Watch::nearest_truth(double t) const {
 // No contact messages arrive, either here or, by its health message, at the observer.
 bool Watch::runs_free(std::int64_t now) const {
   if (tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence) return true;
-  const bool told = health_ && !health_->last && health_->session == session_ &&
-                    now - health_arrival_ <= health_silence;
-  return told &&
+  const bool health_is_current = health_ && !health_->last && health_->session == session_ &&
+                                 now - health_arrival_ <= health_silence;
+  return health_is_current &&
          (health_->master == Health::Master::silent || health_->master == Health::Master::ended);
 }
 

@@ -50,7 +50,7 @@ constexpr double impact_rounding = 16.0 * std::numeric_limits<double>::epsilon()
 constexpr double touch = 2.0 * touching;
 // measure_rest() requires the prior variance of the gap velocity to exceed that of the measurement
 // by this factor.
-constexpr double remainder_tells = 100.0;
+constexpr double rest_variance_ratio = 100.0;
 
 }  // namespace
 
@@ -358,7 +358,7 @@ double EventFilter::variance_of_unreported(const Event& event) {
 void EventFilter::measure_rest(const Event& event, double gamma) {
   if (flight().contacts() > 1 || !(flight().restitution(event.contact) > 0.0)) return;
   const double left = remainder(event);
-  if (!(at_.psi.squaredNorm() > remainder_tells * left)) return;
+  if (!(at_.psi.squaredNorm() > rest_variance_ratio * left)) return;
   at_.phi = at_.psi;
   at_.measure(gamma, left + square(measurement_rounding * at_.of.velocity), x_, c_);
 }

@@ -168,7 +168,7 @@ class Stream : public std::enable_shared_from_this<Stream> {
         return;
       }
       const auto data = self->buffer_.cdata();
-      self->client_.hear({static_cast<const char*>(data.data()), data.size()});
+      self->client_.receive({static_cast<const char*>(data.data()), data.size()});
       self->buffer_.consume(self->buffer_.size());
       self->read();
     });

@@ -27,7 +27,7 @@ struct ListenError : std::runtime_error {
 
 /// Interface to a client of the stream. Called only in the thread of run().
 struct StreamClient {
-  std::function<void(std::string_view message)> hear;
+  std::function<void(std::string_view message)> receive;
   /// The next message; nothing: none is due now.
   std::function<std::optional<std::string>()> next;
 };

@@ -48,7 +48,7 @@
   // ---- connection ----
   let socket = null;
   let pause = 500;
-  let heard = performance.now();
+  let lastMessage = performance.now();
   let pending = null;
   let drawing = false;
 
@@ -60,7 +60,7 @@
   }
 
   function connect() {
-    heard = performance.now();
+    lastMessage = performance.now();
     const mine = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/stream");
     socket = mine;
     mine.onopen = () => {
@@ -69,7 +69,7 @@
       sendView();
     };
     mine.onmessage = (event) => {
-      heard = performance.now();
+      lastMessage = performance.now();
       pause = 500;
       pending = Object.assign(pending || {}, JSON.parse(event.data));
       sprag.received += 1;
@@ -92,8 +92,8 @@
   }
 
   setInterval(() => {
-    if (document.hidden || drawing) heard = performance.now();
-    if (socket && performance.now() - heard > silence) {
+    if (document.hidden || drawing) lastMessage = performance.now();
+    if (socket && performance.now() - lastMessage > silence) {
       const dead = socket;
       dead.close();
       if (dead.onclose) dead.onclose();
@@ -571,7 +571,7 @@
 
   function words(frame) {
     let text = whose[frame.badge];
-    if (frame.badge === "free") text = "running free: no contacts are heard (" + (frame.from_filter ? "filter" : "replica") + ")";
+    if (frame.badge === "free") text = "running free: no contact messages arrive (" + (frame.from_filter ? "filter" : "replica") + ")";
     if (frame.penetration > 0 && frame.badge !== "waiting") text += ", inside a support by " + short(frame.penetration) + " m";
     if (sprag.over) text = "the recording is over";
     put(byId("badge"), text);
@@ -643,9 +643,9 @@
   function drawHealth(health) {
     const o = health.observer;
     if (!o) {
-      put(byId("health-words"), "No observer tells how it fares" + (health.here.messages > 0 ? "; contacts are heard." : ", and no contacts are heard."));
+      put(byId("health-words"), "No observer reports its health" + (health.here.messages > 0 ? "; contact messages arrive." : ", and no contact messages arrive."));
       fill(byId("health"), [
-        ["health-here-messages", "messages of contacts heard here", count(health.here.messages), health.here.messages, false],
+        ["health-here-messages", "contact messages received here", count(health.here.messages), health.here.messages, false],
         ["health-here-lost", "of them lost on the way here", count(health.here.lost_messages), health.here.lost_messages, health.here.lost_messages > 0],
       ]);
       return;
@@ -653,9 +653,9 @@
     const said = [];
     const lives = !o.last && o.age <= 3;
     if (o.last) said.push("The observer has ended.");
-    else if (!lives) said.push("The observer was last heard " + duration(o.age) + " ago.");
+    else if (!lives) said.push("The last report of the observer arrived " + duration(o.age) + " ago.");
     if (lives) {
-      said.push({ awaited: "The observer waits for a master.", heard: "The observer hears its master.",
+      said.push({ awaited: "The observer waits for a master.", heard: "The observer receives messages of its master.",
         silent: "The observer's master is silent; the estimate runs free.",
         ended: "The machine's run is over; the estimate runs free." }[o.master]);
     }
@@ -665,7 +665,7 @@
     }
     if (lives && o.latencies > 0) said.push("An event is in the estimate " + duration(o.latency.p50) + " after it happened.");
     const troubles = o.lost_events + o.skipped_events + o.inconsistencies + o.real_time_losses;
-    said.push(troubles === 0 ? "Nothing is amiss." : "Marked numbers tell what went amiss.");
+    said.push(troubles === 0 ? "Nothing is amiss." : "Marked numbers show faults.");
     put(byId("health-words"), said.join(" "));
     const rows = [];
     const add = (name, label, text, value, notable) => rows.push(["health-" + name, label, text, value, Boolean(notable)]);
