@@ -14,7 +14,7 @@ namespace {
 
 const TrialLimits limits;
 
-TEST(Accuracy, IsTheFewestModesThatStayWithinTheTolerance) {
+TEST(Accuracy, FindsSmallestNumberOfModesWithinTolerance) {
   const Scene scene = shipped_scene("stiff_beam");
   const Accuracy fine = find_accuracy(scene, 1e-9, 10.0, limits);
   EXPECT_EQ(fine.modes, 20);
@@ -32,7 +32,7 @@ TEST(Accuracy, IsTheFewestModesThatStayWithinTheTolerance) {
 
 // A mode with a node at the contact, at rest and without force, does not move: omitting it loses
 // nothing.
-TEST(Accuracy, AModeThatNothingMovesIsNotNeeded) {
+TEST(Accuracy, OmitsUnexcitedMode) {
   Scene scene = shipped_scene("impact_oscillator");
   Model& model = scene.model;
   const auto extend = [](const Eigen::MatrixXd& A, double entry) {
@@ -54,12 +54,12 @@ TEST(Accuracy, AModeThatNothingMovesIsNotNeeded) {
   EXPECT_EQ(find_accuracy(scene, 1e-12, 20.0, limits).modes, 1);
 }
 
-TEST(Accuracy, DampingThatCouplesTheModesIsRefused) {
+TEST(Accuracy, RefusesCoupledDamping) {
   EXPECT_THROW(find_accuracy(shipped_scene("non_proportional"), 1e-3, 10.0, limits), ModelError);
 }
 
 // The machine in modal coordinates has the same contact events.
-TEST(ModalMachine, MovesAsTheMachineDoes) {
+TEST(ModalMachine, HasEventsOfOriginalMachine) {
   const Scene scene = shipped_scene("lab_rig");
   const ModalMachine machine = modal_machine(scene);
   Scene modal = scene;

@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-TEST(Quantiles, AreLinearBetweenTheValues) {
+TEST(Quantiles, InterpolateLinearly) {
   EXPECT_EQ(quantile({3.0}, 0.95), 3.0);
   EXPECT_EQ(quantile({3.0, 1.0, 2.0}, 0.5), 2.0);
   EXPECT_EQ(quantile({4.0, 1.0, 2.0, 3.0}, 0.5), 2.5);

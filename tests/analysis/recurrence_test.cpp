@@ -87,7 +87,7 @@ Quotient quotient(const Flows& flows, const State& start, double t, double until
           same_kinds(here, above) && same_kinds(here, below)};
 }
 
-TEST(Variation, IsTheDerivativeOfTheMotion) {
+TEST(Variation, EqualsDerivativeOfMotion) {
   constexpr double T = 1.0;
   int impacts = 0;
   int compared = 0;
@@ -133,7 +133,7 @@ TEST(Variation, IsTheDerivativeOfTheMotion) {
 }
 
 // Chatter, then a sustained contact and its release.
-TEST(Variation, GoesThroughAChatter) {
+TEST(Variation, CoversChatterAndRelease) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const Flows flows(scene.model);
   const Eigen::Vector3d q(0.3, -0.5, 0.2);
@@ -157,7 +157,7 @@ TEST(Variation, GoesThroughAChatter) {
   EXPECT_LT((variation.u().col(0) - expected.u).norm(), 1e-4 * size);
 }
 
-TEST(Variation, RefusesAContactInsideItsSupport) {
+TEST(Variation, RefusesPenetratingStart) {
   Scene scene = shipped_scene("bouncing_ball");
   scene.truth.start.q[0] = -0.1;
   Master master(scene.model, scene.truth.start);
@@ -168,7 +168,7 @@ TEST(Variation, RefusesAContactInsideItsSupport) {
   EXPECT_THROW(variation.set(at(0.0), one, one), SimulationError);
 }
 
-TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
+TEST(Lyapunov, ExponentOfFreeOscillatorEqualsDampingRate) {
   Scene scene = oscillator(34.0);
   scene.model.contacts.clear();
   const RecurrenceSettings settings{.transient = 2000, .periods = 40, .lyapunov = true};
@@ -187,8 +187,9 @@ TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
   EXPECT_NEAR(exponent, -0.4, std::log(2.0 * pi / 0.1 / 20.0) / (3600 * 0.1));
   // Overdamped: the exponent of the slow eigenvalue.
   scene.model.C(0, 0) = 50.0;
-  const Recurrence slow = recurrence(
-      scene.model, scene.truth.start, {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
+  const Recurrence slow =
+      recurrence(scene.model, scene.truth.start,
+                 {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
   EXPECT_NEAR(slow.lyapunov, -25.0 + std::sqrt(625.0 - 400.0), 1e-10);
 }
 
@@ -219,7 +220,7 @@ TEST(Recurrence, BallOnATableInClosedForm) {
 }
 
 // With impacts exactly at the instants of the stroboscope.
-TEST(Recurrence, ShippedOscillatorIsHitOncePerPeriod) {
+TEST(Recurrence, ShippedOscillatorHasOneImpactPerPeriod) {
   const Scene scene = shipped_scene("impact_oscillator");
   const Recurrence found =
       recurrence(scene.model, scene.truth.start, {.transient = 50, .lyapunov = true});
@@ -233,7 +234,7 @@ TEST(Recurrence, ShippedOscillatorIsHitOncePerPeriod) {
 }
 
 // det of the monodromy matrix: a factor epsilon^2 per impact, and the decay by damping.
-TEST(Recurrence, VolumeShrinksByRestitutionAndDamping) {
+TEST(Recurrence, VolumeContractsByRestitutionAndDamping) {
   const Scene scene = oscillator(25.0);
   const double T = 2.0 * pi / 25.0;
   const Flows flows(scene.model);
@@ -253,7 +254,7 @@ TEST(Recurrence, VolumeShrinksByRestitutionAndDamping) {
 }
 
 // A chaotic orbit: the exponent by differences of the stroboscopic map, period by period.
-TEST(Lyapunov, OfAChaoticOrbitIsThatOfThePoincareMap) {
+TEST(Lyapunov, ExponentOfChaoticOrbitMatchesPoincareMap) {
   constexpr double Omega = 60.0;
   constexpr double T = 2.0 * pi / Omega;
   const Scene scene = ball_on_table(8.0 * weight / (Omega * Omega), Omega, 0.8);
@@ -298,10 +299,11 @@ TEST(Lyapunov, SpectralRadius) {
 }
 
 // A ball at rest on a table that does not release it is independent of its start.
-TEST(Recurrence, AtRestEverythingIsForgotten) {
+TEST(Recurrence, MonodromyVanishesAtRest) {
   const Scene scene = shipped_scene("bouncing_ball");
-  const Recurrence found = recurrence(
-      scene.model, scene.truth.start, {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
+  const Recurrence found =
+      recurrence(scene.model, scene.truth.start,
+                 {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.lyapunov, -infinity);
   EXPECT_EQ(found.impacts_per_period, 0.0);
@@ -326,7 +328,7 @@ TEST(Recurrence, DoesNotDependOnUnits) {
   }
 }
 
-TEST(Recurrence, NeedsOneFrequencyOrAPeriod) {
+TEST(Recurrence, RequiresOneFrequencyOrGivenPeriod) {
   Scene scene = oscillator(34.0);
   scene.model.forces.push_back(scene.model.forces.front());
   EXPECT_NO_THROW(recurrence(scene.model, scene.truth.start, {.periods = 4}));
@@ -354,7 +356,7 @@ TEST(Recurrence, FindsTheSmallestPeriodOfPoints) {
   }
 }
 
-TEST(Attractors, HaveLabelsWhateverTheirOrder) {
+TEST(Attractors, LabelsDoNotDependOnOrder) {
   constexpr std::size_t n = 400;
   Random random(5);
   std::printf("seed 5\n");

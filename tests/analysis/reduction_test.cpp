@@ -157,7 +157,7 @@ INSTANTIATE_TEST_SUITE_P(Dampings, ReducedBeam,
 
 // Final accuracy of a replica in fewer modes, chosen by events alone, against the expected
 // accuracy.
-TEST_P(ReducedBeam, EndsWhereItsCorrectionsBringIt) {
+TEST_P(ReducedBeam, ReachesExpectedAccuracyOfCorrection) {
   const Truth truth(GetParam());
   for (const int n : {1, 3, 5, 8}) {
     const auto all = reductions(truth.whole, first(n), second_half(truth.events));
@@ -195,7 +195,7 @@ TEST_P(ReducedBeam, EndsWhereItsCorrectionsBringIt) {
   }
 }
 
-TEST_P(ReducedBeam, BringsTwoReplicasTogetherWithEveryCorrection) {
+TEST_P(ReducedBeam, ReplicasConvergeWithEveryCorrection) {
   const Truth truth(GetParam());
   for (const Reduction& reduction : reductions(truth.whole, first(2), second_half(truth.events))) {
     EXPECT_LE(growth_of_distance(reduction.machine, truth.events, 40.0), 1e-13)
@@ -252,7 +252,7 @@ Eigen::MatrixXd seen(const Model& model, const Eigen::MatrixXd& A) {
   return W.transpose() * A.fullPivLu().solve(W);
 }
 
-TEST(StaticVectors, GiveTheContactsTheInertiaAndTheFlexibilityOfTheWholeMachine) {
+TEST(StaticVectors, GiveContactsInertiaAndFlexibilityOfWholeMachine) {
   constexpr std::uint64_t seed = 31;
   SCOPED_TRACE(seed);
   Random random(seed);
@@ -282,7 +282,7 @@ TEST(StaticVectors, GiveTheContactsTheInertiaAndTheFlexibilityOfTheWholeMachine)
   }
 }
 
-TEST(StaticVectors, AllThatIsLeftOutIsTheWholeMachine) {
+TEST(StaticVectors, AllVectorsReproduceWholeMachine) {
   constexpr std::uint64_t seed = 32;
   SCOPED_TRACE(seed);
   Random random(seed);
@@ -307,7 +307,7 @@ TEST(StaticVectors, AllThatIsLeftOutIsTheWholeMachine) {
   }
 }
 
-TEST(StaticVectors, WhatDependsOnOthersIsLeftOut) {
+TEST(StaticVectors, LinearlyDependentVectorsAreOmitted) {
   Random random(33);
   Scene scene = two_contacts(random);
   scene.model.contacts[1].w = -2.0 * scene.model.contacts[0].w;
@@ -317,7 +317,7 @@ TEST(StaticVectors, WhatDependsOnOthersIsLeftOut) {
   EXPECT_EQ(with_static_vectors(machine, first(12), std::array{0, 1}).model.coordinates(), 12);
 }
 
-TEST(StaticVectors, DampingHasAFloorWhereOneIsAskedFor) {
+TEST(StaticVectors, DampingRatioHasGivenMinimum) {
   const ModalMachine machine = modal_machine(beam_with(Damping::zeta));
   const Model model = with_static_vectors(machine, first(3), std::array{0, 1, 2, 3}, 0.05).model;
   for (Index k = 3; k < 7; ++k) {
@@ -327,7 +327,7 @@ TEST(StaticVectors, DampingHasAFloorWhereOneIsAskedFor) {
   EXPECT_EQ(model.C.topLeftCorner(3, 3), machine.model.C.topLeftCorner(3, 3));
 }
 
-TEST(StaticVectors, RigidMotionsThatAreLeftOutHaveNone) {
+TEST(StaticVectors, OmittedRigidBodyModeIsRefused) {
   Scene scene = shipped_scene("elastic_bar");
   const ModalMachine machine = modal_machine(scene);
   std::vector<Index> order = by_frequency(machine);
@@ -338,7 +338,7 @@ TEST(StaticVectors, RigidMotionsThatAreLeftOutHaveNone) {
   EXPECT_NO_THROW(with_static_vectors(machine, first(4), std::array{0, 1}));
 }
 
-TEST(ImpulseShare, StaysWhereItExpandsNoDistance) {
+TEST(ImpulseShare, IsLimitedToNonexpansiveRestitution) {
   Random random(34);
   Model model = two_contacts(random).model;
   model.contacts[1].restitution = 0.9;
@@ -353,7 +353,7 @@ TEST(ImpulseShare, StaysWhereItExpandsNoDistance) {
 
 // A general system with two contacts: the chosen reduction is at least as good as the modes alone,
 // and a written and parsed scene leads to the same choice.
-TEST(ReducedSystem, FollowsTwoContactsBetterThanItsModesAlone) {
+TEST(ReducedSystem, IsAtLeastAsAccurateAsModesAlone) {
   constexpr std::uint64_t seed = 35;
   SCOPED_TRACE(seed);
   Random random(seed);
@@ -379,7 +379,7 @@ TEST(ReducedSystem, FollowsTwoContactsBetterThanItsModesAlone) {
   EXPECT_GT(std::exp(better / machines), 3.0);
 }
 
-TEST(ReductionChoice, AskingForMoreThanThereIsIsRefused) {
+TEST(ReductionChoice, TooManyCoordinatesAreRefused) {
   const Scene scene = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(scene, 8.0);
   EXPECT_THROW(second_half(std::span(events).first(4)), std::runtime_error);
@@ -392,7 +392,7 @@ TEST(ReductionChoice, AskingForMoreThanThereIsIsRefused) {
 }
 
 // Impacts of a chatter carry little weight, however many there are.
-TEST(ReductionChoice, AClosingWeighsAsMuchAsTheTimeSinceTheOneBefore) {
+TEST(ReductionChoice, ClosingHasWeightOfTimeSincePreviousOne) {
   const ModalMachine machine = modal_machine(shipped_scene("paper_beam"));
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 8.0);
   const auto rms = [&](std::size_t count, double counts) {
@@ -410,7 +410,7 @@ TEST(ReductionChoice, AClosingWeighsAsMuchAsTheTimeSinceTheOneBefore) {
 }
 
 // A recording that starts with a contact closed.
-TEST(ReductionChoice, EventsMayBeginLater) {
+TEST(ReductionChoice, AcceptsRecordingThatStartsClosed) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const std::vector<ContactEvent> events = events_of(scene, 60.0);
   const ModalMachine machine = modal_machine(scene);

@@ -53,7 +53,7 @@ TEST_P(BoundOfScene, HoldsAtEveryTick) {
 }
 
 // An error that only the slowest decay of free flight reduces comes close to the bound.
-TEST(ErrorBound, IsNotVoidOnThePapersBeam) {
+TEST(ErrorBound, IsNearlyAttainedOnPaperBeam) {
   Pair<Replica> pair(shipped_scene("paper_beam"), 1e-2);
   double closest = 0.0;
   while (pair.t() < 100.0) {
@@ -72,7 +72,7 @@ Motion at_rest(const Flows& flows, double t) {
   return motion;
 }
 
-TEST(ErrorBound, IsProportionalToTheStartAndKeepsRoundingApart) {
+TEST(ErrorBound, IsProportionalToStartWithSeparateRoundingTerm) {
   const Flows flows(shipped_scene("paper_beam").model);
   ErrorBound bound(flows);
   ErrorBoundState state;
@@ -84,7 +84,7 @@ TEST(ErrorBound, IsProportionalToTheStartAndKeepsRoundingApart) {
 }
 
 // The energy falls between events.
-TEST(ErrorBound, CountsTheFlightThatIsUnderWay) {
+TEST(ErrorBound, IncludesDecayOfCurrentFlight) {
   for (const char* scene : {"paper_beam", "non_proportional"}) {
     const Flows flows(shipped_scene(scene).model);
     ErrorBound bound(flows);
@@ -102,7 +102,7 @@ TEST(ErrorBound, CountsTheFlightThatIsUnderWay) {
   }
 }
 
-TEST(ErrorBound, ContractionIsTheLargestSingularValueOfTheFlow) {
+TEST(ErrorBound, ContractionEqualsLargestSingularValueOfFlow) {
   constexpr std::uint64_t seed = 61;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -139,7 +139,7 @@ TEST(ErrorBound, ContractionIsTheLargestSingularValueOfTheFlow) {
 // A contact that closes and stays closed, together with others that bounce, can increase the
 // distance of two machines. The bound's additional term covers this, and is not larger than a
 // multiple of the distance.
-TEST(ErrorBound, CoversImpactsInWhichContactsCloseToStayBesideOthers) {
+TEST(ErrorBound, CoversMixedSustainedAndPulseImpacts) {
   constexpr std::uint64_t seed = 62;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -247,7 +247,7 @@ TEST(ErrorBound, HoldsInAWedge) {
   }
 }
 
-TEST(ErrorBound, FallsWhereDampingCouplesTheModes) {
+TEST(ErrorBound, DecreasesWithCoupledDamping) {
   Pair<Replica> pair(shipped_scene("non_proportional"), 1e-2);
   const double V0 = pair.V();
   while (pair.t() < 150.0) pair.step();
@@ -256,7 +256,7 @@ TEST(ErrorBound, FallsWhereDampingCouplesTheModes) {
   EXPECT_LT(B, 1e-15 * V0);
 }
 
-TEST(ErrorBound, IsGivenWhereTheLawIsMonotoneOnly) {
+TEST(ErrorBound, ExistsOnlyForMonotoneLaw) {
   const auto guaranteed = [](ImpactLaw law, std::vector<double> restitutions) {
     Model model;
     model.M = model.K = model.C = Eigen::MatrixXd::Identity(3, 3);

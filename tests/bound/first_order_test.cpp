@@ -30,7 +30,7 @@ Eigen::VectorXd in_energy(const EnergyMetric& metric, const Eigen::VectorXd& q,
 
 // Segments added during the run, each represented by one of its ends, moved by the same flights and
 // impacts as the ellipsoid.
-TEST(ErrorEllipsoid, ContainsEveryChoiceOfItsSegments) {
+TEST(ErrorEllipsoid, ContainsEveryCombinationOfSegmentEnds) {
   constexpr std::uint64_t seed = 5220;
   std::cout << "seed " << seed << '\n';
   double closest = 0.0;
@@ -97,7 +97,8 @@ Floors floors_of(const std::string& name, const Tolerance& tolerance, double end
   BoundCase machine;
   machine.scene = shipped_scene(name);
   machine.scene.prior.tolerance = tolerance;
-  machine.scene.prior.uncertainty = Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
+  machine.scene.prior.uncertainty =
+      Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
   machine.scene.prior.start = machine.start = machine.scene.truth.start;
   machine.truth = machine.scene.model;
   machine.truth.K *= 1.0 + tolerance.stiffness;
@@ -113,7 +114,7 @@ Floors floors_of(const std::string& name, const Tolerance& tolerance, double end
   return {std::sqrt(with.median_B), std::sqrt(without.median_B), with.worst};
 }
 
-TEST(FirstOrderBound, IsAFractionOfOneNumberAlone) {
+TEST(FirstOrderBound, IsSmallerThanZeroOrderBound) {
   const auto expect_share = [](const char* name, const Tolerance& tolerance, double share) {
     const Floors floors = floors_of(name, tolerance, 60.0);
     std::cout << name << ": " << floors.with << " of " << floors.without << '\n';
@@ -128,7 +129,7 @@ TEST(FirstOrderBound, IsAFractionOfOneNumberAlone) {
   expect_share("lab_rig", {.time = 1e-6}, 0.4);
 }
 
-TEST(JointExpansion, CoversPairsOfStates) {
+TEST(JointExpansion, BoundsPairsOfStates) {
   constexpr std::uint64_t seed = 5221;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -165,7 +166,7 @@ TEST(JointExpansion, CoversPairsOfStates) {
 }
 
 // Record numbers show that a single impact was lost: B is far below that of an unknown gap.
-TEST(LostImpact, CostsOneJump) {
+TEST(LostImpact, AddsOneJumpToBound) {
   constexpr std::uint64_t seed = 5222;
   std::cout << "seed " << seed << '\n';
   int less = 0, all = 0;
@@ -192,7 +193,7 @@ TEST(LostImpact, CostsOneJump) {
 }
 
 // Without an uncertainty of the start the forces limit the machine's motion.
-TEST(NoUncertainty, GivesAFiniteBoundWhereKAndCArePositive) {
+TEST(NoUncertainty, BoundIsFiniteForPositiveDefiniteKAndC) {
   Scene scene = shipped_scene("paper_beam");
   scene.prior.uncertainty.resize(0);
   scene.prior.tolerance.time = 1e-5;

@@ -34,7 +34,7 @@ std::vector<ContactEvent> moved(std::vector<ContactEvent> events, double delta, 
   return events;
 }
 
-TEST(Guarantee, ZeroTolerancesGiveTheExactBoundToTheLastBit) {
+TEST(Guarantee, ZeroTolerancesGiveExactBoundBitForBit) {
   const Scene scene = shipped_scene("paper_beam");
   Scene zero = scene;
   zero.prior.tolerance = {};
@@ -52,7 +52,7 @@ TEST(Guarantee, ZeroTolerancesGiveTheExactBoundToTheLastBit) {
   }
 }
 
-TEST(Guarantee, HoldsThroughAnObserverAndItsLengths) {
+TEST(Guarantee, HoldsForObserverEstimatesAndHalfWidths) {
   constexpr std::uint64_t seed = 5210;
   std::cout << "seed " << seed << '\n';
   for (const EstimatorKind kind : {EstimatorKind::replica, EstimatorKind::both}) {
@@ -88,7 +88,7 @@ TEST(Guarantee, HoldsThroughAnObserverAndItsLengths) {
   }
 }
 
-TEST(Guarantee, WaitsForEventsThatMayStillBeReported) {
+TEST(Guarantee, WaitsForPendingEvents) {
   const double delta = 0.05;
   const Scene scene = tolerant_beam(delta);
   Observer observer(scene, {.tick = 0.01, .estimator = EstimatorKind::replica});
@@ -161,7 +161,7 @@ TEST(Guarantee, IsFiniteAfterAGap) {
   EXPECT_LT(at_end, 0.1 * in_gap);
 }
 
-TEST(Guarantee, ContradictionNeedsBothBandsToMiss) {
+TEST(Guarantee, ContradictionRequiresDisjointBands) {
   const Eigen::VectorXd factors = Eigen::Vector2d(2.0, 3.0);
   const auto says = [&](double difference, double sigma, double bound) {
     return contradicts(Eigen::Vector2d(0.0, difference), Eigen::Vector2d(sigma, sigma), factors,
@@ -175,7 +175,7 @@ TEST(Guarantee, ContradictionNeedsBothBandsToMiss) {
 }
 
 // An overconfident filter is no longer shown, and its sigma is no longer claimed.
-TEST(Guarantee, ShowsTheReplicaWhereAFilterIsFalse) {
+TEST(Guarantee, FallsBackToReplicaForOverconfidentFilter) {
   const Scene scene = tolerant_beam(1e-4);
   Flows flows(scene.model);
   Guarantee guarantee(scene, flows, 0.01);

@@ -9,7 +9,7 @@ namespace {
 // Letters: m(aster), o(bserver), l(ogger).
 class AnyOrderTest : public EndToEnd, public testing::WithParamInterface<const char*> {};
 
-TEST_P(AnyOrderTest, RunEndsWellWithRows) {
+TEST_P(AnyOrderTest, RunSucceedsAndWritesRows) {
   const Arguments common{scene("paper_beam"), "--duration", "40"};
   std::vector<Process*> all;
   for (const char which : std::string(GetParam())) {

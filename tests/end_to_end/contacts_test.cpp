@@ -42,7 +42,7 @@ class ContactsTest : public EndToEnd, public testing::WithParamInterface<const c
 };
 
 // Both stops of the beam are reported closed: w and -w.
-TEST_P(ContactsTest, ThatHoldEachOtherAreAnOrdinaryCase) {
+TEST_P(ContactsTest, OppositeContactsAreHeldTogether) {
   std::string err;
   const nlohmann::json report = observe(scene("two_stops_beam"), 2,
                                         {{0.1, 1, closes},
@@ -61,7 +61,7 @@ TEST_P(ContactsTest, ThatHoldEachOtherAreAnOrdinaryCase) {
 }
 
 // With both contacts locked, an undamped mode remains, and the force acts at its frequency.
-TEST_P(ContactsTest, ThatLeaveAResonanceAreHeld) {
+TEST_P(ContactsTest, ContactsWithResonantRemainingModeAreHeld) {
   std::ofstream(file("resonant.toml")) << R"([system]
 M = [[1.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]
 C = [[0.0,0.0,0.0],[0.0,0.0,0.0],[0.0,0.0,0.0]]
@@ -95,7 +95,7 @@ uncertainty = 1.0
 
 // With both contacts locked, a pair of modes with one shape remains, which has no exact flow. The
 // observer leaves one of them open and reports it.
-TEST_P(ContactsTest, ThatCannotBeHeldTogetherAreTold) {
+TEST_P(ContactsTest, IncompatibleClosedContactsAreReported) {
   std::ofstream(file("defective.toml")) << R"([system]
 M = [[1.0,0.0,0.0,0.0],[0.0,1.0,0.0,0.0],[0.0,0.0,1.0,0.0],[0.0,0.0,0.0,1.0]]
 C = [[0.4,0.0,0.0,0.0],[0.0,0.0,0.0,0.0],[0.0,0.0,0.1,0.0],[0.0,0.0,0.0,0.1]]
@@ -156,7 +156,7 @@ std::pair<double, double> spent(const Process& process) {
   return {ticks / static_cast<double>(sysconf(_SC_CLK_TCK)), kB / 1024.0};
 }
 
-TEST_P(ContactsTest, SixtyOfABeamWithSixtyModesCostLittleAtTheStart) {
+TEST_P(ContactsTest, SixtyOfABeamWithSixtyModesStartFast) {
   if (sanitized) GTEST_SKIP() << "a sanitizer takes its own time and memory";
   std::ofstream(file("sixty.toml")) << beam_with(60);
   Process& observer = start_listening("observer", Arguments{file("sixty.toml")} + estimator());
@@ -167,7 +167,7 @@ TEST_P(ContactsTest, SixtyOfABeamWithSixtyModesCostLittleAtTheStart) {
 
 // Sets of locked contacts without a prepared flow: the flow builder builds them beside the loop,
 // with the same result.
-TEST_P(ContactsTest, ManyInAnyCombinationDoAsTheReplay) {
+TEST_P(ContactsTest, ManyCombinationsEqualTheReplay) {
   constexpr int contacts = sanitized ? 16 : 60;
   std::ofstream(file("many.toml")) << beam_with(contacts);
   std::vector<ContactEvent> events;

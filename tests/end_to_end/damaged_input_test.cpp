@@ -99,7 +99,7 @@ class DamagedInputTest : public EndToEnd {
   }
 };
 
-TEST_F(DamagedInputTest, TruncatedLogIsUsedUpToTheCut) {
+TEST_F(DamagedInputTest, TruncatedLogIsReadUpToTheCut) {
   const std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -107,7 +107,7 @@ TEST_F(DamagedInputTest, TruncatedLogIsUsedUpToTheCut) {
   expect_used_up_to(offset, log.substr(0, offset + 100));
 }
 
-TEST_F(DamagedInputTest, LogCutWithinARecordsHeadIsUsedUpToTheCut) {
+TEST_F(DamagedInputTest, LogCutWithinRecordHeaderIsReadUpToTheCut) {
   const std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -115,7 +115,7 @@ TEST_F(DamagedInputTest, LogCutWithinARecordsHeadIsUsedUpToTheCut) {
   expect_used_up_to(offset, log.substr(0, offset + 1));
 }
 
-TEST_F(DamagedInputTest, AGarbledSyncWordCostsOneMessage) {
+TEST_F(DamagedInputTest, CorruptSyncWordLosesOneMessage) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -124,7 +124,7 @@ TEST_F(DamagedInputTest, AGarbledSyncWordCostsOneMessage) {
   expect_left_out(offsets[i], offsets[i + 1], log);
 }
 
-TEST_F(DamagedInputTest, AnImpossibleLengthCostsOneMessage) {
+TEST_F(DamagedInputTest, ImpossibleLengthLosesOneMessage) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -133,7 +133,7 @@ TEST_F(DamagedInputTest, AnImpossibleLengthCostsOneMessage) {
   expect_left_out(offsets[i], offsets[i + 1], log);
 }
 
-TEST_F(DamagedInputTest, StrayBytesCostWhatTheyCover) {
+TEST_F(DamagedInputTest, StrayBytesLoseOnlyCoveredMessages) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -142,7 +142,7 @@ TEST_F(DamagedInputTest, StrayBytesCostWhatTheyCover) {
   expect_left_out(offset, offset + 1000, log);
 }
 
-TEST_F(DamagedInputTest, DiagnosisUsesWhatIsReadable) {
+TEST_F(DamagedInputTest, DiagnosisUsesReadablePart) {
   const std::string events = simulate(scene("paper_beam"), "60", "1");
   std::string impacts = "t\n";
   for (const ContactEvent& event : read_events(events, 1).events) {
@@ -169,7 +169,7 @@ TEST_F(DamagedInputTest, DiagnosisUsesWhatIsReadable) {
   EXPECT_GT(json("report.json").value("to", 0.0), 55.0);
 }
 
-TEST_F(DamagedInputTest, AnEmptyLogIsSaid) {
+TEST_F(DamagedInputTest, EmptyLogIsReported) {
   const Ended ended = replay_file(write_text(file("empty.lcmlog"), ""));
   EXPECT_EQ(ended.code, 0);
   EXPECT_NE(ended.err.find(file("empty.lcmlog") + ": is empty\n"), std::string::npos) << ended.err;
@@ -178,7 +178,7 @@ TEST_F(DamagedInputTest, AnEmptyLogIsSaid) {
   EXPECT_NE(diagnosis.err.find(": is empty\n"), std::string::npos) << diagnosis.err;
 }
 
-TEST_F(DamagedInputTest, MessageOfAnotherTypeInALogIsCountedAndPassedOver) {
+TEST_F(DamagedInputTest, MessageOfOtherTypeInLogIsCountedAndSkipped) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
   ASSERT_GT(offsets.size(), 20U);
@@ -191,7 +191,7 @@ TEST_F(DamagedInputTest, MessageOfAnotherTypeInALogIsCountedAndPassedOver) {
   EXPECT_TRUE(text("states.csv") == all);
 }
 
-TEST_F(DamagedInputTest, TruncatedEventsAreUsedUpToTheCut) {
+TEST_F(DamagedInputTest, TruncatedEventsAreReadUpToTheCut) {
   const std::string whole = simulate(scene("paper_beam"), "20", "0.1");
   ASSERT_EQ(replay_file(whole).code, 0);
   const std::string all = text("states.csv");
@@ -204,7 +204,7 @@ TEST_F(DamagedInputTest, TruncatedEventsAreUsedUpToTheCut) {
   expect_damage_in_line(line, damaged, all);
 }
 
-TEST_F(DamagedInputTest, GarbledEventsAreUsedUpToTheGarbledLine) {
+TEST_F(DamagedInputTest, CorruptEventsAreReadUpToTheCorruptLine) {
   const std::string whole = simulate(scene("paper_beam"), "20", "0.1");
   ASSERT_EQ(replay_file(whole).code, 0);
   const std::string all = text("states.csv");
@@ -259,7 +259,7 @@ TEST_F(DamagedInputTest, ContradictoryEventsAreSkippedReportedAndCounted) {
   EXPECT_EQ(json("report.json")["degraded"][0]["to"], 2.6);
 }
 
-TEST_F(DamagedInputTest, DamagedStatesAreUsedUpToTheDamageByTheLogger) {
+TEST_F(DamagedInputTest, LoggerReadsDamagedStatesUpToTheDamage) {
   const std::string beam = scene("paper_beam");
   simulate(beam, "5", "0.1");
   const std::string estimate =

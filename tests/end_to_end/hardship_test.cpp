@@ -40,15 +40,15 @@ class HardshipTest : public EndToEnd {
   Process* master_ = nullptr;
 };
 
-enum class Who { master, observer, logger };
+enum class Role { master, observer, logger };
 
-class StopTest : public HardshipTest, public testing::WithParamInterface<Who> {};
+class StopTest : public HardshipTest, public testing::WithParamInterface<Role> {};
 
-TEST_P(StopTest, TwoSecondsLeaveNoTraceInWhatSettles) {
+TEST_P(StopTest, SuspensionOfTwoSecondsDoesNotChangeSettledTicks) {
   start_all();
-  Process& stopped = GetParam() == Who::master     ? *master_
-                     : GetParam() == Who::observer ? *observer_
-                                                   : *logger_;
+  Process& stopped = GetParam() == Role::master     ? *master_
+                     : GetParam() == Role::observer ? *observer_
+                                                    : *logger_;
   stopped.signal(SIGSTOP);
   std::this_thread::sleep_for(2s);
   stopped.signal(SIGCONT);
@@ -58,20 +58,22 @@ TEST_P(StopTest, TwoSecondsLeaveNoTraceInWhatSettles) {
   EXPECT_EQ(report["sessions"], 1);
   EXPECT_EQ(report["unsettled_ticks"], 0);
   EXPECT_EQ(read_sync(file("sync.csv")).back().k, 5760);
-  if (GetParam() == Who::observer) {
+  if (GetParam() == Role::observer) {
     EXPECT_GE(report["real_time"]["losses"], 1);
     EXPECT_GT(report["real_time"]["lost_s"], 1.0);
   }
 }
 
-std::string name_of(const testing::TestParamInfo<Who>& who) {
-  return who.param == Who::master ? "Master" : who.param == Who::observer ? "Observer" : "Logger";
+std::string name_of(const testing::TestParamInfo<Role>& role) {
+  return role.param == Role::master     ? "Master"
+         : role.param == Role::observer ? "Observer"
+                                        : "Logger";
 }
 
-INSTANTIATE_TEST_SUITE_P(Each, StopTest, testing::Values(Who::master, Who::observer, Who::logger),
-                         name_of);
+INSTANTIATE_TEST_SUITE_P(Each, StopTest,
+                         testing::Values(Role::master, Role::observer, Role::logger), name_of);
 
-TEST_F(HardshipTest, AKilledLoggerHarmsNobody) {
+TEST_F(HardshipTest, KilledLoggerDoesNotAffectOthers) {
   start_all();
   logger_->kill();
   EXPECT_EQ(end_of(*master_).code, 0);
@@ -98,7 +100,7 @@ class FullDiskTest : public HardshipTest {
   }
 };
 
-TEST_F(FullDiskTest, TheLoggerGoesOnWithTheFilesThatAreLeft) {
+TEST_F(FullDiskTest, LoggerContinuesWithRemainingFiles) {
   if (!permitted()) GTEST_SKIP() << "no file system may be mounted here";
   Process& logger = start_command(
       on_a_small_disk(file("small"), file("kept"),
@@ -123,7 +125,7 @@ TEST_F(FullDiskTest, TheLoggerGoesOnWithTheFilesThatAreLeft) {
   EXPECT_GT(records, 100);
 }
 
-TEST_F(FullDiskTest, TheObserverGoesOnWithoutItsFile) {
+TEST_F(FullDiskTest, ObserverContinuesWithoutItsFile) {
   if (!permitted()) GTEST_SKIP() << "no file system may be mounted here";
   Process& observer = start_command(on_a_small_disk(
       file("small"), file("kept"),

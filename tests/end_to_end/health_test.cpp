@@ -82,7 +82,7 @@ class HealthTest : public EndToEnd {
   }
 };
 
-TEST_F(HealthTest, SaysWhatTheReportSays) {
+TEST_F(HealthTest, EqualsTheReport) {
   const std::string key = key_file("key", 'a');
   const HealthListener listener(url(), Key(std::filesystem::path(key)));
   const Arguments common{scene("paper_beam"), "--duration", "20", "--tick",
@@ -190,7 +190,7 @@ TEST_F(HealthTest, SaysWhatTheReportSays) {
   EXPECT_DOUBLE_EQ(greatest_lateness, report["lateness_s"]["max"]);
 }
 
-TEST_F(HealthTest, SaysWhetherTheMasterIsHeard) {
+TEST_F(HealthTest, ReportsStateOfTheMaster) {
   const HealthListener listener(url(), std::nullopt);
   const auto comes_to = [&](Health::Master state) {
     return in_time([&] { return listener.latest().master == state; });

@@ -56,7 +56,7 @@ class LiveAndOfflineTest : public EndToEnd {
   }
 };
 
-TEST_F(LiveAndOfflineTest, ErrorEnergyFallsLiveAsItDoesOffline) {
+TEST_F(LiveAndOfflineTest, LiveErrorEnergyEqualsOfflineErrorEnergy) {
   const std::string beam = scene("paper_beam");
   run_live(beam, "60", "0.015625", {});
   simulate(beam, "60", "0.015625");
@@ -104,7 +104,7 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheTimingFilterEqualTheReplayBitForBit)
 }
 
 // By default an observer runs both estimators, and publishes all their quantities.
-TEST_F(LiveAndOfflineTest, SettledTicksAndWhatIsSaidOfThemEqualTheReplayBitForBit) {
+TEST_F(LiveAndOfflineTest, SettledTicksAndConfidenceEqualTheReplayBitForBit) {
   expect_settled_ticks_as_in_replays("paper_beam", {});
   const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
   EXPECT_EQ(header,
@@ -252,7 +252,7 @@ quantity = "velocity"
 }
 
 // A live observer may predict once for several settled events.
-TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
+TEST_F(LiveAndOfflineTest, PredictionsMatchTheMaster) {
   const std::string ball = scene("bouncing_ball");
   const Arguments how{"--predict", "2", "--predictions"};
   run_live(ball, "4", "0.015625", how + Arguments{file("live_foreseen.csv")}, {}, ball);
@@ -286,7 +286,7 @@ TEST_F(LiveAndOfflineTest, WhatIsForeseenComesTrue) {
 }
 
 // Smoothing makes the estimate accurate from the first tick on.
-TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
+TEST_F(LiveAndOfflineTest, SmoothedReplayIsAccurateFromFirstTick) {
   const std::string with_jitter = read_text(scene("paper_beam")) + "\n[events]\njitter = 1e-6\n";
   write_text(file("with_jitter.toml"), with_jitter);
   simulate(scene("paper_beam"), "20", "0.1");
@@ -311,7 +311,7 @@ TEST_F(LiveAndOfflineTest, ASmoothedReplayIsRightFromTheFirstTickOn) {
             2);
 }
 
-TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
+TEST_F(LiveAndOfflineTest, TickAtDurationIsIncludedForAnyTickLength) {
   // As doubles 0.1 and the others are slightly larger than the decimal numbers.
   for (const auto& [tick, rows] :
        std::map<std::string, std::size_t>{{"0.1", 401}, {"0.02", 2001}, {"0.001", 40001}}) {
@@ -323,7 +323,7 @@ TEST_F(LiveAndOfflineTest, TickAtTheDurationIsPartOfARunWhateverTheTick) {
   }
 }
 
-TEST_F(LiveAndOfflineTest, LoggerEndsWithTheRunWhateverTheTick) {
+TEST_F(LiveAndOfflineTest, LoggerEndsWithTheRunForAnyTickLength) {
   for (const char* tick : {"0.1", "0.02"}) {
     set_url(udp_url());
     run_live(scene("paper_beam"), "20", tick, {});

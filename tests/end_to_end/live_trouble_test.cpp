@@ -63,7 +63,7 @@ class LiveTroubleTest : public EndToEnd {
   Process* recorder_ = nullptr;
 };
 
-TEST_F(LiveTroubleTest, SkippedEventsAreToldAtOnceAndCountAsAGap) {
+TEST_F(LiveTroubleTest, SkippedEventsAreReportedAtOnceAndCountAsGap) {
   start_recorder();
   Process& observer = start_observer(scene("paper_beam"));
   PlayedMaster master(url(), 1);
@@ -91,7 +91,7 @@ TEST_F(LiveTroubleTest, SkippedEventsAreToldAtOnceAndCountAsAGap) {
   expect_live_as_replay(scene("paper_beam"));
 }
 
-TEST_F(LiveTroubleTest, WhatIsRefusedIsSaid) {
+TEST_F(LiveTroubleTest, RefusedMessagesAreReported) {
   Process& observer = start_observer(scene("paper_beam"));
   EXPECT_TRUE(says(observer, "waiting for a master"));
   const std::size_t before = observer.err().size();
@@ -135,7 +135,7 @@ TEST_F(LiveTroubleTest, WhatIsRefusedIsSaid) {
   EXPECT_EQ(ended.err.find("is silent"), std::string::npos) << ended.err;
 }
 
-TEST_F(LiveTroubleTest, WithAKeyAWrongOneAndAWrongClockAreSaid) {
+TEST_F(LiveTroubleTest, WrongKeyAndWrongClockAreReported) {
   std::ofstream(file("key")) << std::string(64, 'a') << '\n';
   std::ofstream(file("other")) << std::string(64, 'b') << '\n';
   Process& observer = start_observer(scene("paper_beam"), {"--key", file("key")});
@@ -153,7 +153,7 @@ TEST_F(LiveTroubleTest, WithAKeyAWrongOneAndAWrongClockAreSaid) {
 
 class ClockTest : public LiveTroubleTest, public testing::WithParamInterface<double> {};
 
-TEST_P(ClockTest, AMachinesClockMayStartAnywhere) {
+TEST_P(ClockTest, MachineClockMayStartAtAnyTime) {
   const double start = GetParam();
   start_recorder();
   Process& observer = start_observer(scene("paper_beam"));
@@ -182,7 +182,7 @@ INSTANTIATE_TEST_SUITE_P(Starts, ClockTest, testing::Values(1e5, 1e7, 1.7e9),
 
 class ClockStepTest : public LiveTroubleTest, public testing::WithParamInterface<double> {};
 
-TEST_P(ClockStepTest, IsFollowedWithinASecondAndSaid) {
+TEST_P(ClockStepTest, IsFollowedWithinOneSecondAndReported) {
   const double step = GetParam();
   start_recorder();
   Process& observer = start_observer(scene("paper_beam"), {"--tick", "0.01"});
@@ -210,7 +210,7 @@ INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, -3.0
                          });
 
 // The messages after an invalid one are received as if there had been none.
-TEST_F(LiveTroubleTest, OddMessagesDoNotTakeTheObserverWithThem) {
+TEST_F(LiveTroubleTest, ImplausibleMessagesDoNotAffectLaterOnes) {
   const std::string events = simulate(scene("paper_beam"), "8", "0.1");
   const std::vector<ContactEvent> of_beam = read_events(events, 1).events;
   Process& observer =
@@ -241,7 +241,7 @@ TEST_F(LiveTroubleTest, OddMessagesDoNotTakeTheObserverWithThem) {
       << "live differs from the replay";
 }
 
-TEST_F(LiveTroubleTest, TheEndOfARunIsNeitherSilenceNorMissedDeadlines) {
+TEST_F(LiveTroubleTest, EndOfRunIsNotCountedAsSilenceOrMissedDeadlines) {
   Process& observer = start_observer(scene("paper_beam"), {"--tick", "0.01"});
   Process& master = start_master({scene("paper_beam"), "--duration", "2", "--tick", "0.01"});
   EXPECT_EQ(end_of(master).code, 0);
@@ -283,7 +283,7 @@ class AtOnceTest : public LiveTroubleTest {
   std::vector<EstimateSample> estimates_;
 };
 
-TEST_F(AtOnceTest, AnEventIsInAnEstimateBeforeTheNextTickIsDue) {
+TEST_F(AtOnceTest, EventIsPublishedBeforeNextTickIsDue) {
   start_observer(scene("paper_beam"), {"--tick", "4"});
   PlayedMaster master(url(), 1);
   master.add(std::vector<ContactEvent>{{0.2, 0, closes}});
@@ -291,7 +291,7 @@ TEST_F(AtOnceTest, AnEventIsInAnEstimateBeforeTheNextTickIsDue) {
   EXPECT_TRUE(comes(1, 1, 2s)) << "no estimate of the event's tick, which is due in 3.7 s";
 }
 
-TEST_F(AtOnceTest, ALateEventCorrectsTheLastTickAtOnce) {
+TEST_F(AtOnceTest, LateEventCorrectsLastTickAtOnce) {
   start_observer(scene("paper_beam"), {"--tick", "4"});
   PlayedMaster master(url(), 1, 4.0);
   master.play_until(3.0);

@@ -61,7 +61,7 @@ class RelayedTest : public EndToEnd {
 
 class NetworkTest : public RelayedTest, public testing::WithParamInterface<Network> {};
 
-TEST_P(NetworkTest, SettledTicksAreThoseOfTheReplayWithoutLoss) {
+TEST_P(NetworkTest, SettledTicksEqualReplayWithoutLoss) {
   const Network& network = GetParam();
   const std::string machine = scene(network.scene);
   run_through(network.plan, {machine, "--duration", "60", "--tick", "0.015625"}, {},
@@ -113,7 +113,7 @@ INSTANTIATE_TEST_SUITE_P(
 class TimingTest : public RelayedTest, public testing::WithParamInterface<const char*> {};
 
 // Six impacts for six unknowns: the sixth is at t = 3.63.
-TEST_P(TimingTest, KnowsTheBeamAfterSixImpactsWithTenPercentLost) {
+TEST_P(TimingTest, ConvergesAfterSixImpactsWithTenPercentLost) {
   const std::string machine = scene("paper_beam");
   run_through({"--loss", "0.1"}, {machine, "--duration", "20", "--tick", "0.015625"},
               {"--estimator", GetParam()}, {"--speed", "10"});
@@ -135,7 +135,7 @@ INSTANTIATE_TEST_SUITE_P(Estimators, TimingTest, testing::Values("timing", "both
 class BlackoutTest : public RelayedTest {};
 
 // An outage longer than the repeated records of a message: more than 120 records are lost.
-TEST_F(BlackoutTest, IsNamedAndTheObserverConvergesAgain) {
+TEST_F(BlackoutTest, IsReportedAndObserverConvergesAgain) {
   const std::string machine = scene("paper_beam_chatter");
   const Ended ended =
       run_through({"--outages", "1", "--every", "1.5", "--outage", "1.2"},
@@ -197,7 +197,7 @@ class TwoHosts {
 
 class HostsTest : public EndToEnd {};
 
-TEST_F(HostsTest, TwoHostsWithAFirewallThatDropsTenPercent) {
+TEST_F(HostsTest, ObserverConvergesAcrossHostsWithTenPercentLoss) {
   if (::geteuid() != 0) GTEST_SKIP() << "needs root for network namespaces";
   const TwoHosts hosts;
   if (!hosts.refused.empty()) GTEST_SKIP() << "not permitted or not installed: " << hosts.refused;
@@ -224,7 +224,7 @@ TEST_F(HostsTest, TwoHostsWithAFirewallThatDropsTenPercent) {
 
 // ttl=0 means this host only, but liblcm would receive a packet that another host sends to the
 // port.
-TEST_F(HostsTest, WithTtlZeroAnotherHostIsNotHeard) {
+TEST_F(HostsTest, TtlZeroRefusesPacketsOfOtherHosts) {
   if (::geteuid() != 0) GTEST_SKIP() << "needs root for network namespaces";
   const TwoHosts hosts;
   if (!hosts.refused.empty()) GTEST_SKIP() << "not permitted or not installed: " << hosts.refused;

@@ -37,7 +37,7 @@ class OverwriteTest : public EndToEnd {
   std::vector<std::string> before_;
 };
 
-TEST_F(OverwriteTest, TheMasterDestroysNothing) {
+TEST_F(OverwriteTest, MasterDoesNotOverwriteInputs) {
   const Arguments run{beam_, "--no-lcm", "--speed", "max", "--duration", "1"};
   for (const std::string option : {"--events", "--states", "--report"}) {
     expect_refused("master_sim", run + Arguments{option, beam_}, "SCENE", option);
@@ -53,7 +53,7 @@ TEST_F(OverwriteTest, TheMasterDestroysNothing) {
   expect_refused("master_sim", {beam_, "--duration", "1", "--events", out}, "--url", "--events");
 }
 
-TEST_F(OverwriteTest, TheObserverDestroysNothing) {
+TEST_F(OverwriteTest, ObserverDoesNotOverwriteInputs) {
   const Arguments run{beam_, "--replay", events_};
   expect_refused("observer", run + Arguments{"--smooth", "--states", events_}, "--replay",
                  "--states");
@@ -71,7 +71,7 @@ TEST_F(OverwriteTest, TheObserverDestroysNothing) {
   expect_refused("observer", {beam_, "--states", beam_}, "SCENE", "--states");
 }
 
-TEST_F(OverwriteTest, TheLoggerDestroysNothing) {
+TEST_F(OverwriteTest, LoggerDoesNotOverwriteInputs) {
   const std::string estimate = write_text(file("estimate.csv"), read_text(truth_));
   const Arguments offline{beam_, "--truth", truth_, "--estimate", estimate};
   expect_refused("sync_logger", offline + Arguments{"--csv", truth_}, "--truth", "--csv");
@@ -91,7 +91,7 @@ TEST_F(OverwriteTest, TheLoggerDestroysNothing) {
   EXPECT_FALSE(std::filesystem::exists(now));
 }
 
-TEST_F(OverwriteTest, TheToolsDestroyNothing) {
+TEST_F(OverwriteTest, ToolsDoNotOverwriteInputs) {
   expect_refused("check_scene", {beam_, "--report", beam_}, "SCENE", "--report");
   expect_refused("diagnose", {events_, beam_, "--report", events_}, "LOG", "--report");
   expect_refused("diagnose", {events_, beam_, "--report", beam_}, "SCENE", "--report");
@@ -110,7 +110,7 @@ TEST_F(OverwriteTest, TheToolsDestroyNothing) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-TEST_F(OverwriteTest, LinksHideNothing) {
+TEST_F(OverwriteTest, LinksAreResolved) {
   std::filesystem::create_symlink(events_, file("soft.csv"));
   std::filesystem::create_hard_link(events_, file("hard.csv"));
   std::filesystem::create_symlink("new.csv", file("dangling.csv"));
@@ -128,7 +128,7 @@ TEST_F(OverwriteTest, LinksHideNothing) {
 }
 
 // Matrix and vector files named in a scene are inputs, too.
-TEST_F(OverwriteTest, FilesThatASceneNamesAreInputs) {
+TEST_F(OverwriteTest, FilesNamedInSceneAreInputs) {
   const std::string mass = "2,0\n0,1\n", start = "0.5\n0\n";
   std::filesystem::create_directory(file("rig"));
   const std::string M = write_text(file("rig/M.csv"), mass);
@@ -197,7 +197,7 @@ q = "q.csv"
   EXPECT_EQ(ended.code, 0) << ended.err;
 }
 
-TEST_F(OverwriteTest, WhatIsNoRegularFileMayBeGivenTwice) {
+TEST_F(OverwriteTest, NonRegularFileMayBeGivenTwice) {
   const Ended ended = run("observer", {beam_, "--replay", events_, "--states", "/dev/null",
                                        "--events", "/dev/null", "--report", "/dev/null"});
   EXPECT_EQ(ended.code, 0) << ended.err;

@@ -14,7 +14,7 @@ class RecordingTest : public EndToEnd {
   const Arguments common_{beam_, "--duration", "40", "--tick", "0.015625"};
 };
 
-TEST_F(RecordingTest, LcmLoggersRecordingReplaysAndPlaysAsTheRunItself) {
+TEST_F(RecordingTest, RecordingOfLcmLoggerReplaysLikeTheRun) {
   const std::string recording = file("recording");
   Process& recorder = start_recorder(recording, "SPRAG_CONTACTS");
   Process& observer =
@@ -38,7 +38,7 @@ TEST_F(RecordingTest, LcmLoggersRecordingReplaysAndPlaysAsTheRunItself) {
   EXPECT_TRUE(live == text("played.csv")) << "the played recording differs";
 }
 
-TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
+TEST_F(RecordingTest, ReplaysAndBatchRunsAreReproducible) {
   const std::string chatter = scene("paper_beam_chatter");
   simulate(chatter, "30", "0.01");
   const std::string events = text("events.csv");
@@ -56,7 +56,7 @@ TEST_F(RecordingTest, ReplaysAndBatchRunsHaveTheSameBytesEveryTime) {
 
 // Without a states file a replay outputs few ticks. Only the share of ticks inside a support, which
 // needs all ticks, is then not reported.
-TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
+TEST_F(RecordingTest, ReplayReportDoesNotDependOnStatesFile) {
   const std::string chatter = scene("paper_beam_chatter");
   simulate(chatter, "30", "0.1");
   for (const char* estimator : {"replica", "timing", "both"}) {
@@ -78,14 +78,14 @@ TEST_F(RecordingTest, AReplayReportsTheSameWithStatesAndWithout) {
   }
 }
 
-TEST_F(RecordingTest, EventsWrittenByAReplayAreThoseOfTheMaster) {
+TEST_F(RecordingTest, EventsWrittenByReplayEqualMasterEvents) {
   const std::string events = simulate(beam_, "30", "0.1");
   replay(beam_, events, {"--duration", "30", "--events", file("used.csv")});
   EXPECT_EQ(text("used.csv"), read_text(events));
 }
 
 // An events file has no watermark: the time after its last event may lack events.
-TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
+TEST_F(RecordingTest, WarnsOfFreePredictionAfterLastEventOfFile) {
   const std::string events = write_text(file("few.csv"), "t,contact,closed\n1.5,1,1\n1.5,1,0\n");
   const auto replayed = [&](const Arguments& more) {
     return run("observer",
@@ -99,7 +99,7 @@ TEST_F(RecordingTest, BehindTheLastEventOfAFileTheEstimateRunsFreeAndSaysSo) {
 }
 
 // With missing events sigma is infinite in the file, and readers of states skip these rows.
-TEST_F(RecordingTest, AnInfiniteSigmaIsWrittenAndPassedOver) {
+TEST_F(RecordingTest, InfiniteSigmaIsWrittenAndSkippedByReaders) {
   simulate(beam_, "40", "0.1");
   const std::string all = text("events.csv");
   const std::string events = write_text(file("cut.csv"), all.substr(0, all.find("\n20.")) + "\n");
@@ -135,7 +135,7 @@ TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
   }
 }
 
-TEST_F(RecordingTest, PipesAreReadAsFilesAre) {
+TEST_F(RecordingTest, PipesAreReadLikeFiles) {
   const std::string events = simulate(beam_, "15", "0.1");
   const std::string impacts = write_text(file("impacts.csv"), "t\n0.5\n1\n");
   ASSERT_EQ(run("import_events", {impacts, beam_, "--output", file("impacts.lcmlog")}).code, 0);

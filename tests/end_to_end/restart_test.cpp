@@ -35,7 +35,7 @@ class RestartTest : public EndToEnd {
   const Arguments common_{scene("paper_beam_chatter"), "--duration", "80"};
 };
 
-TEST_F(RestartTest, ChatterSoonHasMoreRecordsThanAMessageHolds) {
+TEST_F(RestartTest, ChatterExceedsRecordsOfOneMessage) {
   simulate(scene("paper_beam_chatter"), "25", "0.1");
   EXPECT_GT(count_rows(file("events.csv")), 2 * 121U);  // a pulse is one record and two rows
 }
@@ -56,7 +56,7 @@ TEST_F(RestartTest, ObserverThatJoinsLateConverges) {
   expect_convergence_from(states.front().k, 1e-2);
 }
 
-TEST_F(RestartTest, LateObserverStartsAtZeroWhileEveryRecordIsStillSent) {
+TEST_F(RestartTest, LateObserverStartsAtZeroIfMessageHasEveryRecord) {
   const Arguments common{scene("paper_beam"), "--duration", "50", "--tick", "0.015625"};
   Process& master =
       start_master(common + Arguments{"--speed", "20", "--events", file("events.csv")});
@@ -70,7 +70,7 @@ TEST_F(RestartTest, LateObserverStartsAtZeroWhileEveryRecordIsStillSent) {
   EXPECT_TRUE(text("states.csv") == read_text(offline)) << "live differs from the replay";
 }
 
-TEST_F(RestartTest, KilledObserverConvergesAgainAndTheOthersDoNotMind) {
+TEST_F(RestartTest, RestartedObserverConvergesWithoutAffectingOthers) {
   Process& logger = start_logger();
   Process& first = start_listening("observer", observer_arguments("first.csv"));
   Process& master = start_master(master_arguments());

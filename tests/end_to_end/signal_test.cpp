@@ -80,7 +80,7 @@ TEST_P(SignalTest, EndsARunningProgramWithCompleteFiles) {
   }
 }
 
-TEST_P(SignalTest, EndsAProgramThatHasHeardNothing) {
+TEST_P(SignalTest, EndsProgramWithoutMessages) {
   Process& observer =
       start_listening("observer", {scene("paper_beam"), "--states", file("states.csv")});
   Process& logger =
@@ -98,7 +98,7 @@ TEST_P(SignalTest, EndsAnUnpacedMaster) {
   EXPECT_FALSE(read_events(file("events.csv"), 1).damage);
 }
 
-TEST_P(SignalTest, EndsAMasterWhereEventsCrowd) {
+TEST_P(SignalTest, EndsMasterWithVeryFrequentEvents) {
   std::ofstream(file("crowd.toml")) << R"(
 [system]
 M = [[1.0]]
@@ -202,7 +202,7 @@ TEST_P(SignalTest, EndsADiagnosisAndAnIdentification) {
   }
 }
 
-TEST_P(SignalTest, EndsAProgramThatCannotLookAtIt) {
+TEST_P(SignalTest, KillsProgramBlockedInWrite) {
 #if defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the thread sanitizer holds signals back until the program looks";
 #endif
@@ -217,7 +217,7 @@ TEST_P(SignalTest, EndsAProgramThatCannotLookAtIt) {
   ::close(nobody_reads);
 }
 
-TEST_F(HangUpTest, NohupIsObeyed) {
+TEST_F(HangUpTest, IgnoredHangUpStaysIgnored) {
   Process& observer = start_command({"sh", "-c", R"(trap '' HUP; exec "$0" "$1" --url "$2")",
                                      OBSERVER, scene("paper_beam"), url()});
   EXPECT_TRUE(in_time([&] { return observer.err().find("listening") != std::string::npos; }));

@@ -156,7 +156,7 @@ TEST_F(StrangerTest, MalformedPacketsAndImpossibleMessagesAreCountedByCause) {
   EXPECT_EQ(json("sync.json")["refused"]["wrong_type"], 20);
 }
 
-TEST_F(StrangerTest, AHundredThousandRandomPacketsDoNoHarm) {
+TEST_F(StrangerTest, HundredThousandRandomPacketsHaveNoEffect) {
   start_programs("60", "15");
   wait_for_time(*master_, 10.0);
   const std::uint64_t seed = 5;
@@ -183,7 +183,7 @@ TEST_F(StrangerTest, AHundredThousandRandomPacketsDoNoHarm) {
   }
 }
 
-TEST_F(StrangerTest, AFloodOfFiftyThousandPacketsASecondDoesNoHarm) {
+TEST_F(StrangerTest, FloodOfFiftyThousandPacketsPerSecondHasNoEffect) {
   start_programs("90", "15");
   // The observer follows the first session that it receives.
   ASSERT_TRUE(
@@ -226,7 +226,7 @@ class KeyTest : public StrangerTest {
   }
 };
 
-TEST_F(KeyTest, WithAKeyOnlyItsOwnersAreHeardAndNoRecordingOfThem) {
+TEST_F(KeyTest, WithKeyForeignAndRecordedMessagesAreRefused) {
   const Arguments key{"--key", key_file("key", 'a')};
   // A first run, recorded by an attacker.
   Process& recorder = start_recorder(file("enemy.lcmlog"));
@@ -252,7 +252,7 @@ TEST_F(KeyTest, WithAKeyOnlyItsOwnersAreHeardAndNoRecordingOfThem) {
   EXPECT_GT(json("sync.json")["refused"]["unauthenticated"], 50);
 }
 
-TEST_F(KeyTest, TheLoggerRefusesARecordingOfItsOwnMaster) {
+TEST_F(KeyTest, LoggerRefusesRecordingOfItsOwnMaster) {
   const Arguments key{"--key", key_file("key", 'a')};
   const Arguments common = Arguments{scene("paper_beam"), "--tick", "0.015625"} + key;
   Process& recorder =
@@ -299,7 +299,7 @@ TEST_F(KeyTest, TheLoggerRefusesARecordingOfItsOwnMaster) {
   EXPECT_NE(ended.err.find("recordings"), std::string::npos) << ended.err;
 }
 
-TEST_F(KeyTest, ARecordingIsReplayedWithItsKeyAlone) {
+TEST_F(KeyTest, RecordingIsReplayedOnlyWithItsKey) {
   const Arguments key{"--key", key_file("key", 'a')};
   const Arguments common{scene("paper_beam"), "--duration", "30"};
   Process& logger = start_listening(

@@ -48,7 +48,7 @@ TEST_F(UsageTest, UnknownOptionsAndAbsentScenesAreRefused) {
   }
 }
 
-TEST_F(UsageTest, NumbersThatCannotBeAreRefused) {
+TEST_F(UsageTest, ImpossibleNumbersAreRefused) {
   for (const char* value : {"0", "-1", "nan", "inf", "1e", "", "1,5", "0x1p-3"}) {
     expect_refused("master_sim", {beam_, "--tick", value, "--no-lcm"}, "--tick");
     expect_refused("master_sim", {beam_, "--speed", value, "--no-lcm"}, "--speed");
@@ -92,7 +92,7 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");
 }
 
-TEST_F(UsageTest, TheMoreauStepperIsTheReplicas) {
+TEST_F(UsageTest, MoreauStepperSelectsReplica) {
   const std::string events = simulate(beam_, "2", "0.1");
   const Arguments more{"--tick", "0.1", "--duration", "2"};
   const Arguments moreau = more + Arguments{"--stepper", "moreau"};
@@ -105,7 +105,7 @@ TEST_F(UsageTest, TheMoreauStepperIsTheReplicas) {
 
 // With a standard stream closed at its start a program does not write its messages into the first
 // file that it opens.
-TEST_F(UsageTest, MessagesDoNotGoIntoOutputsWhereStandardFilesAreClosed) {
+TEST_F(UsageTest, MessagesAreNotWrittenToOutputsIfStandardStreamsAreClosed) {
   const std::string events = simulate(beam_, "5", "0.1");
   const std::string scene_file = scene("paper_beam");
   int run_number = 0;
@@ -179,7 +179,7 @@ TEST_F(UsageTest, AbsentInputFilesAreRefused) {
                  "absent.csv");
 }
 
-TEST_F(UsageTest, AKeyThatIsNoneIsRefused) {
+TEST_F(UsageTest, InvalidKeyIsRefused) {
   const std::string folder = file("");
   const std::string empty = write_text(file("empty"), "");
   for (const std::string program : programs_) {
@@ -289,7 +289,7 @@ TEST_F(UsageTest, StandardOutputThatIsFullIsAFailure) {
 }
 
 // With any name of a scene, its file, a column or an option.
-TEST_F(UsageTest, NoNameCarriesAnEscapeSequenceToATerminal) {
+TEST_F(UsageTest, NamesAreEscapedOnTerminal) {
   const std::string events = simulate(beam_, "5", "0.1");
   const std::string escape = "\x1b]0;title\x07\x1b[31m\xc2\x9b\x7f\xff\xe2\x80\xae";
   std::string text = read_text(beam_);
@@ -349,14 +349,14 @@ restitution = 0.5
   }
 }
 
-TEST_F(UsageTest, TimesBeyondAllTicksDoNotHang) {
+TEST_F(UsageTest, TimesBeyondTickRangeDoNotHang) {
   const std::string far =
       write_text(file("far.csv"), "t,contact,closed\n1.0,1,1\n1.0,1,0\n1e300,1,1\n");
   run("observer", {beam_, "--replay", far, "--duration", "2", "--states", file("states.csv")});
   EXPECT_GE(read_states_file(file("states.csv")).size(), 2000U);
 }
 
-TEST_F(UsageTest, HostWithoutMulticastRouteIsToldWhatMendsIt) {
+TEST_F(UsageTest, MissingMulticastRouteIsReportedWithRemedy) {
   Process& probe = start_command({"unshare", "-rn", "true"});
   if (end_of(probe).code != 0) GTEST_SKIP() << "unshare -rn is not permitted here: " << probe.err();
   for (const std::string program : {MASTER_SIM, OBSERVER, SYNC_LOGGER}) {

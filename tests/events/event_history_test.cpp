@@ -37,7 +37,7 @@ ContactSet chi_of(const EventHistory& history, ContactSet chi = 0) {
   return chi;
 }
 
-TEST(EventHistory, TakesEveryRecordOnceHoweverReportsAreLostDoubledAndReordered) {
+TEST(EventHistory, TakesEveryRecordOnceDespiteLossDuplicationAndReordering) {
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -64,7 +64,7 @@ TEST(EventHistory, TakesEveryRecordOnceHoweverReportsAreLostDoubledAndReordered)
   }
 }
 
-TEST(EventHistory, KnowsWhetherRecordsBeforeATimeAreLost) {
+TEST(EventHistory, DetectsLostRecordsBeforeGivenTime) {
   EventHistory history = started();
   history.add(report_of({{1.0, 0, pulse}}, 1, 1.5, 0));
   EXPECT_FALSE(history.lost_before(1.0, 4));
@@ -85,13 +85,13 @@ TEST(EventHistory, KnowsWhetherRecordsBeforeATimeAreLost) {
   EXPECT_FALSE(history.lost_before(21.0, 100)) << "a new start has lost nothing";
 }
 
-TEST(EventHistory, AnEventAtZeroIsTaken) {
+TEST(EventHistory, AcceptsEventAtZero) {
   EventHistory history = started();
   EXPECT_TRUE(history.add(ContactEvent{0.0, 0, closes}));
   EXPECT_EQ(history.counts().events, 1);
 }
 
-TEST(EventHistory, TheHorizonNeverGoesBack) {
+TEST(EventHistory, HorizonNeverDecreases) {
   EventHistory history = started();
   history.set_horizon(2.0);
   history.set_horizon(1.0);
@@ -113,7 +113,7 @@ TEST(EventHistory, AGapIsCountedAndItsIntervalRecorded) {
   EXPECT_EQ(history.horizon(), 6.0);
 }
 
-TEST(EventHistory, AfterAGapOnlyNewRecordsAreTaken) {
+TEST(EventHistory, AcceptsOnlyNewRecordsAfterGap) {
   EventHistory history = started();
   history.add(report_of({{4.0, 0, pulse}}, 8, 6.0, 0));
   history.add(report_of({{4.0, 0, pulse}, {7.0, 1, pulse}}, 9, 7.0, 0));
@@ -122,7 +122,7 @@ TEST(EventHistory, AfterAGapOnlyNewRecordsAreTaken) {
   EXPECT_EQ(history.degraded().size(), 1U);
 }
 
-TEST(EventHistory, AfterAGapChiFollowsTheReport) {
+TEST(EventHistory, ChiFollowsReportAfterGap) {
   for (const ContactSet before : {0U, 1U, 2U, 3U}) {
     for (const ContactSet closed : {0U, 1U, 2U, 3U}) {
       EventHistory history = started();
@@ -143,7 +143,7 @@ TEST(EventHistory, AfterAGapChiFollowsTheReport) {
 
 // chi before the first carried record follows from `closed` and the records. So none of the records
 // contradicts the master, whatever was lost.
-TEST(EventHistory, AfterAGapEveryCarriedRecordIsTaken) {
+TEST(EventHistory, AcceptsEveryRecordOfReportAfterGap) {
   EventHistory history = started();
   history.add(report_of({{1.0, 0, closes}}, 1, 1.0, 1));
   // lost: {1.5, 0, opens}
@@ -156,7 +156,7 @@ TEST(EventHistory, AfterAGapEveryCarriedRecordIsTaken) {
   EXPECT_EQ(chi_of(history), 1U);
 }
 
-TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
+TEST(EventHistory, RecordsAndChiAgreeWithMasterAfterRandomGaps) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -192,7 +192,7 @@ TEST(EventHistory, AfterAnyGapTheCarriedRecordsFollowAndChiIsTheMasters) {
 }
 
 // Settled ticks never change, even if a master contradicts them.
-TEST(EventHistory, NothingIsMadeUpBeforeADeclaredHorizon) {
+TEST(EventHistory, NoEventIsInsertedBeforeDeclaredHorizon) {
   EventHistory history = started();
   history.set_horizon(5.0);
   history.add(report_of({}, 4, 3.0, 1));
@@ -224,7 +224,7 @@ TEST(EventHistory, ANotANumberIsSkipped) {
   EXPECT_EQ(history.counts().of(Skip::backwards), 1);
 }
 
-TEST(EventHistory, ARecordBeyondItsReportsHorizonIsSkippedForGood) {
+TEST(EventHistory, RecordAfterHorizonOfItsReportIsSkippedPermanently) {
   EventHistory history = started();
   EXPECT_EQ(history.add(report_of({{1.0, 0, pulse}, {3.0, 0, pulse}}, 2, 2.0, 0)), 1U);
   EXPECT_EQ(history.counts().of(Skip::beyond_horizon), 1);
@@ -267,7 +267,7 @@ TEST(EventHistory, ARestartForgetsEventsAndKeepsCounts) {
   EXPECT_EQ(history.counts().lost_records, 7);
 }
 
-TEST(EventHistory, WhatWasSkippedIsAGap) {
+TEST(EventHistory, SkippedRecordsAreAGap) {
   const auto complete_to = [](double horizon, const Events& events) {
     EventHistory history = started();
     EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
@@ -302,7 +302,7 @@ TEST(EventHistory, WhatWasSkippedIsAGap) {
 }
 
 // The number of gaps is limited; further gaps extend the last one.
-TEST(EventHistory, GapsBeyondAllCountsAreNotForgotten) {
+TEST(EventHistory, GapsBeyondCapacityExtendLastGap) {
   EventHistory history = started(1);
   constexpr int many = 5000;
   for (int i = 1; i <= many; ++i) {

@@ -57,7 +57,7 @@ class ReportBuilderTest : public ::testing::TestWithParam<int> {
 // Records per poll: fewer and more than one report can carry.
 INSTANTIATE_TEST_SUITE_P(Bursts, ReportBuilderTest, ::testing::Values(1, 50, 200, 2000));
 
-TEST_P(ReportBuilderTest, EveryRecordIsNewOnceAndNumberedRight) {
+TEST_P(ReportBuilderTest, EveryRecordIsNewOnceWithCorrectNumber) {
   for_random_runs([](const auto& events, const auto& reports) {
     std::int64_t sent = 0;
     for (const ContactMessage& report : reports) {
@@ -80,7 +80,7 @@ TEST_P(ReportBuilderTest, EveryReportRepeatsTheLastRecords) {
   });
 }
 
-TEST_P(ReportBuilderTest, ABurstIsCutBetweenInstants) {
+TEST_P(ReportBuilderTest, BurstIsSplitBetweenInstants) {
   for_random_runs([](const auto& events, const auto& reports) {
     for (const ContactMessage& report : reports) {
       const auto next = static_cast<std::size_t>(report.records_total);
@@ -90,7 +90,7 @@ TEST_P(ReportBuilderTest, ABurstIsCutBetweenInstants) {
   });
 }
 
-TEST_P(ReportBuilderTest, TheHorizonLiesBetweenTheLastRecordAndTheNext) {
+TEST_P(ReportBuilderTest, HorizonIsBetweenLastRecordAndNextOne) {
   for_random_runs([](const auto& events, const auto& reports) {
     double last = 0.0;
     for (const ContactMessage& report : reports) {
@@ -126,7 +126,7 @@ TEST_P(ReportBuilderTest, TheSequenceIncreasesByOne) {
   });
 }
 
-TEST_P(ReportBuilderTest, AnEventHistoryGetsTheEventsBack) {
+TEST_P(ReportBuilderTest, EventHistoryRestoresTheEvents) {
   for_random_runs([](const auto& events, const auto& reports) {
     EventHistory history(max_contacts, events.size());
     history.restart(0, 0, no_horizon);
@@ -138,7 +138,7 @@ TEST_P(ReportBuilderTest, AnEventHistoryGetsTheEventsBack) {
   });
 }
 
-TEST(MessageBuilder, AHeartbeatCarriesNothingNew) {
+TEST(MessageBuilder, HeartbeatHasNoNewRecords) {
   MessageBuilder builder(1, infinity, 2);
   EXPECT_FALSE(builder.pending());
   const ContactMessage first = builder.next(0.5, 10);
@@ -160,7 +160,7 @@ TEST(MessageBuilder, AHeartbeatCarriesNothingNew) {
   EXPECT_EQ(third.sequence, first.sequence + 2);
 }
 
-TEST(MessageBuilder, ExactlyOneReportfulIsNotSplit) {
+TEST(MessageBuilder, ExactlyFullReportIsNotSplit) {
   std::vector<ContactEvent> events;
   for (int i = 0; i < max_records; ++i) events.push_back({0.01 * (i + 1), 0, pulse});
   MessageBuilder builder(1, 1.0, 1);

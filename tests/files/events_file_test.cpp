@@ -23,7 +23,7 @@ class EventsFileTest : public testing::Test {
   TemporaryDirectory directory_;
 };
 
-TEST_F(EventsFileTest, WritesWhatTheDesignSays) {
+TEST_F(EventsFileTest, WritesDocumentedFormat) {
   const auto file = directory_ / "events.csv";
   EventsWriter writer(file);
   writer.write({0.1, 0, pulse});
@@ -54,7 +54,7 @@ TEST_F(EventsFileTest, NotedEventsAreReadBack) {
   EXPECT_EQ(back.events, expected);
 }
 
-TEST_F(EventsFileTest, RandomSequencesComeBackBitForBit) {
+TEST_F(EventsFileTest, RandomSequencesRoundTripBitForBit) {
   const unsigned seed = 20140918;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -99,7 +99,7 @@ TEST_F(EventsFileTest, OpeningAndClosingAtOneInstantIsNoPulse) {
   EXPECT_EQ(twice.events, (std::vector<ContactEvent>{{1.0, 0, pulse}, {1.0, 0, pulse}}));
 }
 
-TEST_F(EventsFileTest, ContradictingRowsAreSkippedAndTheRestIsUsed) {
+TEST_F(EventsFileTest, ContradictoryRowsAreSkipped) {
   const auto result = read(
       "1,1,1\n"
       "0.5,2,1\n"  // line 3: backwards
@@ -151,7 +151,7 @@ TEST_F(EventsFileTest, PlusSignsAndAByteOrderMarkAreRead) {
   }
 }
 
-TEST_F(EventsFileTest, ASilenceOutOfProportionIsImplausible) {
+TEST_F(EventsFileTest, DisproportionateGapIsImplausible) {
   std::string rows;
   for (int i = 1; i <= 10; ++i) {
     rows += std::to_string(i) + ",1,1\n" + std::to_string(i) + ",1,0\n";
@@ -176,7 +176,7 @@ TEST_F(EventsFileTest, ASilenceOutOfProportionIsImplausible) {
   EXPECT_TRUE(read("0.01,1,1\n1e3,1,0\n").implausible);
 }
 
-TEST_F(EventsFileTest, DamageEndsTheReadingAndKeepsWhatCameBefore) {
+TEST_F(EventsFileTest, DamageEndsReadingAndKeepsEarlierRows) {
   for (const char* bad : {"x,1,1\n", "2,1\n", "2,1,0,7\n", "2,one,0\n", "2,1.5,0\n", "nan,1,0\n",
                           "inf,1,0\n", "-1,1,0\n", "1e999,1,0\n", "0x2,1,0\n", "2,1,0 0\n",
                           "2,,0\n", " \n", "2,1,99999999999999999999\n"}) {
@@ -197,7 +197,7 @@ TEST_F(EventsFileTest, LastLineWithoutAnEndIsTruncated) {
   EXPECT_NE(result.damage->what.find("truncated"), std::string::npos);
 }
 
-TEST_F(EventsFileTest, EveryCutOfAFileIsEitherWholeOrReported) {
+TEST_F(EventsFileTest, EveryTruncationIsCompleteOrReported) {
   const std::string whole = "t,contact,closed\n1.5,1,1\n1.5,1,0\n2.25,2,1\n";
   for (std::size_t length = 0; length < whole.size(); ++length) {
     const auto result = read_events(write_text(directory_ / "cut.csv", whole.substr(0, length)), 3);
@@ -223,7 +223,7 @@ TEST_F(EventsFileTest, WindowsLineEndsBlanksAndEmptyLinesAreAccepted) {
   EXPECT_FALSE(result.damage);
 }
 
-TEST_F(EventsFileTest, CarriageReturnsAloneEndLinesToo) {
+TEST_F(EventsFileTest, CarriageReturnAloneEndsLine) {
   const std::string lines = "t,contact,closed\r1,2,1\r\r2,2,0";
   const auto whole = read_events(write_text(directory_ / "events.csv", lines + "\r"), 2);
   ASSERT_EQ(whole.events.size(), 2U);
@@ -242,7 +242,7 @@ TEST_F(EventsFileTest, FilesThatCannotBeReadAreInputErrors) {
   EXPECT_THROW(read_events(directory_ / "", 1), InputError);
 }
 
-TEST(EventsWriterTest, RemembersThatTheDiskIsFull) {
+TEST(EventsWriterTest, KeepsErrorOfFullDisk) {
   EventsWriter writer("/dev/full");
   writer.write({0.0, 0, pulse});
   EXPECT_TRUE(writer.good());

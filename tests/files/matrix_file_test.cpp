@@ -36,7 +36,7 @@ class MatrixFile : public testing::Test {
   test::TemporaryDirectory directory_;
 };
 
-TEST_F(MatrixFile, RowsOfNumbersAsProgramsWriteThem) {
+TEST_F(MatrixFile, ReadsRowsInCommonFormats) {
   const Eigen::MatrixXd A{{2.0, -1.0}, {-1.0, 3.5e-3}};
   for (const char* text :
        {"2.000000000000000000e+00 -1.000000000000000000e+00\n"
@@ -50,7 +50,7 @@ TEST_F(MatrixFile, RowsOfNumbersAsProgramsWriteThem) {
   }
 }
 
-TEST_F(MatrixFile, MatrixMarketOfAllKindsThatAreReal) {
+TEST_F(MatrixFile, ReadsAllRealMatrixMarketKinds) {
   const Eigen::MatrixXd A{{2.0, -1.0, 0.0}, {-1.0, 3.5, 0.25}, {0.0, 0.25, 1.0}};
   EXPECT_EQ(read("%%MatrixMarket matrix coordinate real symmetric\n%\n3 3 5\n"
                  "1 1 2.0\n2 1 -1.0\n2 2 3.5\n3 2 0.25\n3 3 1e0\n",
@@ -68,7 +68,7 @@ TEST_F(MatrixFile, MatrixMarketOfAllKindsThatAreReal) {
             (Eigen::MatrixXd{{1, 2, 3}, {4, 5, 6}}));
 }
 
-TEST_F(MatrixFile, WhatIsWrongIsNamedWithItsPlace) {
+TEST_F(MatrixFile, ErrorsNamePosition) {
   const std::string market = "%%MatrixMarket matrix coordinate real ";
   for (const auto& [text, message] : std::vector<std::pair<std::string, std::string>>{
            {"1,2\n3,x\n", ":2:3: 'x' is not a number; must be one, as 0.25 or 1e-3"},
@@ -138,7 +138,7 @@ class SceneOfFiles : public MatrixFile {
   }
 };
 
-TEST_F(SceneOfFiles, IsTheSameAsInOneFile) {
+TEST_F(SceneOfFiles, EqualsSceneInOneFile) {
   const Scene of_files = scene(with_files());
   EXPECT_EQ(to_toml(of_files), to_toml(parse(system_text)));
   EXPECT_TRUE(of_files.remarks.empty());
@@ -167,7 +167,7 @@ TEST_F(SceneOfFiles, ErrorsNameFileLineAndKey) {
             "x.toml:6:13: force[1].direction names a file: fe/f.csv: No such file or directory");
 }
 
-TEST_F(SceneOfFiles, AsymmetryOfRoundingSizeIsMendedWithAWord) {
+TEST_F(SceneOfFiles, RoundingAsymmetryIsRepairedWithRemark) {
   write_text(directory_ / "fe/K.csv", "3 -1\n-1.0000000000000002 3\n");
   const Scene mended = scene(with_files());
   EXPECT_EQ(mended.model.K, mended.model.K.transpose());
@@ -178,7 +178,7 @@ TEST_F(SceneOfFiles, AsymmetryOfRoundingSizeIsMendedWithAWord) {
       << mended.remarks[0];
 }
 
-TEST_F(SceneOfFiles, NamesAreKeptValidInAnotherFolder) {
+TEST_F(SceneOfFiles, FileNamesStayValidInOtherFolder) {
   std::filesystem::create_directory(directory_ / "out");
   const std::string text =
       with_files_from(with_files(), directory_ / "", directory_ / "out", "out/x.toml");
@@ -190,7 +190,7 @@ TEST_F(SceneOfFiles, NamesAreKeptValidInAnotherFolder) {
 }
 
 // A random structure on a shaken base, and the same with every force and motion written explicitly.
-TEST(ShakenFrame, IsTheMachineWithItsForcesWrittenOut) {
+TEST(ShakenFrame, EqualsMachineWithExplicitForces) {
   Random random(20261123);
   std::size_t events = 0;
   for (int i = 0; i < 20; ++i) {
@@ -250,7 +250,7 @@ TEST(ShakenFrame, ContactsStandOnTheGroundOrOnTheFrame) {
       "them (motion is all of s_i(t))");
 }
 
-TEST(Damping, RayleighAndRatiosAreTheSameCWrittenOut) {
+TEST(Damping, RayleighAndRatiosEqualExplicitC) {
   const std::string C = "C = [[0.1, 0.0], [0.0, 0.2]]";
   const Scene rayleigh = parse(replaced(system_text, C, "rayleigh = { alpha = 0.1, beta = 0.02 }"));
   const Eigen::MatrixXd wanted{{0.1 * 2.0 + 0.02 * 3.0, 0.1 * 0.5 - 0.02},

@@ -22,7 +22,7 @@ std::string system_with(const std::string& table) {
   return std::string(system_text) + "[parameters]\n" + table;
 }
 
-TEST(ParametersTable, IsReadInTheOrderOfTheFile) {
+TEST(ParametersTable, KeepsOrderOfTheFile) {
   const ParameterUncertainty parameters = parse(beam_with(R"(
 impact.restitution = { sigma = 0.01 }
 "contact.1.position" = { sigma = 1e-4, consider = true }
@@ -39,7 +39,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
   EXPECT_EQ(parameters.correlation, correlation);
 }
 
-TEST(ParametersTable, IsEmptyWhereItIsNotGiven) {
+TEST(ParametersTable, IsEmptyByDefault) {
   for (const std::string& text : {std::string(beam_text), beam_with(""),
                                   beam_with("consider = true"), beam_with("correlation = []")}) {
     const ParameterUncertainty parameters = parse(text).parameters;
@@ -60,7 +60,7 @@ consider = true
 }
 
 // Headers, dotted keys, quoted keys and inline tables are equivalent.
-TEST(ParametersTable, TakesAllFormsOfAKey) {
+TEST(ParametersTable, AcceptsAllFormsOfKey) {
   for (const char* text : {"[parameters.contact.1.position]\nsigma = 0.5\n",
                            "[parameters]\ncontact = { 1 = { position = { sigma = 0.5 } } }\n",
                            "[parameters]\ncontact.1.position.sigma = 0.5\n",
@@ -77,7 +77,7 @@ TEST(ParametersTable, FactorsOfASystemAreParameters) {
   EXPECT_EQ(parameters.keys, (Keys{"system.K", "system.C"}));
 }
 
-TEST(ParametersTable, EntriesThatCannotBe) {
+TEST(ParametersTable, InvalidEntriesAreRefused) {
   // The [parameters] header is line 26 of the text.
   const std::string a = "beam.damping = { sigma = 0.1 }\n",
                     b = "impact.restitution = { sigma = 1 }\n",
@@ -149,7 +149,7 @@ TEST(ParametersTable, EntriesThatCannotBe) {
             "x.toml:1:14: parameters is an integer; must be a table");
 }
 
-TEST(ParametersTable, NamesOnlyParametersThatAFilterCanFollow) {
+TEST(ParametersTable, AcceptsOnlyParametersThatFilterCanEstimate) {
   const std::string misspelled = error_of(beam_with("beam.dampin = { sigma = 0.1 }"));
   EXPECT_TRUE(misspelled.starts_with(
       "x.toml:27:6: parameters: beam.dampin is no parameter of this scene; did you mean "
@@ -189,7 +189,7 @@ TEST(ParametersTable, RootOfCovariance) {
   }
 }
 
-TEST(ParametersTable, IsWrittenAndReadAgain) {
+TEST(ParametersTable, RoundTrips) {
   const Scene scene = parse(system_with(R"(
 system.K = { sigma = 0.017, consider = true }
 contact.1.clearance = { sigma = 1e-300 }

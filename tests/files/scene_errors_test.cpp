@@ -100,7 +100,7 @@ TEST(SceneErrors, FirstUnknownKeyIsNamed) {
             "mass_per_length, damping, damping_ratio, modal_damping");
 }
 
-TEST(SceneErrors, DampingRatiosThatCannotBe) {
+TEST(SceneErrors, ImpossibleDampingRatiosAreRefused) {
   expect_errors(beam_text, {{"damping = 0.17", "damping_ratio = -0.1",
                              "x.toml:6:17: beam.damping_ratio has -0.1; must be >= 0"},
                             {"damping = 0.17", "damping_ratio = [0.1, 0.2]",
@@ -145,7 +145,7 @@ TEST(SceneErrors, WrongTypesNameBoth) {
   EXPECT_EQ(error_of("name = 3"), "x.toml:1:8: name is an integer; must be a string");
 }
 
-TEST(SceneErrors, WhatIsFreeIsAParameterOfTheScene) {
+TEST(SceneErrors, FreeEntriesMustBeParametersOfTheScene) {
   const auto with = [](const std::string& table) {
     return error_of(std::string(beam_text) + "\n[adapt]\n" + table);
   };
@@ -176,7 +176,7 @@ TEST(SceneErrors, WhatIsFreeIsAParameterOfTheScene) {
   EXPECT_EQ(scene.prior.adaptation.walk, Eigen::Vector2d(0.0, 1e-3));
 }
 
-TEST(SceneErrors, StandardDeviationsTakeThePlaceOfAnEnergy) {
+TEST(SceneErrors, StandardDeviationsReplaceEnergy) {
   const auto with = [](const std::string& more) {
     return replaced(beam_text, "u = []", "u = []\n" + more);
   };
@@ -219,7 +219,7 @@ TEST(SceneErrors, TolerancesAreLimited) {
   EXPECT_EQ(tolerance, (Tolerance{.time = 1e-4, .clearance = 2e-3}));
 }
 
-TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
+TEST(SceneErrors, UncertaintiesMustBePositiveAndOfCorrectLength) {
   const std::string events = "[events]\njitter = -1e-3\n";
   EXPECT_EQ(error_of(events + std::string(beam_text)),
             "x.toml:2:10: events.jitter is -0.001; must be >= 0");
@@ -234,7 +234,7 @@ TEST(SceneErrors, WhatIsNotKnownIsPositiveAndOfTheRightLength) {
   }
 }
 
-TEST(SceneErrors, CharactersBeyondAsciiAreForCommentsAndQuotes) {
+TEST(SceneErrors, NonAsciiCharactersOnlyInCommentsAndQuotes) {
   const std::string refused =
       ": a character beyond ASCII; may only be in a comment or between quotes";
   EXPECT_EQ(error_of("name = \xC3\xA4"), "x.toml:1:8" + refused);
@@ -378,7 +378,7 @@ TEST(SceneErrors, MatricesMustFitAndBeDefinite) {
 }
 
 // toml++ parses nested tables recursively.
-TEST(SceneErrors, NestingIsRefusedBeforeItTakesTheStack) {
+TEST(SceneErrors, DeepNestingIsRefused) {
   const auto repeated = [](const std::string& text, int count) {
     std::string all;
     for (int i = 0; i < count; ++i) all += text;

@@ -139,7 +139,7 @@ TEST(Scene, SideAndMountSetTheGap) {
   EXPECT_DOUBLE_EQ(gap(contact_of("above", "frame"), q, t), -w + 0.01);
 }
 
-TEST(Scene, WhatIsLeftOutTakesItsDefault) {
+TEST(Scene, OmittedKeysTakeDefaults) {
   const Scene beam = parse(
       "[beam]\nmodes = 2\nlength = 1\nbending_stiffness = 1\nmass_per_length = 1\ndamping = 0\n"
       "[[contact]]\nposition = 1\nrestitution = 0.3\n");
@@ -191,7 +191,7 @@ std::string vector_text(const Eigen::VectorXd& vector) {
   return rows.substr(1, rows.size() - 2);
 }
 
-TEST(Scene, BeamWrittenOutAsASystemIsTheSameMachine) {
+TEST(Scene, BeamEqualsExplicitSystem) {
   const Scene beam = parse(beam_text);
   const Contact& contact = beam.model.contacts[0];
   const Force& force = beam.model.forces[0];
@@ -216,7 +216,8 @@ TEST(Scene, BeamWrittenOutAsASystemIsTheSameMachine) {
   EXPECT_EQ(system.prior.start.q, beam.prior.start.q);
   for (const double t : {0.0, 0.2, 1.7}) {
     EXPECT_EQ(force_at(system.model, t), force_at(beam.model, t));
-    EXPECT_EQ(gap(system.model.contacts[0], beam.prior.start.q, t), gap(contact, beam.prior.start.q, t));
+    EXPECT_EQ(gap(system.model.contacts[0], beam.prior.start.q, t),
+              gap(contact, beam.prior.start.q, t));
     EXPECT_EQ(gap_velocity(system.model.contacts[0], beam.prior.start.q, t),
               gap_velocity(contact, beam.prior.start.q, t));
   }
@@ -287,7 +288,7 @@ TEST(Scene, DefinitenessDoesNotDependOnUnits) {
             Eigen::Matrix2d::Zero());
 }
 
-TEST(Scene, StartOnTheSupportIsNotRefusedForRounding) {
+TEST(Scene, StartOnSupportIsAcceptedDespiteRounding) {
   // 0.1 * 3 exceeds 0.3 by one rounding.
   EXPECT_EQ(parse("[system]\nM = [[1]]\nC = [[0]]\nK = [[0]]\n[impact]\nrestitution = 0.5\n"
                   "[[contact]]\ndirection = [-3]\nclearance = 0.3\n[master]\nq = [0.1]\n")

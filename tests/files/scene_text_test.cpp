@@ -49,7 +49,7 @@ TEST(SceneText, OnlyTheNumbersChange) {
   EXPECT_EQ(with({{"master.q", {1, 2, 3}, true}}), replaced("[0.1,\n     0.2]", "[1, 2, 3]"));
 }
 
-TEST(SceneText, WhatIsNotThereIsAdded) {
+TEST(SceneText, MissingKeysAreAdded) {
   EXPECT_EQ(with({{"contact.1.clearance", {0.5}}}),
             replaced("position = 0.8\n", "position = 0.8\nclearance = 0.5\n"));
   EXPECT_EQ(with({{"contact.2.motion.phase", {0.5}}}),
@@ -62,7 +62,7 @@ TEST(SceneText, WhatIsNotThereIsAdded) {
   EXPECT_THROW(with({{"contact.3.clearance", {1}}}), SceneError);
 }
 
-TEST(SceneText, ManyAtOnce) {
+TEST(SceneText, ChangesManyKeysAtOnce) {
   const std::string edited = with({{"master.q", {5}, true},
                                    {"beam.damping", {1}},
                                    {"contact.2.clearance", {2}},
@@ -79,7 +79,7 @@ TEST(SceneText, ManyAtOnce) {
   EXPECT_NE(edited.find("# x_c"), std::string::npos);
 }
 
-TEST(SceneText, ATableGoesWithAllThatIsInIt) {
+TEST(SceneText, TableIsRemovedWithItsContent) {
   // The marked lines are removed.
   constexpr const char* text = R"(name = "x"
 parameters.beam.damping = { sigma = 1 } # goes

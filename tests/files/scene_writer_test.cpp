@@ -82,7 +82,7 @@ Scene written_and_read(const Scene& scene) {
   }
 }
 
-TEST(SceneWriter, ShippedScenesKeepTheirBits) {
+TEST(SceneWriter, ShippedScenesRoundTripBitForBit) {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(SPRAG_SOURCE_DIR "/scenes")) {
     if (entry.path().extension() != ".toml") continue;
@@ -96,7 +96,7 @@ TEST(SceneWriter, ShippedScenesKeepTheirBits) {
   EXPECT_GE(count, 14);
 }
 
-TEST(SceneWriter, AnyMachineKeepsItsBits) {
+TEST(SceneWriter, RandomMachinesRoundTripBitForBit) {
   constexpr std::uint64_t seed = 20261122;
   SCOPED_TRACE(seed);
   Random random(seed);
@@ -112,20 +112,21 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
     scene.prior.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
     if (random.chance(0.5)) {
       scene.prior.tolerance = {.time = random.log_uniform(1e-9, 1.0),
-                         .restitution = random.uniform(0.0, 1.0),
-                         .stiffness = random.uniform(0.0, 0.5),
-                         .damping = random.uniform(0.0, 0.5),
-                         .force = random.log_uniform(1e-9, 1e9),
-                         .clearance = random.log_uniform(1e-9, 1.0)};
+                               .restitution = random.uniform(0.0, 1.0),
+                               .stiffness = random.uniform(0.0, 0.5),
+                               .damping = random.uniform(0.0, 0.5),
+                               .force = random.log_uniform(1e-9, 1e9),
+                               .clearance = random.log_uniform(1e-9, 1.0)};
     }
     scene.truth.release_penetration = random.chance(0.5);
     if (random.chance(0.5)) scene.prior.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
     const auto free = std::max<Eigen::Index>(1, std::ssize(scene.prior.adaptation.free));
-    scene.prior.adaptation.within = random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
+    scene.prior.adaptation.within =
+        random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
     scene.prior.adaptation.walk = random.vector(free).cwiseAbs();
     if (random.chance(0.5)) {
       scene.prior.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
-                          Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
+                                Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
     }
     if (random.chance(0.5)) {
       for (Contact& contact : scene.model.contacts) {
@@ -139,7 +140,7 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
 }
 
 // The replica of the parsed scene gives the same states, bit for bit.
-TEST(SceneWriter, TheReplicaIsTheSame) {
+TEST(SceneWriter, ReplicaOfWrittenSceneIsTheSame) {
   for (const char* name : {"paper_beam_chatter", "two_stops_beam", "non_proportional"}) {
     Scene scene = test::shipped_scene(name);
     scene.model.contacts[0].replica_restitution = -0.125;

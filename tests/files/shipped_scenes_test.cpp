@@ -37,7 +37,7 @@ class ShippedScenesTest : public testing::Test {
   path before_;
 };
 
-TEST_F(ShippedScenesTest, TheFolderIsTheNearestAboveTheProgram) {
+TEST_F(ShippedScenesTest, FolderIsNearestAboveTheProgram) {
   EXPECT_EQ(shipped_scenes(prefix_ / "libexec" / "sprag" / "observer"), scenes_);
   EXPECT_EQ(shipped_scenes(prefix_ / "bin" / "sprag"), scenes_);
   const path inner = prefix_ / "inner" / "share" / "sprag" / "scenes";
@@ -68,7 +68,7 @@ TEST_F(ShippedScenesTest, NamesAreFoundWithAndWithoutTheirEnding) {
   EXPECT_EQ(find_scene("paper_beam", path()), "paper_beam");
 }
 
-TEST_F(ShippedScenesTest, AFileGoesFirstAndAFolderDoesNot) {
+TEST_F(ShippedScenesTest, FileTakesPrecedenceAndFolderDoesNot) {
   std::filesystem::create_directories("paper_beam");
   EXPECT_EQ(find_scene("paper_beam", scenes_), scenes_ / "paper_beam.toml");
   write(work_ / "paper_beam.toml");
@@ -80,7 +80,7 @@ TEST_F(ShippedScenesTest, AFileGoesFirstAndAFolderDoesNot) {
   EXPECT_EQ(find_scene("/dev/null", scenes_), "/dev/null");
 }
 
-TEST_F(ShippedScenesTest, TheMessageNamesTheFolderAndTheNearest) {
+TEST_F(ShippedScenesTest, MessageNamesFolderAndNearestName) {
   EXPECT_EQ(
       scene_not_found("paper_baem", scenes_),
       "no such file, and none of this name in " + scenes_.string() + "; did you mean paper_beam?");

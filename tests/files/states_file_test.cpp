@@ -14,7 +14,7 @@ namespace {
 using test::TemporaryDirectory;
 using test::write_text;
 
-TEST(StatesFileTest, WritesWhatTheDesignSays) {
+TEST(StatesFileTest, WritesDocumentedFormat) {
   const TemporaryDirectory directory;
   const auto file = directory / "states.csv";
   StatesWriter writer(file, 2);
@@ -26,7 +26,7 @@ TEST(StatesFileTest, WritesWhatTheDesignSays) {
             "1,0.001,0.33333333333333331,2,0,-3\n");
 }
 
-TEST(StatesFileTest, RandomStatesComeBackBitForBit) {
+TEST(StatesFileTest, RandomStatesRoundTripBitForBit) {
   const unsigned seed = 4711;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -61,7 +61,7 @@ TEST(StatesFileTest, RandomStatesComeBackBitForBit) {
   }
 }
 
-TEST(StatesFileTest, MoreColumnsAreWrittenAndPassedOver) {
+TEST(StatesFileTest, AdditionalColumnsAreWrittenAndSkippedByReaders) {
   const TemporaryDirectory directory;
   const auto file = directory / "states.csv";
   StatesWriter writer(file, 1, {"B", "sigma_q1"});
@@ -83,7 +83,7 @@ TEST(StatesFileTest, MoreColumnsAreWrittenAndPassedOver) {
   EXPECT_TRUE(cut.damage());
 }
 
-TEST(StatesFileTest, DamageNamesTheLineAndEndsTheReading) {
+TEST(StatesFileTest, DamageEndsReadingAndNamesTheLine) {
   const TemporaryDirectory directory;
   for (const char* bad : {"1,0.1,2\n", "1,0.1,2,3,4\n", "x,0.1,2,3\n", "1,0.1,nan,3\n",
                           "1,0.1,2,inf\n", "1,0,2,3\n", "1,-1,2,3\n", "\n", "1,0.1,2,3"}) {
@@ -116,7 +116,7 @@ TEST(StatesFileTest, OverlongLineIsDamage) {
   EXPECT_EQ(reader.damage()->what, "line longer than 1 MiB");
 }
 
-TEST(StatesWriterTest, RemembersThatTheDiskIsFull) {
+TEST(StatesWriterTest, KeepsErrorOfFullDisk) {
   StatesWriter writer("/dev/full", 1);
   const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
   for (int k = 0; k < 100000; ++k) writer.write(k, k, one, one);

@@ -56,7 +56,7 @@ bool count_claims(Pursuit& run, int first, int last, const Spoil& spoil, ClaimCo
 
 // The start is further off than the prior admits. Gate failures reset the filter, which then finds
 // the state from the later events.
-TEST(EventFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
+TEST(EventFilter, ConvergesFromTooNarrowPrior) {
   Scene scene =
       read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/filter/machines/s005.toml");
   scene.prior.uncertainty.setConstant(scene.model.coordinates(), 0.2);  // V(0) is 65
@@ -74,7 +74,7 @@ TEST(EventFilter, FindsTheStateThoughToldTooSmallAnUncertainty) {
 
 // Far too narrow priors on random machines: the first innovations fail the gate. Each reset
 // inflates the prior further, until it admits the machine.
-TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
+TEST(EventFilter, InflatesTooNarrowPrior) {
   constexpr double h = 0.01;
   for (const double jitter : {0.0, 1e-5}) {
     Random random(1);
@@ -109,7 +109,7 @@ TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
 
 // No prior, in units in which energies are a million times larger: the prior derived from the
 // scene's machine is wide enough for the machine's own start.
-TEST(EventFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
+TEST(EventFilter, DerivesPriorFromMachineIfNotGiven) {
   const Units units{10, 0, 0};
   const auto as_they_are = [](std::vector<ContactEvent>&) {};
   Random random(3);
@@ -130,7 +130,7 @@ TEST(EventFilter, TakesTheUncertaintyOfAStartFromTheMachine) {
 
 // Without further events, on random machines and on a ball on a spring that is soft for its weight.
 // A filter that claims a sigma of a gap does not estimate a gap far below zero.
-TEST(EventFilter, IsNotSureOfAStateInsideASupport) {
+TEST(EventFilter, DoesNotClaimPenetratingState) {
   std::vector<Scene> scenes;
   for (const double stiffness : {0.0, 1e-8, 1e-4, 1.0}) {
     scenes.push_back(cached_scene("bouncing_ball.toml"));
@@ -166,7 +166,7 @@ TEST(EventFilter, IsNotSureOfAStateInsideASupport) {
 // With an unobservable scale a sufficiently small motion fits all events, and every innovation is
 // small. On random machines without external force the filter reports no inconsistency with the
 // machine's own events. With a tenth of them lost, it claims a wrong state at few ticks.
-TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
+TEST(EventFilter, DetectsLostEventsOfHomogeneousMachine) {
   constexpr double h = 0.01;
   constexpr double lost_share = 0.1;
   for (const double share : {0.0, lost_share}) {
@@ -219,7 +219,7 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
 
 // The same for a closed contact: its force would have to pull, so it must have opened. With exact
 // times, on a machine that is pressed down and lifted; one opening is not reported.
-TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
+TEST(EventFilter, DetectsUnreportedRelease) {
   const Scene scene = cached_scene("paper_beam_chatter.toml");
   constexpr double h = 0.01;
   constexpr int reported_openings = 4;
@@ -251,7 +251,7 @@ TEST(EventFilter, HearsThatAHeldContactMustHaveOpened) {
 }
 
 // A first impossible event is rejected; a second one resets the filter, however small its sigma.
-TEST(EventFilter, EventsThatCannotBeEndWhatIsKnown) {
+TEST(EventFilter, ImpossibleEventsReset) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.prior.jitter = 1e-4;
   const double h = 1e-2;

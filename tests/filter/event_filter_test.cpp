@@ -23,7 +23,7 @@ namespace sprag {
 namespace {
 
 // 2 f unknowns, one equation per impact.
-TEST(EventFilter, KnowsThePapersBeamAfterSixImpacts) {
+TEST(EventFilter, ConvergesOnPaperBeamAfterSixImpacts) {
   const Scene& scene = cached_scene("paper_beam.toml");
   Pursuit run(scene, 1e-2);
   double before = 0.0;
@@ -41,7 +41,7 @@ TEST(EventFilter, KnowsThePapersBeamAfterSixImpacts) {
   EXPECT_GT(before, 1e-8);
 }
 
-TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
+TEST(EventFilter, ConvergesOnOtherScenesWithinThreeEventsPerUnknown) {
   for (const char* name : {"paper_beam_chatter", "paper_beam_frame", "bouncing_ball", "lab_rig",
                            "two_stops_beam", "steel_ruler", "paper_beam_as_printed"}) {
     const Scene& scene = cached_scene(std::string(name) + ".toml");
@@ -59,7 +59,7 @@ TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
 
 // A ball that lies on its table from the start on is a measurement like any other, with exact times
 // and with jitter. If the scene admits starts inside a support, no sigma is claimed until it opens.
-TEST(EventFilter, WhatIsClosedFromTheStartOnRests) {
+TEST(EventFilter, ContactClosedAtStartIsMeasurement) {
   Scene scene = cached_scene("table_tennis_ball.toml");
   const std::vector<ContactEvent> events = {{0.0, 0, ContactEventKind::closes}};
   for (const double jitter : {0.0, 1e-4}) {
@@ -86,7 +86,7 @@ TEST(EventFilter, WhatIsClosedFromTheStartOnRests) {
 }
 
 // In a time line: late events, one by one, and rollbacks without a late event.
-TEST(EventFilter, RollbacksDoNotShow) {
+TEST(EventFilter, RollbacksDoNotChangeEstimates) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
     const Scene& scene = cached_scene(std::string(name) + ".toml");
     const double h = 1e-2;
@@ -150,7 +150,7 @@ TEST(EventFilter, IsCalibrated) {
 
 // With the correct prior and jitter it is more accurate than the replica at every t. Medians over
 // many starts from the prior, because a single run may favour either.
-TEST(EventFilter, IsAheadOfTheReplicaWithJitter) {
+TEST(EventFilter, IsMoreAccurateThanReplicaWithJitter) {
   const Scene& scene = cached_scene("paper_beam.toml");
   constexpr int runs = 50;
   for (const double sigma : {1e-4, 1e-3, 5e-3}) {
@@ -245,7 +245,7 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
 
 // For any jitter relative to the fastest mode the estimate stays finite and is not overconfident: V
 // stays below the expectation of the covariance.
-TEST(EventFilter, BearsAnyOmegaSigma) {
+TEST(EventFilter, IsConsistentForAnyOmegaSigma) {
   for (const auto& [name, sigma] :
        {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
         std::pair("two_stops_beam.toml", 2e-2)}) {
@@ -272,7 +272,7 @@ TEST(EventFilter, BearsAnyOmegaSigma) {
 // With 60 modes the prior allows the fast ones the same energy as the others, but the beam has
 // almost none in them. Accurate times must not be overweighted then. With the whole flux as weight
 // of velocities NEES rose to 3 and more.
-TEST(EventFilter, IsNotSureOfSpeedsThatAStartOnlyAllows) {
+TEST(EventFilter, DoesNotOverweightTimesUnderWidePrior) {
   std::string text = test::read_text(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   text.replace(text.find("modes = 3"), 9, "modes = 60");
   Scene scene = parse_scene(text, "beam.toml");
@@ -323,7 +323,7 @@ Scene shaken_mass(double frequency) {
 
 // At and near resonance as elsewhere: the error of an exactly known machine on a stable orbit tends
 // to zero, for any jitter.
-TEST(EventFilter, ForgetsJitterAtResonanceToo) {
+TEST(EventFilter, ErrorDecaysAtResonance) {
   for (const double frequency : {1.0, 1.0 + 1e-9, 1.001, 1.1}) {
     const Scene scene = shaken_mass(frequency);
     Pursuit run(scene, 0.1);
@@ -342,7 +342,7 @@ TEST(EventFilter, ForgetsJitterAtResonanceToo) {
 
 // sigma decreases, but not below the rounding error of event times. Hypotheses with a spacing far
 // above it once moved the mean by up to 46 sigma.
-TEST(EventFilter, IsNotSurerThanRoundingAllows) {
+TEST(EventFilter, SigmaIsNotBelowRounding) {
   Scene rig = cached_scene("lab_rig.toml");
   rig.prior.jitter = 1e-3;
   struct Settling {
@@ -407,7 +407,7 @@ TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
 
 // A ball whose impacts come ever faster, each reported late. Many of them may be unreported, and
 // the published estimate accounts for all of them.
-TEST(EventFilter, ExpectsMoreThanOneUnheardBounce) {
+TEST(EventFilter, AccountsForSeveralUnreportedBounces) {
   Scene scene = cached_scene("bouncing_ball.toml");
   scene.model.contacts[0].restitution = 0.5;
   scene.truth.start.q[0] = scene.prior.start.q[0] = 0.05;
@@ -441,7 +441,7 @@ TEST(EventFilter, ExpectsMoreThanOneUnheardBounce) {
 }
 
 // The drift represents model mismatch: the covariance does not converge to zero.
-TEST(EventFilter, DriftKeepsTheCovarianceOpen) {
+TEST(EventFilter, DriftKeepsCovariancePositive) {
   Scene scene = cached_scene("paper_beam.toml");
   const auto trace = [&] {
     Pursuit run(scene, 0.1);
@@ -460,7 +460,7 @@ TEST(EventFilter, DriftKeepsTheCovarianceOpen) {
 }
 
 // Two contacts that close at one instant: the impact law determines whether both take an impulse.
-TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
+TEST(EventFilter, DecidesSimultaneousImpactByImpactLaw) {
   Model model;
   model.M = Eigen::Matrix2d::Identity();
   model.C = 0.1 * Eigen::Matrix2d::Identity();

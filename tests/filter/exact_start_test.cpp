@@ -39,11 +39,12 @@ std::string name_of(const testing::TestParamInfo<MachineKind>& kind) {
 
 INSTANTIATE_TEST_SUITE_P(Kinds, ExactStart, testing::ValuesIn(machine_kinds), name_of);
 
-TEST(ExactStarts, OfTheShippedBouncingBallIsNeverInconsistent) {
+TEST(ExactStarts, BouncingBallIsNeverInconsistent) {
   Scene scene = cached_scene("bouncing_ball.toml");
   scene.prior.start = scene.truth.start;
   for (const double sigma : {1e-3, 0.1}) {
-    scene.prior.sigma = State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
+    scene.prior.sigma =
+        State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
     const std::optional<ExactRun> run = run_exact(scene);
     ASSERT_TRUE(run);
     EXPECT_GT(run->events, 50);
@@ -54,7 +55,7 @@ TEST(ExactStarts, OfTheShippedBouncingBallIsNeverInconsistent) {
 
 // Five pendulums of one frequency that touch; the start of the estimate differs slightly from the
 // machine's.
-TEST(ExactStarts, OfPendulumsThatTouchIsNeverInconsistent) {
+TEST(ExactStarts, TouchingPendulumsAreNeverInconsistent) {
   Scene scene;
   constexpr Eigen::Index n = 5;
   scene.model.M = Eigen::MatrixXd::Identity(n, n);

@@ -18,7 +18,7 @@ using test::shipped_scene;
 class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 
 // The machine's own path with all its forces, forwards and backwards.
-TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
+TEST_P(FamilyFlightOfScenes, EqualsMotionOfMachine) {
   const Scene scene = shipped_scene(GetParam());
   const MachineFamily family(scene, unknowns_to_adapt(scene));
   Master master(scene.model, scene.truth.start);
@@ -45,7 +45,7 @@ TEST_P(FamilyFlightOfScenes, FliesAsTheMachineDoes) {
 }
 
 // Derivatives through an impact, compared with difference quotients of whole flights.
-TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
+TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
   constexpr std::uint64_t seed = 20261123;
   SCOPED_TRACE(seed);
   Random random(seed);
@@ -104,7 +104,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesAreThoseOfTheFlight) {
 }
 
 // A sustained contact, between the end of a chatter and the next opening.
-TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
+TEST(FamilyFlight, HoldsContactLikeMachine) {
   for (const char* name : {"paper_beam_chatter", "two_stops_beam", "steel_ruler"}) {
     SCOPED_TRACE(name);
     const Scene scene = shipped_scene(name);
@@ -149,7 +149,7 @@ TEST(FamilyFlight, HoldsAContactAsTheMachineDoes) {
 INSTANTIATE_TEST_SUITE_P(Scenes, FamilyFlightOfScenes,
                          testing::Values("paper_beam", "two_stops_beam", "lab_rig"));
 
-TEST(EventFilter, ARestartKeepsWhatIsKnownOfTheUnknowns) {
+TEST(EventFilter, RestartKeepsEstimatedParameters) {
   constexpr std::uint64_t seed = 7;
   Random random(seed);
   Scene scene = shipped_scene("paper_beam");

@@ -114,7 +114,7 @@ void expect_near(double value, double truth, double scale, const char* what, dou
 class ImpactsOfExactEvents : public testing::TestWithParam<const char*> {};
 
 // After the filter has converged its rows equal the master's own impacts and forces.
-TEST_P(ImpactsOfExactEvents, AreTheMasters) {
+TEST_P(ImpactsOfExactEvents, EqualMasterImpacts) {
   Scene scene = cached_scene(GetParam());
   const double end = 12.0;
   const std::vector<TrueImpact> truth = true_impacts(scene, end);
@@ -176,7 +176,7 @@ std::vector<ContactEvent> late_in_order(std::vector<ContactEvent> events, double
   return events;
 }
 
-TEST(ImpactRecord, AReplicaKnowsNothingOfItsErrorAndEndsOnTheMastersForces) {
+TEST(ImpactRecord, ReplicaHasNoSigmaAndConvergesToMasterForces) {
   const Scene& scene = cached_scene("two_stops_beam.toml");
   const double end = 60.0;
   const std::vector<TrueImpact> truth = true_impacts(scene, end);
@@ -203,7 +203,7 @@ TEST(ImpactRecord, AReplicaKnowsNothingOfItsErrorAndEndsOnTheMastersForces) {
   EXPECT_LT(late, 0.1 * early);
 }
 
-TEST(ImpactRecord, WithMoreausStepperThereIsNone) {
+TEST(ImpactRecord, MoreauStepperHasNone) {
   TrackingEstimator estimator(cached_scene("paper_beam.toml"), 0.01, EstimatorKind::replica,
                               StepperKind::moreau);
   std::vector<ImpactRecord> records;
@@ -219,7 +219,7 @@ struct ImpactTrial {
 class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 
 // Errors against the claimed sigma, over runs with independent jitter.
-TEST_P(ImpactsOfJitteringEvents, AreAsSureAsTheySay) {
+TEST_P(ImpactsOfJitteringEvents, AreCalibrated) {
   const ImpactTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.prior.jitter = of.sigma;

@@ -107,7 +107,7 @@ void expect_numbers(const Scene& scene, std::span<const ContactEvent> events, bo
   });
 }
 
-TYPED_TEST(ImpossibleEventsTest, LeaveNumbersLiveAndOfflineTheSame) {
+TYPED_TEST(ImpossibleEventsTest, GiveEqualNumbersLiveAndOffline) {
   constexpr double h = 0.02;
   std::vector<int> drawn(static_cast<std::size_t>(long_repetitions(machines)));
   std::iota(drawn.begin(), drawn.end(), 0);

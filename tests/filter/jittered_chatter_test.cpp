@@ -39,7 +39,7 @@ std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, const Scene
 
 class JitteredChatter : public testing::TestWithParam<const char*> {};
 
-TEST_P(JitteredChatter, IsNotFalselyCertain) {
+TEST_P(JitteredChatter, IsNotOverconfident) {
   const Scene scene = read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "tests/filter/machines" /
                                  (std::string(GetParam()) + ".toml"));
   const Eigen::Index f = scene.model.coordinates();

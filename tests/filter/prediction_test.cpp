@@ -43,7 +43,7 @@ struct Ahead {
 class ExactPredictions : public testing::TestWithParam<Ahead> {};
 
 // From the master's own state, between events and with contacts closed.
-TEST_P(ExactPredictions, AreTheMasters) {
+TEST_P(ExactPredictions, EqualMasterEvents) {
   const Scene& scene = cached_scene(GetParam().scene);
   const double end = 12.0, ahead = GetParam().ahead;
   const std::vector<ContactEvent> events = master_events(scene, end + ahead);
@@ -83,7 +83,7 @@ INSTANTIATE_TEST_SUITE_P(Machines, ExactPredictions,
 class LearntPredictions : public testing::TestWithParam<const char*> {};
 
 // From a filter that has converged with exact events.
-TEST_P(LearntPredictions, AreTheMasters) {
+TEST_P(LearntPredictions, EqualMasterEvents) {
   const Scene& scene = cached_scene(GetParam());
   const double end = 6.0;
   const std::vector<ContactEvent> events = master_events(scene, end);
@@ -112,7 +112,7 @@ struct PredictionTrial {
 
 class PredictionsFromJitteringEvents : public testing::TestWithParam<PredictionTrial> {};
 
-TEST_P(PredictionsFromJitteringEvents, AreAsSureAsTheySay) {
+TEST_P(PredictionsFromJitteringEvents, AreCalibrated) {
   const PredictionTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.prior.jitter = of.sigma;
@@ -192,7 +192,7 @@ Belief about(double q, double u, double sigma_q, double sigma_u) {
 }
 
 // A mass on a shaken table, with alternating sustained contacts and releases.
-TEST(Prediction, AContactThatIsClosedOpensInTime) {
+TEST(Prediction, PredictsReleaseOfClosedContact) {
   Scene scene;
   scene.model = mass(-1.0, {{1.0, 0.0}}, 0.5);
   scene.model.contacts[0].motion = {0.7, 1.3, 0.4};
@@ -229,7 +229,7 @@ TEST(Prediction, AContactThatIsClosedOpensInTime) {
 
 // From rest at height h: t_rest = sqrt(2 h / g) (1 + epsilon) / (1 - epsilon). sigma_h of h leads
 // to t_rest sigma_h / (2 h), through all impacts.
-TEST(Prediction, ABallRestsAtItsTime) {
+TEST(Prediction, PredictsEndOfChatter) {
   const double g = 9.81, epsilon = 0.6, height = 0.8, sigma = 0.004, start = 0.5;
   const Predictor predictor(mass(-g, {{1.0, 0.0}}, epsilon));
   const double falls = std::sqrt(2.0 * height / g);
@@ -244,7 +244,7 @@ TEST(Prediction, ABallRestsAtItsTime) {
   EXPECT_EQ(prediction.certain_until, start + 5.0);
 }
 
-TEST(Prediction, EndsWhereItMayBeAnotherContact) {
+TEST(Prediction, EndsAtAmbiguousContact) {
   const Predictor predictor(mass(0.0, {{1.0, 1.0}, {-1.0, 1.0}}, 1.0));
   EXPECT_EQ(predictor.predict(0.0, 0, about(0.0, 1.0, 0.01, 0.0), 4.5).events.size(), 2U);
   // Its velocity is small compared with its sigma: either support may be next.
@@ -259,7 +259,7 @@ TEST(Prediction, EndsWhereItMayBeAnotherContact) {
 }
 
 // Two supports form a blunt wedge: the time of the impact is known, but not its side.
-TEST(Prediction, EndsWhereTheContactIsNotKnownThoughTheTimeIs) {
+TEST(Prediction, EndsAtAmbiguousContactWithKnownTime) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(2, 2);
   model.C = model.K = Eigen::MatrixXd::Zero(2, 2);
@@ -285,13 +285,13 @@ TEST(Prediction, EndsWhereTheContactIsNotKnownThoughTheTimeIs) {
   }
 }
 
-TEST(Prediction, EndsWhereTheTimeIsAShareOfTheInterval) {
+TEST(Prediction, EndsAtUncertainTimeRelativeToInterval) {
   const Predictor predictor(mass(0.0, {{-1.0, 1.0}}, 0.5));
   EXPECT_EQ(predictor.predict(0.0, 0, about(0.5, 1.0, 0.12, 0.0), 3.0).events.size(), 1U);
   EXPECT_TRUE(predictor.predict(0.0, 0, about(0.5, 1.0, 0.13, 0.0), 3.0).events.empty());
 }
 
-TEST(Prediction, EndsWhereAnImpactMayNotBe) {
+TEST(Prediction, EndsAtUncertainImpact) {
   // Thrown up against a ceiling that it may miss.
   const Predictor predictor(mass(-1.0, {{-1.0, 0.49}}, 0.5));
   for (const double u : {1.0, 0.97}) {
@@ -303,7 +303,7 @@ TEST(Prediction, EndsWhereAnImpactMayNotBe) {
   EXPECT_EQ(predictor.predict(0.0, 0, about(0.0, 1.2, 0.0, 0.02), 0.99).events.size(), 1U);
 }
 
-TEST(Prediction, NothingIsClaimedInsideASupport) {
+TEST(Prediction, PenetratingStateHasNoPrediction) {
   const Predictor predictor(mass(-1.0, {{1.0, 0.0}}, 0.5));
   const Prediction inside = predictor.predict(1.0, 0, about(-0.1, -1.0, 0.01, 0.0), 3.0);
   EXPECT_TRUE(inside.events.empty());
@@ -314,7 +314,7 @@ TEST(Prediction, NothingIsClaimedInsideASupport) {
   EXPECT_NEAR(leaving.events[0].t, 1.0 + 1.0 + std::sqrt(1.0 - 2e-4), 1e-12);
 }
 
-TEST(Prediction, OfAReplicaNothingIsClaimed) {
+TEST(Prediction, ReplicaHasNoSigma) {
   const Scene& scene = cached_scene("two_stops_beam.toml");
   const Predictor predictor(scene.model);
   for (const StepperKind stepper : {StepperKind::exact, StepperKind::moreau}) {

@@ -40,7 +40,7 @@ std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, un
 class SmoothedPath : public testing::TestWithParam<SmoothingTrial> {};
 
 // Compared with the exact master, over runs with independent jitter.
-TEST_P(SmoothedPath, IsBetterThanTheFiltersAndAsSureAsItSays) {
+TEST_P(SmoothedPath, IsMoreAccurateThanFilterAndCalibrated) {
   const SmoothingTrial& of = GetParam();
   Scene scene = cached_scene(of.scene);
   scene.prior.jitter = of.sigma;
@@ -125,7 +125,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // The sigma of an output follows from the state's covariance by its weights, at impacts and between
 // them.
-TEST(Smoother, OutputsAreSureAsTheStateIs) {
+TEST(Smoother, OutputSigmaFollowsFromStateCovariance) {
   for (const char* name : {"paper_beam.toml", "two_stops_beam.toml"}) {
     Scene scene = cached_scene(name);
     scene.prior.jitter = 1e-3;
@@ -159,7 +159,7 @@ TEST(Smoother, OutputsAreSureAsTheStateIs) {
   }
 }
 
-TEST(Smoother, RefusesExactTimesAndScalesThatNothingSets) {
+TEST(Smoother, RefusesExactTimesAndUnobservableScale) {
   Scene scene = cached_scene("paper_beam.toml");
   const auto none = [](std::int64_t, const SmoothedEstimate&, bool) {};
   EXPECT_THROW(smooth(scene, {}, 0.01, 10, none), SmoothingError);

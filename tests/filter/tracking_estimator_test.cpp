@@ -99,7 +99,7 @@ void print(const char* what, const Outcome& o) {
 
 // With exact events, and with the correct jitter, no inconsistency is reported, and the estimate is
 // the filter's.
-TEST(TrackingEstimator, BelievesTheFilterWhereAllIsRight) {
+TEST(TrackingEstimator, UsesFilterOfCorrectModel) {
   for (const char* name :
        {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
         "lab_rig", "bouncing_ball", "impact_oscillator", "non_proportional"}) {
@@ -174,7 +174,7 @@ int count_close(const std::vector<ContactEvent>& events, double sigma) {
 // The prior is much narrower than the steady state under jitter. The filter then expects a larger
 // error than at the start, which is no reason to lose the track. The track may be lost if contacts
 // interact within the jitter; the published estimate is then no worse than the replica.
-TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
+TEST(TrackingEstimator, KeepsTrackWithNarrowPrior) {
   Random random(3);
   std::mt19937_64 engine(3);
   int better = 0, machines = 0;
@@ -195,7 +195,7 @@ TEST(TrackingEstimator, BelievesAFilterWhoseStartIsKnownWell) {
 
 // The replica converges until the filter can start from it, however narrow a wrong prior is. With
 // jitter this excludes contacts that interact within it.
-TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
+TEST(TrackingEstimator, ConvergesFromNarrowWrongPrior) {
   Random random(5);
   std::mt19937_64 engine(5);
   for (const double jitter : {0.0, 1e-5}) {
@@ -214,7 +214,7 @@ TEST(TrackingEstimator, FindsAMachineOfWhoseStartItIsToldTooMuch) {
   }
 }
 
-TEST(TrackingEstimator, NamesASpuriousAndAMissingEvent) {
+TEST(TrackingEstimator, ReportsSpuriousAndMissingEvents) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto events = master_events(scene, length);
 
@@ -246,7 +246,7 @@ TEST(TrackingEstimator, NamesASpuriousAndAMissingEvent) {
 
 // A ball whose drag and restitution differ slightly from the model's is off by a small share of
 // each flight: its impacts are not spurious.
-TEST(TrackingEstimator, DoesNotCallAnImpactOfAWrongModelSpurious) {
+TEST(TrackingEstimator, DoesNotReportImpactOfWrongModelAsSpurious) {
   constexpr std::uint64_t seed = 5;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -310,7 +310,7 @@ INSTANTIATE_TEST_SUITE_P(Mismatches, WrongModel,
                          [](const auto& parameter) { return std::string(parameter.param.name); });
 
 // The error of a replica with a wrong model is bounded, that of a filter with a wrong model is not.
-TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
+TEST_P(WrongModel, IsDetectedAndEstimateIsNotWorseThanReplica) {
   const Mismatch& mismatch = GetParam();
   const Scene& scene = cached_scene("paper_beam.toml");
   Scene given = scene;
@@ -330,7 +330,7 @@ TEST_P(WrongModel, IsFoundAndTheEstimateIsNotWorseThanTheReplica) {
   EXPECT_LT(o.worse, 0.15);
 }
 
-TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
+TEST(TrackingEstimator, IsNotWorseThanReplicaWithSpuriousAndMissingEvents) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const auto exact = master_events(scene, length);
   for (const double sigma : {0.0, 1e-3}) {
@@ -365,7 +365,7 @@ TEST(TrackingEstimator, IsNotWorseThanTheReplicaAmongSpuriousAndMissingEvents) {
 }
 
 // A beam that swings freely on its support is hit at the same times at any amplitude.
-TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) {
+TEST(TrackingEstimator, ReportsUnobservableScaleOfUnforcedMachine) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   for (Force& force : scene.model.forces) {
     force.constant = 0.0;
@@ -404,7 +404,7 @@ TEST(TrackingEstimator, SaysThatJitteredEventsLeaveAnUnforcedMachinesScaleOpen) 
 
 // Consistent event sequences of other machines: several contacts at an instant, and one contact
 // that opens, closes and opens again within one.
-TEST(TrackingEstimator, BearsAnyEvents) {
+TEST(TrackingEstimator, AcceptsAnyEvents) {
   constexpr std::uint64_t seed = 31;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -433,7 +433,7 @@ TEST(TrackingEstimator, BearsAnyEvents) {
 }
 
 // In a time line: late events, one by one, and rollbacks without a late event.
-TEST(TrackingEstimator, RollbacksDoNotShow) {
+TEST(TrackingEstimator, RollbacksDoNotChangeEstimates) {
   const Scene& scene = cached_scene("paper_beam.toml");
   std::mt19937_64 engine(3);
   auto events = jittered(master_events(scene, 30.0), 1e-3, engine);

@@ -187,7 +187,7 @@ void observe(const Scene& scene, const Drawn& drawn, Observed& observed) {
 class UncertainParameters : public ::testing::TestWithParam<double> {};
 INSTANTIATE_TEST_SUITE_P(Jitters, UncertainParameters, ::testing::Values(1e-5, 1e-4, 1e-3));
 
-TEST_P(UncertainParameters, SigmaIsTheErrorsWhereTheyAreEstimated) {
+TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
   constexpr std::uint64_t seed = 20;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -215,7 +215,7 @@ TEST_P(UncertainParameters, SigmaIsTheErrorsWhereTheyAreEstimated) {
   EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());
 }
 
-TEST_P(UncertainParameters, ConsideredOnesStayAndSigmaIsTheErrors) {
+TEST_P(UncertainParameters, SigmaMatchesErrorsWithConsideredParameters) {
   constexpr std::uint64_t seed = 21;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
@@ -236,7 +236,7 @@ TEST_P(UncertainParameters, ConsideredOnesStayAndSigmaIsTheErrors) {
   EXPECT_LT(observed.state.share_beyond(), 1e-3);
 }
 
-TEST_P(UncertainParameters, SmoothingIsSurerAndAsHonest) {
+TEST_P(UncertainParameters, SmoothingReducesSigmaAndIsCalibrated) {
   constexpr std::uint64_t seed = 22;
   std::cout << "seed " << seed << '\n';
   Random random(seed);

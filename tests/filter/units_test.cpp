@@ -180,7 +180,7 @@ INSTANTIATE_TEST_SUITE_P(All, RandomInOtherUnits, testing::Range<std::size_t>(0,
 
 // An oscillator of 1e8 rad per unit of time against a stop, read from a scene without chatter_time.
 // It hits the stop at full speed and bounces, like one of 1 rad.
-TEST(Units, AFastMachineBouncesAsASlowOneDoes) {
+TEST(Units, FastOscillatorBouncesLikeSlowOne) {
   const auto text = [](double w) {
     std::ostringstream out;
     out.precision(17);

@@ -38,13 +38,13 @@ std::vector<Bytes> inputs(const std::string& target) {
 
 class Found : public testing::TestWithParam<Target> {};
 
-TEST_P(Found, InputsAreNoTrouble) {
+TEST_P(Found, InputsAreHandled) {
   const auto all = inputs(GetParam().name);
   EXPECT_FALSE(all.empty());
   for (const Bytes& input : all) GetParam().run(input);
 }
 
-TEST_P(Found, RandomChangesOfThemAreNoTrouble) {
+TEST_P(Found, RandomChangesOfInputsAreHandled) {
   const std::uint64_t seed = 7;
   std::cout << "seed " << seed << '\n';
   Random random(seed);

@@ -35,7 +35,7 @@ Scene wrong_beam() {
 }
 
 // At t = 96.3 the contact chatters and stays closed for a while.
-TEST(TrackingEstimator, SevenWrongParametersAndExactTimes) {
+TEST(TrackingEstimator, IdentifiesSevenParametersFromExactTimes) {
   const Trial trial{.duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
   ASSERT_EQ(outcome.accepted.size(), 1U);
@@ -51,7 +51,7 @@ TEST(TrackingEstimator, SevenWrongParametersAndExactTimes) {
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
-TEST(TrackingEstimator, SevenWrongParametersAndTimesThatJitter) {
+TEST(TrackingEstimator, IdentifiesSevenParametersFromJitteredTimes) {
   const Trial trial{.jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 2);
   std::cout << "floor " << outcome.floor(60.0) << ", replica "
@@ -79,7 +79,7 @@ TEST(TrackingEstimator, SevenWrongParametersAndTimesThatJitter) {
   }
 }
 
-TEST(TrackingEstimator, ParametersThatMoveAreFollowed) {
+TEST(TrackingEstimator, FollowsDriftingParameters) {
   Trial trial{.jitter = 1e-4, .walk = 1e-3, .duration = 100.0};
   trial.moves = {{"impact.restitution", -0.1}, {"beam.bending_stiffness", 0.02}};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1);
@@ -93,7 +93,7 @@ TEST(TrackingEstimator, ParametersThatMoveAreFollowed) {
 }
 
 // Uninformative events: the estimator waits for more.
-TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
+TEST(TrackingEstimator, UninformativeEventsAreNotAccepted) {
   const Trial trial{.jitter = 1e-3, .duration = 60.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 1002);
   ASSERT_FALSE(outcome.accepted.empty());
@@ -103,7 +103,7 @@ TEST(TrackingEstimator, WhatIsNotSureIsNotBelieved) {
 }
 
 // Lost events are detected one at a time, with little effect.
-TEST(TrackingEstimator, LostEventsAreNoReasonToGiveUp) {
+TEST(TrackingEstimator, IdentifiesDespiteLostEvents) {
   const Trial trial{.lost = 0.02, .jitter = 1e-4, .duration = 110.0};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 6);
   std::cout << "floor " << outcome.floor(60.0) << '\n';
@@ -112,7 +112,7 @@ TEST(TrackingEstimator, LostEventsAreNoReasonToGiveUp) {
   EXPECT_LT(outcome.worse_than_replica(10.0), 0.01);
 }
 
-TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
+TEST(TrackingEstimator, ExcludesSpuriousEvent) {
   const Scene scene = wrong_beam();
   std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
   // In the middle of a flight.
@@ -142,7 +142,7 @@ TEST(TrackingEstimator, ASpuriousEventIsLeftOut) {
 }
 
 // The ticks are the same with immediate results and with late results and rollbacks.
-TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
+TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
   const Scene scene = wrong_beam();
   const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 30.0);
   constexpr double h = 0.02;
@@ -199,7 +199,7 @@ TEST(TrackingEstimator, ResultsThatComeLateChangeNothing) {
 }
 
 // A walk does not explain a jump of a parameter: the machine is identified again.
-TEST(TrackingEstimator, ParametersThatJumpAreIdentifiedAnew) {
+TEST(TrackingEstimator, IdentifiesJumpingParametersAgain) {
   const Scene scene = wrong_beam();
   std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), 40.0);
   Scene other = shipped_scene("paper_beam");
@@ -274,7 +274,7 @@ TEST(TrackingEstimator, MayJoinLate) {
   EXPECT_LT(ErrorEnergy(machine.model)(q_m, u_m, q, u)[0], 1e-20);
 }
 
-TEST(TrackingEstimator, WhatItCannotDoIsRefused) {
+TEST(TrackingEstimator, RefusesUnsupportedScenes) {
   const auto refusal = [](const Scene& scene) -> std::string {
     try {
       TrackingEstimator(scene, 1e-2, EstimatorKind::adaptive);

@@ -127,7 +127,7 @@ TEST(AdaptiveObserver, ObservesARecording) {
   EXPECT_LT(all.sigma_parameters(all.t.size() - 1, 0), 1e-6);
 }
 
-TEST(AdaptiveObserver, RefusesWhatItCannotDo) {
+TEST(AdaptiveObserver, RefusesUnsupportedScenes) {
   EXPECT_THROW(Observer(shipped_scene("non_proportional"), {0.01, EstimatorKind::adaptive}),
                ModelError);
   EXPECT_THROW(Observer(shipped_scene("paper_beam"), {0.0, EstimatorKind::adaptive}),

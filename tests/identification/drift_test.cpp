@@ -36,7 +36,7 @@ std::optional<DriftEstimate> drift_of(const char* name, double drift, double jit
 
 class DriftOfScenes : public testing::TestWithParam<const char*> {};
 
-TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
+TEST_P(DriftOfScenes, IsEstimatedAtCorrectSize) {
   constexpr double drift = 1e-8, jitter = 1e-4;
   for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
     for (const std::optional<double> given : {std::optional<double>(), std::optional(jitter)}) {
@@ -53,7 +53,7 @@ TEST_P(DriftOfScenes, IsFoundOfTheRightSize) {
   }
 }
 
-TEST_P(DriftOfScenes, IsNoneOfAMachineThatIsItsModel) {
+TEST_P(DriftOfScenes, IsZeroForCorrectModel) {
   constexpr double jitter = 1e-4;
   for (int seed = 1; seed <= std::max(1, long_repetitions(3)); ++seed) {
     for (const std::optional<double> given : {std::optional<double>(), std::optional(jitter)}) {

@@ -37,7 +37,7 @@ TEST(Identification, SevenParametersFromExactTimes) {
   }
 }
 
-TEST(Identification, SigmasAreHonest) {
+TEST(Identification, SigmasAreCalibrated) {
   const Scene scene = shipped_scene("paper_beam");
   const Trial trial{.off = 0.1, .impacts = 60, .jitter = 1e-4};
   int inside = 0, values = 0;
@@ -60,7 +60,7 @@ TEST(Identification, SigmasAreHonest) {
 // The last impacts of a chatter are closer than the error of their times, and coincide if a report
 // waits for the previous one. A path through these times is 2.7 sigma off in these parameters (NEES
 // 7), and seems to drift.
-TEST(Identification, SigmasAreHonestBehindChatter) {
+TEST(Identification, SigmasAreCalibratedAfterChatter) {
   constexpr double jitter = 1e-4;
   const Scene scene = shipped_scene("two_stops_beam");
   const auto events = events_of(scene, 20.0);
@@ -109,7 +109,7 @@ TEST(Identification, SigmasAreHonestBehindChatter) {
   }
 }
 
-TEST(Identification, AJitterThatIsNotToldIsFound) {
+TEST(Identification, UnspecifiedJitterIsEstimated) {
   const Trial trial{.off = 0.1, .jitter = 1e-4, .jitter_given = false};
   const Outcome outcome = run(shipped_scene("paper_beam"), trial, 5);
   EXPECT_TRUE(outcome.right(trial));
@@ -118,7 +118,7 @@ TEST(Identification, AJitterThatIsNotToldIsFound) {
   EXPECT_LT(outcome.found.predicted, 30e-4);
 }
 
-TEST(Identification, LostAndSpuriousEventsAreTold) {
+TEST(Identification, LostAndSpuriousEventsAreReported) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
   const Trial lost{.off = 0.1, .impacts = 60, .jitter = 1e-4, .lost = 0.04};
@@ -155,7 +155,7 @@ Identification mended(const Scene& scene, const std::vector<ContactEvent>& event
 
 // The path is also followed backwards: some of the first events are missing, including the very
 // first, and others are spurious.
-TEST(Identification, TheFrontOfARecordIsMended) {
+TEST(Identification, StartOfRecordIsRepaired) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
   auto events = jittered_events(scene, 30.0, 11);
@@ -181,7 +181,7 @@ TEST(Identification, TheFrontOfARecordIsMended) {
 }
 
 // Fewer than the 22 consecutive impacts with which a search starts otherwise.
-TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
+TEST(Identification, NineteenConsecutiveImpactsSufficeForRepair) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
   auto events = jittered_events(scene, 38.0, 12);
@@ -195,7 +195,7 @@ TEST(Identification, NineteenImpactsInARowAreEnoughToMendARecord) {
 
 // No piece between lost events determines the machine, but several of them together do. Several
 // consecutive events are lost as well.
-TEST(Identification, ShortPiecesTellAMachineTogether) {
+TEST(Identification, ShortPiecesJointlyDetermineMachine) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
   auto events = jittered_events(scene, 60.0, 13);
@@ -210,7 +210,7 @@ TEST(Identification, ShortPiecesTellAMachineTogether) {
 
 // In these records the backward path contains a grazing impact, whose time is sensitive to small
 // errors of the path.
-TEST(Identification, SlowImpactsAreNotTakenForLostOnes) {
+TEST(Identification, GrazingImpactsAreNotReportedAsLost) {
   if (sanitized) GTEST_SKIP() << "takes too long with sanitizers";
   const Scene scene = shipped_scene("paper_beam");
   const Trial lost{.off = 0.2, .jitter = 1e-4, .lost = 0.05};
@@ -224,7 +224,7 @@ TEST(Identification, SlowImpactsAreNotTakenForLostOnes) {
 
 // With five modes a path with zero residuals may pass through the support at every fifth impact:
 // the search must continue.
-TEST(Identification, APathHitFromInsideEndsNoSearch) {
+TEST(Identification, PenetratingPathDoesNotEndSearch) {
   std::ifstream in(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml");
   std::string text{std::istreambuf_iterator<char>(in), {}};
   const std::string three = "modes = 3";
@@ -237,7 +237,7 @@ TEST(Identification, APathHitFromInsideEndsNoSearch) {
 class IdentificationOfScenes : public testing::TestWithParam<const char*> {};
 
 // Several contacts, coupled damping, sustained contacts, SI units.
-TEST_P(IdentificationOfScenes, FindsAllThatCanBeTold) {
+TEST_P(IdentificationOfScenes, FindsAllIdentifiableParameters) {
   const Trial trial{.off = 0.1};
   const Outcome outcome = run(shipped_scene(GetParam()), trial, 1);
   std::cout << GetParam() << ": " << outcome.worst << ", " << outcome.seconds << " s\n";
@@ -249,7 +249,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, IdentificationOfScenes,
                                          "paper_beam_chatter", "steel_ruler"));
 
 // A release gives two equations for the start of the next stretch.
-TEST(Identification, ReleasesOfSustainedContactsCount) {
+TEST(Identification, ReleasesOfSustainedContactsAreUsed) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   IdentificationSettings settings;
   settings.jitter = 0.0;
@@ -271,7 +271,7 @@ TEST(Identification, ReleasesOfSustainedContactsCount) {
 
 // The path continues through the end of a chatter and the following sustained contact. No stretch
 // starts anew, so that there are fewer unknowns.
-TEST(Identification, ThePathIsFollowedThroughHeldContacts) {
+TEST(Identification, PathContinuesThroughSustainedContacts) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution"}));
   auto events = events_of(family.with(Eigen::VectorXd::Constant(1, 0.68)), 30.0);
@@ -298,7 +298,7 @@ TEST(Identification, ThePathIsFollowedThroughHeldContacts) {
 
 // Twenty modes, of which no stretch between sustained contacts has twice as many impacts; and
 // impacts of one contact during a sustained contact of another.
-TEST(Identification, RecordsOfWhichMostIsHeldContacts) {
+TEST(Identification, RecordsOfMostlySustainedContacts) {
   struct Wrong {
     const char* scene;
     const char* key;
@@ -350,7 +350,7 @@ TEST(Identification, ABallOnAShakenTable) {
 
 // A chatter alone does not determine the path, which may even lie inside the support; here its
 // first 12 impacts are left out.
-TEST(Identification, WhatTellsNothingOfItsOwnStartIsLeftOut) {
+TEST(Identification, StretchWithUndeterminedStartIsOmitted) {
   const Scene scene = shipped_scene("two_stops_beam");
   IdentificationSettings settings;
   settings.jitter = 1e-5;
@@ -449,7 +449,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
   EXPECT_NEAR(found.unknowns[0].value, 0.02, 1e-8);
 }
 
-TEST(Identification, WhatTheEventsCannotTellIsSaid) {
+TEST(Identification, UnidentifiableParametersAreReported) {
   // One impact per period: the intervals are constant.
   const Scene scene = shipped_scene("impact_oscillator");
   IdentificationSettings settings;
@@ -493,7 +493,7 @@ q = [-0.05]
   }
 }
 
-TEST(Identification, TooFewImpactsAreSaid) {
+TEST(Identification, TooFewImpactsAreReported) {
   const Scene scene = shipped_scene("paper_beam");
   IdentificationSettings settings;
   settings.unknowns = unknowns_named(scene, usual_keys(scene));
@@ -501,7 +501,7 @@ TEST(Identification, TooFewImpactsAreSaid) {
   EXPECT_THROW(identify(scene, {}, settings), TooFewImpacts);
 }
 
-TEST(Identification, TheFittedSceneIsTheMachine) {
+TEST(Identification, FittedSceneEqualsMachine) {
   const Scene scene = shipped_scene("paper_beam");
   Scene wrong = scene;
   const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution", "beam.damping"}));
@@ -561,7 +561,7 @@ TEST(Identification, AMeasuredBall) {
   EXPECT_FALSE(identify(scene, events, settings).fits());
 }
 
-TEST(Explain, NamesTheFewestThatExplain) {
+TEST(Explain, NamesSmallestExplainingSet) {
   const Scene scene = shipped_scene("paper_beam");
   const auto all = unknowns_named(scene, usual_keys(scene));
   IdentificationSettings settings;

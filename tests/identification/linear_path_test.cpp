@@ -14,7 +14,7 @@
 namespace sprag {
 namespace {
 
-TEST(OscillatorStep, IsWhatTheMatrixExponentialIs) {
+TEST(OscillatorStep, EqualsMatrixExponential) {
   // Vibrating, critical, overdamped, without a spring, and without a damper either.
   for (const auto& [c, k] : {std::pair{0.3, 20.0}, std::pair{2.0, 1.0}, std::pair{5.0, 1.0},
                              std::pair{0.4, 0.0}, std::pair{0.0, 0.0}, std::pair{0.1, 1e-6}}) {
@@ -63,7 +63,7 @@ const Stretches some_impacts = {
 
 // By modes, and by coupled oscillators with the same matrices: an entry of K is an unknown, at its
 // true value.
-TEST(LinearPath, IsTheSameByModesAndByMatrixExponentials) {
+TEST(LinearPath, ModesAndMatrixExponentialsAgree) {
   Scene scene = test::shipped_scene("lab_rig");
   scene.model.forces.push_back({Eigen::Vector2d(0.3, -1.0), 2.5, {}});
   PathOf modal(scene, {}, some_impacts);
@@ -77,7 +77,7 @@ TEST(LinearPath, IsTheSameByModesAndByMatrixExponentials) {
   EXPECT_LT((a.gamma_rate - b.gamma_rate).norm(), 1e-12 * a.gamma_rate.norm());
 }
 
-TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePath) {
+TEST(LinearPath, RowsAndDerivativesMatchPath) {
   for (const char* name : {"paper_beam", "non_proportional", "bouncing_ball"}) {
     const Scene scene = test::shipped_scene(name);
     PathOf path(scene, {}, some_impacts);
@@ -181,7 +181,7 @@ const std::pair<const char*, double> with_held_contacts[] = {
 
 // From the master's own start the path has zero gap at every impact, with sustained contacts,
 // chatter and openings in between.
-TEST(LinearPath, IsTheMastersWhileContactsAreHeld) {
+TEST(LinearPath, EqualsMasterDuringSustainedContacts) {
   int holding = 0;
   for (const auto& [name, duration] : with_held_contacts) {
     ThroughContact of(name, duration);
@@ -201,7 +201,7 @@ TEST(LinearPath, IsTheMastersWhileContactsAreHeld) {
   EXPECT_GT(holding, 10);
 }
 
-TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePathWhileContactsAreHeld) {
+TEST(LinearPath, RowsAndDerivativesMatchPathDuringSustainedContacts) {
   for (const auto& [name, duration] : with_held_contacts) {
     ThroughContact of(name, duration);
     Stretches& stretches = of.stretches;
@@ -231,7 +231,7 @@ TEST(LinearPath, ItsRowsAndDerivativesAreThoseOfThePathWhileContactsAreHeld) {
 }
 
 // The master's events are impacts of the path from the same start.
-TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
+TEST(FreeFlight, ContainsMasterImpacts) {
   const Scene scene = test::shipped_scene("paper_beam");
   const auto events = test::events_of(scene, 10.0);
   const MachineFamily family(scene, {});
@@ -241,7 +241,8 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
   const std::complex<double> e(inputs[0], inputs[1]);
   const std::complex<double> rate = e * std::complex<double>(0.0, machine.frequencies[0]);
   Eigen::VectorXd y = family.to_modes(scene.truth.start.q) - (machine.response.col(0) * e).real();
-  Eigen::VectorXd u = family.to_modes(scene.truth.start.u) - (machine.response.col(0) * rate).real();
+  Eigen::VectorXd u =
+      family.to_modes(scene.truth.start.u) - (machine.response.col(0) * rate).real();
   double t = 0.0;
   for (std::size_t k = 0; k < 8; ++k) {
     const auto next = flight.next_impact(y, u, t, t + 20.0);

@@ -65,7 +65,7 @@ TEST(Record, AStretchBeginsWithTheReleaseOfASustainedContact) {
 }
 
 // Its gap opens with a velocity.
-TEST(Record, AMachineThatStartsInsideIsNoRelease) {
+TEST(Record, PenetratingStartIsNotARelease) {
   const Scene scene = shipped_scene("paper_beam_as_printed");
   const auto events = events_of(scene, 20.0);
   ASSERT_EQ(events.front().kind, ContactEventKind::closes);
@@ -73,7 +73,7 @@ TEST(Record, AMachineThatStartsInsideIsNoRelease) {
 }
 
 // The path is interrupted at a gap, and events within it are ignored.
-TEST(Record, IsCutAtAGap) {
+TEST(Record, IsSplitAtGap) {
   using Kind = ContactEventKind;
   std::vector<ContactEvent> events;
   for (int i = 1; i <= 20; ++i) events.push_back({1.0 * i, 0, Kind::pulse});
@@ -115,7 +115,7 @@ TEST(Record, IsCutAtAGap) {
   EXPECT_EQ(cut(events, record, 4)[1].closed, 0U);
 }
 
-TEST(EventGaps, ThatMeetBecomeOne) {
+TEST(EventGaps, AdjacentGapsAreMerged) {
   using Gaps = std::vector<EventGap>;
   Gaps gaps;
   for (const EventGap gap : Gaps{{5, 6}, {1, 2}, {8, 9}, {3, 3}}) add(gap, gaps);
@@ -127,7 +127,7 @@ TEST(EventGaps, ThatMeetBecomeOne) {
 }
 
 // The impact of another contact may have opened it.
-TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
+TEST(Record, OpeningAtAnotherEventIsNotARelease) {
   using Kind = ContactEventKind;
   std::vector<ContactEvent> events = {{1.0, 0, Kind::closes}, {1.5, 0, Kind::opens}};
   for (int i = 0; i < 6; ++i) events.push_back({2.0 + i, 0, Kind::pulse});
@@ -138,7 +138,7 @@ TEST(Record, WhatOpensBesideAnotherEventIsNoRelease) {
 }
 
 // A sensor that reports one event per chatter, and one that reports each impact.
-TEST(RecordChecks, MergedBouncesAreThoseOfTheSensor) {
+TEST(RecordChecks, DetectsSensorThatMergesBounces) {
   for (const char* name : {"paper_beam_chatter", "steel_ruler"}) {
     const Scene scene = shipped_scene(name);
     const std::vector<ContactEvent> all =

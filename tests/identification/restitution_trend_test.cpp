@@ -49,7 +49,7 @@ Found found_of(double trend, std::optional<double> given, int seed) {
   return found;
 }
 
-TEST(RestitutionTrend, IsFoundOfTheRightSize) {
+TEST(RestitutionTrend, IsEstimatedAtCorrectSize) {
   constexpr double trend = -3e-4;
   for (int seed = 1; seed <= 5; ++seed) {
     for (const std::optional<double> given : {std::optional<double>(), std::optional(1e-5)}) {
@@ -66,7 +66,7 @@ TEST(RestitutionTrend, IsFoundOfTheRightSize) {
   }
 }
 
-TEST(RestitutionTrend, IsNoneWhereThereIsOneRestitution) {
+TEST(RestitutionTrend, IsZeroForConstantRestitution) {
   for (int seed = 1; seed <= 5; ++seed) {
     for (const std::optional<double> given : {std::optional<double>(), std::optional(1e-5)}) {
       const Found of = found_of(0.0, given, seed);

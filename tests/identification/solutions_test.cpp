@@ -180,7 +180,7 @@ TEST(Solutions, NoValueIsFarFromTheMachine) {
 
 // Its flights are known: an interval near an integer multiple of its neighbours contains a missed
 // impact.
-TEST(Solutions, ALostBounceIsFoundWithAnyJitter) {
+TEST(Solutions, LostBounceIsFoundForAnyJitter) {
   const unsigned seed = 21;
   Draw draw(seed);
   int trials = 0, found_lost = 0;
@@ -302,7 +302,7 @@ TEST(Solutions, AnOptimumAtABoundIsOneSided) {
 }
 
 // A ball with one impact per period: many machines have the same events.
-TEST(Solutions, ALockedOrbitDeterminesHardlyAnything) {
+TEST(Solutions, PeriodicOrbitLeavesParametersUndetermined) {
   const Scene scene = test::ball("0.0", "law = \"newton\"\nrestitution = 0.5",
                                  "motion = { amplitude = 0.0035, frequency = 60.0, phase = "
                                  "2.188314299407753 }\n[master]\nq = [0.0020265465649490413]\n"
@@ -325,7 +325,7 @@ TEST(Solutions, ALockedOrbitDeterminesHardlyAnything) {
 }
 
 // A sufficiently large motion fits any periodic record, because no force sets its scale.
-TEST(Solutions, AMotionWithoutAScaleIsNoFit) {
+TEST(Solutions, MotionWithUnobservableScaleIsNotAFit) {
   const Scene beam = shipped_scene("paper_beam");
   std::vector<ContactEvent> events;
   for (int k = 1; k < 80; ++k) events.push_back({0.3 * k, 0, ContactEventKind::pulse});
@@ -338,7 +338,7 @@ TEST(Solutions, AMotionWithoutAScaleIsNoFit) {
 }
 
 // Each impact has a different restitution.
-TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
+TEST(Solutions, DeviationIncludesScatterOfRestitution) {
   double squares = 0.0;
   int values = 0;
   const int runs = repetitions(24);
@@ -371,7 +371,7 @@ TEST(Solutions, ADeviationIncludesAScatteringRestitution) {
 }
 
 // The motion keeps its scale if the scale is unobservable.
-TEST(Solutions, AMachineWithoutAScaleKeepsItsMotion) {
+TEST(Solutions, UnobservableScaleKeepsMotion) {
   Draw draw(5);
   const Machine machine = drawn_without_scale(draw);
   const auto events = recorded(machine, 3e-4, draw);
@@ -385,7 +385,7 @@ TEST(Solutions, AMachineWithoutAScaleKeepsItsMotion) {
   EXPECT_LT(worst_error(machine, scene, found), 6.0);
 }
 
-TEST(Solutions, AMovedEventIsNoRepair) {
+TEST(Solutions, EventIsNotRepairedByMovingIt) {
   Draw draw(6);
   Machine machine = drawn_ball(draw);
   auto events = recorded(machine, 1e-4, draw);

@@ -50,7 +50,7 @@ TEST(BoundsCodec, AgreesWithLcm) {
   EXPECT_EQ(own.refutations, 2);
 }
 
-TEST(BoundsCodec, RefusesEveryCutAndImpossibleNumbers) {
+TEST(BoundsCodec, RefusesTruncationsAndImpossibleNumbers) {
   std::vector<std::uint8_t> buffer;
   const auto message = encode_bounds(bounded_sample(), tip_output(), buffer);
   BoundsSample own;

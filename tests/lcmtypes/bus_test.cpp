@@ -64,7 +64,7 @@ void send_raw(std::uint16_t port, const std::string& packet) {
   ::close(descriptor);
 }
 
-TEST(BusTest, BurstFarAboveLcmsDefaultQueueArrivesWholeAndInOrder) {
+TEST(BusTest, LargeBurstArrivesCompletelyAndInOrder) {
   const std::string url = test::udp_url();
   Bus sender(url), receiver(url);
   std::vector<Message> received;
@@ -103,7 +103,7 @@ TEST(BusTest, ChannelsMatchExactlyAndPrefixesByPrefix) {
   EXPECT_EQ(prefixed, (std::vector<Message>{{"A.BC", {}}, {"A.", {}}, {"A.B", {}}}));
 }
 
-TEST(BusTest, PortsKeepRunsApart) {
+TEST(BusTest, PortsSeparateRuns) {
   const std::string url = test::udp_url();
   Bus sender(url), stranger(test::udp_url()), receiver(url);
   std::vector<Message> received;
@@ -114,7 +114,7 @@ TEST(BusTest, PortsKeepRunsApart) {
   EXPECT_EQ(received[0].data, numbered(2, 3));
 }
 
-TEST(BusTest, HandlersExceptionComesOutOfHandleAndTheBusGoesOn) {
+TEST(BusTest, ExceptionOfHandlerIsRethrownAndBusStaysUsable) {
   const std::string url = test::udp_url();
   Bus bus(url);
   int calls = 0;
@@ -159,7 +159,7 @@ TEST(BusTest, MalformedPacketsAreDroppedAndCounted) {
 }
 
 // liblcm receives every group of a port.
-TEST(BusTest, GroupsOnOnePortKeepRunsApart) {
+TEST(BusTest, GroupsOnOnePortSeparateRuns) {
   const std::string port = std::to_string(test::free_port());
   Bus one("udpm://239.255.76.67:" + port + "?ttl=0");
   Bus other("udpm://239.255.76.68:" + port + "?ttl=0");
@@ -188,7 +188,7 @@ TEST(BusTest, DatagramsThatTheKernelDropsAreCounted) {
   EXPECT_EQ(receiver.counts().overflowed, 200 - static_cast<std::int64_t>(received.size()));
 }
 
-TEST(BusTest, AHandlerKnowsTheSendersApart) {
+TEST(BusTest, HandlerDistinguishesSenders) {
   const std::string url = test::udp_url();
   Bus one(url), other(url), receiver(url);
   std::vector<std::uint64_t> senders;
@@ -201,7 +201,7 @@ TEST(BusTest, AHandlerKnowsTheSendersApart) {
 }
 
 // A program that does not share the port, like most servers.
-TEST(BusTest, APortInUseIsSaidAndNoRouteIsMissed) {
+TEST(BusTest, PortInUseIsReportedAndNotAsMissingRoute) {
   const std::uint16_t port = test::free_port();
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in address{};
@@ -287,7 +287,7 @@ TEST(BusTest, AddressesThatCannotBeOpenedAreErrors) {
   EXPECT_THROW(Bus("file:///nowhere/x.lcmlog"), BusError);
 }
 
-TEST(BusTest, LcmLoggerRecordsWhatIsPublished) {
+TEST(BusTest, LcmLoggerRecordsPublishedMessages) {
   if (std::system("command -v lcm-logger >/dev/null") != 0) GTEST_SKIP() << "no lcm-logger here";
   const test::TemporaryDirectory directory;
   const std::string url = test::udp_url();
@@ -336,7 +336,7 @@ std::optional<int> in_new_network(int (*check)()) {
   return WEXITSTATUS(status);
 }
 
-TEST(BusTest, HostWithoutMulticastIsToldHowToMendIt) {
+TEST(BusTest, MissingMulticastIsReportedWithRemedy) {
   const auto result = in_new_network([] {
     try {
       Bus bus;
@@ -353,7 +353,7 @@ TEST(BusTest, HostWithoutMulticastIsToldHowToMendIt) {
   EXPECT_EQ(*result, 0);
 }
 
-TEST(BusTest, TheTwoLinesMendItAndALostRouteFailsThePublishing) {
+TEST(BusTest, RemedyRestoresMulticastAndLostRouteFailsPublishing) {
   if (std::system("command -v ip >/dev/null") != 0) GTEST_SKIP() << "no ip here (iproute2)";
   const auto result = in_new_network([] {
     if (std::system("ip link set lo up && ip route add 224.0.0.0/4 dev lo") != 0) return 3;

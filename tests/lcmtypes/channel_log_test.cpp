@@ -78,7 +78,7 @@ class ChannelLogTest : public testing::Test {
   TemporaryDirectory directory_;
 };
 
-TEST_F(ChannelLogTest, BytesAreThoseOfTheFormat) {
+TEST_F(ChannelLogTest, BytesMatchTheFormat) {
   const std::string expected(
       "\xED\xA1\xDA\x01\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x03\xE8\0\0\0\x01\0\0\0\x05"
       "A\x01\x02\x03\x04\x05",
@@ -86,7 +86,7 @@ TEST_F(ChannelLogTest, BytesAreThoseOfTheFormat) {
   EXPECT_EQ(three_records().substr(0, expected.size()), expected);
 }
 
-TEST_F(ChannelLogTest, RandomRecordsComeBackAndLiblcmReadsThem) {
+TEST_F(ChannelLogTest, RandomRecordsRoundTripAndLiblcmReadsThem) {
   const unsigned seed = 11;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -124,7 +124,7 @@ TEST_F(ChannelLogTest, RandomRecordsComeBackAndLiblcmReadsThem) {
   }
 }
 
-TEST_F(ChannelLogTest, ReadsWhatLiblcmWrites) {
+TEST_F(ChannelLogTest, ReadsLogsOfLiblcm) {
   const auto file = directory_ / "lcm.lcmlog";
   std::vector<std::uint8_t> data = {9, 8, 7};
   {
@@ -141,7 +141,7 @@ TEST_F(ChannelLogTest, ReadsWhatLiblcmWrites) {
   EXPECT_TRUE(reader.damages().empty());
 }
 
-TEST_F(ChannelLogTest, EveryCutDeliversTheWholeRecordsAndNamesTheBrokenOne) {
+TEST_F(ChannelLogTest, TruncatedLogDeliversCompleteRecordsAndNamesBrokenOne) {
   const std::string whole = three_records();
   const std::vector<std::size_t> starts = {0, head_size + 6, 2 * head_size + 6 + 14, whole.size()};
   ASSERT_EQ(whole.size(), 3 * head_size + 6 + 14 + 13 + 3);
@@ -159,7 +159,7 @@ TEST_F(ChannelLogTest, EveryCutDeliversTheWholeRecordsAndNamesTheBrokenOne) {
   }
 }
 
-TEST_F(ChannelLogTest, LostSyncCostsOneRecord) {
+TEST_F(ChannelLogTest, LostSyncLosesOneRecord) {
   std::string bytes = three_records();
   const std::size_t second = head_size + 6;
   const std::size_t third = second + head_size + 14;
@@ -181,7 +181,7 @@ TEST_F(ChannelLogTest, LostSyncCostsOneRecord) {
   EXPECT_TRUE(damages("", 0).empty());
 }
 
-TEST_F(ChannelLogTest, AbsurdLengthsAreNotBelieved) {
+TEST_F(ChannelLogTest, AbsurdLengthsAreRefused) {
   const std::size_t second = head_size + 6;
   const auto with = [&](std::size_t offset, std::string_view length) {
     std::string bytes = three_records();
@@ -202,7 +202,7 @@ TEST_F(ChannelLogTest, AbsurdLengthsAreNotBelieved) {
     EXPECT_EQ(with(24, length), "wrong length");
 }
 
-TEST_F(ChannelLogTest, ASyncWordInAMessageDoesNotMislead) {
+TEST_F(ChannelLogTest, SyncWordInMessageIsIgnored) {
   // A valid head of a record inside the message of a record whose own head is damaged.
   const std::string head = three_records().substr(0, head_size + 6);
   const std::string data = "abc" + head + "defghijklm" + head.substr(0, 4) + "n";
@@ -219,7 +219,7 @@ TEST_F(ChannelLogTest, ASyncWordInAMessageDoesNotMislead) {
   EXPECT_EQ(found.end, 2 * size);
 }
 
-TEST_F(ChannelLogTest, StrayBytesCostNoMoreThanTheyCover) {
+TEST_F(ChannelLogTest, StrayBytesLoseOnlyCoveredRecords) {
   const unsigned seed = 12;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);

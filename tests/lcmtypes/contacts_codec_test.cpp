@@ -83,11 +83,11 @@ EncodedContacts bytes(const contacts_t& message) {
   return result;
 }
 
-TEST(ContactsCodecTest, TypeHashIsTheOneThatOtherProgramsKnow) {
+TEST(ContactsCodecTest, TypeHashIsStable) {
   EXPECT_EQ(static_cast<std::uint64_t>(contacts_t::getHash()), 0xcb9f618642cab9d1U);
 }
 
-TEST(ContactsCodecTest, RandomReportsComeBackAndMatchLcmsOwnBytes) {
+TEST(ContactsCodecTest, RandomReportsRoundTripAndMatchLcmEncoding) {
   const unsigned seed = 1;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -155,7 +155,7 @@ TEST(ContactsCodecTest, EveryKindOfBadFieldIsRefusedWithItsCause) {
   }
 }
 
-TEST(ContactsCodecTest, UnusedRecordsMayHoldAnything) {
+TEST(ContactsCodecTest, UnusedRecordsAreIgnored) {
   ContactMessage report;
   report.contacts = 1;
   contacts_t message = to_lcm(report);

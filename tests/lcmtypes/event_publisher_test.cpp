@@ -52,7 +52,7 @@ class Receiver {
   Bus bus_;
 };
 
-TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
+TEST(EventPublisher, EventsAreSentOnceHorizonReachesThem) {
   const std::string url = test::udp_url();
   Receiver receiver(url);
   EventPublisher publisher(2, {.url = url});
@@ -84,7 +84,7 @@ TEST(EventPublisher, EventsGoOutWithTheHorizonThatReachesThem) {
   EXPECT_EQ(receiver.reports.back().closed, 0U);
 }
 
-TEST(EventPublisher, HeartbeatsGoOnAndTheLastMessageIsRepeated) {
+TEST(EventPublisher, HeartbeatsContinueAndLastMessageIsRepeated) {
   const std::string url = test::udp_url();
   Receiver receiver(url);
   EventPublisher publisher(1, {.url = url, .speed = std::numeric_limits<double>::infinity()});
@@ -107,7 +107,7 @@ TEST(EventPublisher, HeartbeatsGoOnAndTheLastMessageIsRepeated) {
   }
 }
 
-TEST(EventPublisher, APacedMachineThatStandsStillIsNotSaidToHaveEnded) {
+TEST(EventPublisher, PausedMachineIsNotReportedAsEnded) {
   const std::string url = test::udp_url();
   Receiver receiver(url);
   EventPublisher publisher(1, {.url = url});
@@ -122,7 +122,7 @@ TEST(EventPublisher, APacedMachineThatStandsStillIsNotSaidToHaveEnded) {
   EXPECT_EQ(receiver.reports.size(), 26U);
 }
 
-TEST(EventPublisher, ManyEventsAtOnceAreAllHeard) {
+TEST(EventPublisher, ManySimultaneousEventsAllArrive) {
   const std::string url = test::udp_url();
   Receiver receiver(url);
   constexpr int events = 1000;
@@ -167,7 +167,7 @@ TEST(EventPublisher, WrongArgumentsAreRefused) {
                std::invalid_argument);
 }
 
-TEST(EstimateListener, HearsTheEstimatesOfItsChannel) {
+TEST(EstimateListener, ReceivesEstimatesOfItsChannel) {
   const std::string url = test::udp_url();
   EstimateListener now(EstimateChannel::now, url), settled(EstimateChannel::settled, url);
   Bus bus(url);

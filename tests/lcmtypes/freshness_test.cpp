@@ -11,7 +11,7 @@ constexpr std::int64_t second = 1'000'000;
 constexpr std::int64_t now = 1'700'000'000 * second;
 constexpr std::int64_t year = 365 * 86400 * second;
 
-TEST(FreshnessTest, AMessageMustHaveBeenSentJustNow) {
+TEST(FreshnessTest, OldMessageIsRefused) {
   const FreshnessRule freshness(Freshness::required);
   EXPECT_TRUE(freshness.allows(now, now));
   EXPECT_TRUE(freshness.allows(now - 10 * second, now));
@@ -24,7 +24,7 @@ TEST(FreshnessTest, AMessageMustHaveBeenSentJustNow) {
   EXPECT_TRUE(FreshnessRule(Freshness::any).allows(0, now));
 }
 
-TEST(FreshnessTest, AMessageMustBeLaterThanWhatWasHeard) {
+TEST(FreshnessTest, MessageMustBeLaterThanReceivedOnes) {
   FreshnessRule freshness(Freshness::required);
   freshness.note(now);
   freshness.note(now - second);
@@ -32,7 +32,7 @@ TEST(FreshnessTest, AMessageMustBeLaterThanWhatWasHeard) {
   EXPECT_TRUE(freshness.allows(now + 1, now + second));
 }
 
-TEST(FreshnessTest, AClockThatWasAYearAheadDoesNoHarm) {
+TEST(FreshnessTest, ClockOnceAYearAheadDoesNotBlockMessages) {
   FreshnessRule freshness(Freshness::required);
   freshness.note(now + year);
   EXPECT_TRUE(freshness.allows(now, now));

@@ -110,7 +110,7 @@ void expect_equal(const Health& a, const health_t& b) {
   EXPECT_EQ(a.refused, refused);
 }
 
-TEST(HealthCodec, RandomHealthIsReadAndHasLcmsOwnBytes) {
+TEST(HealthCodec, RandomHealthRoundTripsAndMatchesLcmEncoding) {
   const unsigned seed = 1;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);

@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-TEST(ImpactCodec, LcmReadsWhatIsWritten) {
+TEST(ImpactCodec, LcmDecodesEncodedMessage) {
   ImpactRecord record;
   record.t = 0.25;
   record.contact = 2;

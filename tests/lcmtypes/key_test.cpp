@@ -29,7 +29,7 @@ Bytes tagged(const Key& key, const std::string& channel, Bytes message) {
   return message;
 }
 
-TEST(KeyTest, VerifiesItsOwnTagAndNoOtherBit) {
+TEST(KeyTest, RefusesTagWithAnyChangedBit) {
   const Key key = key_of_ones();
   const Bytes good = tagged(key, "A", {1, 2, 3, 4, 5});
   EXPECT_TRUE(key.verifies("A", good));
@@ -46,7 +46,7 @@ TEST(KeyTest, VerifiesItsOwnTagAndNoOtherBit) {
 }
 
 // The boundary between channel name and message is authenticated.
-TEST(KeyTest, TheNameIsKeptApartFromTheMessage) {
+TEST(KeyTest, TagAuthenticatesBoundaryOfChannelName) {
   const Key key = key_of_ones();
   EXPECT_NE(key.tag("AB", Bytes{'C'}), key.tag("A", Bytes{'B', 'C'}));
 }
@@ -93,7 +93,7 @@ TEST_F(KeyFile, HoldsSixtyFourHexadecimalDigits) {
   }
 }
 
-TEST_F(KeyFile, AnythingElseIsRefused) {
+TEST_F(KeyFile, InvalidContentIsRefused) {
   const std::string digits(64, '1');
   for (const std::string& text : {std::string{}, std::string("secret"), digits.substr(1),
                                   digits.substr(2), digits + "11", digits + " 1", "g" + digits}) {
@@ -103,7 +103,7 @@ TEST_F(KeyFile, AnythingElseIsRefused) {
   EXPECT_THROW(Key{std::filesystem::path("/tmp")}, InputError);
 }
 
-TEST(KeyTest, ABusWithAKeyHearsOnlyItsOwn) {
+TEST(KeyTest, BusWithKeyReceivesOnlyMessagesOfItsKey) {
   const std::string url = test::udp_url();
   Bus friendly(url, key_of_ones());
   Bus stranger(url, key_of_ones(2));

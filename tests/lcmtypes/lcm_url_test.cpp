@@ -16,17 +16,17 @@ TEST(LcmUrlTest, ReadsGroupPortAndArguments) {
   EXPECT_EQ(parse_url("udpm://239.1.2.3:9999?x=1,ttl=1").multicast->ttl, 1);
 }
 
-TEST(LcmUrlTest, EmptyTargetIsLcmsUsualOne) {
+TEST(LcmUrlTest, EmptyTargetIsLcmDefault) {
   EXPECT_EQ(parse_url("udpm://?ttl=1").multicast->group, "239.255.76.67");
   EXPECT_EQ(parse_url("udpm://").multicast->port, 7667);
 }
 
-TEST(LcmUrlTest, OtherProvidersPass) {
+TEST(LcmUrlTest, OtherProvidersAreNotMulticast) {
   for (const char* text : {"memq://", "file://some.log?speed=0", "tcpq://localhost:7700"})
     EXPECT_FALSE(parse_url(text).multicast) << text;
 }
 
-TEST(LcmUrlTest, WhatLcmWouldMisreadIsRefused) {
+TEST(LcmUrlTest, UrlsThatLcmMisreadsAreRefused) {
   for (const char* text :
        {"", "239.255.76.67:7667", "udp://239.255.76.67:7667", "udpm:/x", "udpm://localhost:7667",
         "udpm://10.0.0.1:7667", "udpm://239.255.76.67", "udpm://239.255.76.67:0",

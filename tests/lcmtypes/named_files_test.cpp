@@ -26,7 +26,7 @@ class NamedFilesTest : public testing::Test {
   test::TemporaryDirectory directory_;
 };
 
-TEST_F(NamedFilesTest, OtherFilesAreNoClash) {
+TEST_F(NamedFilesTest, DifferentFilesDoNotClash) {
   write_text(path("a"), "a");
   write_text(path("b"), "a");
   EXPECT_EQ(clash(path("a"), path("b")), "");
@@ -36,7 +36,7 @@ TEST_F(NamedFilesTest, OtherFilesAreNoClash) {
   EXPECT_EQ(overwritten({}), "");
 }
 
-TEST_F(NamedFilesTest, InputsMayBeOneFile) {
+TEST_F(NamedFilesTest, InputsMayBeTheSameFile) {
   const std::vector<NamedFile> files{{"--truth", write_text(path("a"), "a"), read},
                                      {"--estimate", path("a"), read}};
   EXPECT_EQ(overwritten(files), "");
@@ -51,7 +51,7 @@ TEST_F(NamedFilesTest, TheMessageNamesBothOptionsAndTheFile) {
                                                 path("link").string() + " are the same file");
 }
 
-TEST_F(NamedFilesTest, AFileHasManyNames) {
+TEST_F(NamedFilesTest, AliasesOfFileAreRecognized) {
   write_text(path("a"), "a");
   std::filesystem::create_directory(path("folder"));
   std::filesystem::create_directory_symlink("folder", path("other"));
@@ -66,7 +66,7 @@ TEST_F(NamedFilesTest, AFileHasManyNames) {
   EXPECT_NE(clash(path("folder/b"), path("other/b")), "");
 }
 
-TEST_F(NamedFilesTest, AFileThatIsToComeHasManyNamesAsWell) {
+TEST_F(NamedFilesTest, AliasesOfFutureFileAreRecognized) {
   std::filesystem::create_directory(path("folder"));
   std::filesystem::create_directory_symlink("folder", path("other"));
   std::filesystem::create_symlink("folder/new", path("dangling"));
@@ -83,7 +83,7 @@ TEST_F(NamedFilesTest, AFileThatIsToComeHasManyNamesAsWell) {
   EXPECT_EQ(clash(path("a"), path("round")), "");
 }
 
-TEST_F(NamedFilesTest, WhatIsNoRegularFileMayBeNamedTwice) {
+TEST_F(NamedFilesTest, NonRegularFileMayBeNamedTwice) {
   EXPECT_EQ(clash("/dev/null", "/dev/null"), "");
   const std::vector<NamedFile> outputs{{"--csv", "/dev/null", written},
                                        {"--report", "/dev/null", written}};

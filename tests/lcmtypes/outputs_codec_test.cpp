@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-TEST(OutputsCodec, LcmReadsWhatIsWritten) {
+TEST(OutputsCodec, LcmDecodesEncodedMessage) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   EstimateSample sample;
   sample.session = -3;
@@ -55,7 +55,7 @@ TEST(OutputsCodec, LcmReadsWhatIsWritten) {
   EXPECT_EQ(read.sigma, (std::vector<double>{infinity, infinity}));
 }
 
-TEST(OutputsCodec, WhatCannotBeIsRefused) {
+TEST(OutputsCodec, ImpossibleValuesAreRefused) {
   EstimateSample sample;
   sample.q = sample.u = Eigen::Vector2d(1.0, 2.0);
   const std::vector<Output> outputs{{"tip", Eigen::Vector2d(3.0, -1.0)}};

@@ -37,7 +37,7 @@ TEST(Packet, AMessageMayBeEmpty) {
   EXPECT_TRUE(packet.data.empty());
 }
 
-TEST(Packet, WhatIsNotOneIsRefusedByCause) {
+TEST(Packet, InvalidPacketsAreRefusedByCause) {
   EXPECT_EQ(fault_of(""), PacketFault::foreign);
   EXPECT_EQ(fault_of("LC02\0\0\0"s), PacketFault::foreign);
   EXPECT_EQ(fault_of("LC01\0\0\0\0A\0"s), PacketFault::foreign);

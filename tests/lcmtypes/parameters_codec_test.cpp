@@ -8,7 +8,7 @@
 namespace sprag {
 namespace {
 
-TEST(ParametersCodec, LcmReadsWhatIsWritten) {
+TEST(ParametersCodec, LcmDecodesEncodedMessage) {
   EstimateSample sample;
   sample.session = -3;
   sample.utime = 5;

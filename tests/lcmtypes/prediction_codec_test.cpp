@@ -7,7 +7,7 @@
 namespace sprag {
 namespace {
 
-TEST(PredictionCodec, LcmReadsWhatIsWritten) {
+TEST(PredictionCodec, LcmDecodesEncodedMessage) {
   Prediction prediction{0.5, 0.875, {}};
   prediction.events.push_back({0.75, 2, ContactEventKind::pulse, 0.125});
   prediction.events.push_back({0.875, 0, ContactEventKind::closes, 0.25});

@@ -53,7 +53,7 @@ TEST(PrintableTest, EveryCharacterOfUnicode) {
   EXPECT_EQ(printable("\xc2\x9b[31m \xe2\x80\xae \xef\xbf\xbf"), R"(\u009b[31m \u202e \uffff)");
 }
 
-TEST(PrintableTest, WhatIsCutOrTooLongIsNoCharacter) {
+TEST(PrintableTest, TruncatedAndOverlongSequencesAreEscaped) {
   EXPECT_EQ(printable("\xc3"), R"(\xc3)");
   EXPECT_EQ(printable("\xe2\x82x"), R"(\xe2\x82x)");
   EXPECT_EQ(printable("\xc1\x8a"), R"(\xc1\x8a)") << "a line break in two bytes";
@@ -61,7 +61,7 @@ TEST(PrintableTest, WhatIsCutOrTooLongIsNoCharacter) {
   EXPECT_EQ(printable("\xf0\x80\x80\x8a"), R"(\xf0\x80\x80\x8a)");
 }
 
-TEST(PrintableTest, AnyBytesAndAgain) {
+TEST(PrintableTest, IsIdempotentForAnyBytes) {
   Random random(7);
   for (int i = 0; i < 20000; ++i) {
     std::string text;
@@ -72,7 +72,7 @@ TEST(PrintableTest, AnyBytesAndAgain) {
   }
 }
 
-TEST(PrintableTest, LinesAndJsonStayWhatTheyAre) {
+TEST(PrintableTest, LinesAndJsonAreUnchanged) {
   EXPECT_EQ(printable_lines("a\nb\x1b\n"), "a\nb\\x1b\n");
   const nlohmann::json object{{"name", "\x1b\x7f\xc2\x9b\xe2\x80\xae\n Ω"}};
   const std::string text = printable_lines(object.dump(2));
@@ -82,7 +82,7 @@ TEST(PrintableTest, LinesAndJsonStayWhatTheyAre) {
   }
 }
 
-TEST(PrintableTest, AStreamIsFilteredAndThenItsOwnAgain) {
+TEST(PrintableTest, StreamIsRestoredAfterFiltering) {
   std::ostringstream out;
   {
     const PrintableStream filtered(out);

@@ -67,7 +67,7 @@ TEST(ProgramTest, BadCommandLinesExitWithTwo) {
   EXPECT_NE(url.err.find("--url"), std::string::npos);
 }
 
-TEST(ProgramTest, NumbersAreCheckedAndTheMessageSaysWhatIsAllowed) {
+TEST(ProgramTest, NumbersAreCheckedAndMessageGivesRange) {
   for (const char* bad :
        {"0", "-1", "-0", "nan", "inf", "-inf", "1e999", "1x", "", "0x10", "max"}) {
     const Outcome outcome = TestProgram{}({"--tick", bad});
@@ -82,7 +82,7 @@ TEST(ProgramTest, NumbersAreCheckedAndTheMessageSaysWhatIsAllowed) {
   EXPECT_TRUE(std::isinf(program.speed));
 }
 
-TEST(ProgramTest, AWrongChoiceIsToldWithThoseThereAre) {
+TEST(ProgramTest, InvalidChoiceIsReportedWithValidOnes) {
   const Outcome outcome = TestProgram{}({"--method", "kalman"});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_TRUE(outcome.err.starts_with("--method: kalman; choose one, two or three\n"))
@@ -94,7 +94,7 @@ TEST(ProgramTest, AWrongChoiceIsToldWithThoseThereAre) {
   EXPECT_EQ(program.method, 2);
 }
 
-TEST(ProgramTest, AReportOntoAnInputIsRefusedBeforeAnythingRuns) {
+TEST(ProgramTest, ReportOverInputIsRefusedBeforeTheRun) {
   const test::TemporaryDirectory directory;
   const std::string file = test::write_text(directory / "file", "precious");
   TestProgram program;

@@ -123,12 +123,12 @@ std::vector<std::uint8_t> copy(std::span<const std::uint8_t> bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-TEST(StateCodecTest, TypeHashesAreTheOnesThatOtherProgramsKnow) {
+TEST(StateCodecTest, TypeHashesAreStable) {
   EXPECT_EQ(static_cast<std::uint64_t>(state_t::getHash()), 0x44a6bbc1c0625fe8U);
   EXPECT_EQ(static_cast<std::uint64_t>(estimate_t::getHash()), 0x504509d031a6ed1U);
 }
 
-TEST(StateCodecTest, RandomSamplesComeBackAndMatchLcmsOwnBytes) {
+TEST(StateCodecTest, RandomSamplesRoundTripAndMatchLcmEncoding) {
   const unsigned seed = 2;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -165,7 +165,7 @@ TEST(StateCodecTest, BufferAndSampleAreReused) {
   EXPECT_EQ(back.q.data(), q);
 }
 
-TEST(StateCodecTest, LyingLengthsAreRefusedBeforeAnythingIsStored) {
+TEST(StateCodecTest, WrongLengthsAreRefusedBeforeStoring) {
   std::mt19937_64 random(6);
   std::vector<std::uint8_t> buffer;
   encode(static_cast<const StateSample&>(random_sample(random, 3)), buffer);

@@ -12,7 +12,7 @@
 namespace sprag {
 namespace {
 
-TEST(Histogram, QuantilesAreWithinABucketAboveTheTrueOnes) {
+TEST(Histogram, QuantilesExceedTrueOnesByAtMostOneBucket) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);

@@ -57,7 +57,7 @@ class ObserverTest
   std::vector<ContactEvent> events_ = events_of(scene_);
 };
 
-TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
+TEST_P(ObserverTest, EqualsTimeLineWithPromptReports) {
   std::vector<Estimate> expected;
   {
     TrackingEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
@@ -103,7 +103,7 @@ TEST_P(ObserverTest, HasTheBitsOfATimeLineThatIsToldEverythingInTime) {
   }
 }
 
-TEST_P(ObserverTest, IsForNowWhatItWillBeWhenSettledIfAllHasCome) {
+TEST_P(ObserverTest, ProvisionalEqualsSettledWithCompleteEvents) {
   Observer observer(scene_, settings_);
   Observer late(scene_, settings_);
   const std::size_t half = events_.size() / 2;
@@ -156,7 +156,7 @@ INSTANTIATE_TEST_SUITE_P(
                     std::tuple{scenes[2], EstimatorKind::both, StepperKind::exact},
                     std::tuple{scenes[3], EstimatorKind::replica, StepperKind::moreau}));
 
-TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
+TEST(Observer, RefusesLateEventsWithMessage) {
   const Scene scene = scene_of("paper_beam");
   const std::vector<ContactEvent> events = events_of(scene);
   Observer observer(scene, {.tick = tick_length});
@@ -175,7 +175,7 @@ TEST(Observer, RefusesWhatComesTooLateAndSaysSo) {
   EXPECT_THROW(observer.at(std::nan("")), std::invalid_argument);
 }
 
-TEST(Observer, HasABoundWhereTheEventsAreComplete) {
+TEST(Observer, HasBoundWithCompleteEvents) {
   const Scene scene = scene_of("paper_beam");
   const Estimates all = observe(scene, events_of(scene), duration, {.tick = tick_length});
   EXPECT_NEAR(all.bound[0], scene.prior.uncertainty.sum(), 1e-12);
@@ -193,7 +193,7 @@ TEST(Observer, CanBeMoved) {
   EXPECT_EQ(moved.settle().size(), 101U);
 }
 
-TEST(Observer, RefusesSettingsThatMakeNoSense) {
+TEST(Observer, RefusesInvalidSettings) {
   const Scene scene = scene_of("lab_rig");
   EXPECT_THROW(Observer(scene, {.tick = 0.0}), std::invalid_argument);
   EXPECT_THROW(Observer(scene, {.tick = tick_length, .stepper = StepperKind::moreau}),
@@ -202,7 +202,7 @@ TEST(Observer, RefusesSettingsThatMakeNoSense) {
 }
 
 // The model built in code equals that of the scene file, bit for bit.
-TEST(BeamInCode, IsThatOfTheSceneFile) {
+TEST(BeamInCode, EqualsSceneFileBitForBit) {
   const Scene scene = scene_of("paper_beam");
   const Harmonic shake{.amplitude = 0.03, .frequency = 9.5};
   const Beam beam{.modes = 3, .damping = 0.17};

@@ -92,7 +92,7 @@ using Estimators =
     ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
-TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
+TYPED_TEST(TimeLineTest, EqualsStepperWithAllEventsKnown) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
     const Scene& scene = cached_scene(name);
     const double end = 10.0;
@@ -120,7 +120,7 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
 
 // The smallest case: both events fall into tick 1, and the second arrives after tick 1 has been
 // integrated.
-TYPED_TEST(TimeLineTest, GoingBackTakesTheTicksEarlierEventsAgain) {
+TYPED_TEST(TimeLineTest, RollbackReappliesEarlierEventsOfTick) {
   const std::vector<ContactEvent> events{{0.25, 0, pulse}, {0.5, 1, pulse}};
   typename TestFixture::Run run(1.0, 10);
   run.line.restart(0, 0, 0, no_horizon);
@@ -132,7 +132,7 @@ TYPED_TEST(TimeLineTest, GoingBackTakesTheTicksEarlierEventsAgain) {
   EXPECT_EQ(difference(this->reference(1.0, events, 3.0), run.settled), "");
 }
 
-TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
+TYPED_TEST(TimeLineTest, RollbackAtEveryTickDoesNotChangeResult) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -150,7 +150,7 @@ TYPED_TEST(TimeLineTest, GoingBackAtEveryTickChangesNothing) {
   }
 }
 
-TYPED_TEST(TimeLineTest, GoingBackWithAMastersEventsChangesNothing) {
+TYPED_TEST(TimeLineTest, RollbackWithMasterEventsDoesNotChangeResult) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
     const Scene& scene = cached_scene(name);
     const double end = 8.0;
@@ -227,7 +227,7 @@ TYPED_TEST(TimeLineTest, AnEventAtTheStartActsAtTheStart) {
   }
 }
 
-TYPED_TEST(TimeLineTest, EventsOfOneInstantAreOneImpactHoweverTheyArrive) {
+TYPED_TEST(TimeLineTest, SimultaneousEventsAreOneImpactInAnyOrderOfArrival) {
   const std::vector<ContactEvent> events{{0.3, 0, pulse}, {0.3, 1, pulse}};
   const Recording expected = this->reference(0.25, events, 1.0);
   for (const bool apart : {false, true}) {
@@ -242,7 +242,7 @@ TYPED_TEST(TimeLineTest, EventsOfOneInstantAreOneImpactHoweverTheyArrive) {
   }
 }
 
-TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
+TEST(TimeLine, SuccessiveImpactsAreNotMerged) {
   const State& start = cached_scene("paper_beam.toml").prior.start;
   const std::vector<ContactEvent> once{{0.3, 0, pulse}, {0.3, 1, pulse}};
   const std::vector<ContactEvent> twice{{0.3, 0, pulse}, {std::nextafter(0.3, 1.0), 1, pulse}};
@@ -253,7 +253,7 @@ TEST(TimeLine, TwoImpactsInSuccessionAreNotOneImpact) {
 
 // Skipped ticks lose nothing: neither motion nor notes of note(). The machine has sustained
 // contacts, pulses and chatter.
-TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
+TEST(TimeLine, SkippedTicksDoNotChangeMotionOrNotes) {
   const auto said = [](const Replica& replica, const ReplicaState& state) {
     Confidence confidence;
     replica.note(state, confidence);
@@ -314,7 +314,7 @@ TEST(TimeLine, TicksThatAreCoastedAreTheSameAndSayNothingNew) {
 }
 
 // Ticks beyond the history are integrated again from the last settled tick.
-TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
+TYPED_TEST(TimeLineTest, EventsOlderThanHistoryDoNotChangeResult) {
   for (const std::int64_t history : {1, 2, 7, 100}) {
     for (std::uint64_t seed = 1; seed <= 10; ++seed) {
       SCOPED_TRACE("history " + std::to_string(history) + " seed " + std::to_string(seed));
@@ -347,7 +347,7 @@ TYPED_TEST(TimeLineTest, EventsOlderThanTheHistoryCostMoreAndChangeNothing) {
 }
 
 // GGPO's SyncTest: a rollback has no visible effect.
-TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
+TYPED_TEST(TimeLineTest, RollbackWithoutLateEventDoesNotChangeResult) {
   const Scene& scene = cached_scene("paper_beam_chatter.toml");
   const double h = 1e-2;
   const double end = 12.0;
@@ -374,7 +374,7 @@ TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
   }
 }
 
-TYPED_TEST(TimeLineTest, ABudgetOnlySpreadsTheWork) {
+TYPED_TEST(TimeLineTest, BudgetDoesNotChangeResult) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -407,7 +407,7 @@ TYPED_TEST(TimeLineTest, ABudgetOnlySpreadsTheWork) {
   }
 }
 
-TYPED_TEST(TimeLineTest, AQueueThatIsFullLosesNothing) {
+TYPED_TEST(TimeLineTest, FullQueueLosesNothing) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -477,7 +477,7 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenTheFirstReportDoesNotCarryEver
 }
 
 // A machine's clock may start at any time.
-TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
+TYPED_TEST(TimeLineTest, StartsAfterDistantHorizon) {
   const double h = 1e-3;
   for (const double t : {99.9995, 100.0005, 100.0015, 1e5, 1e7, 1.7e9}) {
     typename TestFixture::Run run(h, 30);
@@ -489,7 +489,7 @@ TYPED_TEST(TimeLineTest, StartsAfterTheHorizonWhenThatIsFar) {
 }
 
 // Events in a long gap are unknown, so that integrating through it is pointless.
-TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
+TYPED_TEST(TimeLineTest, RestartsAfterLongGap) {
   const double h = 1e-2;
   const auto report = [](std::int64_t total, double horizon) {
     ContactMessage made;
@@ -511,7 +511,7 @@ TYPED_TEST(TimeLineTest, StartsAgainBehindALongGap) {
   EXPECT_EQ(run.line.now(), 200001);
 }
 
-TYPED_TEST(TimeLineTest, GoesOnWhereAMachinesClockWasTurnedAheadAndStartsAgainWhereBack) {
+TYPED_TEST(TimeLineTest, ContinuesAfterForwardClockStepAndRestartsAfterBackwardOne) {
   const double h = 1e-2;
   const auto report = [](double horizon, std::int64_t total) {
     ContactMessage made;
@@ -537,7 +537,7 @@ TYPED_TEST(TimeLineTest, GoesOnWhereAMachinesClockWasTurnedAheadAndStartsAgainWh
   EXPECT_EQ(run.line.now(), 100'000'001);
 }
 
-TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
+TYPED_TEST(TimeLineTest, NewSessionRestartsAndDiscardsOldOne) {
   const double h = 1.0 / 64;
   typename TestFixture::Run run(h, 40);
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
@@ -563,7 +563,7 @@ TYPED_TEST(TimeLineTest, ANewSessionStartsAgainAndForgetsTheOldOne) {
   }
 }
 
-TYPED_TEST(TimeLineTest, DoesNothingBeforeItsFirstStart) {
+TYPED_TEST(TimeLineTest, IsIdleBeforeFirstStart) {
   typename TestFixture::Run run(1e-2, 10);
   run.to(far_ahead);
   EXPECT_FALSE(run.line.started());
@@ -572,7 +572,7 @@ TYPED_TEST(TimeLineTest, DoesNothingBeforeItsFirstStart) {
 }
 
 // More events than the time line keeps: old ones are dropped during the run.
-TYPED_TEST(TimeLineTest, EventsThatAreNotNeededAnyMoreAreDroppedWithoutATrace) {
+TYPED_TEST(TimeLineTest, DroppingOldEventsDoesNotChangeResult) {
   if (sanitized) GTEST_SKIP() << "slow";
   Random random(9);
   const double h = 1.0 / 16;

@@ -101,7 +101,7 @@ double relative_error(double computed, long double truth) {
   return static_cast<double>(std::abs((computed - truth) / truth));
 }
 
-TEST(Beam, WavenumbersAreTheRootsToTheLastPlaces) {
+TEST(Beam, WavenumbersAreAccurateRoots) {
   for (const ModeValue& expected : mode_values) {
     EXPECT_LT(relative_error(wavenumber(expected.i), expected.wavenumber), few_roundings)
         << "i = " << expected.i;
@@ -119,14 +119,14 @@ TEST(Beam, WavenumbersSatisfyTheFrequencyEquationOncePerHalfTurn) {
   }
 }
 
-TEST(Beam, ModeShapesAreRightRelativeToThemselves) {
+TEST(Beam, ModeShapesHaveSmallRelativeErrors) {
   for (const ShapeValue& expected : shape_values) {
     EXPECT_LT(relative_error(mode_shape(expected.i, expected.xi), expected.v), 1e-14)
         << "i = " << expected.i << ", xi = " << expected.xi;
   }
 }
 
-TEST(Beam, MeansAreRight) {
+TEST(Beam, MeansMatchReference) {
   for (const ModeValue& expected : mode_values) {
     EXPECT_LT(relative_error(mode_mean(expected.i), expected.mean), few_roundings)
         << "i = " << expected.i;
@@ -139,7 +139,7 @@ TEST(Beam, TipHasThePrintedSign) {
   }
 }
 
-TEST(Beam, ClampHoldsDisplacementAndSlope) {
+TEST(Beam, DisplacementAndSlopeVanishAtClamp) {
   for (int i = 1; i <= 200; ++i) {
     EXPECT_EQ(mode_shape(i, 0.0), 0.0);
     // v = -(beta x)^2 to leading order.
@@ -189,14 +189,14 @@ TEST(Beam, LowModesAreOrthonormal) {
   }
 }
 
-TEST(Beam, MeansAreTheIntegralsOfTheShapes) {
+TEST(Beam, MeansEqualIntegralsOfShapes) {
   for (int i = 1; i <= 5; ++i) {
     EXPECT_NEAR(integral([&](double xi) { return mode_shape(i, xi); }), mode_mean(i), 1e-9)
         << "i = " << i;
   }
 }
 
-TEST(Beam, DampingRatiosAreThoseOfItsModes) {
+TEST(Beam, DampingRatiosMatchModes) {
   Beam beam{.modes = 3, .length = 2.0, .bending_stiffness = 3.0, .mass_per_length = 5.0};
   beam.damping_ratio = Eigen::Vector3d(0.01, 0.0, 0.2);
   for (int i = 0; i < 3; ++i) {
@@ -205,7 +205,7 @@ TEST(Beam, DampingRatiosAreThoseOfItsModes) {
   }
 }
 
-TEST(Beam, MatricesCarryTheUnitsOfEq22) {
+TEST(Beam, MatricesHaveUnitsOfEq22) {
   const Beam beam{
       .modes = 4, .length = 2.0, .bending_stiffness = 3.0, .mass_per_length = 5.0, .damping = 0.7};
   ASSERT_EQ(mass(beam).size(), 4);

@@ -156,7 +156,7 @@ TEST_F(Bernstein, EndsAreExact) {
   }
 }
 
-TEST_F(Bernstein, SplitPartsAreTheSamePolynomialAndMeet) {
+TEST_F(Bernstein, SplitPartsEqualPolynomialAndMeet) {
   for (int i = 0; i < repetitions(2000); ++i) {
     const Piece whole{random_coefficients(random_), random_.uniform(0.0, 0.5),
                       random_.log_uniform(1e-6, 0.5)};
@@ -181,7 +181,7 @@ TEST_F(Bernstein, SplitPartsAreTheSamePolynomialAndMeet) {
   }
 }
 
-TEST_F(Bernstein, CutLeavesTheRightPart) {
+TEST_F(Bernstein, CutGivesRightPart) {
   for (int i = 0; i < repetitions(2000); ++i) {
     Piece left{random_coefficients(random_), 0.25, 0.5};
     Piece cut = left;
@@ -305,7 +305,7 @@ TEST_F(Bernstein, FirstRootIsBeforeTheFirstRootOfAProduct) {
   EXPECT_GT(none, repetitions(20000) / 10);
 }
 
-TEST_F(Bernstein, PowersOfTwoInSizeChangeNothing) {
+TEST_F(Bernstein, IsInvariantUnderPowersOfTwo) {
   for (int i = 0; i < repetitions(2000); ++i) {
     Coefficients b = random_falling(random_);
     const double crossing = bernstein::hull_crossing(b);
@@ -317,7 +317,7 @@ TEST_F(Bernstein, PowersOfTwoInSizeChangeNothing) {
   }
 }
 
-TEST_F(Bernstein, WhatHasNoNegativeCoefficientHasNoRoot) {
+TEST_F(Bernstein, NonNegativeCoefficientsHaveNoRoot) {
   for (int i = 0; i < repetitions(2000); ++i) {
     Coefficients b = random_coefficients(random_);
     for (double& x : b) x = std::abs(x);
@@ -329,13 +329,13 @@ TEST_F(Bernstein, WhatHasNoNegativeCoefficientHasNoRoot) {
   EXPECT_EQ(bernstein::first_root({1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0}), infinity);
 }
 
-TEST_F(Bernstein, ANegativeCoefficientAloneIsNoRoot) {
+TEST_F(Bernstein, NegativeCoefficientAloneIsNotARoot) {
   const Coefficients b{1.0, 1.0, 1.0, -0.5, 1.0, 1.0, 1.0, 1.0};
   EXPECT_LT(bernstein::hull_crossing(b), 3.0 / 7.0);
   EXPECT_EQ(bernstein::first_root(b), infinity);
 }
 
-TEST_F(Bernstein, ATouchIsSeenAsFarAsItIsShallow) {
+TEST_F(Bernstein, ShallowTouchIsReportedAsRoot) {
   // (s - 1/2)^2 + d relative to 1/4 + d at the start: one percent is the limit.
   for (const double d : {0.0, 1e-15, 1e-9, 1e-4}) {
     const double root = bernstein::first_root(bernstein::from_power({0.25 + d, -1.0, 1.0}));
@@ -345,7 +345,7 @@ TEST_F(Bernstein, ATouchIsSeenAsFarAsItIsShallow) {
   EXPECT_EQ(bernstein::first_root(bernstein::from_power({0.25 + 0.01, -1.0, 1.0})), infinity);
 }
 
-TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
+TEST_F(Bernstein, RootsAtBothEndsAreFound) {
   // With its only root at 1 it is positive before.
   EXPECT_EQ(bernstein::first_root(bernstein::from_power({1.0, -1.0})), infinity);
   const double last = bernstein::first_root(bernstein::from_power({1.0, -1.0 - 1e-12}));
@@ -359,7 +359,7 @@ TEST_F(Bernstein, RootsAtTheVeryEndAndTheVeryStartAreFound) {
   }
 }
 
-TEST_F(Bernstein, OfManyRootsTheFirstIsFound) {
+TEST_F(Bernstein, FirstOfManyRootsIsFound) {
   // Chebyshev's polynomial T_7(1 - 2 s): all of its 7 roots are in (0, 1).
   const Coefficients b =
       bernstein::from_power({1.0, -98.0, 1568.0, -9408.0, 26880.0, -39424.0, 28672.0, -8192.0});

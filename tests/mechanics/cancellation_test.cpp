@@ -47,7 +47,7 @@ void expect_impacts(const Scene& scene, const std::vector<double>& row, double t
   }
 }
 
-TEST(SoftSpring, ABallFallsAsLongAsItDoes) {
+TEST(SoftSpring, TimeOfFallMatchesClosedForm) {
   double worst = 0.0;
   for (const auto& row : rows("soft_springs")) {
     SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
@@ -60,7 +60,7 @@ TEST(SoftSpring, ABallFallsAsLongAsItDoes) {
 }
 
 // The same ball on an incline, as one of the two modes of matrices that are not diagonal.
-TEST(SoftSpring, ABallFallsAsLongAsItDoesOnAnyPath) {
+TEST(SoftSpring, TimeOfFallMatchesClosedFormOnAnyPath) {
   const Eigen::Vector2d along(0.6, 0.8);
   const Eigen::Vector2d across(-0.8, 0.6);
   double worst = 0.0;
@@ -98,7 +98,7 @@ double resonant_rounding(double damping, double t) {
   return machine_epsilon * largest * (8.0 + t);
 }
 
-TEST(NearResonance, TheFlowIsThatOf50Digits) {
+TEST(NearResonance, FlowMatches50DigitReference) {
   double worst = 0.0;
   for (const auto& row : rows("near_resonance")) {
     SCOPED_TRACE(testing::Message()
@@ -119,7 +119,7 @@ TEST(NearResonance, TheFlowIsThatOf50Digits) {
   std::cout << "off by " << worst << " of the roundings to expect\n";
 }
 
-TEST(NearResonance, TicksAreTheFlow) {
+TEST(NearResonance, TicksEqualFlow) {
   constexpr double h = 1.0 / 64.0;
   for (const auto& row : rows("near_resonance")) {
     if (row[2] > 1000.0) continue;
@@ -140,7 +140,7 @@ TEST(NearResonance, TicksAreTheFlow) {
 
 // An undamped oscillator in exact resonance whose amplitude grows up to a stop: q = t sin(t) / 20
 // from rest.
-TEST(NearResonance, ASwingThatGrowsMeetsTheStop) {
+TEST(NearResonance, GrowingOscillationHitsStop) {
   Model model = oscillator(1.0, 0.0);
   model.contacts.push_back({Eigen::VectorXd::Constant(1, -1.0), 2.0, {}, 0.0});
   Master master(model, {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)});
@@ -155,7 +155,7 @@ TEST(NearResonance, ASwingThatGrowsMeetsTheStop) {
 
 // With both contacts locked, the remaining mode has the frequency of the excitation: both stay
 // closed.
-TEST(NearResonance, ContactsThatLeaveAResonantModeAreHeld) {
+TEST(NearResonance, ContactsWithResonantRemainingModeAreHeld) {
   Model model;
   model.M = Eigen::Matrix3d::Identity();
   model.C = Eigen::Matrix3d::Zero();

@@ -106,7 +106,7 @@ void check(const Lcp& problem, const std::string& where) {
   }
 }
 
-TEST(Complementarity, IsSolvedAsByAllBases) {
+TEST(Complementarity, MatchesEnumerationOfBases) {
   const std::uint64_t seed = 101;
   Random random(seed);
   for (int i = 0; i < repetitions(8000); ++i) {
@@ -117,7 +117,7 @@ TEST(Complementarity, IsSolvedAsByAllBases) {
   }
 }
 
-TEST(Complementarity, IsSolvedWhateverTheRowsScales) {
+TEST(Complementarity, IsSolvedForAnyScalingOfRows) {
   const std::uint64_t seed = 102;
   Random random(seed);
   for (int i = 0; i < repetitions(8000); ++i) {
@@ -128,7 +128,7 @@ TEST(Complementarity, IsSolvedWhateverTheRowsScales) {
   }
 }
 
-TEST(Complementarity, IsSolvedWithTheMostContactsThereCanBe) {
+TEST(Complementarity, IsSolvedForLargestNumberOfContacts) {
   const std::uint64_t seed = 103;
   Random random(seed);
   for (int i = 0; i < repetitions(60); ++i) {
@@ -138,7 +138,7 @@ TEST(Complementarity, IsSolvedWithTheMostContactsThereCanBe) {
   }
 }
 
-TEST(Complementarity, OfNothingIsSolved) {
+TEST(Complementarity, EmptyProblemIsSolved) {
   ContactVector x, y;
   EXPECT_EQ(solve_lcp(ContactMatrix(0, 0), ContactVector(0), x, y), Solved::yes);
   EXPECT_EQ(x.size(), 0);
@@ -190,17 +190,17 @@ void expect_dependent(const MatrixXd& W, const VectorXd& impulses, const std::st
   EXPECT_EQ(VectorXd(x), VectorXd::Zero(b.size())) << where;
 }
 
-TEST(DependentDirections, DuplicateIsNoGuess) {
+TEST(DependentDirections, DuplicateHasUniqueSolution) {
   expect_dependent(MatrixXd::Ones(1, 2), VectorXd::Constant(2, 0.5), "two equal directions");
 }
 
-TEST(DependentDirections, OppositeIsNoGuess) {
+TEST(DependentDirections, OppositeHasUniqueSolution) {
   MatrixXd W(1, 2);
   W << 1.0, -1.0;
   expect_dependent(W, VectorXd::Ones(2) + VectorXd::Unit(2, 0), "two opposite directions");
 }
 
-TEST(DependentDirections, OfAnyNumberAreNoGuess) {
+TEST(DependentDirections, AnyNumberHasUniqueSolution) {
   const std::uint64_t seed = 105;
   Random random(seed);
   for (int i = 0; i < repetitions(500); ++i) {
@@ -241,7 +241,7 @@ TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
 
 // Dependent directions with loads of all signs: y is the unique solution in any order, and the
 // loaded contacts are independent.
-TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
+TEST(DependentDirections, MotionIsUniqueForAnyOrder) {
   const std::uint64_t seed = 106;
   Random random(seed);
   int dependent = 0;
@@ -288,7 +288,7 @@ TEST(DependentDirections, AreSharedWithoutAGuessOfTheMotion) {
 }
 
 // Two opposite walls that approach each other: no motion satisfies both constraints.
-TEST(DependentDirections, WhatNothingSatisfiesIsLeftOut) {
+TEST(DependentDirections, UnsatisfiableConstraintIsOmitted) {
   ContactMatrix A(2, 2);
   A << 1.0, -1.0, -1.0, 1.0;
   ContactVector x, y;

@@ -50,7 +50,7 @@ Eigen::MatrixXd random_diagonal(Random& random, Eigen::Index f, double low, doub
   return d.asDiagonal();
 }
 
-TEST(Corner, IsLeftInTimeWhateverTheMachine) {
+TEST(Corner, IsLeftInFiniteTime) {
   const std::uint64_t seed = 301;
   Random random(seed);
   for (int repetition = 0; repetition < repetitions(300); ++repetition) {
@@ -76,7 +76,7 @@ TEST(Corner, IsLeftInTimeWhateverTheMachine) {
 
 // Every impact of contact 2 forces the release of contact 1, for less than the rest of a chatter,
 // and contact 2 rests only if contact 1 does. Both have to stay closed.
-TEST(Corner, HoldsBothWhenEachThrowsTheOtherOff) {
+TEST(Corner, MutualForcedReleaseEndsWithBothClosed) {
   for (const auto& [first, second] : {std::pair(0.9, 0.2), std::pair(0.5, 0.5)}) {
     SCOPED_TRACE(first);
     Model model;
@@ -94,7 +94,7 @@ TEST(Corner, HoldsBothWhenEachThrowsTheOtherOff) {
 
 // Pressed against a stop, a contact without loss would bounce infinitely often; only rounding ends
 // this.
-TEST(Corner, BouncesWithoutLossThatTimeCannotTellApartEnd) {
+TEST(Corner, LosslessBouncesBelowTimeResolutionEnd) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(1, 1);
   model.C = model.K = Eigen::MatrixXd::Zero(1, 1);

@@ -72,7 +72,7 @@ TEST(ErrorEnergyTest, RigidMotionsHaveNoEnergyOfPosition) {
   EXPECT_GT(natural_modes(chain).stiffness[1], 1e4);
 }
 
-TEST(ErrorEnergyTest, ModesOfACoupledPairAreItsSumAndDifference) {
+TEST(ErrorEnergyTest, ModesOfCoupledPairAreSumAndDifference) {
   const ErrorEnergy energy(
       model(Eigen::Matrix2d::Identity(), (Eigen::Matrix2d() << 2, -1, -1, 2).finished()));
   const Eigen::Vector2d zero = Eigen::Vector2d::Zero();

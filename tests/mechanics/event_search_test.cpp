@@ -20,7 +20,7 @@
 namespace sprag {
 namespace {
 
-TEST(EventSearch, FindsTheFirstRootOfRandomSignalsAndNoOther) {
+TEST(EventSearch, FindsFirstRootOfRandomSignals) {
   Tally tally;
   for (int i = 0; i < repetitions(20000); ++i) {
     const std::uint64_t seed = 100000 + static_cast<std::uint64_t>(i);
@@ -38,7 +38,7 @@ TEST(EventSearch, FindsTheFirstRootOfRandomSignalsAndNoOther) {
   EXPECT_GT(tally.none, repetitions(20000) / 10);
 }
 
-TEST(EventSearch, FindsTheFirstRootAtAndNearResonanceAndNoOther) {
+TEST(EventSearch, FindsFirstRootAtAndNearResonance) {
   Tally tally;
   for (int i = 0; i < repetitions(5000); ++i) {
     const std::uint64_t seed = 150000 + static_cast<std::uint64_t>(i);
@@ -55,7 +55,7 @@ TEST(EventSearch, FindsTheFirstRootAtAndNearResonanceAndNoOther) {
             << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
 }
 
-TEST(EventSearch, FindsTheFirstRootOfAStiffBeamsSignalsAndNoOther) {
+TEST(EventSearch, FindsFirstRootOfStiffBeamSignals) {
   const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/stiff_beam.toml");
   Tally tally;
   for (int i = 0; i < repetitions(400); ++i) {
@@ -126,7 +126,7 @@ TEST(EventSearch, FindsTouchesOfAnyDepthBetweenSamples) {
   EXPECT_GT(touches, repetitions(1500));
 }
 
-TEST(EventSearch, ReportsNoTouchWhereThereIsNone) {
+TEST(EventSearch, ReportsNoFalseTouch) {
   int misses = 0;
   for (int i = 0; i < repetitions(1500); ++i) {
     const std::uint64_t seed = 400000 + static_cast<std::uint64_t>(i);
@@ -151,7 +151,7 @@ TEST(EventSearch, ReportsNoTouchWhereThereIsNone) {
 }
 
 // 1 - depth + cos(w t) - 1: the first root of the undamped cosine, in closed form.
-TEST(EventSearch, TouchesOfACosineAreWhereTheyShouldBe) {
+TEST(EventSearch, TouchesOfCosineMatchClosedForm) {
   for (const double w : {0.1, 1.0, 37.0, 4000.0}) {
     Model model;
     model.M = Eigen::MatrixXd::Identity(1, 1);
@@ -259,7 +259,7 @@ Model ball(double mass, double damping, double weight) {
   return model;
 }
 
-TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
+TEST(EventSearch, FreeFallEndsAtRootOfParabola) {
   const std::uint64_t seed = 900001;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -290,7 +290,7 @@ TEST(EventSearch, FreeFallEndsWhereItsParabolaDoes) {
 
 // A start just above the support at high speed: phi(0) is negligible relative to the flight. A
 // search without progress would never return, so it runs in a separate process.
-TEST(EventSearchDeathTest, AFlightThatStartsJustAboveTheGroundEndsToo) {
+TEST(EventSearchDeathTest, FlightFromJustAboveGroundEnds) {
   struct Flight {
     double height, v, g;
   };
@@ -333,7 +333,7 @@ TEST(EventSearch, FallsOntoAMovingTableAreFound) {
   EXPECT_GT(tally.found, repetitions(1000) / 2);
 }
 
-TEST(EventSearch, NothingToFallIsCertifiedForEver) {
+TEST(EventSearch, ConstantPositiveGapIsCertifiedForAllTime) {
   // Without gravity, moving upwards or at rest above the support.
   for (const double v : {0.0, 3.0}) {
     for (const double damping : {0.0, 0.3}) {
@@ -358,7 +358,7 @@ TEST(EventSearch, NothingToFallIsCertifiedForEver) {
   EXPECT_EQ(none.certified(), infinity);
 }
 
-TEST(EventSearch, WorkIsAFewExpansionsPerTurnAndEndsWhenTheMotionDies) {
+TEST(EventSearch, WorkIsFewExpansionsPerPeriodAndEndsWithMotion) {
   Model model;
   model.M = Eigen::MatrixXd::Identity(1, 1);
   model.C = Eigen::MatrixXd::Zero(1, 1);
@@ -403,7 +403,7 @@ TEST(EventSearch, WorkIsAFewExpansionsPerTurnAndEndsWhenTheMotionDies) {
   EXPECT_LT(search.expansions(), 5000);
 }
 
-TEST(EventSearch, TheRootDoesNotDependOnHowTheSearchIsCalled) {
+TEST(EventSearch, RootDoesNotDependOnCallPattern) {
   int found = 0;
   for (int i = 0; i < repetitions(2000); ++i) {
     const std::uint64_t seed = 920000 + static_cast<std::uint64_t>(i);
@@ -436,7 +436,7 @@ TEST(EventSearch, TheRootDoesNotDependOnHowTheSearchIsCalled) {
   EXPECT_GT(found, repetitions(2000) / 3);
 }
 
-TEST(EventSearch, OfSeveralWatchesTheFirstFires) {
+TEST(EventSearch, FirstOfSeveralWatchesTriggers) {
   for (int i = 0; i < repetitions(1000); ++i) {
     const std::uint64_t seed = 930000 + static_cast<std::uint64_t>(i);
     SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -484,7 +484,7 @@ TEST(EventSearch, OfSeveralWatchesTheFirstFires) {
   }
 }
 
-TEST(EventSearch, SimultaneousWatchesAllFire) {
+TEST(EventSearch, SimultaneousWatchesAllTrigger) {
   for (int i = 0; i < repetitions(1000); ++i) {
     const std::uint64_t seed = 940000 + static_cast<std::uint64_t>(i);
     SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -522,7 +522,7 @@ TEST(EventSearch, SimultaneousWatchesAllFire) {
   }
 }
 
-TEST(EventSearch, AFoundRootStaysUntilTheNextBegin) {
+TEST(EventSearch, FoundRootIsKeptUntilNextBegin) {
   Problem problem(ball(1.0, 0.0, 9.81));
   problem.enter({Eigen::VectorXd::Constant(1, 1.0), Eigen::VectorXd::Zero(1)}, 0.0);
   EventSearch search;

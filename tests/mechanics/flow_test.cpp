@@ -138,7 +138,7 @@ void check_flow(const Model& model, ContactSet set, double t0, State start,
 }
 
 // L = {}, {i} and {i, j}, as far as the number of coordinates allows.
-TEST_P(FlowOfAStructure, IsTheMotionOfTheEquationOfMotion) {
+TEST_P(FlowOfAStructure, SatisfiesEquationOfMotion) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
     const std::uint64_t seed = 1000 * (GetParam() + 1) + static_cast<std::uint64_t>(i);
@@ -165,7 +165,7 @@ TEST_P(FlowOfAStructure, IsTheMotionOfTheEquationOfMotion) {
 
 // Springs and dampers so soft that the static equilibrium is up to 1e15 away. Not with coupled C:
 // complex modes distinguish two positions and two velocities only by their slow decays.
-TEST_P(FlowOfAStructure, MovesRightOnSoftSpringsUnderWeight) {
+TEST_P(FlowOfAStructure, IsAccurateOnSoftSpringsUnderWeight) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
     const std::uint64_t seed = 20000 + 1000 * GetParam() + static_cast<std::uint64_t>(i);
@@ -191,7 +191,7 @@ TEST_P(FlowOfAStructure, MovesRightOnSoftSpringsUnderWeight) {
 }
 
 // Driven at or near the frequency of one of its modes, with its own or almost no damping.
-TEST_P(FlowOfAStructure, MovesRightAtAndNearResonance) {
+TEST_P(FlowOfAStructure, IsAccurateAtAndNearResonance) {
   const Structure structure = structures[GetParam()];
   for (int i = 0; i < repetitions(40); ++i) {
     const std::uint64_t seed = 40000 + 1000 * GetParam() + static_cast<std::uint64_t>(i);
@@ -223,7 +223,7 @@ TEST_P(FlowOfAStructure, MovesRightAtAndNearResonance) {
 INSTANTIATE_TEST_SUITE_P(All, FlowOfAStructure, testing::Range<std::size_t>(0, structures.size()),
                          structure_name);
 
-TEST(Flow, TakesTheCheapestPathThatIsExact) {
+TEST(Flow, SelectsCheapestExactPath) {
   const std::uint64_t seed = 41;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -245,7 +245,7 @@ TEST(Flow, TakesTheCheapestPathThatIsExact) {
   EXPECT_EQ(path(Structure::coupled, 1), FlowPath::dense);
 }
 
-TEST(Flow, PiecesAddUpToTheWhole) {
+TEST(Flow, PiecesComposeToWhole) {
   for (std::size_t s = 0; s < structures.size(); ++s) {
     SCOPED_TRACE(testing::Message() << structure_names[s]);
     const std::uint64_t seed = 52 + s;
@@ -276,7 +276,7 @@ TEST(Flow, PiecesAddUpToTheWhole) {
 }
 
 // In the middle of a long run, where the rounded product Omega t has an error of 1e-13.
-TEST(Flow, PhasesOfTheExcitationKeepTheirDigitsLate) {
+TEST(Flow, ExcitationPhaseIsAccurateLate) {
   Model model;
   model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
   model.C = Eigen::MatrixXd::Constant(1, 1, 0.5);
@@ -295,7 +295,7 @@ TEST(Flow, PhasesOfTheExcitationKeepTheirDigitsLate) {
   }
 }
 
-TEST(Flow, KicksAreImpulses) {
+TEST(Flow, KicksChangeVelocityByImpulse) {
   for (const Structure structure :
        {Structure::diagonal, Structure::simultaneous, Structure::no_stiffness}) {
     const std::uint64_t seed = 61 + static_cast<std::uint64_t>(structure);
@@ -328,7 +328,7 @@ Model two_masses(double k_ground) {
   return model;
 }
 
-TEST(Flow, UndampedResonanceIsOrdinaryOnAllPaths) {
+TEST(Flow, UndampedResonanceIsSupportedOnAllPaths) {
   Model diagonal;
   diagonal.M = Eigen::Matrix2d::Identity();
   diagonal.C = Eigen::Vector2d(0.0, 0.1).asDiagonal();
@@ -366,7 +366,7 @@ TEST(Flow, UndampedResonanceIsOrdinaryOnAllPaths) {
   check_flow(locked, 1, 0.3, {Eigen::Vector2d(0.1, 0.2), Eigen::Vector2d(0.5, -0.3)});
 }
 
-TEST(Flow, ResonanceOfAModeThatIsNotDrivenOrIsDampedIsFine) {
+TEST(Flow, ResonanceOfUndrivenOrDampedModeIsSupported) {
   Model model;
   model.M = Eigen::Matrix2d::Identity();
   model.C = Eigen::Vector2d(0.0, 0.1).asDiagonal();
@@ -439,7 +439,7 @@ TEST(Flow, AFloatingPairWithADamperOnOneOfThemDriftsUnforced) {
 
 // C couples the modes of K, and s = -1 is a double root of (s^2 + s + 1/2) (s^2 + 2 s + 3/2) - s^2
 // / 4: critical damping without an eigenvector of its own.
-TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
+TEST(Flow, CriticalDampingOfCoupledModeIsSupported) {
   for (const double off : {0.0, 1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-3}) {
     SCOPED_TRACE(testing::Message() << "off the double root by " << off);
     Model model;
@@ -456,7 +456,7 @@ TEST(Flow, CriticalDampingOfACoupledModeIsOrdinary) {
 
 // det(s^2 + C s + K) = (s^2 + 0.2 s + 1)^2, with one complex eigenvector for both factors: the
 // motion contains t e^(st), which oscillators do not represent.
-TEST(Flow, ADoubleComplexPairWithOneVectorIsRefusedAndItsNeighboursAreNot) {
+TEST(Flow, DefectiveComplexPairIsRefusedAndNeighboursAreNot) {
   Model model;
   model.M = Eigen::Matrix2d::Identity();
   model.K = (Eigen::Matrix2d() << 1.04, 0.2, 0.2, 1.0).finished();
@@ -471,7 +471,7 @@ TEST(Flow, ADoubleComplexPairWithOneVectorIsRefusedAndItsNeighboursAreNot) {
 }
 
 // Two equal machines without coupling: every eigenvalue is double and has two eigenvectors.
-TEST(Flow, EqualMachinesSideBySideMoveAsOneAlone) {
+TEST(Flow, UncoupledEqualMachinesMoveLikeOne) {
   for (const Structure structure : {Structure::coupled, Structure::strongly_damped}) {
     const std::uint64_t seed = 81 + static_cast<std::uint64_t>(structure);
     SCOPED_TRACE(testing::Message() << "seed " << seed);

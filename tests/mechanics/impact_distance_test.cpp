@@ -108,7 +108,7 @@ INSTANTIATE_TEST_SUITE_P(Laws, CommonRestitution,
                                                                                     : "Newton");
                          });
 
-TEST_P(CommonRestitution, NeverBringsTwoMachinesApart) {
+TEST_P(CommonRestitution, IsNonexpansive) {
   const std::uint64_t seed = 201;
   Random random(seed);
   const int cases = repetitions(270000);
@@ -125,7 +125,7 @@ TEST_P(CommonRestitution, NeverBringsTwoMachinesApart) {
 }
 
 // With restitution 1 the distance is preserved: the bound is attained.
-TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) {
+TEST_P(CommonRestitution, ElasticImpactsPreserveDistance) {
   Random random(202);
   int kept = 0;
   for (int i = 0; i < repetitions(1000); ++i) {
@@ -146,7 +146,7 @@ TEST_P(CommonRestitution, KeepsTheDistanceOfElasticImpactsThatPressAllContacts) 
 
 // A replica's effective restitution: the remaining approach velocity is at most its share, and a
 // contact that does not approach before does not approach afterwards.
-TEST_P(CommonRestitution, NeverBringsTwoMachinesApartWhereItIsNegative) {
+TEST_P(CommonRestitution, NegativeRestitutionIsNonexpansive) {
   const std::uint64_t seed = 206;
   Random random(seed);
   const int cases = repetitions(60000);
@@ -167,7 +167,7 @@ TEST_P(CommonRestitution, NeverBringsTwoMachinesApartWhereItIsNegative) {
   print("common negative restitution", cases, largest);
 }
 
-TEST(NegativeRestitution, LeavesOneContactItsShareOfTheApproach) {
+TEST(NegativeRestitution, LeavesGivenShareOfApproachVelocity) {
   for (const ImpactLaw law : {ImpactLaw::poisson, ImpactLaw::newton}) {
     ContactMatrix G(1, 1);
     G << 2.0;
@@ -208,7 +208,7 @@ struct Clutch {
   }
 };
 
-TEST(Clutches, APulseNeverBringsReplicaAndMasterApart) {
+TEST(Clutches, PulseIsNonexpansive) {
   const std::uint64_t seed = 203;
   Random random(seed);
   const int cases = repetitions(250000);
@@ -228,7 +228,7 @@ TEST(Clutches, APulseNeverBringsReplicaAndMasterApart) {
 // impulse. In the replica it takes restitution 0 while the others keep theirs. Although the
 // restitutions differ, an impact without energy gain cannot increase the distance from a machine
 // without an impulse.
-TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
+TEST(Clutches, SustainedClosingIsNonexpansive) {
   const std::uint64_t seed = 204;
   Random random(seed);
   const int cases = repetitions(100000);
@@ -250,7 +250,7 @@ TEST(Clutches, ASustainedClosingNeverBringsReplicaAndMasterApart) {
 
 // If two contacts close at once, one permanently and one in a pulse, the master takes an impulse
 // with different restitutions. The condition of Theorem 1 is not met.
-TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
+TEST(Clutches, SimultaneousPulseAndSustainedClosingCanExpand) {
   const std::uint64_t seed = 205;
   Random random(seed);
   const int cases = 20000;
@@ -265,7 +265,7 @@ TEST(Clutches, APulseAndASustainedClosingAtOnceCanBringThemApart) {
 }
 
 // By Newton's law an impact may end with gamma+ < 0 at a clutch, which must not admit gamma < 0.
-TEST(Clutches, NewtonLeavesClosedContactsApproaching) {
+TEST(Clutches, NewtonLawCanLeaveApproachVelocity) {
   Random random(206);
   const int cases = repetitions(10000);
   int violated = 0;
@@ -280,7 +280,7 @@ TEST(Clutches, NewtonLeavesClosedContactsApproaching) {
   EXPECT_GT(violated, cases / 100);
 }
 
-TEST(UnlikeRestitution, NewtonKeepsTogetherWithinItsCriterion) {
+TEST(UnlikeRestitution, NewtonIsNonexpansiveWithinCriterion) {
   const std::uint64_t seed = 207;
   Random random(seed);
   const int cases = 20000;
@@ -298,7 +298,7 @@ TEST(UnlikeRestitution, NewtonKeepsTogetherWithinItsCriterion) {
 
 // Outside the criterion there is always a pair whose distance grows: all contacts pressed, gamma+ =
 // -E gamma-, the difference along the worst direction of |E gamma| / |gamma|.
-TEST(UnlikeRestitution, NewtonBringsApartOutsideItsCriterion) {
+TEST(UnlikeRestitution, NewtonExpandsOutsideCriterion) {
   Random random(208);
   const int cases = repetitions(10000);
   double largest = 0.0;
@@ -326,7 +326,7 @@ TEST(UnlikeRestitution, NewtonBringsApartOutsideItsCriterion) {
   EXPECT_GT(least, 1.0);
 }
 
-TEST(UnlikeRestitution, PoissonHasNotBeenSeenToBringApartWithinItsCondition) {
+TEST(UnlikeRestitution, PoissonIsNonexpansiveInTrialsWithinCondition) {
   const std::uint64_t seed = 209;
   Random random(seed);
   const int cases = repetitions(40000);
@@ -342,7 +342,7 @@ TEST(UnlikeRestitution, PoissonHasNotBeenSeenToBringApartWithinItsCondition) {
   print("unlike restitution, Poisson, G - EGE >= 0", cases, largest);
 }
 
-TEST(UnlikeRestitution, PoissonCanBringApart) {
+TEST(UnlikeRestitution, PoissonCanExpand) {
   Random random(210);
   const int cases = repetitions(10000);
   double largest = 0.0;

@@ -131,7 +131,7 @@ TEST_P(TwoContacts, UnlikeRestitution) {
 
 // An elastic ball hits two that touch: in the expansion the second contact transmits the impulse
 // only as far as the balls do not pull.
-TEST(ThreeBalls, LeaveAsOneAgainstTwo) {
+TEST(ThreeBalls, RestPairMovesAsOneMass) {
   MatrixXd W(3, 2);
   W << -1, 0, 1, -1, 0, 1;
   const MatrixXd M = MatrixXd::Identity(3, 3);
@@ -166,7 +166,7 @@ TEST(OneContact, FollowsTheClosedForm) {
   }
 }
 
-TEST(OneContact, WithoutMobilityHasNoAnswer) {
+TEST(OneContact, WithoutMobilityHasNoSolution) {
   for (const ImpactLaw law : laws) {
     ContactVector Lambda, gamma_plus;
     EXPECT_EQ(
@@ -204,7 +204,7 @@ struct Problem {
 double scale(const Outcome& out) { return 1.0 + out.Lambda.maxCoeff(); }
 
 // Both laws as inequalities, independent of the solver.
-TEST(Impact, SatisfiesItsLaw) {
+TEST(Impact, SatisfiesInequalitiesOfItsLaw) {
   Random random(21);
   for (int i = 0; i < repetitions(20000); ++i) {
     SCOPED_TRACE("seed 21, case " + std::to_string(i));
@@ -269,7 +269,7 @@ TEST(Impact, NeverGainsEnergy) {
   }
 }
 
-TEST(Impact, OfAContactThatSeparatesIsNone) {
+TEST(Impact, SeparatingContactHasNoImpulse) {
   Random random(24);
   for (int i = 0; i < repetitions(5000); ++i) {
     Problem p(random);

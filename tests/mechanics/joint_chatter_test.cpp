@@ -103,7 +103,7 @@ q = [-0.01952954478181456, 0.008478158710615843, -0.005565799879567316, -0.00625
 u = [0.5658465681839568, -0.27348529413655287, 0.30152449081207533, 0.2946767640768565]
 )";
 
-TEST(JointChatter, ABeamThatTwoStopsSqueezeGoesOn) {
+TEST(JointChatter, BeamSqueezedByTwoStopsContinues) {
   const Scene scene = parse_scene(squeezed_beam, "squeezed.toml");
   EXPECT_TRUE(ends({scene.model, scene.truth.start}, 1.0, 20000));
   const Simulation run = simulate(scene.model, scene.truth.start, 1.0, 0.01);
@@ -115,7 +115,7 @@ TEST(JointChatter, ABeamThatTwoStopsSqueezeGoesOn) {
   }
 }
 
-TEST(JointChatter, EveryMachineBetweenSupportsComesToAnEnd) {
+TEST(JointChatter, EveryMachineBetweenSupportsFinishes) {
   std::vector<std::uint64_t> seeds = {287, 351, 360};
   for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(repetitions(100)); ++seed) {
     seeds.push_back(seed);
@@ -127,7 +127,7 @@ TEST(JointChatter, EveryMachineBetweenSupportsComesToAnEnd) {
 
 // A stop that moves towards the opposite one squeezes the mass: the rate of impacts grows without
 // limit.
-TEST(JointChatter, AMassThatTwoStopsSqueezeEndsWithAnError) {
+TEST(JointChatter, SqueezedMassEndsWithError) {
   const std::string squeezed = R"([system]
 M = [[1.0]]
 C = [[0.1]]

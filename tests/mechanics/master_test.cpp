@@ -18,7 +18,7 @@ Scene ball(double height, double restitution) {
   return scene;
 }
 
-TEST(BouncingBall, FallsBouncesAccumulatesAndRestsAsInClosedForm) {
+TEST(BouncingBall, MatchesClosedFormUpToRest) {
   for (const auto& [height, restitution] : {std::pair(0.9, 0.9), std::pair(1.0, 0.7)}) {
     const std::vector<ContactEvent> events = events_of(ball(height, restitution), 100.0);
     const double first = std::sqrt(2.0 * height / 9.81);
@@ -39,7 +39,7 @@ TEST(BouncingBall, FallsBouncesAccumulatesAndRestsAsInClosedForm) {
   EXPECT_NEAR(events_of(ball(1.0, 0.7), 10.0).back().t, 2.558633966, 1e-9);
 }
 
-TEST(BouncingBall, WithoutRestitutionItStaysWhereItFalls) {
+TEST(BouncingBall, WithoutRestitutionStaysAtFirstContact) {
   const std::vector<ContactEvent> events = events_of(ball(0.9, 0.0), 100.0);
   ASSERT_EQ(events.size(), 1U);
   EXPECT_EQ(events[0].kind, ContactEventKind::closes);
@@ -68,7 +68,7 @@ TEST(ThreeBallChain, HasOneSimultaneousImpact) {
 
 // A block on two feet with a small moment of inertia: an impulse on one foot accelerates the other
 // downwards.
-TEST(BlockOnTwoFeet, AFootThatTouchesTakesPartInTheImpactOfTheOther) {
+TEST(BlockOnTwoFeet, TouchingFootTakesPartInImpactOfOther) {
   Model model;
   model.M = Eigen::Vector2d(1.0, 0.3).asDiagonal();
   model.C = model.K = Eigen::MatrixXd::Zero(2, 2);
@@ -133,7 +133,7 @@ TEST_P(Scenes, GapIsNeverNegativeAndZeroInSustainedContact) {
   }
 }
 
-TEST_P(Scenes, EventsDoNotDependOnHowOftenOneAsks) {
+TEST_P(Scenes, EventsDoNotDependOnAdvanceSteps) {
   const Scene scene = shipped_scene(GetParam());
   const std::vector<ContactEvent> at_once = events_of(scene, 40.0);
   Master master(scene.model, scene.truth.start);
@@ -204,7 +204,7 @@ TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
 
 // Contacts between which the machine bounces are completed together, with some of them closed
 // already.
-TEST(Wedge, WhatIsClosedDoesNotCloseAgain) {
+TEST(Wedge, ClosedContactDoesNotCloseAgain) {
   for (const std::uint64_t seed : {17519, 19121, 20020, 23047, 23604, 23636, 28178, 29878}) {
     Random random(seed);
     const ImpactingMachine machine = random_impacting_machine(random);

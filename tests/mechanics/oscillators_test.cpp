@@ -144,7 +144,7 @@ TEST_P(OscillatorRegimes, AgreeWithExtendedPrecisionToAFewRoundings) {
 }
 
 // Both pieces and their sum are doubles, exactly.
-TEST_P(OscillatorRegimes, TwoMovesAreOneMoveOverTheirSum) {
+TEST_P(OscillatorRegimes, TwoStepsEqualOneStepOverTheirSum) {
   const std::uint64_t seed = 7002;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -161,7 +161,7 @@ TEST_P(OscillatorRegimes, TwoMovesAreOneMoveOverTheirSum) {
   }
 }
 
-TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
+TEST_P(OscillatorRegimes, TickTableEqualsPropagate) {
   const std::uint64_t seed = 7003;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -179,7 +179,7 @@ TEST_P(OscillatorRegimes, TickTableMovesLikePropagate) {
 }
 
 // A small number of oscillators uses another table than a large one.
-TEST_P(OscillatorRegimes, TickTableMovesEachAsIfItWereAlone) {
+TEST_P(OscillatorRegimes, TickTableMovesEachOscillatorIndependently) {
   const std::uint64_t seed = 7005;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -215,7 +215,7 @@ INSTANTIATE_TEST_SUITE_P(All, OscillatorRegimes,
                                          Regime::over, Regime::near_critical),
                          regime_name);
 
-TEST(Oscillators, CriticalDampingIsItsOwnClosedForm) {
+TEST(Oscillators, CriticalDampingMatchesClosedForm) {
   for (const double delta : {0.25, 1.0, 64.0}) {
     for (const double x : {1e-3, 0.3, 1.0, 7.0, 50.0}) {
       const Real tau = static_cast<double>(x / delta);
@@ -230,7 +230,7 @@ TEST(Oscillators, CriticalDampingIsItsOwnClosedForm) {
 }
 
 // The slow root of strong damping, kappa / (2 delta), is a difference of nearly equal numbers.
-TEST(Oscillators, StrongDampingKeepsTheSlowDecaysDigits) {
+TEST(Oscillators, StrongDampingKeepsAccuracyOfSlowDecay) {
   for (const double delta : {1e2, 1e4, 1e6}) {
     for (const double slow_decays : {1e-3, 1.0, 20.0}) {
       const double tau = slow_decays * 2.0 * delta;
@@ -242,7 +242,7 @@ TEST(Oscillators, StrongDampingKeepsTheSlowDecaysDigits) {
   }
 }
 
-TEST(Oscillators, UndampedEnergyStays) {
+TEST(Oscillators, UndampedEnergyIsConstant) {
   const double kappa = 3.7;
   for (const double tau : {0.01, 1.0, 100.0, 1e4}) {
     const Point x = propagate(0.0, kappa, 0.0, tau, {0.3, -0.4});
@@ -310,7 +310,7 @@ TEST(Oscillators, DampedDriftAgreesWithItsSeries) {
   }
 }
 
-TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
+TEST(Oscillators, DriftHasSemigroupProperty) {
   const std::uint64_t seed = 7005;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -333,7 +333,7 @@ TEST(Oscillators, DriftHasTheSemigroupPropertyToo) {
 }
 
 // Backwards over many decay times, in one step and in short steps: growing terms grow equally.
-TEST(Oscillators, GoingBackFarUnderAForceIsGoingBackOften) {
+TEST(Oscillators, LongBackwardStepEqualsManyShortOnes) {
   constexpr int steps = 256;
   for (const double delta : {0.5, 2.0, 3.5, 8.0, 16.0}) {
     for (const double share : {0.0, 1e-9, 1e-3, 0.5, 0.999, 1.0, 1.001, 3.0, 40.0}) {
@@ -352,7 +352,7 @@ TEST(Oscillators, GoingBackFarUnderAForceIsGoingBackOften) {
   }
 }
 
-TEST(Oscillators, ABankMovesEachOscillatorAloneAndOnlyThoseAskedFor) {
+TEST(Oscillators, BankMovesOnlySelectedOscillators) {
   const std::uint64_t seed = 7006;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
@@ -387,7 +387,7 @@ TEST(Oscillators, ABankMovesEachOscillatorAloneAndOnlyThoseAskedFor) {
   EXPECT_TRUE((in_place.z == copied.z).all() && (in_place.v == copied.v).all());
 }
 
-TEST(Oscillators, NoTimeNoMotion) {
+TEST(Oscillators, ZeroStepDoesNotMove) {
   for (const double delta : {0.0, 0.5, 1.0, 3.0}) {
     for (const double kappa : {0.0, 1.0, 25.0}) {
       const Point x = propagate(delta, kappa, kappa == 0.0 ? 2.0 : 0.0, 0.0, {0.3, -0.7});

@@ -69,7 +69,7 @@ Model plate(bool middle) {
   return model;
 }
 
-TEST(RedundantContacts, OfThreeSupportsUnderAPlateOneCarriesNothing) {
+TEST(RedundantContacts, OneOfThreeSupportsIsUnloaded) {
   const State start{Eigen::Vector2d(0.3, 0.2), Eigen::Vector2d(-0.5, 1.0)};
   const std::vector<ContactEvent> two{
       {0.31, 0, closes}, {0.52, 1, closes}, {6.1, 0, opens}, {7.3, 1, opens}};
@@ -84,7 +84,7 @@ TEST(RedundantContacts, OfThreeSupportsUnderAPlateOneCarriesNothing) {
 }
 
 // The loaded contact opens; the redundant one takes over.
-TEST(RedundantContacts, TakeOverWhatOthersLetGo) {
+TEST(RedundantContacts, TakeOverLoadOfOpeningContact) {
   Model one = plate(false);
   one.contacts.erase(one.contacts.begin() + 1);
   Model twice = one;
@@ -100,7 +100,7 @@ TEST(RedundantContacts, TakeOverWhatOthersLetGo) {
 }
 
 // Every contact of the paper's beam twice, every event twice: one impact each.
-TEST(RedundantContacts, ADoubledContactIsOneContact) {
+TEST(RedundantContacts, DuplicateContactActsAsOne) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   Scene twice = scene;
   twice.model.contacts.push_back(scene.model.contacts[0]);
@@ -118,7 +118,7 @@ TEST(RedundantContacts, ADoubledContactIsOneContact) {
 }
 
 // Between two stops that are closed at once the mass does not move, with either of them loaded.
-TEST(RedundantContacts, OppositeStopsHoldInTurns) {
+TEST(RedundantContacts, OppositeStopsHoldAlternately) {
   Model model;
   model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
   model.C = Eigen::MatrixXd::Zero(1, 1);

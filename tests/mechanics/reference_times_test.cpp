@@ -113,7 +113,7 @@ TEST_P(ReferenceTimes, SustainedContactsBeginAndEndAtTheirTimes) {
   EXPECT_EQ(closed, compared);
 }
 
-TEST_P(ReferenceTimes, HowFarTheTimesHoldTo1em6) {
+TEST_P(ReferenceTimes, TimesHoldTo1em6UntilExpectedTime) {
   double until = GetParam().horizon;
   for (const double t : impacts_) {
     if (distance(t, pulses_) > 1e-6) {

@@ -24,17 +24,17 @@ Model oscillator(double stiffness) {
 
 State at_rest() { return {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)}; }
 
-TEST(EnergyScale, IsZeroWhereNothingTellsOfAMotion) {
+TEST(EnergyScale, IsZeroWithoutStartAndForces) {
   EXPECT_EQ(energy_scale(oscillator(k), at_rest()), 0.0);
   EXPECT_EQ(length_scale(oscillator(k), at_rest()), 1.0);
 }
 
-TEST(EnergyScale, IsThatOfTheStart) {
+TEST(EnergyScale, EqualsEnergyOfStart) {
   const State start{Eigen::VectorXd::Constant(1, 0.1), Eigen::VectorXd::Constant(1, -3.0)};
   EXPECT_DOUBLE_EQ(energy_scale(oscillator(k), start), 0.5 * k * 0.01 + 0.5 * m * 9.0);
 }
 
-TEST(EnergyScale, OfAWeightIsThatOfTheRestOrOfTheFall) {
+TEST(EnergyScale, OfWeightEqualsEnergyOfRestOrFall) {
   Model model = oscillator(k);
   model.forces.push_back({Eigen::VectorXd::Ones(1), -4.0, {}});
   EXPECT_DOUBLE_EQ(energy_scale(model, at_rest()), 0.5 * 16.0 / k);
@@ -45,7 +45,7 @@ TEST(EnergyScale, OfAWeightIsThatOfTheRestOrOfTheFall) {
 
 // The steady motion has the amplitude F / |k - m w^2 + i c w|; above the resonance its largest
 // energy is the kinetic energy.
-TEST(EnergyScale, OfAHarmonicForceIsThatOfTheSteadyMotion) {
+TEST(EnergyScale, OfHarmonicForceEqualsEnergyOfSteadyMotion) {
   Model model = oscillator(k);
   constexpr double F = 3.0, w = 7.0;
   model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {F, w, 0.4}});
@@ -53,7 +53,7 @@ TEST(EnergyScale, OfAHarmonicForceIsThatOfTheSteadyMotion) {
   EXPECT_DOUBLE_EQ(energy_scale(model, at_rest()), 0.5 * m * w * w * a * a);
 }
 
-TEST(EnergyScale, AtAnUndampedResonanceIsFinite) {
+TEST(EnergyScale, IsFiniteAtUndampedResonance) {
   Model model = oscillator(k);
   model.C.setZero();
   model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {3.0, 5.0, 0.0}});
@@ -61,7 +61,7 @@ TEST(EnergyScale, AtAnUndampedResonanceIsFinite) {
   EXPECT_DOUBLE_EQ(energy_scale(model, at_rest()), 0.5 * k * a * a);
 }
 
-TEST(EnergyScale, OfASupportIsThatOfItsMotionAndOfTheWayToIt) {
+TEST(EnergyScale, OfSupportEqualsEnergyOfItsMotionAndClearance) {
   Model model = oscillator(k);
   model.contacts[0].clearance = 0.2;
   model.contacts[0].motion = {0.01, 30.0, 0.0};

@@ -134,7 +134,7 @@ TEST(LabRig, ImpactTimesAgreeWithAnIntegration) {
   expect_impacts_as_integrated("lab_rig", 20.0, 1e-5L);
 }
 
-TEST(NonProportional, IsThePapersBeamWithADamperAtTheTip) {
+TEST(NonProportional, EqualsPaperBeamWithTipDamper) {
   const Model model = shipped_scene("non_proportional").model;
   const Beam beam{
       .modes = 3, .length = 1.0, .bending_stiffness = 1.0, .mass_per_length = 1.0, .damping = 0.17};
@@ -300,7 +300,7 @@ Scene elastic_bar(int n) {
   return scene;
 }
 
-TEST(ElasticBar, SceneIsTheBarOfAHundredElements) {
+TEST(ElasticBar, SceneEqualsBarOfHundredElements) {
   const Scene scene = shipped_scene("elastic_bar");
   const Scene expected = elastic_bar(100);
   const double k = expected.model.K.norm();
@@ -336,7 +336,7 @@ BarImpact bar_impact(int n) {
 // The wave that returns from the free end ends the contact. Numerical dispersion widens its front
 // like n^(-2/3) L, which determines the order of the errors. The first node stops permanently, so
 // that its mass takes 1 / 2n of the energy.
-TEST(ElasticBar, ContactConvergesToThatOfWaveTheory) {
+TEST(ElasticBar, ContactConvergesToWaveTheory) {
   const double duration = 2.0 * L / std::sqrt(E / rho);
   const double impulse = 2.0 * rho * S * L * speed;
   std::vector<double> log_n;

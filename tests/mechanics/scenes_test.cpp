@@ -147,7 +147,7 @@ TEST(TwoStopsBeam, EnergyBalancesAcrossImpacts) {
   std::cout << "two_stops_beam: energy across an impact balances to " << worst << '\n';
 }
 
-TEST(TwoSupportsBeam, BothContactsAreClosedTogetherNowAndThen) {
+TEST(TwoSupportsBeam, BothContactsAreClosedTogetherAtTimes) {
   const Scene scene = shipped_scene("two_supports_beam");
   const std::vector<ContactEvent> events = events_of(scene, 100.0);
   ContactSet chi = 0;
@@ -221,7 +221,7 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
 
 // With a larger excitation the beam hits both supports within 1e-11 s and less: each impact must
 // involve both.
-TEST(TwoSupportsBeam, ShakenHarderStaysOutsideAndSynchronizes) {
+TEST(TwoSupportsBeam, LargerExcitationStaysOutsideAndSynchronizes) {
   for (const double amplitude : {0.02, 0.03, 0.05}) {
     Scene scene = shipped_scene("two_supports_beam");
     scene.model.forces.at(0).harmonic.amplitude *= amplitude / 0.015;
@@ -258,7 +258,7 @@ TEST(ThreeBallChainScene, OneImpactOfBothContacts) {
   EXPECT_EQ(master.impacts(), 1);
 }
 
-TEST(SteelRuler, KnocksAgainstTheScrew) {
+TEST(SteelRuler, HitsTheScrew) {
   const std::vector<ContactEvent> events = events_of(shipped_scene("steel_ruler"), 20.0);
   const long pulses = count(events, 0, ContactEventKind::pulse);
   EXPECT_GT(pulses, 200);

@@ -31,7 +31,7 @@ TEST(StopToken, EndsItsOwnCallOnly) {
   EXPECT_FALSE(interrupted());
 }
 
-TEST(StopToken, OfTheEnclosingScopeIsKeptWithoutOneOfItsOwn) {
+TEST(StopToken, KeepsTokenOfEnclosingScope) {
   const Scene scene = shipped_scene("paper_beam");
   std::stop_source source;
   source.request_stop();

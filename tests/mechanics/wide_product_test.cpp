@@ -9,7 +9,7 @@ namespace {
 
 // Equal bit for bit to the sums in their order, for blocks of larger matrices and all remainders of
 // the sizes.
-TEST(WideProduct, IsTheSumsInTheirOrder) {
+TEST(WideProduct, EqualsOrderedSums) {
   Random random(3);
   for (const Eigen::Index m : {1, 7, 8, 9, 16, 23}) {
     for (const Eigen::Index n : {1, 3, 4, 5, 8, 11}) {

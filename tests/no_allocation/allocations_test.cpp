@@ -17,7 +17,7 @@ namespace {
 // Makes the compiler assume that the address is used; otherwise it may omit an allocation.
 void* volatile seen = nullptr;
 
-TEST(CountAllocations, SeesAVector) {
+TEST(CountAllocations, CountsVector) {
   EXPECT_GT(allocations_of([] {
               std::vector<double> vector(1000);
               seen = vector.data();
@@ -25,7 +25,7 @@ TEST(CountAllocations, SeesAVector) {
             0);
 }
 
-TEST(CountAllocations, SeesEveryWayToAllocate) {
+TEST(CountAllocations, CountsEveryAllocationFunction) {
   const auto all = [] {
     for (void* memory : {std::malloc(100), std::calloc(10, 10), std::aligned_alloc(64, 128)}) {
       seen = memory;
@@ -50,7 +50,7 @@ TEST(CountAllocations, SeesEveryWayToAllocate) {
   ::operator delete(seen);
 }
 
-TEST(CountAllocations, SeesEigensTemporaries) {
+TEST(CountAllocations, CountsEigenTemporaries) {
   const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(50, 50);
   Eigen::VectorXd x = Eigen::VectorXd::Ones(50);
   EXPECT_GT(allocations_of([&] { x = A * x; }), 0);
@@ -59,7 +59,7 @@ TEST(CountAllocations, SeesEigensTemporaries) {
   EXPECT_EQ(y.sum(), 50.0);
 }
 
-TEST(CountAllocations, CountsNothingElse) {
+TEST(CountAllocations, CountsOnlyWhileActive) {
   EXPECT_EQ(allocations_of([] {}), 0);
   CountAllocations counting;
   const long none = counting.stop();
@@ -69,7 +69,7 @@ TEST(CountAllocations, CountsNothingElse) {
   EXPECT_EQ(none, 0);
 }
 
-TEST(CountAllocations, IsTheThreadsOwn) {
+TEST(CountAllocations, IsPerThread) {
   std::thread other;
   EXPECT_GT(allocations_of([&] { other = std::thread([] {}); }), 0);
   other.join();

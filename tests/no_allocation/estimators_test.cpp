@@ -147,7 +147,7 @@ TEST(EventFilterTick, NeverAllocates) {
 }
 
 // Including the replica's estimate after a lost track, and resets.
-TEST(TrackingEstimatorTick, NeverAllocatesNorDoesItsConfidence) {
+TEST(TrackingEstimatorTick, NeverAllocatesIncludingConfidence) {
   for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
     SCOPED_TRACE(name);
     const Drive drive = shipped(name);
@@ -186,7 +186,7 @@ TEST(ReplicaTick, OfFewContactsNeverAllocates) {
   }
 }
 
-TEST(ReplicaTick, OfManyContactsDoesNotAllocateTheSecondTime) {
+TEST(ReplicaTick, OfManyContactsAllocatesOnlyTheFirstTime) {
   const Drive drive = random_drive(320, Structure::simultaneous, 8, 6);
   Replica replica(drive.model, drive.h);
   Replica::State state;

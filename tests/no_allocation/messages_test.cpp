@@ -55,7 +55,7 @@ TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
 }
 
 // More masters than the tracker remembers, and duplicated, reordered and old messages.
-TEST(SessionTracker, HearsWithoutAllocating) {
+TEST(SessionTracker, ReceivesWithoutAllocating) {
   SessionTracker tracker;
   ContactMessage report;
   CountAllocations counting;

@@ -117,7 +117,7 @@ void expect_no_allocation(const Scene& scene) {
   EXPECT_EQ(line.events().events(), events);
 }
 
-TYPED_TEST(TimeLineRun, FromMessageToMessageNeverAllocates) {
+TYPED_TEST(TimeLineRun, NeverAllocatesBetweenMessages) {
   for (const char* name : {"paper_beam.toml", "paper_beam_chatter.toml"}) {
     SCOPED_TRACE(name);
     for (const Scene& scene : scenes<TypeParam>(name)) expect_no_allocation<TypeParam>(scene);

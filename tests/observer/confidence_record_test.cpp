@@ -70,15 +70,15 @@ void expect_missing_event_reported(const std::string& words) {
   EXPECT_NE(said.lines.find(words), std::string::npos) << said.lines;
 }
 
-TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfTheTimingFilterAlone) {
+TEST(ConfidenceRecord, ReportsMissingEventOfTimingFilter) {
   expect_missing_event_reported<TimingEstimator>(", contact 1: an event has not come");
 }
 
-TEST(ConfidenceRecord, TellsThatAnEventDidNotComeOfBoth) {
+TEST(ConfidenceRecord, ReportsMissingEventOfBoth) {
   expect_missing_event_reported<BothEstimator>("a missing event? The estimate is");
 }
 
-TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
+TEST(ConfidenceRecord, ReportsNothingWithCompleteEvents) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const Said said = said_of<TimingEstimator>(scene, master_events(scene, 30.0), 30.0);
   EXPECT_EQ(said.report["confidence"]["inconsistencies"], 0);
@@ -87,7 +87,7 @@ TEST(ConfidenceRecord, SaysNothingWhereAllEventsCome) {
 }
 
 // The same for a wrong model, and that no sigma is claimed.
-TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
+TEST(ConfidenceRecord, ReportsModelMismatchOfTimingFilter) {
   const Scene& scene = cached_scene("paper_beam.toml");
   Scene given = scene;
   given.model.contacts[0].restitution *= 0.98;
@@ -103,7 +103,7 @@ TEST(ConfidenceRecord, TellsThatTheTimingFilterAloneDoesNotFit) {
 }
 
 // For a machine without external force no later event makes the scale observable again.
-TEST(ConfidenceRecord, TellsThatTheScaleIsLostForGood) {
+TEST(ConfidenceRecord, ReportsPermanentLossOfScale) {
   Scene scene = cached_scene("paper_beam.toml");
   scene.model.forces.clear();
   scene.model.contacts[0].motion = {};

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::int64_t one_millisecond = 1'000'000;
 
-TEST(LiveFigures, AReportThatFollowsItsEventIsNormal) {
+TEST(LiveFigures, PromptReportIsNotDelayed) {
   LiveFigures figures;
   figures.events.events = 360;
   figures.integration.late_events = 222;
@@ -31,7 +31,7 @@ TEST(LiveFigures, AReportThatFollowsItsEventIsNormal) {
   EXPECT_NE(out.str().find("(not normal): 0"), std::string::npos) << out.str();
 }
 
-TEST(LiveFigures, EventsMuchLaterThanTheOthersAreCounted) {
+TEST(LiveFigures, DelayedEventsAreCounted) {
   for (const std::int64_t usual : {1 * one_millisecond, 50 * one_millisecond}) {
     Histogram latency;
     for (int i = 0; i < 300; ++i) latency.add(usual + 1000 * i);

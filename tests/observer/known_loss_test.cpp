@@ -64,7 +64,7 @@ LossyRun run_with_losses(const Scene& scene, EstimatorKind kind, const Times& lo
   return run;
 }
 
-TEST(KnownLoss, IsTheCauseThatIsNamed) {
+TEST(KnownLoss, IsReportedAsCause) {
   const Scene& scene = cached_scene("paper_beam_chatter.toml");
   for (const EstimatorKind kind : {EstimatorKind::both, EstimatorKind::timing}) {
     int found = 0;
@@ -84,7 +84,7 @@ TEST(KnownLoss, IsTheCauseThatIsNamed) {
 }
 
 // The second loss comes while the track is still tentative.
-TEST(KnownLoss, IsNamedAgainDuringTheProbation) {
+TEST(KnownLoss, IsReportedAgainWhileTrackIsTentative) {
   const Scene& scene = cached_scene("paper_beam.toml");
   const LossyRun run =
       run_with_losses(scene, EstimatorKind::both, {{20.2, 22.5}, {26.4, 28.5}}, 40.0);
@@ -99,7 +99,7 @@ TEST(KnownLoss, IsNamedAgainDuringTheProbation) {
 }
 
 // Without a gap in the record numbers a missing event is a suspicion only.
-TEST(KnownLoss, IsNotClaimedOfAnEventThatWasNeverReported) {
+TEST(KnownLoss, IsNotReportedWithoutGapInRecordNumbers) {
   const Scene& scene = cached_scene("paper_beam.toml");
   ObserverOptions options;
   options.tick = 0.01;

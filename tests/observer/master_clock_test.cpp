@@ -56,7 +56,7 @@ std::vector<Transmission> arrivals(Random& random, std::int64_t from, std::int64
   return list;
 }
 
-TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
+TEST(MasterClock, IsBehindByAtMostTheSmallestDelay) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -84,7 +84,7 @@ TEST(MasterClock, NeverRunsAheadAndComesWithinTheSmallestDelay) {
   }
 }
 
-TEST(MasterClock, ASilentNetworkChangesNothing) {
+TEST(MasterClock, SilenceDoesNotChangeTheClock) {
   Random random(2);
   const Network network{1.0};
   MasterClock clock;
@@ -101,7 +101,7 @@ TEST(MasterClock, ASilentNetworkChangesNothing) {
 
 // The machine's clock is set back by 3 s, or by less than the tracker's limit of a jump; messages
 // still arrive late and out of order.
-TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
+TEST(MasterClock, FollowsBackwardClockStepAtOnce) {
   for (const double step : {-3.0, -0.3, -0.05}) {
     SCOPED_TRACE(step);
     Random random(7);
@@ -128,7 +128,7 @@ TEST(MasterClock, FollowsAClockThatIsSetBackAtOnce) {
   }
 }
 
-TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
+TEST(MasterClock, RecoversAfterPauseOfMaster) {
   Random random(3);
   Network network{2.0};
   MasterClock clock;
@@ -149,7 +149,7 @@ TEST(MasterClock, RecoversAfterAMasterThatStoodStill) {
   }
 }
 
-TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
+TEST(MasterClock, FollowsMasterSlowerThanItsSpeed) {
   MasterClock clock;
   // The master claims 1 simulated s per s and runs at 0.9.
   double worst = 0.0;
@@ -161,7 +161,7 @@ TEST(MasterClock, FollowsAMasterThatCannotKeepItsPace) {
   EXPECT_LE(worst, 0.1 * 4.1);  // remembered messages are 4 s old at most
 }
 
-TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
+TEST(MasterClock, TimeOfUnpacedMasterIsItsLastHorizon) {
   MasterClock clock;
   clock.observe(report_at(3.0, infinity), received_at(boot));
   EXPECT_EQ(clock.simulated(boot + second), 3.0);
@@ -171,7 +171,7 @@ TEST(MasterClock, AnUnpacedMastersTimeIsItsLastHorizon) {
   EXPECT_TRUE(std::isinf(clock.speed()));
 }
 
-TEST(MasterClock, TheTimeOfASimulatedTimeIsTheFirstAtWhichItIsReached) {
+TEST(MasterClock, LocalTimeIsFirstInstantOfSimulatedTime) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -203,7 +203,7 @@ struct Clocks {
 };
 
 // The master's wall clock has a constant error; delays are 20 to 200 ms.
-TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
+TEST(MasterClock, ErrorIsClockOffsetOrAtMostSmallestDelay) {
   for (const Clocks& clocks :
        {Clocks{"agree", 0, 0.0, 0.0}, Clocks{"2 ms behind", -2 * millisecond, 0.002, -0.002},
         Clocks{"5 ms ahead", 5 * millisecond, 0.0, 0.005},
@@ -229,14 +229,14 @@ TEST(MasterClock, NowIsOffByTheClocksOffsetAndNoMoreThanTheLeastDelayBehind) {
   }
 }
 
-TEST(MasterClock, TimesBeyondAllClocksAreTakenAsFarAway) {
+TEST(MasterClock, TimesBeyondClockRangeAreSaturated) {
   MasterClock clock;
   clock.observe(report_at(0.0, 1e-300), received_at(boot));
   EXPECT_GT(clock.local(1e300), boot);
   EXPECT_LT(clock.local(-1e300), boot);
 }
 
-TEST(MasterClock, ARestartForgetsTheOldMaster) {
+TEST(MasterClock, RestartDiscardsOldMaster) {
   MasterClock clock;
   clock.observe(report_at(1000.0, 1.0), received_at(boot));
   clock.restart();

@@ -14,7 +14,7 @@ constexpr std::int64_t one_second = 1'000'000'000;
 
 std::int64_t lines(const std::string& text) { return std::ranges::count(text, '\n'); }
 
-TEST(Notices, ACauseIsToldAtOnceThenOnceASecondWithItsFirstCase) {
+TEST(Notices, CauseIsPrintedAtOnceThenOncePerSecond) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::backwards, 1, 4.5, 1);
@@ -32,7 +32,7 @@ TEST(Notices, ACauseIsToldAtOnceThenOnceASecondWithItsFirstCase) {
   EXPECT_EQ(lines(out.str()), 2);
 }
 
-TEST(Notices, CausesDoNotHideOneAnother) {
+TEST(Notices, CausesArePrintedIndependently) {
   Notices notices;
   std::ostringstream out;
   for (std::size_t i = 0; i < notice_kinds; ++i) notices.raise(static_cast<Notice>(i));
@@ -40,7 +40,7 @@ TEST(Notices, CausesDoNotHideOneAnother) {
   EXPECT_EQ(lines(out.str()), static_cast<std::int64_t>(notice_kinds));
 }
 
-TEST(Notices, TheRestIsToldAtTheEnd) {
+TEST(Notices, RemainingCasesArePrintedAtTheEnd) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::bad_kind);
@@ -52,7 +52,7 @@ TEST(Notices, TheRestIsToldAtTheEnd) {
   EXPECT_EQ(lines(out.str()), 2);
 }
 
-TEST(Notices, TimesAreToldInFull) {
+TEST(Notices, TimesArePrintedInFullPrecision) {
   Notices notices;
   std::ostringstream out;
   notices.raise(Notice::gap, 1, 1700000000.25, 1700000001.5);
@@ -61,7 +61,7 @@ TEST(Notices, TimesAreToldInFull) {
 }
 
 // For the thread sanitizer.
-TEST(Notices, OneThreadRaisesAnotherTells) {
+TEST(Notices, OneThreadRaisesAnotherPrints) {
   Notices notices;
   std::ostringstream out;
   std::atomic<bool> done = false;

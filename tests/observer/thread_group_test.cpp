@@ -23,7 +23,7 @@ class ThreadGroupTest : public ::testing::Test {
   ThreadGroup threads_{[this] { stop_ = true; }};
 };
 
-TEST_F(ThreadGroupTest, AnExceptionEndsTheOthersAndReachesTheCaller) {
+TEST_F(ThreadGroupTest, ExceptionEndsOthersAndReachesCaller) {
   threads_.start([this] { until_stopped(); });
   threads_.start([] { throw std::runtime_error("no flow"); });
   threads_.run([this] { until_stopped(); });
@@ -37,7 +37,7 @@ TEST_F(ThreadGroupTest, AnExceptionEndsTheOthersAndReachesTheCaller) {
   }
 }
 
-TEST_F(ThreadGroupTest, TheFirstExceptionCounts) {
+TEST_F(ThreadGroupTest, FirstExceptionIsRethrown) {
   threads_.start([this] {
     until_stopped();
     throw std::runtime_error("second");

@@ -193,7 +193,7 @@ TYPED_TEST(NetworkTest, SettledTicksOfTheChatteringBeamEqualAnOfflineRun) {
 class AdaptiveNetworkTest : public NetworkTest<IdentifyingAdaptive> {};
 
 // Equal to a run with immediate results.
-TEST_F(AdaptiveNetworkTest, SettledTicksEqualAnOfflineRunWhateverResultsAndMessagesDo) {
+TEST_F(AdaptiveNetworkTest, SettledTicksEqualOfflineRunForAnyDelays) {
   run("paper_beam.toml", 24.0, repetitions(8));
 }
 

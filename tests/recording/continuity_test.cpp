@@ -46,7 +46,7 @@ class ContinuityTest : public ::testing::Test {
 
 using Spoil = std::function<void(ContactMessage&)>;
 
-TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
+TEST_F(ContinuityTest, OneImplausibleMessageIsRefusedAndNextAccepted) {
   for (const auto& [spoil, oddity] : std::initializer_list<std::pair<Spoil, Oddity>>{
            {[](ContactMessage& r) { r.horizon += 30.0; }, Oddity::time},
            {[](ContactMessage& r) { r.horizon = 1e300; }, Oddity::time},
@@ -65,7 +65,7 @@ TEST_F(ContinuityTest, OneOddMessageIsRefusedAndTheNextFits) {
   }
 }
 
-TEST_F(ContinuityTest, WhatNoMessageCanHoldIsImpossible) {
+TEST_F(ContinuityTest, ImpossibleContentIsRefused) {
   ContactMessage report = next();
   EXPECT_EQ(continuity_.impossible(report), Oddity::none);
   report.speed = infinity;
@@ -84,7 +84,7 @@ TEST_F(ContinuityTest, WhatNoMessageCanHoldIsImpossible) {
   EXPECT_EQ(continuity_.impossible(report), Oddity::records);
 }
 
-TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
+TEST_F(ContinuityTest, ForwardClockStepIsFollowedAtThirdMessage) {
   for (const double step : {25.0, 1e7, -25.0, -1e6}) {
     t_ = 2e6;
     start(200);
@@ -97,7 +97,7 @@ TEST_F(ContinuityTest, AClockThatWasTurnedIsFollowedAtTheThirdMessage) {
 }
 
 // A step back of less than half a second is waited for; a longer one is followed.
-TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
+TEST_F(ContinuityTest, BackwardClockStepIsFollowedAtThirdMessage) {
   for (const double step : {-3.0, -1.0, -9.0}) {
     t_ = 100.0;
     start(200);
@@ -112,7 +112,7 @@ TEST_F(ContinuityTest, AClockThatWasSetBackIsFollowedAtTheThirdMessage) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
 }
 
-TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
+TEST_F(ContinuityTest, SuspensionOfHostIsFollowedAtThirdMessage) {
   start(200);
   t_ += 3600.0 * speed_;
   number_ += 360'000;
@@ -121,7 +121,7 @@ TEST_F(ContinuityTest, ASuspendedHostFollowsAtTheThirdMessage) {
   EXPECT_EQ(last, Verdict::resumes);
 }
 
-TEST_F(ContinuityTest, WhereTheFirstMessageWasOddTheOthersAreFollowed) {
+TEST_F(ContinuityTest, LaterMessagesAreFollowedAfterImplausibleFirstOne) {
   for (const Spoil& spoil : std::initializer_list<Spoil>{
            [](ContactMessage& r) { r.horizon = 1e6; },
            [](ContactMessage& r) { r.sequence = std::int64_t{1} << 51; },
@@ -141,7 +141,7 @@ TEST_F(ContinuityTest, WhereTheFirstMessageWasOddTheOthersAreFollowed) {
   }
 }
 
-TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
+TEST_F(ContinuityTest, ConstantNumberIsNeverFollowed) {
   start(10);
   for (int i = 0; i < 100; ++i) {
     number_ = 11;
@@ -151,7 +151,7 @@ TEST_F(ContinuityTest, ANumberThatStaysIsNeverFollowed) {
   }
 }
 
-TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
+TEST_F(ContinuityTest, LateDuplicateAndLostMessagesAreAccepted) {
   start(100);
   const ContactMessage late = next();
   for (int i = 0; i < 50; ++i) EXPECT_EQ(receive_next(), Verdict::fits);
@@ -161,7 +161,7 @@ TEST_F(ContinuityTest, LateDoubledAndLostMessagesFit) {
   EXPECT_EQ(receive_next(), Verdict::fits);
 }
 
-TEST_F(ContinuityTest, AMasterThatStandsStillAndOneWithoutAPaceFit) {
+TEST_F(ContinuityTest, PausedAndUnpacedMastersAreAccepted) {
   start(10);
   monotonic_ += 3600'000'000'000;  // stopped, and continues at the same time
   EXPECT_EQ(receive_next(), Verdict::fits);

@@ -32,7 +32,7 @@ Arrival after_ms(std::int64_t milliseconds) {
   return {milliseconds * 1'000'000, 50'000'000 + milliseconds * 1000};
 }
 
-TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
+TEST(SessionTracker, CountsLostDuplicateAndReorderedMessagesExactly) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -77,7 +77,7 @@ TEST(SessionTracker, CountsLostDoubledAndReorderedMessagesExactly) {
 }
 
 // Numbers before the first received one do not count as lost.
-TEST(SessionTracker, AMessageFromBeforeTheFirstOneHeardWasNotLost) {
+TEST(SessionTracker, MessageBeforeFirstReceivedOneIsNotLost) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.receive(message(7, 5), later()), Verdict::starts);
   tracker.receive(message(7, 4), later());
@@ -117,7 +117,7 @@ TEST(SessionTracker, ARestartedMasterIsANewSession) {
   EXPECT_EQ(tracker.counts().lost, 0);
 }
 
-TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
+TEST(SessionTracker, LateMessagesOfEarlierSessionAreIgnored) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.receive(message(1, 1000), later()), Verdict::starts);
   for (std::int64_t session = 2; session <= 50; ++session) {
@@ -132,7 +132,7 @@ TEST(SessionTracker, LateMessagesOfASessionThatWasLeftAreIgnored) {
 }
 
 // The master was silent for a while, and another one was followed instead.
-TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
+TEST(SessionTracker, ResumingMasterIsFollowedAgain) {
   SessionTracker tracker;
   tracker.receive(message(7, 100), later());
   EXPECT_EQ(restart(tracker, 8, 1), Verdict::starts);
@@ -141,7 +141,7 @@ TEST(SessionTracker, AMasterThatGoesOnIsHeardAgain) {
 
 // A sender of single messages with random sessions is not followed, and does not prevent following
 // a restarted master.
-TEST(SessionTracker, RandomSessionsAreNotHeard) {
+TEST(SessionTracker, RandomSessionsAreNotFollowed) {
   SessionTracker tracker;
   Random random(3);
   tracker.receive(message(7, 0), after_ms(0));
@@ -158,7 +158,7 @@ TEST(SessionTracker, RandomSessionsAreNotHeard) {
   EXPECT_EQ(sequence, 3);
 }
 
-TEST(SessionTracker, OfTwoMastersTheFirstIsKept) {
+TEST(SessionTracker, FirstOfTwoMastersIsKept) {
   SessionTracker tracker;
   for (std::int64_t i = 0; i < 500; ++i) {
     EXPECT_EQ(tracker.receive(message(7, i), after_ms(10 * i)),
@@ -171,7 +171,7 @@ TEST(SessionTracker, OfTwoMastersTheFirstIsKept) {
   EXPECT_EQ(tracker.counts().of_other_masters, 500);
 }
 
-TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeartbeats) {
+TEST(SessionTracker, RestartedMasterIsFollowedAfterTenSilentHeartbeats) {
   SessionTracker tracker;
   tracker.receive(message(7, 0), after_ms(0));
   for (std::int64_t i = 1; i < 10; ++i) {
@@ -182,7 +182,7 @@ TEST(SessionTracker, ARestartedMasterIsRecognizedOnceTheFirstIsSilentForTenHeart
   EXPECT_EQ(tracker.counts().of_past_sessions, 1);
 }
 
-TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
+TEST(SessionTracker, NextMasterReplacesUnpacedOneAtOnce) {
   SessionTracker tracker;
   ContactMessage report = message(7, 0);
   report.speed = infinity;
@@ -193,7 +193,7 @@ TEST(SessionTracker, AnUnpacedMasterIsFollowedByTheNextAtOnce) {
 }
 
 // With a key nobody can forge a message, but anybody can resend a recorded one.
-TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
+TEST(SessionTracker, RecordedSessionIsRefusedIfFreshnessIsRequired) {
   SessionTracker tracker(Freshness::required);
   const auto sent = [](std::int64_t session, std::int64_t sequence, const Arrival& at,
                        std::int64_t age_ms) {
@@ -225,7 +225,7 @@ TEST(SessionTracker, WhereFreshnessIsRequiredARecordedSessionIsRefused) {
   }
 }
 
-TEST(SessionTracker, AMastersClockThatWasAYearAheadMakesNoLaterSessionStale) {
+TEST(SessionTracker, ClockOnceAYearAheadDoesNotBlockLaterSessions) {
   SessionTracker tracker(Freshness::required);
   ContactMessage report = message(7, 0);
   report.utime = after_ms(0).wall;
@@ -252,7 +252,7 @@ TEST(SessionTracker, SilenceDoesNotCountWhileMessagesAreDropped) {
   EXPECT_EQ(tracker.receive(message(8, 100), after_ms(1000)), Verdict::starts);
 }
 
-TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
+TEST(SessionTracker, ImplausibleMessageIsRefusedAndJumpFollowed) {
   SessionTracker tracker;
   const auto at_time = [](std::int64_t sequence, double horizon) {
     ContactMessage report = message(7, sequence);
@@ -275,7 +275,7 @@ TEST(SessionTracker, AnOddMessageIsRefusedAndAJumpFollowed) {
   EXPECT_EQ(tracker.counts().sessions, 1);
 }
 
-TEST(SessionTracker, AnImpossibleMessageBeginsNoSession) {
+TEST(SessionTracker, ImpossibleMessageDoesNotStartSession) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.receive(message(7, std::int64_t{1} << 53), after_ms(0)), Verdict::ignored);
   EXPECT_EQ(tracker.oddity(), Oddity::number);
@@ -284,7 +284,7 @@ TEST(SessionTracker, AnImpossibleMessageBeginsNoSession) {
   EXPECT_EQ(tracker.receive(message(7, 1), after_ms(10)), Verdict::starts);
 }
 
-TEST(SessionTracker, SessionZeroIsASession) {
+TEST(SessionTracker, SessionZeroIsValid) {
   SessionTracker tracker;
   EXPECT_EQ(tracker.receive(message(0, 1), later()), Verdict::starts);
   EXPECT_EQ(tracker.receive(message(0, 2), later()), Verdict::continues);

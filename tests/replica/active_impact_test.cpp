@@ -25,7 +25,7 @@ Model two_masses(double coupling, ImpactLaw law, double epsilon) {
   return model;
 }
 
-TEST(SingleImpact, OfAContactByItselfIsThatOfItsRestitution) {
+TEST(SingleImpact, OfOneContactFollowsItsRestitution) {
   const Dynamics dynamics(two_masses(0.3, ImpactLaw::poisson, 0.7));
   const SingleImpact impact = single_impact(dynamics, 1, 0.7, 0);
   ASSERT_EQ(impact.solved, Solved::yes);
@@ -34,7 +34,7 @@ TEST(SingleImpact, OfAContactByItselfIsThatOfItsRestitution) {
   EXPECT_DOUBLE_EQ(impact.Lambda[0], 1.0 / dynamics.G()(1, 1));
 }
 
-TEST(SingleImpact, ThrowsOffWhatItPullsAndWhatGivesBack) {
+TEST(SingleImpact, ForcesReleaseOfHeldContacts) {
   struct Case {
     double coupling;  // negative: the struck mass pulls the other one along
     ImpactLaw law;

@@ -52,12 +52,12 @@ void expect_same(StepperKind stepper) {
   }
 }
 
-TEST(AnyReplica, HasTheBitsOfTheOneThatItIs) {
+TEST(AnyReplica, EqualsWrappedReplicaBitForBit) {
   expect_same<Replica>(StepperKind::exact);
   expect_same<MoreauReplica>(StepperKind::moreau);
 }
 
-TEST(AnyReplica, SaysHowItMoves) {
+TEST(AnyReplica, NamesItsFlowPath) {
   const Scene& scene = cached_scene("paper_beam.toml");
   AnyReplica exact(scene, step_length);
   ASSERT_NE(exact.flows(), nullptr);
@@ -68,7 +68,7 @@ TEST(AnyReplica, SaysHowItMoves) {
 }
 
 // A state of one estimator is invalid for another until start().
-TEST(AnyReplica, TakesAnyStateAtItsStart) {
+TEST(AnyReplica, StartAcceptsAnyState) {
   const Scene& scene = cached_scene("paper_beam.toml");
   AnyReplica moreau(scene, step_length, StepperKind::moreau);
   AnyReplica replica(scene, step_length);

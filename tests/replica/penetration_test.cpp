@@ -43,7 +43,7 @@ TEST(Penetration, IsTheLargestDepthInAnyUnit) {
   }
 }
 
-TEST(Penetration, LeavesOutRoundingAndWhatDeviationsCover) {
+TEST(Penetration, IgnoresRoundingAndDepthWithinSigma) {
   std::vector<Contact> contacts(1);
   contacts[0].w = Eigen::VectorXd::Ones(1);
   const auto depth = [&](double q, double sigma) {

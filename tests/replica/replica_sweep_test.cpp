@@ -92,7 +92,7 @@ Met expect_equal(const std::vector<ReplicaSweep::Run>& runs, double h, std::int6
   return met;
 }
 
-TEST(ReplicaSweep, OfRandomMachinesIsEightReplicasBitForBit) {
+TEST(ReplicaSweep, OfRandomMachinesEqualsReplicasBitForBit) {
   constexpr double h = 1e-2;
   Met met;
   for (std::uint64_t seed = 1; seed <= 24; ++seed) {
@@ -139,7 +139,7 @@ TEST(ReplicaSweep, OfRandomMachinesIsEightReplicasBitForBit) {
 }
 
 // Chatter and sustained contacts of masters that differ slightly.
-TEST(ReplicaSweep, OfChatteringBeamsIsTheReplicasBitForBit) {
+TEST(ReplicaSweep, OfChatteringBeamsEqualsReplicasBitForBit) {
   Scene scene = test::shipped_scene("paper_beam_chatter");
   std::vector<std::vector<ContactEvent>> events(5);
   std::vector<ReplicaSweep::Run> runs;
@@ -153,7 +153,7 @@ TEST(ReplicaSweep, OfChatteringBeamsIsTheReplicasBitForBit) {
 }
 
 // A force on one lane adds nothing to another, where +0 would turn -0 into +0.
-TEST(ReplicaSweep, LeavesSignedZerosBesideALaneThatIsPushed) {
+TEST(ReplicaSweep, KeepsSignedZerosOfUnforcedLanes) {
   Random random(8);
   std::vector<ReplicaSweep::Run> runs;
   for (const double constant : {0.0, 1.0}) {
@@ -167,7 +167,7 @@ TEST(ReplicaSweep, LeavesSignedZerosBesideALaneThatIsPushed) {
 }
 
 // A force near resonance is computed without vectors.
-TEST(ReplicaSweep, OfAMachineAtResonanceIsTheReplicasBitForBit) {
+TEST(ReplicaSweep, OfMachineAtResonanceEqualsReplicasBitForBit) {
   Random random(7);
   std::vector<ReplicaSweep::Run> runs;
   for (const double Omega : {1.0, 3.0}) {

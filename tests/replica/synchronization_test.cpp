@@ -71,7 +71,7 @@ TEST_P(Synchronization, ErrorEnergyDoesNotGrowAcrossAnEvent) {
   }
 }
 
-TEST(PaperBeam, ErrorEnergyStartsAndFallsAsInThePaper) {
+TEST(PaperBeam, ErrorEnergyMatchesThePaper) {
   Pair<Replica> pair(shipped_scene("paper_beam"), 1e-2);
   EXPECT_NEAR(pair.V(), 0.4783533, 1e-7);
   EXPECT_NEAR(pair.V_i[1], 0.2283533, 1e-7);
@@ -103,7 +103,7 @@ TEST(ExactStepper, StatesDoNotDependOnTheTick) {
   }
 }
 
-TEST(ExactStepper, StaysWithTheMasterOnceItIsThere) {
+TEST(ExactStepper, StaysSynchronized) {
   for (const auto& [name, T] :
        {std::pair("paper_beam_chatter", 100.0), std::pair("paper_beam_as_printed", 50.0),
         std::pair("stiff_beam", 5.0)}) {
@@ -119,7 +119,7 @@ TEST(ExactStepper, StaysWithTheMasterOnceItIsThere) {
   }
 }
 
-TEST(ExactStepper, ItsStateIsAValue) {
+TEST(ExactStepper, StateIsAValue) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const std::vector<ContactEvent> events = events_of(scene, 20.0);
   Replica replica(scene.model, 1e-2);
@@ -146,7 +146,7 @@ TEST(ExactStepper, ItsStateIsAValue) {
   EXPECT_TRUE((first.motion.x.v == again.motion.x.v).all());
 }
 
-TEST(MoreauStepper, ErrorEnergyEndsOnAFloorThatFallsWithTheTick) {
+TEST(MoreauStepper, ErrorEnergyFloorDecreasesWithTick) {
   const Scene scene = shipped_scene("paper_beam");
   std::vector<double> log_h;
   std::vector<double> log_V;

@@ -22,7 +22,7 @@ bool has_no_time(const Motion& motion) {
 }
 
 // An outdated time would be used without an error.
-TEST(TickedFlight, LeavesNoTimeBehind) {
+TEST(TickedFlight, ClearsTimeOfMotion) {
   const Flows flows(paper_beam().model);
   const TickedFlight flight(flows[0], tick_length);
   Motion motion;
@@ -42,7 +42,7 @@ TEST(TickedFlight, LeavesNoTimeBehind) {
 }
 
 // The phase of the excitation is exact after any number of ticks of any length.
-TEST(TickedFlight, RoundingsOfThePhasesDoNotAddUp) {
+TEST(TickedFlight, PhaseRoundingDoesNotAccumulate) {
   const Flows flows(paper_beam().model);
   const State start = paper_beam().prior.start;
   for (const double h : {1e-4, 1e-3, 1e-2, 0.1, 0.7}) {
@@ -83,7 +83,7 @@ void has_its_time_again(Stepper& stepper) {
   }
 }
 
-TEST(TickedFlight, AReplicasEventFindsTheTimeOfItsTick) {
+TEST(TickedFlight, RestoresTimeAtReplicaEvent) {
   Replica replica(paper_beam().model, tick_length);
   has_its_time_again(replica);
 }

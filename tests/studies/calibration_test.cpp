@@ -32,7 +32,7 @@ using Words = std::vector<std::string>;
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 // Errors that match their sigma: a mean square of 1, and erfc(3 / sqrt 2) beyond 3.
-TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
+TEST(CalibrationStatistics, DetectOverconfidentEstimator) {
   constexpr int n = 200000;
   for (const double boast : {1.0, 2.0}) {
     common::Random random(1);
@@ -48,7 +48,7 @@ TEST(CalibrationStatistics, KnowAnHonestEstimatorAndOneThatIsTooSure) {
   }
 }
 
-TEST(CalibrationStatistics, WhatIsNotKnownAndWhatIsNoNumberIsToldApart) {
+TEST(CalibrationStatistics, CountUnknownAndNotANumberSeparately) {
   NormalizedErrors errors;
   errors.add(2.0, 1.0);
   errors.add(-4.0, 1.0);
@@ -106,7 +106,7 @@ TEST(CalibrationStatistics, TrialsAreSummarized) {
   EXPECT_EQ(all.worse_largest, 0.6);
 }
 
-TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
+TEST(CalibrationStatistics, EachThresholdDetectsItsViolation) {
   common::Random random(1);
   NormalizedErrors honest, sure, rough;
   for (int i = 0; i < 100000; ++i) {
@@ -140,7 +140,7 @@ TEST(CalibrationStatistics, EachBarIsMissedByWhatMissesIt) {
             Words{"nan"});
 }
 
-TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
+TEST(CalibrationMachines, RandomMachinesHaveRepeatedImpactsAndDiffer) {
   const int count = repetitions(40);
   std::cout << "seeds 1 to " << count << '\n';
   auto all = machines("random:1-" + std::to_string(count));
@@ -153,8 +153,8 @@ TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
     const double T = usual_duration(scene.model);
     master.advance(at(T), events, 30);
     EXPECT_GE(events.size(), 30U) << scene.name;
-    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                              scene.prior.start.u)[0];
+    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                              scene.prior.start.q, scene.prior.start.u)[0];
     EXPECT_NEAR(scene.prior.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
   }
   EXPECT_NE(random_scene(Kind::hit, 1), random_scene(Kind::hit, 3));
@@ -174,7 +174,7 @@ TEST(CalibrationMachines, ChatteringContactsStayClosed) {
   }
 }
 
-TEST(CalibrationMachines, ModesAreThoseOfThePapersBeam) {
+TEST(CalibrationMachines, ModesEqualPaperBeam) {
   const auto eight = machines("modes:8");
   ASSERT_EQ(eight.size(), 1U);
   EXPECT_EQ(eight[0].model.coordinates(), 8);
@@ -193,7 +193,7 @@ TEST(CalibrationMachines, NumbersAreRoundedToDigits) {
 }
 
 // A filter known to be calibrated, on the paper's beam, with starts from its own prior.
-TEST(CalibrationStudy, TellsWhatAFilterIsWorth) {
+TEST(CalibrationStudy, MeasuresCalibratedFilter) {
   Options options;
   options.seeds = repetitions(60);
   options.duration = 64.0;
@@ -246,7 +246,7 @@ TEST(CalibrationStudy, DrawsMachines) {
                std::invalid_argument);
 }
 
-TEST(CalibrationStudy, TroubleShows) {
+TEST(CalibrationStudy, DisturbancesIncreaseErrors) {
   Options options;
   options.seeds = 4;
   options.duration = 40.0;
@@ -270,7 +270,7 @@ TEST(CalibrationStudy, TroubleShows) {
 
 // A filter alone cannot follow lost and spurious events, and it reports them. Its wrong claims are
 // limited to the time before the detection.
-TEST(CalibrationStudy, AFilterAloneSaysThatEventsDoNotFit) {
+TEST(CalibrationStudy, FilterReportsLostAndSpuriousEvents) {
   Options options;
   options.seeds = 4;
   options.samples = 400;
@@ -293,7 +293,7 @@ TEST(CalibrationStudy, AFilterAloneSaysThatEventsDoNotFit) {
   std::cout << "at most " << 100.0 * worst << " % claimed and wrong\n";
 }
 
-TEST(CalibrationStudy, AReplicaIsFollowedAtTheSamples) {
+TEST(CalibrationStudy, ReplicaIsEvaluatedAtSamples) {
   Options options;
   options.duration = 20.0;
   options.tick = 0.01;
@@ -349,7 +349,7 @@ TEST(CalibrationProgram, PrintsATableCsvAndJson) {
 // are reported in any order, and the estimate of some is far more accurate than their reports. Two
 // are released at one instant, the third soon after. Before any report each state alone is known to
 // rounding accuracy, but not their interaction.
-TEST(Calibration, AJitteredChainOfContactsIsNeverTakenForAnother) {
+TEST(Calibration, JitteredChainOfContactsHasNoFalseAlarm) {
   const Scene scene = machines("chatter:2").front();
   Options options;
   options.seeds = 30;  // a single run may have a dozen times the error of the others
@@ -397,7 +397,7 @@ Scene scene_of(const Machine& machine) {
   return machines(test::write_text(directory / "machine.toml", text).string()).front();
 }
 
-TEST_P(MachinesOfAllKinds, AreNotTakenForOthers) {
+TEST_P(MachinesOfAllKinds, HaveNoFalseAlarm) {
   const Machine& machine = GetParam();
   Options options;
   options.seeds = machine.seeds;
@@ -455,7 +455,7 @@ INSTANTIATE_TEST_SUITE_P(
 // Long after the start a report with this jitter contains no new information. The covariance then
 // follows the machine's flow through impacts and releases. Difference quotients of a master's runs
 // give the same covariance.
-TEST(MachinesOfAllKinds, CarryTheCovarianceAsTheMasterCarriesErrors) {
+TEST(MachinesOfAllKinds, PropagateCovarianceLikeMasterErrors) {
   constexpr double jitter = 1e-4;
   constexpr double from = 150.0, to = 153.0;
   constexpr double little = 1e-8;

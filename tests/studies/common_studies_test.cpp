@@ -33,12 +33,12 @@ bool consistent(const Events& events) {
   return kept == events;
 }
 
-TEST(DisturbedEvents, AreThemselvesWhereNothingHappens) {
+TEST(DisturbedEvents, AreUnchangedWithoutDisturbance) {
   const Events events = random_events(1, 50.0);
   EXPECT_EQ(disturb(events, {}, 2, 50.0, 1), events);
 }
 
-TEST(DisturbedEvents, AreInOrderAndDoNotContradict) {
+TEST(DisturbedEvents, AreOrderedAndConsistent) {
   constexpr double end = 50.0;
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     const Events events = random_events(seed, end);
@@ -55,7 +55,7 @@ TEST(DisturbedEvents, AreInOrderAndDoNotContradict) {
   }
 }
 
-TEST(DisturbedEvents, AreDroppedWhereTheyContradict) {
+TEST(DisturbedEvents, AreDroppedIfContradictory) {
   using enum ContactEventKind;
   Events events{{0.1, 0, opens},  {0.2, 0, closes}, {0.3, 0, pulse}, {0.3, 1, pulse},
                 {0.4, 0, closes}, {0.5, 0, opens},  {0.6, 0, opens}};
@@ -63,7 +63,7 @@ TEST(DisturbedEvents, AreDroppedWhereTheyContradict) {
   EXPECT_EQ(events, (Events{{0.2, 0, closes}, {0.3, 1, pulse}, {0.5, 0, opens}}));
 }
 
-TEST(DisturbedEvents, HaveTheSharesAndRatesAskedFor) {
+TEST(DisturbedEvents, HaveGivenSharesAndRates) {
   constexpr double end = 20000.0;
   Events events;
   for (double t = 0.5; t < end; t += 1.0) events.push_back({t, 0, ContactEventKind::pulse});

@@ -36,7 +36,7 @@ Model ball() {
 
 // A ball hits the table at t_k = t_1 + 2 v / g (epsilon + ... + epsilon^(k-1)), v its speed at t_1.
 // This is linear in both, as is its velocity after the last impact.
-TEST(Posterior, OfABouncingBallIsALine) {
+TEST(Posterior, OfBouncingBallIsLinear) {
   constexpr int impacts = 6;
   constexpr double jitter = 1e-5;
   const Flows flows(ball());
@@ -73,7 +73,7 @@ TEST(Posterior, OfABouncingBallIsALine) {
 }
 
 // For events that the true state does not have.
-TEST(Posterior, IsNoneWhereTheMachineIsAnother) {
+TEST(Posterior, IsEmptyForOtherMachine) {
   const Flows flows(ball());
   Window window{0.0, 1.0, fall, fall, wide.asDiagonal(), {}, {}};
   Master master(flows, {fall.head(1), fall.tail(1)}, 0.0, 0);
@@ -87,7 +87,7 @@ TEST(Posterior, IsNoneWhereTheMachineIsAnother) {
 }
 
 // Two methods that share only the flows, on other machines than the paper's beam.
-TEST(Posterior, IsWhatTheFilterKnowsWhereAllIsNearlyLinear) {
+TEST(Posterior, EqualsFilterForNearlyLinearMachines) {
   struct Case {
     std::string machine;
     double jitter;

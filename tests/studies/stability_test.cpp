@@ -24,7 +24,7 @@ double largest_growth(const Curve& curve) {
   return growth;
 }
 
-TEST(Stability, NewtonPushesAClosedClutchBack) {
+TEST(Stability, NewtonLawGivesClosedClutchNegativeVelocity) {
   const auto curves = newton_after_a_closed_clutch();
   EXPECT_NEAR(curves[0].y.back(), -0.21, 1e-15);
   EXPECT_EQ(curves[1].y.back(), 0.0);
@@ -54,7 +54,7 @@ TEST(Stability, WithoutDampingNothingConverges) {
   for (const Curve& curve : curves) EXPECT_LE(largest_growth(curve), 1e-13 * curve.y.front());
 }
 
-TEST(Stability, APersistentContactStallsVUntilItIsLetGo) {
+TEST(Stability, SustainedContactStallsVUntilReleased) {
   const auto curves = persistent_contact(90.0);
   const Curve& V = curves[0];
   const Curve& remainder = curves[1];
@@ -67,7 +67,7 @@ TEST(Stability, APersistentContactStallsVUntilItIsLetGo) {
   EXPECT_LE(largest_growth(V), 1e-13 * V.y.front());
 }
 
-TEST(Stability, ChatterIsCompletedWhereAPlainLoopStandsStill) {
+TEST(Stability, ChatterIsCompletedUnlikeInPlainLoop) {
   const auto curves = event_storm(5000);
   EXPECT_EQ(curves[0].y.back(), 5000.0);
   const double accumulation = std::sqrt(2.0 / 9.81) * 1.7 / 0.3;
@@ -89,7 +89,7 @@ TEST(Stability, ActivationByTheGapAloneGainsEnergy) {
   EXPECT_LE(largest(curves[1]), 0.0);
 }
 
-TEST(Stability, StepsBeyondTheirLimitBlowUp) {
+TEST(Stability, StepsBeyondTheirLimitDiverge) {
   const auto curves = step_limits();
   EXPECT_GT(curves[0].y.back(), 20.0) << "explicit Euler";
   EXPECT_GT(curves[1].y.back(), 5.0) << "theta = 0.4";

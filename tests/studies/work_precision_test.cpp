@@ -30,7 +30,7 @@ const Method& method(const std::string& name) {
 
 const std::vector<ReferenceImpact> three{{1.0, -1.0}, {2.0, -1.0}, {3.0, -1.0}};
 
-TEST(Impacts, AllAreFoundWithTheirErrors) {
+TEST(Impacts, ReportsErrorsOfAll) {
   const ImpactScore result = score(three, std::vector{1.01, 1.98, 3.04}, 4.0);
   EXPECT_EQ(result.found, 3);
   EXPECT_EQ(result.missed, 0);
@@ -40,7 +40,7 @@ TEST(Impacts, AllAreFoundWithTheirErrors) {
   EXPECT_NEAR(result.max_dt, 0.04, 1e-12);
 }
 
-TEST(Impacts, FurtherThanTheWindowIsMissedAndInvented) {
+TEST(Impacts, OutsideWindowCountsAsMissedAndSpurious) {
   const ImpactScore result = score(three, std::vector{1.0, 2.051, 3.0}, 4.0);
   EXPECT_EQ(result.found, 2);
   EXPECT_EQ(result.missed, 1);
@@ -49,7 +49,7 @@ TEST(Impacts, FurtherThanTheWindowIsMissedAndInvented) {
   EXPECT_EQ(result.max_dt, 0.0);
 }
 
-TEST(Impacts, OneOfTheMethodIsMatchedOnce) {
+TEST(Impacts, EachIsMatchedOnce) {
   const std::vector<ReferenceImpact> close{{1.0, -1.0}, {1.02, -1.0}};
   // 1.009 is nearer to the first, 1.011 to the second.
   const ImpactScore first = score(close, std::vector{1.009}, 2.0);
@@ -60,14 +60,14 @@ TEST(Impacts, OneOfTheMethodIsMatchedOnce) {
   EXPECT_EQ(second.first_missed, 1.0);
 }
 
-TEST(Impacts, TheNearestOfSeveralIsTaken) {
+TEST(Impacts, NearestOfSeveralIsMatched) {
   const ImpactScore result = score(three, std::vector{0.97, 1.002, 1.03, 2.0, 3.0}, 4.0);
   EXPECT_EQ(result.found, 3);
   EXPECT_NEAR(result.max_dt, 0.002, 1e-12);
   EXPECT_EQ(result.invented, 2);  // 0.03 away from all impacts
 }
 
-TEST(Impacts, TheTailOfAChatterNeedNotBeFoundAndIsNotInvented) {
+TEST(Impacts, TailOfChatterIsOptional) {
   const std::vector<ReferenceImpact> chatter{{1.0, -1.0}, {1.1, -1e-3}, {1.11, -1e-5}};
   const ImpactScore without = score(chatter, std::vector{1.0, 1.1}, 2.0);
   EXPECT_EQ(without.found, 2);
@@ -77,21 +77,21 @@ TEST(Impacts, TheTailOfAChatterNeedNotBeFoundAndIsNotInvented) {
   EXPECT_EQ(with.invented, 1);
 }
 
-TEST(Impacts, WhatIsBeyondTheHorizonDoesNotCount) {
+TEST(Impacts, AfterHorizonDoNotCount) {
   const ImpactScore result = score(three, std::vector{1.0, 2.5}, 1.5);
   EXPECT_EQ(result.found, 1);
   EXPECT_EQ(result.missed, 0);
   EXPECT_EQ(result.invented, 0);
 }
 
-TEST(Impacts, NothingFound) {
+TEST(Impacts, AllMissedWithoutResult) {
   const ImpactScore result = score(three, std::vector<double>{}, 4.0);
   EXPECT_EQ(result.missed, 3);
   EXPECT_EQ(result.first_missed, 1.0);
   EXPECT_TRUE(std::isnan(result.median_dt));
 }
 
-TEST(States, ErrorsLeaveOutImpactsAndWhatWasNotReached) {
+TEST(States, ErrorsExcludeImpactsAndUnreachedSamples) {
   Reference reference;
   reference.horizon = 2.0;
   reference.impacts = {{1.0005, -1.0}};
@@ -109,7 +109,7 @@ TEST(States, ErrorsLeaveOutImpactsAndWhatWasNotReached) {
   EXPECT_EQ(score(reference, q, u, 1.0).horizon, 1.0);
 }
 
-TEST(BouncingMass, ClosedFormIsWhatTheMasterDoes) {
+TEST(BouncingMass, MasterMatchesClosedForm) {
   const Scene scene = shipped_scene("bouncing_ball");
   const Reference exact = bouncing_mass(scene.model, scene.truth.start, 20.0, 0.01);
   Master master(scene.model, scene.truth.start);
@@ -138,7 +138,7 @@ TEST(BouncingMass, AnotherMachineIsRefused) {
   EXPECT_THROW(bouncing_mass(scene.model, scene.truth.start, 1.0, 0.1), ModelError);
 }
 
-TEST(References, EveryOneIsReadAndFitsItsScene) {
+TEST(References, AllAreReadAndMatchTheirScenes) {
   for (const std::string& name : reference_scenes()) {
     const Scene scene = shipped_scene(name);
     const Reference reference = reference_of(scene);
@@ -185,24 +185,24 @@ Measurement measured(void (*run)(const Task&, double, Outcome&), double timeout 
                  {.timeout = timeout, .timing = 0.01});
 }
 
-TEST(Children, OneThatIsKilledIsAFailure) { EXPECT_EQ(measured(dies).failure, "signal: Killed"); }
+TEST(Children, KilledChildIsAFailure) { EXPECT_EQ(measured(dies).failure, "signal: Killed"); }
 
-TEST(Children, OneThatExitsIsAFailureWithItsLastWords) {
+TEST(Children, ExitingChildIsAFailureWithItsLastLine) {
   EXPECT_EQ(measured(leaves).failure, "exit with 7; last words");
 }
 
-TEST(Children, OneThatHangsIsEnded) {
+TEST(Children, HangingChildIsKilled) {
   const Measurement result = measured(hangs, 0.2);
   EXPECT_EQ(result.failure, "timeout after 0.2 s");
   EXPECT_EQ(result.figures.impacts.found, 0);
   EXPECT_EQ(result.figures.impacts.missed, 102);
 }
 
-TEST(Children, OneThatThrowsIsAFailure) {
+TEST(Children, ThrowingChildIsAFailure) {
   EXPECT_EQ(measured(throws).failure, "exception: no idea");
 }
 
-TEST(Children, AFailureKeepsWhatWasReached) {
+TEST(Children, FailureKeepsPartialResults) {
   const Measurement result = measured(fails);
   EXPECT_EQ(result.failure, "gave up");
   EXPECT_EQ(result.figures.steps, 5);
@@ -213,14 +213,14 @@ TEST(Children, AFailureKeepsWhatWasReached) {
   EXPECT_TRUE(std::isnan(result.figures.cpu_us_per_time));
 }
 
-TEST(Children, ACrashKeepsTheFiguresOfEarlierRuns) {
+TEST(Children, CrashKeepsFiguresOfEarlierRuns) {
   const Measurement result = measured(dies_without_samples);
   EXPECT_EQ(result.failure, "signal: Killed");
   EXPECT_GT(result.figures.impacts.found, 90);
   EXPECT_EQ(result.figures.states.horizon, 20.0);
 }
 
-TEST(Children, MemoryIsWhatTheRunAdds) {
+TEST(Children, MemoryIsIncreaseDuringRun) {
   if (sanitized) GTEST_SKIP() << "a sanitizer keeps memory of its own";
   const Measurement result = measured(holds_memory);
   EXPECT_TRUE(result.failure.empty()) << result.failure;

@@ -111,7 +111,7 @@ TEST_P(ShippedScenes, HaveTheirVerdict) {
   EXPECT_EQ(a.trial.duration, a.trial.planned);
 }
 
-TEST(CheckScene, PaperBeamHasAModeAtANodeAndItsTick) {
+TEST(CheckScene, PaperBeamReportsModeAtNodeAndTick) {
   const Assessment a = assess(read_scene(shipped("paper_beam")));
   ASSERT_EQ(a.modes.size(), 3U);
   EXPECT_NEAR(a.modes[0].projection, -1.6369, 1e-4);
@@ -152,7 +152,7 @@ TEST(CheckScene, ConditionOfTwoContactsByHand) {
   EXPECT_NEAR(assess(scene).W.condition, std::sqrt((1 + cosine) / (1 - cosine)), 1e-12);
 }
 
-TEST(CheckScene, DependentDirectionsAreNamed) {
+TEST(CheckScene, DependentDirectionsAreReported) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.contacts.push_back(contact(Eigen::Vector2d(-2.0, 0.0), 0.5, 0.3));
   const Assessment a = assess(scene);
@@ -183,7 +183,7 @@ Scene between_stops(double room, const Harmonic& motion = {}) {
 }
 
 // Eq. (17): W need not have full rank if time windows with all contacts open recur.
-TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain) {
+TEST(CheckScene, OpposingStopsPassIfAllContactsOpenRepeatedly) {
   const Assessment a = assess(between_stops(0.5));
   EXPECT_EQ(a.W.rank, 1);
   EXPECT_EQ(broken(a), Ids{});
@@ -210,7 +210,7 @@ TEST(CheckScene, StopsOnEitherSideAreFineWhereAllContactsOpenAtOnceAgainAndAgain
 }
 
 // Two contacts that cannot close together have only impacts of a single contact.
-TEST(CheckScene, TheLawIsNoMatterWhereNoImpactIsOfBothContacts) {
+TEST(CheckScene, LawDoesNotMatterWithoutSimultaneousImpacts) {
   Scene scene = between_stops(0.5);
   scene.model.law = ImpactLaw::newton;
   scene.model.contacts[0].restitution = 0.9;
@@ -222,7 +222,7 @@ TEST(CheckScene, TheLawIsNoMatterWhereNoImpactIsOfBothContacts) {
   EXPECT_FALSE(squeezed.synchronizes());
 }
 
-TEST(CheckScene, OpposingStopsHaveTheRoomThatTheirMotionsLeave) {
+TEST(CheckScene, RoomOfOpposingStopsAccountsForTheirMotion) {
   EXPECT_NEAR(opposing_stops(between_stops(0.5, {0.3, 2.0, 0.0}).model).at(0).room, 1.2, 1e-12);
   Model both = between_stops(0.5, {0.3, 2.0, 1.0}).model;
   both.contacts[0].motion = {0.1, 2.0, 1.0};  // g_2 + 3 g_1
@@ -236,7 +236,7 @@ TEST(CheckScene, OpposingStopsHaveTheRoomThatTheirMotionsLeave) {
 }
 
 // A mass pressed against one of the two stops: time windows without contact do not recur.
-TEST(CheckScene, StopsOnEitherSideOfAPressedMassAreNot) {
+TEST(CheckScene, OpposingStopsOfPressedMassFail) {
   Scene scene = between_stops(0.5);
   scene.model.forces = {{Eigen::VectorXd::Ones(1), -3.0, {}}};
   const Assessment a = assess(scene);
@@ -274,7 +274,7 @@ TEST(CheckScene, ASimulationThatFailsIsAFinding) {
   EXPECT_LT(a.trial.duration, a.trial.planned);
 }
 
-TEST(CheckScene, WithoutDampingNothingIsPromised) {
+TEST(CheckScene, UndampedMachineHasNoGuarantee) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.C.setZero();
   const Assessment a = assess(scene);
@@ -286,7 +286,7 @@ TEST(CheckScene, WithoutDampingNothingIsPromised) {
   EXPECT_TRUE(says(finding(a, "C").what, "never decays")) << finding(a, "C").what;
 }
 
-TEST(CheckScene, DampingThatReachesAllModesByCouplingIsSaid) {
+TEST(CheckScene, DampingByCouplingIsReported) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.C = Eigen::Vector2d(0.4, 0.0).asDiagonal();
   scene.model.K << 2.0, -1.0, -1.0, 2.0;
@@ -305,7 +305,7 @@ TEST(CheckScene, DampingThatReachesAllModesByCouplingIsSaid) {
   EXPECT_NEAR(a.decades, -2 * slowest / ln10, 1e-13);
 }
 
-TEST(CheckScene, RigidMotionsAreNamed) {
+TEST(CheckScene, RigidMotionsAreReported) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.K << 3.0, -3.0, -3.0, 3.0;
   const Assessment a = assess(scene);
@@ -316,7 +316,7 @@ TEST(CheckScene, RigidMotionsAreNamed) {
   EXPECT_EQ(a.slow_root, 0.0);
 }
 
-TEST(CheckScene, MatricesOfNoMachineAreRefused) {
+TEST(CheckScene, InvalidMatricesAreRefused) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.M(1, 1) = -1.0;
   const Assessment a = assess(scene);
@@ -374,7 +374,7 @@ TEST(CheckScene, UnlikeRestitutionOutsideTheCriterion) {
   EXPECT_LT(newton.monotonicity.margin, -0.1);
 }
 
-TEST(CheckScene, AContactThatStaysClosedBreaksA1) {
+TEST(CheckScene, PermanentContactViolatesA1) {
   Scene scene = one_mass(1.0, 1.0, -1.0);
   const Assessment pressed = assess(scene);
   EXPECT_EQ(broken(pressed), Ids{"A1"});
@@ -385,12 +385,12 @@ TEST(CheckScene, AContactThatStaysClosedBreaksA1) {
   EXPECT_GT(shaken.trial.contacts[0].last_share, 0.1);
 }
 
-TEST(CheckScene, AMotionThatGrowsBreaksA2) {
+TEST(CheckScene, GrowingMotionViolatesA2) {
   EXPECT_EQ(broken(assess(one_mass(0.1, 0.0, 1.0))), (Ids{"K", "A2"}));
   EXPECT_EQ(broken(assess(one_mass(0.0, 0.0, 1.0))), (Ids{"C", "K", "A2"}));
 }
 
-TEST(CheckScene, AContactOutOfReachIsANoteOnly) {
+TEST(CheckScene, UnreachableContactIsOnlyANote) {
   Scene scene = one_mass(1.0, 1.0, -1.0);
   scene.model.contacts[0].clearance = 10.0;
   const Assessment a = assess(scene);
@@ -399,7 +399,7 @@ TEST(CheckScene, AContactOutOfReachIsANoteOnly) {
   EXPECT_TRUE(says(finding(a, "trial").what, "never closed: contact 1"));
 }
 
-TEST(CheckScene, ModesOfOneFrequencyAreToldApartByTheContacts) {
+TEST(CheckScene, ModesOfEqualFrequencyAreDistinguishedByContacts) {
   Scene scene = two_contacts(ImpactLaw::poisson, 0.5, 0.5);
   scene.model.contacts = {contact(Eigen::Vector2d(1.0, 1.0), 0.5, 0.1)};
   for (const bool repeated : {true, false}) {
@@ -414,7 +414,7 @@ TEST(CheckScene, ModesOfOneFrequencyAreToldApartByTheContacts) {
   }
 }
 
-TEST(CheckScene, ATrialEndsAtItsLimits) {
+TEST(CheckScene, TrialEndsAtItsLimits) {
   const Scene scene = read_scene(shipped("paper_beam"));
   const Assessment a = assess(scene, {.events = 10});
   EXPECT_GE(a.trial.closings, 10);
@@ -426,7 +426,7 @@ TEST(CheckScene, ATrialEndsAtItsLimits) {
 }
 
 // In the corner of two contacts impacts come ever faster.
-TEST(CheckScene, ATrialEndsAtItsLimitsWhereEventsCrowd) {
+TEST(CheckScene, TrialEndsAtItsLimitsWithVeryFrequentEvents) {
   for (const double epsilon : {0.5, 0.2}) {
     Scene scene = two_contacts(ImpactLaw::poisson, epsilon == 0.5 ? 0.5 : 0.9, epsilon);
     scene.model.contacts[1].clearance = 0.1;
@@ -437,7 +437,7 @@ TEST(CheckScene, ATrialEndsAtItsLimitsWhereEventsCrowd) {
   }
 }
 
-TEST(CheckScene, TextIsNoWiderThanATerminalAndSaysWhatToChange) {
+TEST(CheckScene, TextFitsTerminalAndNamesChanges) {
   const std::string text = to_text(assess(read_scene(shipped("bouncing_ball"))));
   EXPECT_TRUE(text.starts_with("bouncing_ball: will follow the machine, without the promise"));
   EXPECT_TRUE(says(text, "Theorem 1, for --estimator replica: may not synchronize\n")) << text;
@@ -532,7 +532,7 @@ beam.damping = { sigma = 0.002, consider = true }
   EXPECT_TRUE(says(refused.err, "did you mean beam.damping?")) << refused.err;
 }
 
-TEST_F(CheckSceneProgram, BadInputExitsWithTwoAndSaysWhere) {
+TEST_F(CheckSceneProgram, BadInputExitsWithTwoAndNamesPosition) {
   std::string text = test::read_text(shipped("paper_beam"));
   const std::string good = "restitution = 0.7";
   text.replace(text.find(good), good.size(), "restitution = 1.2");
@@ -563,7 +563,7 @@ direction = [1.0]
 }
 
 // Theorem 1 concerns the replica; the filter needs observability of the whole motion.
-TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
+TEST(CheckScene, EveryEstimatorHasOwnPrognosis) {
   const Assessment ball = assess(read_scene(shipped("bouncing_ball")));
   EXPECT_FALSE(ball.synchronizes());
   EXPECT_FALSE(finding(ball, "by_replica").holds);
@@ -590,7 +590,7 @@ TEST(CheckScene, EveryEstimatorHasItsOwnPrognosis) {
 }
 
 // Without a start of the machine, a trial uses the replica's start.
-TEST(CheckScene, AMasterIsNotNeeded) {
+TEST(CheckScene, MasterTableIsOptional) {
   Scene scene = read_scene(shipped("lab_rig"));
   scene.prior.start = scene.truth.start;
   const Assessment with = assess(scene);

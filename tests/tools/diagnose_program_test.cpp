@@ -39,7 +39,7 @@ class DiagnoseProgramTest : public test::ProgramTest {
   }
 };
 
-TEST_F(DiagnoseProgramTest, AWrongRestitutionIsNamed) {
+TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
   const std::string events = simulate("0.65");
   const Ended ended = diagnose({events, paper_beam, "--report", path("report.json")});
   EXPECT_EQ(ended.code, 3) << ended.err;
@@ -76,7 +76,7 @@ TEST_F(DiagnoseProgramTest, TheRightModelFits) {
   EXPECT_EQ(diagnose({events, paper_beam, "--jitter", "1e-4", "--duration", "30"}).code, 0);
 }
 
-TEST_F(DiagnoseProgramTest, ImportedImpactsAreDiagnosedToo) {
+TEST_F(DiagnoseProgramTest, DiagnosesImportedImpacts) {
   std::string rig = "impact\n";
   for (const ContactEvent& event :
        read_recorded_events(simulate("0.65"), 1, 60.0, AfterLoss::dropped, std::nullopt).events) {
@@ -113,7 +113,7 @@ TEST_F(DiagnoseProgramTest, DamageAndTooFewEventsFail) {
   EXPECT_NE(cut.out.find("events fit the model"), std::string::npos) << cut.out;
 }
 
-TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
+TEST_F(DiagnoseProgramTest, EventsAfterGapAreNotUsed) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
   write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
   EXPECT_EQ(
@@ -141,7 +141,7 @@ TEST_F(DiagnoseProgramTest, EventsBehindAGapAreNotUsed) {
 }
 
 // Gaps of separate runs: in the first run, in the last run, and with a clock that is set back.
-TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
+TEST_F(DiagnoseProgramTest, GapOfEarlierRunDoesNotAffectLastRun) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 200.0);
   std::int64_t utime = 1'000'000;
   EncodedContacts message;
@@ -188,7 +188,7 @@ TEST_F(DiagnoseProgramTest, AGapOfAnEarlierRunDropsNothingOfTheLast) {
 }
 
 // The recording starts long after the machine, on the machine's own clock.
-TEST_F(DiagnoseProgramTest, ARecordingThatBeginsMidRunIsDiagnosedFromThere) {
+TEST_F(DiagnoseProgramTest, DiagnosesRecordingThatStartsDuringRun) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
   write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
   ChannelLogReader whole(path("whole.lcmlog"));

@@ -152,7 +152,7 @@ TEST(Diagnose, TheRightModelFits) {
 }
 
 // The scene is right, but an event of its machine was lost.
-TEST(Diagnose, ALostEventIsNamedAsSuch) {
+TEST(Diagnose, LostEventIsReported) {
   const Scene scene = shipped_scene("paper_beam");
   auto events = events_of(scene, 40.0);
   std::mt19937 random(3);
@@ -171,7 +171,7 @@ TEST(Diagnose, ALostEventIsNamedAsSuch) {
 }
 
 // Parameter errors match their claimed sigma, and the right model is accepted.
-TEST(Diagnose, DeviationsAreHonest) {
+TEST(Diagnose, DeviationsAreCalibrated) {
   const Scene scene = shipped_scene("paper_beam");
   const auto right = events_of(scene, 40.0);
   const auto wrong = events_of(changed(scene, "restitution", 0.69), 40.0);
@@ -194,7 +194,7 @@ TEST(Diagnose, DeviationsAreHonest) {
   EXPECT_LT(squares / runs, 2.5);
 }
 
-TEST(Diagnose, JitterThatIsNotToldIsNotBlamedOnAParameter) {
+TEST(Diagnose, UnspecifiedJitterIsNotAttributedToParameter) {
   const Scene scene = shipped_scene("paper_beam");
   const Diagnosis diagnosis = diagnose(scene, jittered(events_of(scene, 100.0), 1e-4, 5), 0.0);
   EXPECT_FALSE(diagnosis.fits);
@@ -211,7 +211,7 @@ void expect_no_explanation(const Diagnosis& diagnosis) {
   EXPECT_NE(verdict(diagnosis).find("no single parameter"), std::string::npos);
 }
 
-TEST(Diagnose, TwoMistakesAreNotOne) {
+TEST(Diagnose, TwoWrongParametersAreNotAttributedToOne) {
   const Scene beam = shipped_scene("paper_beam");
   const Scene wrong = changed(changed(beam, "bending stiffness", 1.02), "excitation phase", 0.3);
   expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), 0.0));
@@ -222,7 +222,7 @@ TEST(Diagnose, TwoMistakesAreNotOne) {
 }
 
 // The best one fits by its mean square; the second mistake is visible nevertheless.
-TEST(Diagnose, TwoMistakesAreNotOneWithJitterEither) {
+TEST(Diagnose, TwoWrongParametersAreNotAttributedToOneWithJitter) {
   const Scene scene = shipped_scene("lab_rig");
   const Scene other = changed(changed(scene, "excitation frequency", 28.5386), "factor on C", 1.03);
   const Diagnosis diagnosis = diagnose(scene, jittered(events_of(other, 30.0), 1e-4, 5), 1e-4);
@@ -270,7 +270,7 @@ q = [-0.0716940446926924, 0.011162236157104571, -0.006398148750250888,
      -0.0018129270972787222, 0.00011964381384006522]
 )";
 
-TEST(Diagnose, ALowestValueThatIsNoneOfTheWholeRangeIsLeftForABetterOne) {
+TEST(Diagnose, LeavesLocalMinimumForGlobalOne) {
   const Scene scene = parse_scene(settled_orbit, "settled_orbit.toml");
   const double EI = 1.02 * scene.beam->bending_stiffness;
   const Scene wrong = changed(scene, "bending stiffness", EI);
@@ -319,7 +319,7 @@ std::ostream& operator<<(std::ostream& out, const Mistakes& mistakes) {
 class DiagnoseRandomMistakes : public testing::TestWithParam<Mistakes> {};
 
 // The named cause must be the true one: one parameter with name and value, two by none.
-TEST_P(DiagnoseRandomMistakes, AreNamedIfTheyAreOne) {
+TEST_P(DiagnoseRandomMistakes, SingleOnesAreNamed) {
   constexpr std::size_t events = 80;
   const Scene scene = shipped_scene(GetParam().scene);
   const auto diagnosed = [&](const Scene& other) {
@@ -361,7 +361,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseRandomMistakes,
                                          Mistakes{"steel_ruler", 1}));
 
 // Without a clearance all motions scale with the excitation, and contact times do not change.
-TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
+TEST(Diagnose, AmplitudeIsUnidentifiableWithoutClearance) {
   const Scene scene = shipped_scene("paper_beam");
   const Diagnosis diagnosis =
       diagnose(scene, events_of(changed(scene, "excitation amplitude", 0.031), 60.0), 0.0);
@@ -372,7 +372,7 @@ TEST(Diagnose, TheAmplitudeCannotBeToldWithoutAClearance) {
 }
 
 // With one clearance only its ratio to the amplitude is identifiable.
-TEST(Diagnose, WhatCannotBeToldApartIsATie) {
+TEST(Diagnose, IndistinguishableParametersTie) {
   const Scene scene = shipped_scene("paper_beam_frame");
   const auto events = events_of(changed(scene, "excitation amplitude", 0.031), 60.0);
   for (const double jitter : {0.0, 1e-5}) {
@@ -417,7 +417,7 @@ q = [0.1]
 q = [0.2]
 )";
 
-TEST(Diagnose, AClockThatIsOffIsFoundWhereTwoFrequenciesTellIt) {
+TEST(Diagnose, ClockOffsetIsFoundWithTwoFrequencies) {
   const Scene scene = parse_scene(two_frequencies, "two_frequencies.toml");
   std::vector<ContactEvent> events = events_of(scene, 60.0);
   for (ContactEvent& event : events) event.t += 0.004;
@@ -430,7 +430,7 @@ TEST(Diagnose, AClockThatIsOffIsFoundWhereTwoFrequenciesTellIt) {
             std::string::npos);
 }
 
-TEST(Diagnose, WithOneFrequencyAClockThatIsOffIsAPhase) {
+TEST(Diagnose, ClockOffsetIsReportedAsPhaseWithOneFrequency) {
   const Scene scene = shipped_scene("paper_beam");
   std::vector<ContactEvent> events = events_of(scene, 60.0);
   for (ContactEvent& event : events) event.t += 0.004;
@@ -443,13 +443,13 @@ TEST(Diagnose, WithOneFrequencyAClockThatIsOffIsAPhase) {
       << to_text(diagnosis);
 }
 
-TEST(Diagnose, TooFewEventsSayNothing) {
+TEST(Diagnose, TooFewEventsGiveNoDiagnosis) {
   const Scene scene = shipped_scene("paper_beam");
   EXPECT_THROW(diagnose(scene, {}, 0.0), TooFewEvents);
   EXPECT_THROW(diagnose(scene, events_of(scene, 3.0), 0.0), TooFewEvents);
 }
 
-TEST(DiagnoseParameters, AnotherValueIsTheSceneFileWithThatValue) {
+TEST(DiagnoseParameters, ChangedValueEqualsChangedSceneFile) {
   const std::string text = shipped_text("paper_beam");
   const Scene scene = parse_scene(text, "x.toml");
   const struct {
@@ -486,7 +486,7 @@ TEST(DiagnoseParameters, AnotherValueIsTheSceneFileWithThatValue) {
   }
 }
 
-TEST(DiagnoseParameters, TheNominalValueIsTheMachineItself) {
+TEST(DiagnoseParameters, NominalValueGivesTheMachine) {
   for (const char* name : {"paper_beam", "two_stops_beam", "lab_rig", "bouncing_ball"}) {
     const Scene scene = shipped_scene(name);
     for (const Parameter& parameter : parameters_of(scene, 0.3)) {

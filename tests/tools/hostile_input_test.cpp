@@ -45,7 +45,7 @@ class HostileInput : public ProgramTest {
   }
 };
 
-TEST_F(HostileInput, NestingIsLimitedAndTheErrorSaysWhere) {
+TEST_F(HostileInput, NestingIsLimitedWithPosition) {
   const std::string dotted = file("dotted.toml", "x = 1\n" + repeated("a.", 50000) + "a = 1\n");
   expect_refused(run(CHECK_SCENE, {dotted}), dotted + ":2:64: a key has more than 32 parts");
   const std::string quoted = file("quoted.toml", repeated("\"a.b\" . ", 50000) + "a = 1\n");
@@ -64,7 +64,7 @@ TEST_F(HostileInput, NestingIsLimitedAndTheErrorSaysWhere) {
   expect_refused(run(CHECK_SCENE, {both}), both + ":1:1: unknown key x");
 }
 
-TEST_F(HostileInput, AMatrixThatNeverEndsIsRefused) {
+TEST_F(HostileInput, EndlessMatrixFileIsRefused) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   for (const std::string matrix : {"/dev/zero", "pipe", "/dev/stdin", "/dev"}) {
     const std::string text = scene("matrix.toml", "\"" + matrix + "\"");
@@ -77,7 +77,7 @@ TEST_F(HostileInput, AMatrixThatNeverEndsIsRefused) {
   expect_refused(run(STUDY, {"/dev/zero"}), "/dev/zero: is larger than 1024 MiB");
 }
 
-TEST_F(HostileInput, ThreadsHaveALimit) {
+TEST_F(HostileInput, NumberOfThreadsIsLimited) {
   for (const std::string jobs : {"100000", "1025", "0", "-1", "99999999999999999999"}) {
     const Ended study = run(STUDY, {path("absent.toml"), "--jobs", jobs});
     EXPECT_EQ(study.code, 2);
@@ -88,7 +88,7 @@ TEST_F(HostileInput, ThreadsHaveALimit) {
   }
 }
 
-TEST_F(HostileInput, WhatTheModelDoesNotHaveIsAnsweredByItsLimit) {
+TEST_F(HostileInput, UnsupportedPropertiesAreRefusedWithReason) {
   for (const std::string key : {"friction", "mu", "mu_k", "coulomb", "tangential_restitution"}) {
     const std::string text = scene("friction.toml", "[[4.0]]", key + " = 0.3\n");
     expect_refused(run(CHECK_SCENE, {text}), text + ":7:1: contact[1]." + key +
@@ -195,7 +195,7 @@ TEST_F(HostileEvents, ALateRowIsRefusedUnlessTheDurationIsGiven) {
 }
 
 // A run that cannot continue keeps its output so far.
-TEST_F(HostileInput, AMachineThatIsSqueezedEndsWithItsFilesWhole) {
+TEST_F(HostileInput, SqueezedMachineEndsWithCompleteFiles) {
   const std::string squeezed = file("squeezed.toml", R"([system]
 M = [[1.0]]
 C = [[0.1]]

@@ -106,7 +106,7 @@ class HostileNamesTest : public test::ProgramTest {
   }
 };
 
-TEST_F(HostileNamesTest, EveryTextOfAPictureIsShownAsItStands) {
+TEST_F(HostileNamesTest, TextsAreShownLiterally) {
   std::vector<std::string> all = names();
   Random random(20261);
   for (int i = 0; i < 40; ++i) {
@@ -144,7 +144,7 @@ TEST_F(HostileNamesTest, EveryTextOfAPictureIsShownAsItStands) {
   nothing_ran();
 }
 
-TEST_F(HostileNamesTest, ASceneIsDrawnWhateverItsNameIs) {
+TEST_F(HostileNamesTest, SceneOfAnyNameIsDrawn) {
   const std::string name = "a\nsystem(\"" + command() + "\")\n";
   const std::string states = file("s.csv", states_text);
   for (const std::string& of : {name, "'" + name, std::string("\x1b[31mred")}) {
@@ -172,7 +172,7 @@ TEST_F(HostileNamesTest, TitlesLabelsAndColumnsAreText) {
   nothing_ran();
 }
 
-TEST_F(HostileNamesTest, AStudyIsDrawnWhateverItsManifestNames) {
+TEST_F(HostileNamesTest, StudyOfAnyNamesIsDrawn) {
   const std::string name = "a\n!" + command() + "\n";
   const std::string axis = "x'\x1b\x7f";
   const nlohmann::json manifest{{"name", name}, {"axes", {{{"path", axis}, {"group", 0}}}}};
@@ -186,7 +186,7 @@ TEST_F(HostileNamesTest, AStudyIsDrawnWhateverItsManifestNames) {
   nothing_ran();
 }
 
-TEST_F(HostileNamesTest, FilesHaveTheNamesThatAreGiven) {
+TEST_F(HostileNamesTest, FilesHaveGivenNames) {
   const std::string states = file("s.csv", states_text);
   // A file name without a folder.
   const auto plot_here = [&](const std::string& in, const std::string& out) {
@@ -206,7 +206,7 @@ TEST_F(HostileNamesTest, FilesHaveTheNamesThatAreGiven) {
   shows(plot_here(hostile + ".csv", "b.svg"), hostile);
 }
 
-TEST_F(HostileNamesTest, ANameOfAnyLengthIsShownInPart) {
+TEST_F(HostileNamesTest, LongNamesAreTruncated) {
   const std::string states = file("s.csv", states_text);
   const std::string name(100000, 'n');
   const std::string svg = plotted({name + "=" + states, "--title", name, "--show", "q1"});
@@ -218,7 +218,7 @@ TEST_F(HostileNamesTest, ANameOfAnyLengthIsShownInPart) {
   EXPECT_EQ(absent.code, 2) << absent.err;
 }
 
-TEST_F(HostileNamesTest, AContactThatNoMachineHasTakesNoRoom) {
+TEST_F(HostileNamesTest, ImpossibleContactNumberTakesNoMemory) {
   for (const char* contact : {"0", "61", "1e9", "1.5", "nan", "-1"}) {
     const std::string events = file(
         "e.csv", std::string("t,contact,closed\n1,1,1\n1.5,1,0\n2,") + contact + ",1\n3,1,1\n");
@@ -250,7 +250,7 @@ TEST_F(HostileNamesTest, AFullDiskIsAFailureAndNamesTheFile) {
   EXPECT_NE(nowhere.err.find(path("nowhere/a.svg")), std::string::npos) << nowhere.err;
 }
 
-TEST_F(HostileNamesTest, WithoutGnuplotTheOldPictureStays) {
+TEST_F(HostileNamesTest, OldPictureIsKeptWithoutGnuplot) {
   const std::string states = file("s.csv", states_text);
   const std::string picture = file("a.svg", "old");
   const Ended ended =

@@ -54,7 +54,7 @@ class IdentifyProgramTest : public test::ProgramTest {
   }
 };
 
-TEST_F(IdentifyProgramTest, ASingleCauseIsNamedAndAllIsWritten) {
+TEST_F(IdentifyProgramTest, SingleCauseIsNamedAndResultsAreWritten) {
   const std::string beam = scene_file("paper_beam");
   const std::string text = read_text(beam);
   const std::string events =
@@ -213,7 +213,7 @@ TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
 
 // Jittered times that are sorted afterwards contradict each other at the end of a chatter: a
 // sustained contact looks like an impact, and the next impact like a sustained contact.
-TEST_F(IdentifyProgramTest, WhatContradictsItselfIsCutOut) {
+TEST_F(IdentifyProgramTest, ContradictoryEventsAreExcluded) {
   const std::string chatter = scene_file("paper_beam_chatter");
   std::mt19937_64 engine(5);
   std::normal_distribution<double> normal;
@@ -237,7 +237,7 @@ TEST_F(IdentifyProgramTest, WhatContradictsItselfIsCutOut) {
   }
 }
 
-TEST_F(IdentifyProgramTest, ADriftIsToldAndWritten) {
+TEST_F(IdentifyProgramTest, DriftIsReportedAndWritten) {
   const Scene beam = shipped_scene("paper_beam");
   EventsWriter writer(path("events.csv"));
   for (const ContactEvent& event :
@@ -262,7 +262,7 @@ TEST_F(IdentifyProgramTest, ADriftIsToldAndWritten) {
   EXPECT_EQ(json["drift"]["found"], true) << again.out;
 }
 
-TEST_F(IdentifyProgramTest, WhatDoesNotFitIsRefusedOrTaken) {
+TEST_F(IdentifyProgramTest, MisfitIsRefusedUnlessAccepted) {
   const std::string text = read_text(scene_file("paper_beam"));
   const std::string events = events_of(replaced(text, "modes = 3", "modes = 4"), 60.0);
   const Ended refused =
@@ -317,7 +317,7 @@ q = [0.2]
 )";
 
 // An impact is lost: it is in the mended events, which other programs read.
-TEST_F(IdentifyProgramTest, MendedEventsAreWritten) {
+TEST_F(IdentifyProgramTest, RepairedEventsAreWritten) {
   write_text(path("ball.toml"), ball);
   const std::string text = read_text(events_of(ball, 4.0, 1e-4));
   std::vector<std::string> rows;
@@ -351,7 +351,7 @@ TEST_F(IdentifyProgramTest, MendedEventsAreWritten) {
 }
 
 // A parameter that is not determined has no value and is not written.
-TEST_F(IdentifyProgramTest, WhatIsNotDeterminedIsNotWritten) {
+TEST_F(IdentifyProgramTest, UndeterminedParametersAreNotWritten) {
   const std::string oscillator = scene_file("impact_oscillator");
   const std::string events = events_of(read_text(oscillator), 30.0, 1e-4);
   const Ended ended =
@@ -374,7 +374,7 @@ TEST_F(IdentifyProgramTest, WhatIsNotDeterminedIsNotWritten) {
 }
 
 // The report's numbers are in the written scene, instead of the previous ones.
-TEST_F(IdentifyProgramTest, UncertaintyIsWrittenInPlaceOfTheOldOne) {
+TEST_F(IdentifyProgramTest, UncertaintyReplacesTheOldOne) {
   const std::string text = read_text(scene_file("paper_beam"));
   const std::string events =
       events_of(replaced(text, "restitution = 0.7", "restitution = 0.68"), 60);
@@ -419,7 +419,7 @@ correlation = [["beam.damping", "excitation.amplitude", 0.5]]
 }
 
 // The written correlation of a parameter with its partner is that of the report.
-TEST(FittedText, CorrelationsAreThoseOfTheFit) {
+TEST(FittedText, CorrelationsEqualThoseOfTheFit) {
   const std::string text = read_text(scene_file("paper_beam"));
   const Scene scene = read_scene(scene_file("paper_beam"));
   const std::vector<ContactEvent> events = test::events_of(scene, 60.0);
@@ -460,7 +460,7 @@ TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
   EXPECT_NEAR(parameters.sigma[1] / json["parameters"][1]["sigma"].get<double>(), 1.0, 1e-9);
 }
 
-TEST_F(IdentifyProgramTest, WhatAFilterCannotFollowIsNotListed) {
+TEST_F(IdentifyProgramTest, ParametersThatFilterCannotEstimateAreNotListed) {
   const std::string text = read_text(scene_file("lab_rig"));
   const std::string events =
       events_of(replaced(text, "[-600.0, 600.0]]", "[-600.0, 620.0]]"), 20.0);
@@ -481,7 +481,7 @@ std::vector<std::string> keys_of(const std::vector<Unknown>& unknowns) {
   return keys;
 }
 
-TEST(IdentifyOptions, HoldTheScale) {
+TEST(IdentifyOptions, FixOneParameterForTheScale) {
   const Scene rig = shipped_scene("lab_rig");
   const auto usual = sought(rig, {});
   EXPECT_EQ(keys_of(usual), (std::vector<std::string>{"impact.restitution", "system.C", "system.K",

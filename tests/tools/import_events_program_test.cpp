@@ -66,7 +66,7 @@ class ImportEventsTest : public test::ProgramTest {
   }
 };
 
-TEST_F(ImportEventsTest, ImpactsOnAnotherClockComeBackAsTheyWere) {
+TEST_F(ImportEventsTest, ImpactsOnOtherClockAreRestored) {
   auto events = simulate("paper_beam", "100", 1);
   std::erase_if(events, [](const ContactEvent& event) { return event.kind != pulse; });
   ASSERT_GT(events.size(), 100U);
@@ -96,7 +96,7 @@ TEST_F(ImportEventsTest, ImpactsOnAnotherClockComeBackAsTheyWere) {
   EXPECT_EQ(text("used.csv"), text("original.csv"));
 }
 
-TEST_F(ImportEventsTest, ContactsThatLastComeBackAsTheyWere) {
+TEST_F(ImportEventsTest, SustainedContactsAreRestored) {
   const auto events = simulate("paper_beam_chatter", "20", 1);
   std::string file = "closes\topens\n";
   std::size_t sustained = 0;
@@ -132,7 +132,7 @@ TEST_F(ImportEventsTest, ContactsThatLastComeBackAsTheyWere) {
   EXPECT_TRUE(replay("paper_beam_chatter", path("rig.lcmlog")) == states);
 }
 
-TEST_F(ImportEventsTest, SeveralContactsComeBackAsTheyWere) {
+TEST_F(ImportEventsTest, SeveralContactsAreRestored) {
   const auto events = simulate("two_stops_beam", "20", 2);
   std::string file = "below on,below off,above on,above off\n";
   bool both[2] = {false, false};
@@ -160,7 +160,7 @@ TEST_F(ImportEventsTest, SeveralContactsComeBackAsTheyWere) {
             text("original.csv"));
 }
 
-TEST_F(ImportEventsTest, BadRowsAreNamedAndTheRestGoesOn) {
+TEST_F(ImportEventsTest, BadRowsAreReportedAndSkipped) {
   std::string file = "t\n0.5\n";
   for (int i = 0; i < 25; ++i) file += "x\n";
   write_text(path("rig.csv"), file + "1.5");
@@ -175,7 +175,7 @@ TEST_F(ImportEventsTest, BadRowsAreNamedAndTheRestGoesOn) {
   EXPECT_EQ(report()["bad_rows"], 25);
 }
 
-TEST_F(ImportEventsTest, WithoutAnyEventItFailsAndWritesNothing) {
+TEST_F(ImportEventsTest, NoEventIsAFailureWithoutOutput) {
   write_text(path("rig.csv"), "t\n1\n2\nx\n");
   const Ended ended = import(
       {path("rig.csv"), scene("paper_beam"), "--offset", "5", "--output", path("events.csv")});
@@ -186,7 +186,7 @@ TEST_F(ImportEventsTest, WithoutAnyEventItFailsAndWritesNothing) {
   EXPECT_EQ(report()["bad_rows"], 1);
 }
 
-TEST_F(ImportEventsTest, AClockThatWasNotSetToZeroIsNoticed) {
+TEST_F(ImportEventsTest, ClockNotSetToZeroIsReported) {
   write_text(path("rig.csv"), "t\n1732190400.5\n");
   const Arguments arguments{path("rig.csv"), scene("paper_beam")};
   EXPECT_NE(import(arguments).err.find("--offset"), std::string::npos);
@@ -194,7 +194,7 @@ TEST_F(ImportEventsTest, AClockThatWasNotSetToZeroIsNoticed) {
             std::string::npos);
 }
 
-TEST_F(ImportEventsTest, TheHeaderSaysTheUnit) {
+TEST_F(ImportEventsTest, UnitIsTakenFromHeader) {
   write_text(path("rig.csv"), "Impact [ms];other [us]\r500,0;1\r1000;2\r");
   const std::string expected = "t,contact,closed\n0.5,1,1\n0.5,1,0\n1,1,1\n1,1,0\n";
   const Arguments arguments{path("rig.csv"), scene("paper_beam"), "--impacts", "Impact [ms]"};
@@ -254,7 +254,7 @@ TEST_F(ImportEventsTest, AnOutputThatCannotBeWrittenFails) {
   }
 }
 
-TEST_F(ImportEventsTest, ALogWithTagsIsReadWithTheKeyOnly) {
+TEST_F(ImportEventsTest, SignedLogIsReadOnlyWithKey) {
   write_text(path("rig.csv"), "t\n0.5\n1\n");
   write_text(path("key"), std::string(64, 'a') + "\n");
   ASSERT_EQ(import({path("rig.csv"), scene("paper_beam"), "--key", path("key"), "--output",
@@ -268,7 +268,7 @@ TEST_F(ImportEventsTest, ALogWithTagsIsReadWithTheKeyOnly) {
 }
 
 // Output of a logic analyser without a header, of contacts that bounce.
-TEST_F(ImportEventsTest, ACaptureWithoutAHeaderIsReadAndItsBouncesAreSaid) {
+TEST_F(ImportEventsTest, CaptureWithoutHeaderIsReadAndBouncesAreReported) {
   std::string capture;
   char row[64];
   for (int k = 1; k <= 40; ++k) {
@@ -306,7 +306,7 @@ TEST_F(ImportEventsTest, ACaptureWithoutAHeaderIsReadAndItsBouncesAreSaid) {
       << fewer.err;
 }
 
-TEST_F(ImportEventsTest, StampsInBatchesAreSaid) {
+TEST_F(ImportEventsTest, BatchedTimeStampsAreReported) {
   std::string file = "t [ms]\n";
   for (int k = 1; k <= 400; ++k) {
     const int read = 20 * static_cast<int>(std::ceil((7.3 * k + 5.0 * std::sin(k)) / 20.0));
@@ -342,7 +342,7 @@ class ContactLogTest : public ImportEventsTest {
   }
 };
 
-TEST_F(ContactLogTest, EachMessageIsWhatAMasterWouldHaveSentThen) {
+TEST_F(ContactLogTest, MessagesEqualThoseOfMaster) {
   const auto sent = write({{0.0, 0, closes}, {0.5, 1, pulse}, {1.0000005, 0, opens}}, 2.5);
   ASSERT_EQ(sent.size(), 4U);
   const double horizons[] = {0.0, 0.5, 1.0000005, 2.5};
@@ -362,7 +362,7 @@ TEST_F(ContactLogTest, EachMessageIsWhatAMasterWouldHaveSentThen) {
   }
 }
 
-TEST_F(ContactLogTest, NoneOfManyEventsIsLostEvenWithEveryOtherMessage) {
+TEST_F(ContactLogTest, NoEventIsLostWithEveryOtherMessage) {
   std::vector<ContactEvent> events;
   events.reserve(2000);
   for (int i = 0; i < 2000; ++i) events.push_back({1.0 + 1e-6 * i, i % 3, pulse});
@@ -380,7 +380,7 @@ TEST_F(ContactLogTest, NoneOfManyEventsIsLostEvenWithEveryOtherMessage) {
   EXPECT_EQ(sent.back().report.horizon, events.back().t);
 }
 
-TEST_F(ContactLogTest, CloseEventsShareAMessageThatComesAHeartbeatLateAtMost) {
+TEST_F(ContactLogTest, CloseEventsShareAMessageWithinOneHeartbeat) {
   std::vector<ContactEvent> events;
   for (int i = 0; i < 3000; ++i) events.push_back({1.0 + 3e-3 * i, 0, pulse});
   const auto sent = write(events, 0.0);
@@ -401,7 +401,7 @@ TEST_F(ContactLogTest, CloseEventsShareAMessageThatComesAHeartbeatLateAtMost) {
   EXPECT_EQ(known, events.size());
 }
 
-TEST_F(ContactLogTest, AnInstantIsNeverSplit) {
+TEST_F(ContactLogTest, SimultaneousEventsAreNotSplit) {
   std::vector<ContactEvent> events;
   for (int k = 0; k < 20; ++k) {
     const double t = 1.0 + 1e-5 * k;
@@ -419,7 +419,7 @@ TEST_F(ContactLogTest, AnInstantIsNeverSplit) {
   EXPECT_EQ(seen, std::ssize(events));
 }
 
-TEST_F(ContactLogTest, TheSameEventsGiveTheSameFileAndOthersAnotherSession) {
+TEST_F(ContactLogTest, SessionDependsOnEvents) {
   const std::vector<ContactEvent> events{{0.5, 0, pulse}, {1.0, 0, pulse}};
   const auto first = write(events, 2.0);
   const std::string bytes = text("x.lcmlog");

@@ -59,7 +59,7 @@ TEST(DecimalTest, NumbersReadAsTheDoubleThatIsNearest) {
   EXPECT_FALSE(std::signbit(in_unit("-0", "0", "s")));
 }
 
-TEST(DecimalTest, WhatIsNoNumberIsRefused) {
+TEST(DecimalTest, InvalidNumbersAreRefused) {
   for (const char* text : {"", "-", ".", "e5", "1e", "1e+-5", "1.2.3", "1,5", "nan", "inf", "0x10",
                            "1 2", "--1", "1e400", "1e99999999999", "12s"}) {
     EXPECT_FALSE(parse_decimal(text)) << text;
@@ -81,7 +81,7 @@ TEST(DecimalTest, UnitsAreSecondsExactly) {
                parse_unit(""));
 }
 
-TEST(DecimalTest, LargeClockValuesLoseNothing) {
+TEST(DecimalTest, LargeClockValuesAreExact) {
   // Neither the stamp nor the offset is exact in a double.
   EXPECT_EQ(in_unit("1732190400123456789", "1732190400000000000", "ns"), 0.123456789);
   EXPECT_EQ(in_unit("1732190400123456789", "1732190400123456788", "ns"), 1e-9);
@@ -90,7 +90,7 @@ TEST(DecimalTest, LargeClockValuesLoseNothing) {
   EXPECT_EQ(in_unit("1732190400", "1732190400.000001", "s"), -1e-6);
 }
 
-TEST(DecimalTest, TermsThatDifferTooMuchForExactDigitsAreNearlyRight) {
+TEST(DecimalTest, TermsOfVeryDifferentSizeAreNearlyExact) {
   EXPECT_EQ(in_unit("1e-60", "1732190400.5", "s"), -1732190400.5);
   EXPECT_EQ(in_unit("1e60", "1732190400.5", "s"), 1e60);
   EXPECT_DOUBLE_EQ(
@@ -100,7 +100,7 @@ TEST(DecimalTest, TermsThatDifferTooMuchForExactDigitsAreNearlyRight) {
   EXPECT_EQ(in_unit("1e-300", "0", "1e-300"), 0.0);
 }
 
-TEST(UnitTest, AColumnsNameMaySayIt) {
+TEST(UnitTest, IsTakenFromColumnName) {
   const struct {
     const char* name;
     const char* unit;
@@ -123,7 +123,7 @@ TEST(UnitTest, AColumnsNameMaySayIt) {
   }
 }
 
-TEST(UnitTest, IsTakenFromTheHeaderOrAskedFor) {
+TEST(UnitTest, IsTakenFromHeaderOrRequired) {
   const ColumnFile file = parse_columns("a [ms],b [ms],c [us],d,e [min]\n", "f");
   const auto pair = [](std::size_t on, std::size_t off) {
     return std::vector<ContactColumns>{{.contact = 0, .impacts = {}, .on = on, .off = off}};
@@ -146,7 +146,7 @@ TEST(UnitTest, IsTakenFromTheHeaderOrAskedFor) {
   }
 }
 
-TEST(ColumnFileTest, LinesMayEndWithCarriageReturnsAlone) {
+TEST(ColumnFileTest, CarriageReturnAloneEndsLine) {
   const ColumnFile file = parse_columns("# a Mac\rt,u\r1,2\r\r3\r5,6\r", "f");
   ASSERT_EQ(file.columns.size(), 2U);
   EXPECT_EQ(texts(file.columns[0]), (Texts{"1", "5"}));
@@ -180,7 +180,7 @@ TEST(ColumnFileTest, SeparatorIsRecognizedFromTheHeader) {
   EXPECT_FALSE(parse_separator("x"));
 }
 
-TEST(ColumnFileTest, WhatProgramsExportIsOrdinary) {
+TEST(ColumnFileTest, CommonExportFormatsAreRead) {
   const std::string text =
       "\xEF\xBB\xBF# a logger\r\n\r\nleft;right\r\n\"1,5\"; 2 \r\n# half way\r\n;3\r\n4;\r\n "
       "\r\n;\r\n5;6";
@@ -194,7 +194,7 @@ TEST(ColumnFileTest, WhatProgramsExportIsOrdinary) {
   EXPECT_TRUE(file.problems.empty());
 }
 
-TEST(ColumnFileTest, RowsThatDoNotFitTheHeaderAreNamed) {
+TEST(ColumnFileTest, RowsThatDoNotMatchHeaderAreReported) {
   const ColumnFile file = parse_columns("a,b\n1,2\n3\n4,5,6\n\"7,8\n9,10\n", "f");
   EXPECT_EQ(lines(file.problems),
             (Texts{"3: has 1 field; the header has 2", "4: has 3 fields; the header has 2",
@@ -213,7 +213,7 @@ TEST(ColumnFileTest, FilesWithoutAHeaderAreRefused) {
   EXPECT_TRUE(error("\xFF\xFEt").starts_with("f.csv:1: is UTF-16"));
 }
 
-TEST(ColumnFileTest, UnknownNamesAreAnsweredWithThoseThatExist) {
+TEST(ColumnFileTest, UnknownNamesAreReportedWithExistingOnes) {
   const ColumnFile file = parse_columns("impact,rise,fall,rise\n", "f.csv");
   EXPECT_EQ(file.find("fall", "f.csv"), 2U);
   EXPECT_EQ(message_of([&] { (void)file.find("impcat", "f.csv"); }),
@@ -258,7 +258,7 @@ TEST_F(ChoiceTest, ContactsMayBeNumbered) {
   EXPECT_TRUE(chosen[1].contact == 2 && chosen[1].on == 0U && chosen[1].off == 3U);
 }
 
-TEST_F(ChoiceTest, TheOnlyColumnIsTheImpactsOfTheOnlyContact) {
+TEST_F(ChoiceTest, SingleColumnIsImpactsOfSingleContact) {
   const ColumnFile one = parse_columns("t\n", "f.csv");
   const auto chosen = choose_columns({}, one, 1, "f.csv");
   ASSERT_EQ(chosen.size(), 1U);
@@ -359,7 +359,7 @@ TEST(LevelTest, EdgesMayBeImpacts) {
             std::string::npos);
 }
 
-TEST(LevelTest, LevelsThatAreTakenForImpactsAreNoticed) {
+TEST(LevelTest, LevelsReadAsImpactsAreReported) {
   const auto noticed = [](const std::string& text) {
     const ColumnFile file = parse_columns(text, "f");
     std::vector<ContactColumns> chosen{{.contact = 0, .impacts = 0, .on = {}, .off = {}}};
@@ -393,7 +393,7 @@ TEST(ClockTimeTest, DatesAndTimesOfDayAreSeconds) {
   EXPECT_EQ(difference_in(time->value, offset->value, second), 1e-9);
 }
 
-TEST(ClockTimeTest, TimesOfDayGoOnBehindMidnight) {
+TEST(ClockTimeTest, TimesOfDayContinueAfterMidnight) {
   ImportOptions options;
   options.offset = parse_clock_time("23:59:59", DecimalMark::point)->value;
   EXPECT_EQ(import("t\n23:59:59.5\n00:00:00.25\n00:00:01\n", options).events,
@@ -414,7 +414,7 @@ TEST(ImportTest, ColumnsOfUnequalLengthAreSortedByTime) {
   EXPECT_TRUE(result.problems.empty());
 }
 
-TEST(ImportTest, CellsThatAreNoTimesAreNamedAndLeftOut) {
+TEST(ImportTest, CellsWithoutTimeAreReportedAndSkipped) {
   const Import result = import("a,b\n1,x\n2\nnan,2\n\"1,5\",inf\n3,3\n");
   EXPECT_EQ(
       lines(result.problems),
@@ -425,7 +425,7 @@ TEST(ImportTest, CellsThatAreNoTimesAreNamedAndLeftOut) {
             (Events{{1.0, 0, pulse}, {2.0, 1, pulse}, {3.0, 0, pulse}, {3.0, 1, pulse}}));
 }
 
-TEST(ImportTest, EventsOutsideTheRunAreLeftOutAndCounted) {
+TEST(ImportTest, EventsOutsideTheRunAreSkippedAndCounted) {
   const std::string text = "a\n-1\n-0.001\n0\n4\n5\n5.001\n";
   const Import result = import(text, {.duration = 5.0});
   EXPECT_EQ(result.events, (Events{{0.0, 0, pulse}, {4.0, 0, pulse}, {5.0, 0, pulse}}));
@@ -470,7 +470,7 @@ TEST(ImportTest, AContactThatOutlastsTheDurationStaysClosed) {
   EXPECT_EQ(result.after_duration, 3);
 }
 
-TEST(ImportTest, ClosingsAndOpeningsThatContradictAreLeftOut) {
+TEST(ImportTest, ContradictoryClosingsAndOpeningsAreSkipped) {
   const Import result = import_pairs("on,off\n,0.5\n1,2\n1.5,4\n3,5\n1,\n");
   EXPECT_EQ(result.events,
             (Events{{1.0, 0, closes}, {2.0, 0, opens}, {3.0, 0, closes}, {4.0, 0, opens}}));
@@ -508,7 +508,7 @@ TEST(ImportTest, ABounceMayStayClosed) {
             (Events{{1.0, 0, closes}}));
 }
 
-TEST(ImportTest, RepeatedClosingsAndOpeningsAreBouncesToo) {
+TEST(ImportTest, RepeatedClosingsAndOpeningsAreBounces) {
   const Import result =
       import_pairs("on,off\n100,110\n102,112\n106,130\n", {.unit = {1, -3}, .debounce = 0.005});
   EXPECT_EQ(result.events, (Events{{0.100, 0, closes}, {0.112, 0, opens}}));
@@ -528,7 +528,7 @@ TEST(ImportTest, ShortContactsArePulsesAtTheirClosing) {
   EXPECT_EQ(result.figures[0].sustained, 2);
 }
 
-TEST(ImportTest, ASpanAsLongAsTheLimitIsNotShorterWhateverItsEndsRoundTo) {
+TEST(ImportTest, SpanOfLimitIsNotShorterDespiteRounding) {
   // In doubles every second of these differences is below 5 ms.
   std::string text = "on,off\n";
   for (int i = 1; i <= 1000; ++i)
@@ -541,7 +541,7 @@ TEST(ImportTest, ASpanAsLongAsTheLimitIsNotShorterWhateverItsEndsRoundTo) {
   EXPECT_EQ(import_pairs(text, {.unit = {1, -3}, .debounce = 0.008000001}).figures[0].merged, 999);
 }
 
-TEST(ImportTest, DebouncingComesBeforeThePulses) {
+TEST(ImportTest, DebouncingPrecedesPulses) {
   const ImportOptions options{.unit = {1, -3}, .debounce = 0.005, .pulse_shorter_than = 0.010};
   // Each part is short, but the whole is not.
   EXPECT_EQ(import_pairs("on,off\n100,104\n106,109\n111,112\n", options).events,
@@ -550,7 +550,7 @@ TEST(ImportTest, DebouncingComesBeforeThePulses) {
             (Events{{0.100, 0, pulse}}));
 }
 
-TEST(ColumnFileTest, AFileWithoutAHeaderTakesTheNamesThatAreGiven) {
+TEST(ColumnFileTest, FileWithoutHeaderTakesGivenNames) {
   const ColumnFile comma =
       parse_columns("0.5,1\n0.75,0\n", "x.csv", std::nullopt, {"time", "level"});
   ASSERT_EQ(comma.columns.size(), 2U);
@@ -578,7 +578,7 @@ Import imported(std::vector<ContactEvent> events, std::int64_t sustained) {
   return import;
 }
 
-TEST(HintTest, ContactsTooShortToBeSustainedAreSaid) {
+TEST(HintTest, TooShortSustainedContactsAreReported) {
   std::vector<ContactEvent> events;
   for (int k = 0; k < 20; ++k) {
     events.push_back({0.1 * k, 0, closes});
@@ -641,7 +641,7 @@ std::vector<Closing> in_batches(std::vector<Closing> closings, double period, do
   return closings;
 }
 
-TEST(HintTest, StampsOfASensorThatIsReadNowAndThenAreFound) {
+TEST(HintTest, BatchedTimeStampsAreDetected) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     const bool impact = seed % 2 == 0;
     const int contacts = impact ? 1 : 2;
@@ -661,7 +661,7 @@ TEST(HintTest, StampsOfASensorThatIsReadNowAndThenAreFound) {
 }
 
 // A bouncing contact also has several closings in short succession, but not by batches of a sensor.
-TEST(HintTest, BouncesAndPeriodicMotionsAreNoBatches) {
+TEST(HintTest, BouncesAndPeriodicMotionsAreNotBatches) {
   std::vector<Closing> bounces;
   std::vector<Closing> periodic;
   for (int k = 0; k < 200; ++k) {

@@ -41,7 +41,7 @@ direction = [1.0, -1.0]
 quantity = "velocity"
 )";
 
-TEST(Outputs, AreSureAsTheStateIs) {
+TEST(Outputs, SigmaFollowsFromStateCovariance) {
   for (const double jitter : {0.0, 1e-4}) {
     const Scene scene = with_outputs(text_of("lab_rig"), of_rig, jitter);
     const std::vector<ContactEvent> events = test::events_of(scene, 8.0);
@@ -83,7 +83,7 @@ TEST(Outputs, OfABeamAreAtAPosition) {
   EXPECT_EQ(again.model.outputs[0].name, "middle");
 }
 
-TEST(Outputs, WhatIsWrongIsNamed) {
+TEST(Outputs, ErrorsAreReported) {
   const auto error = [](const std::string& output) {
     try {
       with_outputs(text_of("lab_rig"), output, 0.0);

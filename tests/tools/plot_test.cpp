@@ -23,7 +23,7 @@ using test::write_text;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-TEST(Thinning, EveryPixelKeepsWhatItSpans) {
+TEST(Thinning, EveryPixelKeepsItsRange) {
   std::mt19937_64 generator(7);
   std::uniform_real_distribution<double> step(0.0, 2e-4);
   std::normal_distribution<double> value;
@@ -53,7 +53,7 @@ TEST(Thinning, EveryPixelKeepsWhatItSpans) {
   EXPECT_GT(kept.t.back(), to);
 }
 
-TEST(Thinning, BreaksStay) {
+TEST(Thinning, KeepsBreaks) {
   const double nan = std::nan("");
   const Points kept = thinned({0, 1, 2, 3, 4}, {1, nan, nan, 2, 3}, 0.0, 4.0, 2);
   ASSERT_EQ(kept.t.size(), 4u);
@@ -61,7 +61,7 @@ TEST(Thinning, BreaksStay) {
   EXPECT_EQ(kept.y[3], 3.0);
 }
 
-TEST(Thinning, ABandKeepsItsOutside) {
+TEST(Thinning, KeepsOutlineOfBand) {
   const BandPoints band =
       thinned({0, 0.1, 0.2, 5, 6}, {0, -3, 0, infinity, 1}, {1, 1, 7, 9, 2}, 0.0, 10.0, 10);
   ASSERT_EQ(band.t.size(), 3u);
@@ -86,7 +86,7 @@ class PlotTest : public test::ProgramTest {
   std::vector<std::string> left_out_;
 };
 
-TEST_F(PlotTest, TablesAreKnownByTheirHeaders) {
+TEST_F(PlotTest, TablesAreRecognizedByHeader) {
   const std::string states = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,inf\n1,0.5,3,4,0.25\n");
   const Table table = read_table("my run=" + states);
   EXPECT_EQ(table.label, "my run");
@@ -100,7 +100,7 @@ TEST_F(PlotTest, TablesAreKnownByTheirHeaders) {
   EXPECT_EQ(read_table(file("x=y.csv", "k,t,V,V1\n0,0,1,1\n")).label, "x=y");
 }
 
-TEST_F(PlotTest, AForeignHeaderIsNamedAndACutLineEndsTheReading) {
+TEST_F(PlotTest, UnknownHeaderIsReportedAndTruncatedLineEndsReading) {
   const std::string foreign = file("b.csv", "time,value\n0,1\n");
   try {
     read_table(foreign);
@@ -114,7 +114,7 @@ TEST_F(PlotTest, AForeignHeaderIsNamedAndACutLineEndsTheReading) {
   EXPECT_EQ(cut.damage->line, 3u);
 }
 
-TEST_F(PlotTest, AGapIsTheScenesAndItsBandTwoSigma) {
+TEST_F(PlotTest, GapIsComputedFromSceneWithTwoSigmaBand) {
   const Scene scene = test::shipped_scene("two_stops_beam");
   const auto f = scene.model.coordinates();
   std::string header = "k,t", row = "4,0.7", more;
@@ -169,7 +169,7 @@ TEST_F(PlotTest, AnEstimateInsideASupportIsDashed) {
   EXPECT_EQ(figure({never}).panels.at(0).curves.size(), 1u);
 }
 
-TEST_F(PlotTest, ARunKeepsItsColour) {
+TEST_F(PlotTest, RunHasSameColourInAllPanels) {
   const std::string machine = file("m.csv", "k,t,q1,u1\n0,0,1,2\n1,1,1,2\n");
   const std::string a = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,1\n1,1,1,2,1\n");
   const std::string b = file("b.csv", "k,t,q1,u1,B\n0,0,1,2,1\n1,1,1,2,1\n");
@@ -188,7 +188,7 @@ TEST_F(PlotTest, ARunKeepsItsColour) {
 }
 
 // Outputs named in the scene and parameters come first, with the curves of all runs in one panel.
-TEST_F(PlotTest, OutputsAndParametersArePanels) {
+TEST_F(PlotTest, OutputsAndParametersHavePanels) {
   const std::string machine = file("m.csv", "k,t,q1,u1,tip,rate\n0,0,1,2,5,6\n1,1,1,2,7,8\n");
   const std::string a =
       file("a.csv",
@@ -234,7 +234,7 @@ TEST_F(PlotTest, AnOutputMayHaveTheNameOfAnotherPanel) {
   EXPECT_EQ(figure({a}, nullptr, options).panels.size(), 2u);
 }
 
-TEST_F(PlotTest, ContactsArePulsesAndTimesClosed) {
+TEST_F(PlotTest, ContactsAreDrawnAsPulsesAndIntervals) {
   const std::string events = file("e.csv",
                                   "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n"
                                   "5,1,1\n");
@@ -250,7 +250,7 @@ TEST_F(PlotTest, ContactsArePulsesAndTimesClosed) {
   EXPECT_EQ(panel->contacts[1].closed, (Closed{{2.0, 4.0}}));
 }
 
-TEST_F(PlotTest, AnImpactTableIsDotsOfEachContact) {
+TEST_F(PlotTest, ImpactTableIsDrawnAsDotsOfEachContact) {
   const std::string states = file("s.csv", "k,t,q1,u1,B\n0,0,1,2,inf\n1,8,1,2,inf\n");
   const std::string impacts =
       file("i.csv",
@@ -268,7 +268,7 @@ TEST_F(PlotTest, AnImpactTableIsDotsOfEachContact) {
   for (const Panel& each : of.panels) EXPECT_NE(each.name, "V") << "B is infinite throughout";
 }
 
-TEST_F(PlotTest, WhatIsLeftOutIsSaidAndWhatIsAskedForIsShown) {
+TEST_F(PlotTest, OmittedPanelsAreReportedAndRequestedOnesShown) {
   std::string header = "k,t", row = "0,0", next = "1,1";
   for (int i = 1; i <= 9; ++i) {
     header += ",q" + std::to_string(i);
@@ -339,7 +339,7 @@ TEST_F(PlotTest, GnuplotDrawsEveryKindOfPicture) {
   }
 }
 
-TEST_F(PlotTest, WhatStaysAsItIsIsInTheMiddle) {
+TEST_F(PlotTest, ConstantCurveIsCentred) {
   const std::string still =
       file("still.csv", "k,t,q1,u1,still,zero\n0,0,1,0,-0.7,0\n1,3,2,0,-0.7,0\n");
   const Ended ended = run(PLOT, {still, "--show", "still,zero", "--output", path("still.svg")});

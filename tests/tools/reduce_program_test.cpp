@@ -88,7 +88,7 @@ class ReduceProgramTest : public test::ProgramTest {
   }
 };
 
-TEST_F(ReduceProgramTest, ARecordingChoosesAndTheObserverFollows) {
+TEST_F(ReduceProgramTest, ReducesByRecordingAndObserverConverges) {
   const std::string beam = scene();
   simulate(beam, "80");
   const Ended ended = reduce({path("events.csv"), beam, "--modes", "3", "--output",

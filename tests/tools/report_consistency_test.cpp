@@ -522,7 +522,7 @@ void ReportConsistencyTest::check_both(const json& identified) {
   EXPECT_TRUE(identified["simplest"][0].empty());
 }
 
-TEST_F(ReportConsistencyTest, NoReportContradictsItself) {
+TEST_F(ReportConsistencyTest, ReportsAreConsistent) {
   const unsigned seed = 49;
   std::cout << "seed " << seed << '\n';
   DrawnValues draw(seed);

@@ -69,7 +69,7 @@ class StudyPlotTest : public test::ProgramTest {
   }
 };
 
-TEST_F(StudyPlotTest, OverOneKeyMedianAndBandOfEachEstimator) {
+TEST_F(StudyPlotTest, OneKeyGivesMedianAndBandOfEachEstimator) {
   Rows rows;
   for (const double jitter : {1e-6, 1e-5, 1e-4, 1e-3}) {
     for (int r = 0; r < 21; ++r) rows.push_back({jitter, jitter * (r + 1), 5.0, std::nan("")});
@@ -109,7 +109,7 @@ TEST_F(StudyPlotTest, PointsOfTheStroboscopeMakeABifurcationDiagram) {
   EXPECT_TRUE(of.panels[1].bands.empty()) << "one value for all points of a run";
 }
 
-TEST_F(StudyPlotTest, OverTwoKeysTheMedianIsAColour) {
+TEST_F(StudyPlotTest, TwoKeysGiveColourMapOfMedian) {
   Rows rows;
   for (const double x : {1.0, 2.0, 4.0}) {
     for (const double y : {-1.0, 1.0}) {
@@ -135,7 +135,7 @@ TEST_F(StudyPlotTest, OverTwoKeysTheMedianIsAColour) {
   EXPECT_THROW(figure(file, show("ra")), std::invalid_argument);
 }
 
-TEST_F(StudyPlotTest, StartsHaveTheColourOfTheirAttractor) {
+TEST_F(StudyPlotTest, StartsAreColouredByAttractor) {
   Rows rows;
   Random random(3);
   for (int i = 0; i < 30; ++i) {
@@ -193,7 +193,7 @@ TEST_F(StudyPlotTest, GnuplotDrawsAllKinds) {
 }
 
 // A single value of a key, a value that is not finite, and no finite value.
-TEST_F(StudyPlotTest, LittleIsDrawnAsWell) {
+TEST_F(StudyPlotTest, SparseDataIsDrawn) {
   const double inf = std::numeric_limits<double>::infinity();
   const std::string file =
       write("f", {"x", "y"}, {"attractor.period", "attractor.q1", "rate", "V"},

@@ -93,7 +93,7 @@ disturbance.lost = { linear = [0.0, 0.1], random = true }
   if (std::string(MPIRUN).empty()) GTEST_SKIP() << "built without MPI, or there is no mpirun"
 #endif
 
-TEST_F(StudyProgramTest, RowsAreTheSameForAnyNumberOfThreadsAndChunks) {
+TEST_F(StudyProgramTest, RowsDoNotDependOnThreadsAndChunks) {
   const std::string file = study(5);
   const std::string expected = reference(file);
   EXPECT_EQ(std::count(expected.begin(), expected.end(), '\n'), 61);
@@ -104,7 +104,7 @@ TEST_F(StudyProgramTest, RowsAreTheSameForAnyNumberOfThreadsAndChunks) {
   EXPECT_EQ(rows("three"), expected);
 }
 
-TEST_F(StudyProgramTest, RowsAreTheSameForAnyNumberOfRanks) {
+TEST_F(StudyProgramTest, RowsDoNotDependOnRanks) {
   SKIP_WITHOUT_MPI();
   const std::string file = study(5);
   const std::string expected = reference(file);
@@ -126,7 +126,7 @@ TEST_F(StudyProgramTest, RowsAreTheSameForAnyNumberOfRanks) {
   }
 }
 
-TEST_F(StudyProgramTest, ShardsMakeUpTheStudy) {
+TEST_F(StudyProgramTest, ShardsCombineToStudy) {
   const std::string file = study(5);
   const std::string expected = reference(file);
   for (const char* shard : {"3/4", "1/4", "4/4"}) {
@@ -146,7 +146,7 @@ TEST_F(StudyProgramTest, ShardsMakeUpTheStudy) {
   EXPECT_LT(report["done"], 15);
 }
 
-TEST_F(StudyProgramTest, AKilledStudyGoesOn) {
+TEST_F(StudyProgramTest, KilledStudyIsResumed) {
   const std::string file = study(40);
   std::size_t kept = 0;
   for (const int signal : {SIGTERM, SIGKILL}) {
@@ -163,7 +163,7 @@ TEST_F(StudyProgramTest, AKilledStudyGoesOn) {
   EXPECT_EQ(rows("killed"), reference(file));
 }
 
-TEST_F(StudyProgramTest, AStudyWhoseRankWasKilledGoesOn) {
+TEST_F(StudyProgramTest, StudyWithKilledRankIsResumed) {
   SKIP_WITHOUT_MPI();
   const std::string file = study(40);
   break_off(mpirun(3), file, "killed", 30, [&](test::Process& process) {
@@ -185,7 +185,7 @@ TEST_F(StudyProgramTest, AStudyWhoseRankWasKilledGoesOn) {
   EXPECT_EQ(rows("killed"), reference(file));
 }
 
-TEST_F(StudyProgramTest, AFullDiskKeepsWhatWasWritten) {
+TEST_F(StudyProgramTest, FullDiskKeepsWrittenRows) {
   const std::string file = study(20);
   std::filesystem::create_directory(path("full"));
   // A limit of 20 KiB per file simulates the full disk.
@@ -201,7 +201,7 @@ TEST_F(StudyProgramTest, AFullDiskKeepsWhatWasWritten) {
   EXPECT_EQ(rows("full"), reference(file));
 }
 
-TEST_F(StudyProgramTest, ARunThatFailsIsARow) {
+TEST_F(StudyProgramTest, FailedRunHasARow) {
   // Each axis alone is outside the support, but both together are inside.
   const std::string file = write_text(path("inside.toml"), R"(
 scene = ")" SPRAG_SOURCE_DIR R"(/scenes/lab_rig.toml"
@@ -269,7 +269,7 @@ force.1.frequency = [34.0, 26.0, 20.0]
   EXPECT_EQ(rows("orbit"), whole);
 }
 
-TEST_F(StudyProgramTest, AnotherStudysFolderIsRefused) {
+TEST_F(StudyProgramTest, FolderOfOtherStudyIsRefused) {
   const std::string file = study(1);
   ASSERT_EQ(run_study(file, "folder").code, 0);
   const std::string before = rows("folder");

@@ -147,7 +147,7 @@ events.jitter = [1e-5, 1e-4]
   EXPECT_NEAR(below, 200, 5 * 10);  // half of them, five standard deviations
 }
 
-TEST_F(StudyTest, AnObserversKeyIsItsOwn) {
+TEST_F(StudyTest, ObserverKeyDoesNotChangeMachine) {
   const Study study = read(R"(
 [vary]
 impact.restitution = [0.5, 0.7]
@@ -166,7 +166,7 @@ system.K.1.2 = [-610.0]
   EXPECT_EQ(setting.observer.model.K(0, 0), 1810.0);
 }
 
-TEST_F(StudyTest, ErrorsSayWhereWhatAndWhatIsAllowed) {
+TEST_F(StudyTest, ErrorsNamePositionAndAllowedValues) {
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"runs = 0", "2:8: runs is 0; must be in 1..1000000000"},
       {"rnus = 1", "2:1: unknown key rnus; did you mean runs?"},
@@ -263,7 +263,7 @@ std::vector<ContactEvent> events_of_rig() {
   return simulate(scene.model, scene.truth.start, 100.0, 0.0).events;
 }
 
-TEST(StudyDisturbance, IsAsLargeAsItSays) {
+TEST(StudyDisturbance, HasGivenSize) {
   const std::vector<ContactEvent> events = events_of_rig();
   ASSERT_GT(events.size(), 300U);
   EXPECT_EQ(disturb(events, {}, 1, 100.0, 1, 0), events);
@@ -290,7 +290,7 @@ TEST(StudyDisturbance, IsAsLargeAsItSays) {
   for (std::size_t i = 1; i < pulses.size(); ++i) EXPECT_GE(pulses[i].t, pulses[i - 1].t);
 }
 
-TEST_F(StudyTest, FiguresOfARunAreThoseOfItsErrors) {
+TEST_F(StudyTest, FiguresMatchErrorsOfRun) {
   const Study study = read("[start]\nreplica = 0.5\n");
   Setting setting = setting_of(study, {});
   draw_starts(study, 0, setting);
@@ -309,7 +309,7 @@ TEST_F(StudyTest, FiguresOfARunAreThoseOfItsErrors) {
   EXPECT_TRUE(std::isnan(replica.trusted));
 }
 
-TEST(StudyFigures, AreThoseOfAnObserversEstimates) {
+TEST(StudyFigures, MatchEstimatesOfObserver) {
   for (const char* name : {"lab_rig", "two_stops_beam"}) {
     Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/" + std::string(name) + ".toml");
     scene.prior.jitter = 1e-4;
@@ -367,7 +367,7 @@ TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
 }
 
 // Machines of three structures, two lengths of tick, and a machine that cannot be followed.
-TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
+TEST(StudyFigures, OfReplicasInOneSweepEqualThoseOfSingleRuns) {
   std::vector<Scene> scenes;
   std::vector<std::vector<ContactEvent>> events;
   std::vector<Truth> truths;
@@ -412,7 +412,7 @@ TEST(StudyFigures, OfReplicasSideBySideAreThoseOfEachAlone) {
   }
 }
 
-TEST(StudyFigures, CountWhatIsFarAboveTheReplica) {
+TEST(StudyFigures, CountSamplesFarAboveReplica) {
   const std::vector<EstimatorKind> kinds = {EstimatorKind::timing, EstimatorKind::replica,
                                             EstimatorKind::both};
   std::vector<Figures> figures(3);
@@ -471,7 +471,7 @@ events.jitter = [1e-4]
   }
 }
 
-TEST_F(StudyTest, AnAdaptiveObserverFindsWhatIsWrong) {
+TEST_F(StudyTest, AdaptiveObserverIdentifiesWrongParameters) {
   const Study study = read(R"(
 duration = 100.0
 estimators = ["replica", "adaptive"]
@@ -496,7 +496,7 @@ observer.impact.restitution = { relative = [-0.1] }
   EXPECT_LT(adaptive.nees, 10.0);
 }
 
-TEST_F(StudyTest, AllModesAreTheMachineItself) {
+TEST_F(StudyTest, AllModesGiveTheMachine) {
   const std::string common = R"(
 duration = 20.0
 estimators = ["replica"]
@@ -518,7 +518,7 @@ replica = 0.1
   EXPECT_GT(figures(modal, {1e-4, 1.0}).V_floor, 100.0 * whole);
 }
 
-TEST(StudyRanges, WhatIsMissing) {
+TEST(StudyRanges, MissingRanges) {
   EXPECT_EQ(missing_ranges({0, 10}, {}), (std::vector<Range>{{0, 10}}));
   EXPECT_EQ(missing_ranges({0, 10}, {{7, 9}, {0, 2}, {2, 4}}),
             (std::vector<Range>{{4, 7}, {9, 10}}));
@@ -537,7 +537,7 @@ class RowFileTest : public testing::Test {
   test::TemporaryDirectory directory_;
 };
 
-TEST_F(RowFileTest, IsCutBehindItsLastWholeRun) {
+TEST_F(RowFileTest, IsTruncatedAfterLastCompleteRun) {
   const std::string header = layout_.header + "\n";
   const std::string whole = header + "4,1,0.5,\n4,2,0.5,\n5,0,nan,too fast\n2,1,0,\n2,2,0,\n";
   for (const std::string cut : {"", "3,1,0.25,\n", "3,1,0.25,\n3,2,0.", "3", "3,1,0.25,\n3,2,0.5,",

@@ -66,7 +66,7 @@ EstimateSample sample(std::int64_t tick, double t, double q1 = 0.0, std::int64_t
   return result;
 }
 
-TEST(PairingTest, RowComesWithTheSecondOfAPairWhicheverThatIs) {
+TEST(PairingTest, RowIsWrittenAtSecondSampleOfPair) {
   Pairing pairing(two_masses());
   EXPECT_EQ(pairing.add_truth(sample(0, 0.0, 2.0)), nullptr);
   const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 1.0));
@@ -80,7 +80,7 @@ TEST(PairingTest, RowComesWithTheSecondOfAPairWhicheverThatIs) {
   EXPECT_EQ(pairing.waiting_truth() + pairing.waiting_estimate(), 0U);
 }
 
-TEST(PairingTest, TicksMayDifferAndTheRowHasTheEstimates) {
+TEST(PairingTest, TicksMayDifferAndRowHasTickOfEstimate) {
   Pairing pairing(two_masses());
   std::vector<std::int64_t> ticks;
   for (int k = 0; k <= 100; ++k) {
@@ -96,7 +96,7 @@ TEST(PairingTest, TicksMayDifferAndTheRowHasTheEstimates) {
   EXPECT_EQ(pairing.figures().unpaired_truth, 90);
 }
 
-TEST(PairingTest, TheSameInstantIsARelativeBillionth) {
+TEST(PairingTest, SameInstantIsWithinRelativeBillionth) {
   Pairing pairing(two_masses());
   pairing.add_truth(sample(1, 1.0));
   EXPECT_EQ(pairing.add_estimate(sample(1, 1.0 + 3e-9)), nullptr);
@@ -140,7 +140,7 @@ TEST(PairingTest, DoubledAndLateSamplesGiveNoRow) {
   EXPECT_EQ(pairing.figures().rows, 1);
 }
 
-TEST(PairingTest, LostSamplesCostTheirRowsOnly) {
+TEST(PairingTest, LostSamplesLoseOnlyTheirRows) {
   Pairing pairing(two_masses());
   std::vector<std::int64_t> ticks;
   for (int k = 0; k < 100; ++k) {
@@ -161,7 +161,7 @@ TEST(PairingTest, LostSamplesCostTheirRowsOnly) {
             80);
 }
 
-TEST(PairingTest, NewSessionStartsAnewAndTheOldOneIsOver) {
+TEST(PairingTest, NewSessionReplacesOldOne) {
   Pairing pairing(two_masses());
   pairing.add_truth(sample(50, 5.0, 0.0, 1));
   EXPECT_NE(pairing.add_estimate(sample(50, 5.0, 1.0, 1)), nullptr);
@@ -176,7 +176,7 @@ TEST(PairingTest, NewSessionStartsAnewAndTheOldOneIsOver) {
   EXPECT_EQ(pairing.figures().max_growth, 0.0);  // V of two sessions is not compared
 }
 
-TEST(PairingTest, EstimatesMayComeBeforeTheirSessionsFirstState) {
+TEST(PairingTest, EstimatesMayPrecedeFirstStateOfSession) {
   Pairing pairing(two_masses());
   pairing.add_truth(sample(0, 0.0, 0.0, 1));
   for (int k = 0; k < 3; ++k) EXPECT_EQ(pairing.add_estimate(sample(k, 0.1 * k, 0.0, 2)), nullptr);
@@ -197,7 +197,7 @@ TEST(PairingTest, MemoryIsBounded) {
   EXPECT_EQ(pairing.figures().unpaired_estimate, 1980);
 }
 
-TEST(PairingTest, FiguresTellWhereVGrewMost) {
+TEST(PairingTest, FiguresReportLargestGrowthOfV) {
   Pairing pairing(two_masses());
   const double q[] = {4.0, 2.0, 3.0, 1.0, 1.5};
   for (int k = 0; k < 5; ++k) {
@@ -329,7 +329,7 @@ TEST_F(OfflineTest, PairsTwoFilesOfDifferentSteps) {
   EXPECT_EQ(report()["unpaired"]["truth"], 900);
 }
 
-TEST_F(OfflineTest, DamagedFileIsUsedUpToTheDamage) {
+TEST_F(OfflineTest, DamagedFileIsReadUpToTheDamage) {
   write_states("truth.csv", 10, 0.1, 2.0);
   write_states("estimate.csv", 10, 0.1, 0.0);
   const std::string whole = read_text(path("estimate.csv"));
@@ -399,7 +399,7 @@ TEST_F(LiveTest, DurationMayLieBetweenTwoTicks) {
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
 }
 
-TEST_F(LiveTest, LostLastMessageDoesNotKeepItRunning) {
+TEST_F(LiveTest, EndsWithoutLastMessage) {
   Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
@@ -484,7 +484,7 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
 }
 
 // By a random plan: some numbers of three streams are lost, others are duplicated or late.
-TEST(LossesTest, MissingNumbersAreCountedWhateverTheOrder) {
+TEST(LossesTest, MissingNumbersAreCountedInAnyOrder) {
   Random random(20262);
   Losses losses;
   std::array<std::int64_t, 3> lost{};
@@ -513,7 +513,7 @@ TEST(LossesTest, MissingNumbersAreCountedWhateverTheOrder) {
   }
 }
 
-TEST(LossesTest, ARestartIsNoLoss) {
+TEST(LossesTest, RestartIsNotALoss) {
   Losses losses;
   losses.take(Losses::Channel::settled, 1, 7, 100);
   losses.take(Losses::Channel::settled, 2, 7, 900);  // another observer of the same master
@@ -527,7 +527,7 @@ TEST(LossesTest, ARestartIsNoLoss) {
   EXPECT_EQ(losses.missing(Losses::Channel::settled), 1);
 }
 
-TEST(LossesTest, AnybodysNumbersTakeNoRoomAndDoNotOverflow) {
+TEST(LossesTest, ForeignNumbersTakeNoMemoryAndDoNotOverflow) {
   Losses losses;
   constexpr std::int64_t most = std::numeric_limits<std::int64_t>::max();
   for (std::uint64_t sender = 0; sender < 1000; ++sender) {
@@ -539,7 +539,7 @@ TEST(LossesTest, AnybodysNumbersTakeNoRoomAndDoNotOverflow) {
   EXPECT_EQ(losses.missing(Losses::Channel::contacts), 49999);
 }
 
-TEST_F(LiveTest, ARecordingThatLacksMessagesSaysSoAtOnceAndFails) {
+TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
   for (const char* lost : {contacts_channel, settled_channel, truth_channel}) {
     Process process(arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv")}));
     ASSERT_TRUE(process.says("listening"));
@@ -585,7 +585,7 @@ TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
   EXPECT_LT(recorded, 500);
 }
 
-TEST_F(LiveTest, ARecordOntoAFullDiskIsSaidAtOnceAndFails) {
+TEST_F(LiveTest, RecordOnFullDiskIsReportedAtOnceAndFails) {
   Process process(arguments({"--record", "/dev/full", "--csv", path("sync.csv")}));
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
@@ -627,7 +627,7 @@ TEST_F(LiveTest, FilesThatCannotBeWrittenFailTheRun) {
   EXPECT_EQ(report()["rows"], 1);
 }
 
-TEST_F(LiveTest, HostWithoutMulticastIsToldHowToMendIt) {
+TEST_F(LiveTest, MissingMulticastIsReportedWithRemedy) {
   if (std::system("unshare -rn true") != 0) GTEST_SKIP() << "unshare -rn is not permitted here";
   Process process({scene_}, true);
   EXPECT_EQ(process.exit_code(), 1);

@@ -44,7 +44,7 @@ TEST(ToleranceAmounts, AreOneTwoAndFiveTimesPowersOfTen) {
   EXPECT_EQ(amounts(deviation, true), (std::vector<double>{1e-2, 0.1, 1.0}));
 }
 
-TEST(ToleranceAmounts, AreSaidInUnits) {
+TEST(ToleranceAmounts, ArePrintedInUnits) {
   Deviation time;
   EXPECT_EQ(amount_text(time, 3.4e-4), "0.34 ms");
   EXPECT_EQ(amount_text(time, 2e-6), "2 us");
@@ -58,7 +58,7 @@ TEST(ToleranceAmounts, AreSaidInUnits) {
   EXPECT_EQ(limit_text(time, {Limit::Kind::never, 0.0}), "-");
 }
 
-TEST(WrongParameter, IsOffByTheAmountAndStaysPossible) {
+TEST(WrongParameter, IsChangedByAmountAndStaysValid) {
   const Scene scene = rig();
   const Bench bench(scene, {.duration = 10.0, .runs = 1}, 1);
   const Deviation epsilon = named(bench, "impact.restitution");
@@ -77,7 +77,7 @@ TEST(WrongParameter, IsOffByTheAmountAndStaysPossible) {
 
 // V of a replica is quadratic in the deviation, so that four times the target admits twice the
 // deviation. Both ends of the bracket are checked by new runs.
-TEST(Tolerance, LimitsAreBorneAndFollowTheLawOfV) {
+TEST(Tolerance, LimitsAreToleratedAndScaleLikeRootOfV) {
   const Settings settings{.target = 1e-6, .runs = 5, .estimators = {EstimatorKind::replica}};
   Settings wider = settings;
   wider.target = 4e-6;
@@ -109,7 +109,7 @@ TEST(Tolerance, DoesNotDependOnThreads) {
 }
 
 // A ball that bounces without loss does not converge to its machine: there is no limit.
-TEST(Tolerance, SaysWhereNothingHelps) {
+TEST(Tolerance, ReportsMissingLimit) {
   Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/bouncing_ball.toml");
   for (Contact& contact : scene.model.contacts) contact.restitution = 1.0;
   const Bench bench(scene, {.duration = 20.0, .runs = 2, .estimators = {EstimatorKind::replica}},
@@ -119,7 +119,7 @@ TEST(Tolerance, SaysWhereNothingHelps) {
   EXPECT_NE(to_text(bench, found).find("even where nothing is off"), std::string::npos);
 }
 
-TEST(Tolerance, ADriftIsToldToFiltersAlone) {
+TEST(Tolerance, DriftIsGivenToFiltersOnly) {
   const Settings settings{.duration = 20.0,
                           .jitter = 1e-4,
                           .runs = 1,
@@ -132,7 +132,7 @@ TEST(Tolerance, ADriftIsToldToFiltersAlone) {
   EXPECT_LT(after[1].nees, 0.5 * before[1].nees);
 }
 
-TEST(Tolerance, AnAdaptiveObserverBearsWhatItFinds) {
+TEST(Tolerance, AdaptiveObserverToleratesParametersItIdentifies) {
   const Bench bench(read_scene(SPRAG_SOURCE_DIR "/scenes/paper_beam.toml"),
                     {.duration = 100.0,
                      .jitter = 1e-4,
@@ -147,7 +147,7 @@ TEST(Tolerance, AnAdaptiveObserverBearsWhatItFinds) {
 
 // The rig has two modes, so that one mode and the static vector of its contact represent the whole
 // machine.
-TEST(FewerModes, AllModesAreRightAndACorrectionStandsInForTheOthers) {
+TEST(FewerModes, AllModesAreExactAndCorrectionReplacesOmittedOnes) {
   const Bench bench(in_modes(rig(), 0),
                     {.runs = 2, .estimators = {EstimatorKind::replica, EstimatorKind::both}}, 2);
   const std::vector<FewerModes> table = fewer_modes(bench, 2, [](double) {});
@@ -215,7 +215,7 @@ TEST_F(ToleranceProgramTest, AFullDiskIsAFailure) {
   }
 }
 
-TEST_F(ToleranceProgramTest, RefusesWhatItCannotDo) {
+TEST_F(ToleranceProgramTest, RefusesUnsupportedInput) {
   const std::string scene = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
   const auto refuses = [&](const Arguments& arguments, const std::string& why) {
     const auto ended = run(TOLERANCE, arguments);

@@ -170,7 +170,7 @@ class ViewProgramTest : public test::ProgramTest {
   std::string host_;
 };
 
-TEST_F(ViewProgramTest, ThePageIsServedAndNothingElse) {
+TEST_F(ViewProgramTest, ServesOnlyThePage) {
   serve_bus();
   const auto [head, body] = ask(get("/"));
   EXPECT_TRUE(head.starts_with("HTTP/1.1 200")) << head;
@@ -202,7 +202,7 @@ TEST_F(ViewProgramTest, ThePageIsServedAndNothingElse) {
   EXPECT_EQ(report["requests_refused"], 7);
 }
 
-TEST_F(ViewProgramTest, TwoRequestsGoThroughOneConnection) {
+TEST_F(ViewProgramTest, TwoRequestsShareOneConnection) {
   serve_bus();
   Socket socket(port_);
   for (int i = 0; i < 2; ++i) {
@@ -213,7 +213,7 @@ TEST_F(ViewProgramTest, TwoRequestsGoThroughOneConnection) {
   stop(SIGINT);
 }
 
-TEST_F(ViewProgramTest, AReplayShowsWhatTheObserverComputes) {
+TEST_F(ViewProgramTest, ReplayShowsEstimatesOfObserver) {
   ASSERT_EQ(run(MASTER_SIM, {scene, "--duration", "3", "--speed", "max", "--no-lcm", "--events",
                              path("events.csv")})
                 .code,
@@ -258,7 +258,7 @@ TEST_F(ViewProgramTest, AReplayShowsWhatTheObserverComputes) {
 }
 
 // All connections are taken by clients that never read, some of which do not even send a request.
-TEST_F(ViewProgramTest, ClientsThatNeverReadKeepNobodyOut) {
+TEST_F(ViewProgramTest, ClientsThatNeverReadDoNotBlockOthers) {
   serve_bus();
   std::vector<std::unique_ptr<Socket>> dead;
   for (int i = 0; i < 32; ++i) {
@@ -281,7 +281,7 @@ TEST_F(ViewProgramTest, ClientsThatNeverReadKeepNobodyOut) {
   EXPECT_GE(report["displaced"].get<int>(), 2);
 }
 
-TEST_F(ViewProgramTest, APortOfTheBusThatIsInUseIsSaid) {
+TEST_F(ViewProgramTest, BusPortInUseIsReported) {
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -297,7 +297,7 @@ TEST_F(ViewProgramTest, APortOfTheBusThatIsInUseIsSaid) {
   EXPECT_EQ(ended.err.find("ip route"), std::string::npos) << ended.err;
 }
 
-TEST_F(ViewProgramTest, WhatCannotBeServedIsSaid) {
+TEST_F(ViewProgramTest, ServerErrorsAreReported) {
   serve_bus();
   const Ended taken = run(VIEW, {scene, "--url", "memq://", "--http", host_});
   EXPECT_EQ(taken.code, 1);

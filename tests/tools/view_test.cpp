@@ -26,7 +26,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t memory = 1U << 20U;
 constexpr std::int64_t second = 1'000'000'000;
 
-TEST(History, EveryPixelKeepsLeastAndGreatestHoweverOldTheyAre) {
+TEST(History, EveryPixelKeepsMinimumAndMaximumOfAnyAge) {
   constexpr int rows = 300000;
   constexpr int pixels = 200;
   std::mt19937_64 generator(11);
@@ -60,7 +60,7 @@ TEST(History, EveryPixelKeepsLeastAndGreatestHoweverOldTheyAre) {
   }
 }
 
-TEST(History, FewRowsAreThereAsTheyCame) {
+TEST(History, FewRowsAreUnchanged) {
   History history(1, memory);
   const std::vector<double> y{3.0, -1.0, 7.0, 2.0};
   for (std::size_t i = 0; i < y.size(); ++i) history.add(static_cast<double>(i), {&y[i], 1});
@@ -72,7 +72,7 @@ TEST(History, FewRowsAreThereAsTheyCame) {
   EXPECT_FALSE(history.add(3.0, {&once_more, 1})) << "time does not rise";
 }
 
-TEST(History, ABandKeepsItsOutsideAndGapsAreNoNumbers) {
+TEST(History, BandKeepsOutlineAndGapsAreNotANumber) {
   History history(2, memory);
   for (int i = 0; i < 1000; ++i) {
     const bool known = i >= 500;
@@ -87,7 +87,7 @@ TEST(History, ABandKeepsItsOutsideAndGapsAreNoNumbers) {
   EXPECT_EQ(rows.values[1].rbegin()[1], 5.0);
 }
 
-TEST(History, ItsMemoryDoesNotGrowAndItReachesBackToTheStart) {
+TEST(History, MemoryIsConstantAndCoversTheWholeRun) {
   History history(1, memory);
   // A week of ticks at 10 Hz.
   const int rows = 6'000'000;
@@ -102,7 +102,7 @@ TEST(History, ItsMemoryDoesNotGrowAndItReachesBackToTheStart) {
   EXPECT_EQ(*std::max_element(all.values[0].begin(), all.values[0].end()), 5.0) << "a single peak";
 }
 
-TEST(Raster, ClosuresThatCannotBeToldApartAreOne) {
+TEST(Raster, ClosuresWithinOnePixelAreMerged) {
   using Kind = ContactEventKind;
   Raster raster(2);
   raster.add({1.0, 0, Kind::pulse});
@@ -176,7 +176,7 @@ ContactMessage contacts_at(double horizon, std::int64_t sequence) {
   return message;
 }
 
-TEST(Watch, TheLastWordOnATickCounts) {
+TEST(Watch, LastEstimateOfTickIsShown) {
   Watch watch(two_carriages());
   watch.take(contacts_at(0.0, 1), {0, 0});
   watch.take_settled(estimate_at(1, 0.1, 0.01), {1, 0});
@@ -214,7 +214,7 @@ BoundsSample bounds_at(std::int64_t tick, std::vector<double> half_widths) {
   return sample;
 }
 
-TEST(Watch, TheGuaranteedBandLiesAboutTheSettledEstimateOfItsTick) {
+TEST(Watch, GuaranteedBandIsAroundSettledEstimateOfItsTick) {
   Watch watch(two_carriages());
   watch.take(contacts_at(0.0, 1), {0, 0});
   const Window window{0.0, 1.0, 100};
@@ -250,7 +250,7 @@ TEST(Watch, TheGuaranteedBandLiesAboutTheSettledEstimateOfItsTick) {
   EXPECT_EQ(band(0).t.size(), 2U);
 }
 
-TEST(Watch, AnObserverWithinTheProgramGivesItsHalfWidthsWithTheEstimate) {
+TEST(Watch, InternalObserverGivesHalfWidthsWithEstimate) {
   Watch watch(two_carriages());
   EstimateSample sample = estimate_at(1, 0.4, 0.01);
   sample.confidence.bound_q = Eigen::Vector2d(0.1, 0.2);
@@ -262,7 +262,7 @@ TEST(Watch, AnObserverWithinTheProgramGivesItsHalfWidthsWithTheEstimate) {
   EXPECT_NEAR(band.values[1][0], 0.8, 1e-6);
 }
 
-TEST(Watch, OfAReplicaNoDeviationsAreShown) {
+TEST(Watch, ReplicaHasNoDeviations) {
   Watch watch(two_carriages());
   EstimateSample sample = estimate_at(1, 0.1, 0.01);
   sample.confidence.from_filter = false;
@@ -299,7 +299,7 @@ TEST(Watch, AnEstimateInsideASupportIsMarked) {
   EXPECT_TRUE(watch.curves(0, {0.0, 1.0, 1000}).penetrating.empty());
 }
 
-TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
+TEST(Watch, BadgeNamesSourceOfEstimate) {
   Watch watch(two_carriages());
   EXPECT_EQ(watch.frame(0).badge, Badge::waiting);
   watch.take(contacts_at(0.0, 1), {0, 0});
@@ -320,7 +320,7 @@ TEST(Watch, TheBadgeSaysWhoseEstimateItIs) {
   EXPECT_EQ(watch.frame(4 * second).badge, Badge::free) << "the observer does not receive them";
 }
 
-TEST(Watch, AnotherMasterBeginsAnewAndStrangersAreNotHeard) {
+TEST(Watch, OtherMasterResetsAndStrangersAreIgnored) {
   Watch watch(two_carriages());
   watch.take(contacts_at(0.0, 1), {0, 0});
   watch.take_settled(estimate_at(1, 0.1, 0.01), {0, 0});
@@ -345,7 +345,7 @@ TEST(Watch, AnotherMasterBeginsAnewAndStrangersAreNotHeard) {
   EXPECT_EQ(watch.misfits(), 1) << "a machine of three coordinates";
 }
 
-TEST(Watch, WhatDoesNotSettleStaysBoundedAndInSight) {
+TEST(Watch, UnsettledEstimatesAreBoundedAndShown) {
   Watch watch(two_carriages());
   for (int i = 1; i < 50000; ++i) watch.take_estimate(estimate_at(i, 0.1, 0.01), {i, 0});
   const Curves curves = watch.curves(0, {0.0, 600.0, 100000});
@@ -359,7 +359,7 @@ TEST(Watch, WhatDoesNotSettleStaysBoundedAndInSight) {
   EXPECT_LT(widest, 1.0) << "all of the time is there, only coarser";
 }
 
-TEST(Watch, EnergiesAreThoseOfTheLogger) {
+TEST(Watch, EnergiesEqualThoseOfTheLogger) {
   const Scene scene = two_carriages();
   constexpr double tick = 0.01;
   const Simulation machine = simulate(scene.model, scene.truth.start, 20.0, tick);
@@ -427,7 +427,7 @@ TEST(Watch, EventsOfMessagesAreTakenOnceAndSuspectsAreKept) {
   EXPECT_EQ(curves.suspects[0].suspicion, Suspicion::spurious_event);
 }
 
-TEST(DrawnMachine, ABeamTouchesItsStopWhereTheGapIsZero) {
+TEST(DrawnMachine, BeamTouchesStopAtZeroGap) {
   for (const char* name : {"two_stops_beam", "steel_ruler"}) {
     const Scene scene = read_scene(std::string(SPRAG_SOURCE_DIR) + "/scenes/" + name + ".toml");
     const DrawnMachine machine(scene);
@@ -449,7 +449,7 @@ TEST(DrawnMachine, ABeamTouchesItsStopWhereTheGapIsZero) {
   }
 }
 
-TEST(Client, GetsTheNewestAndOnlyAsMuchAsItHasSeen) {
+TEST(Client, GetsNewestDataLimitedByAcknowledgement) {
   Watch watch(two_carriages());
   watch.take_settled(estimate_at(1, 0.1, 0.01), {1, 0});
   Client client;
@@ -491,7 +491,7 @@ int status(const Request& request) {
   return judge(request, {"127.0.0.1", 8080}, page_files_here).status;
 }
 
-TEST(Rules, OnlyThePageItselfIsAnswered) {
+TEST(Rules, OnlyThePageIsServed) {
   EXPECT_EQ(status({"GET", "/", "127.0.0.1:8080", {}}), 200);
   EXPECT_EQ(status({"HEAD", "/index.html", "localhost:8080", {}}), 200);
   // A foreign name that resolves to this host, or a name with only the right beginning.
@@ -510,7 +510,7 @@ TEST(Rules, OnlyThePageItselfIsAnswered) {
   }
 }
 
-TEST(Rules, TheStreamIsForThePageOfTheSameHost) {
+TEST(Rules, StreamRequiresPageOfSameHost) {
   EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080", true}), 101);
   EXPECT_EQ(status({"GET", "/stream", "localhost:8080", "http://localhost:8080", true}), 101);
   EXPECT_EQ(status({"GET", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080"}), 426);
@@ -523,7 +523,7 @@ TEST(Rules, TheStreamIsForThePageOfTheSameHost) {
   EXPECT_EQ(status({"POST", "/stream", "127.0.0.1:8080", "http://127.0.0.1:8080", true}), 405);
 }
 
-TEST(Rules, AddressesAreReadAsPeopleGiveThem) {
+TEST(Rules, AddressesAreReadInCommonForms) {
   const auto read = [](const char* text) {
     const auto endpoint = endpoint_of(text);
     return endpoint ? text_of(*endpoint) : "none";
