@@ -12,7 +12,7 @@ from support import (BrowserCase, LiveCase, ask, estimates, free_url, last_healt
 
 
 class GatewayTest(LiveCase):
-    def test_only_its_own_page_is_served(self):
+    def test_serves_only_the_page(self):
         address = self.start_view().address
         port = address[1]
         for target in ("/", "/page.css", "/page.js", "/dygraph.js", "/dygraph.css", "/icon.svg"):
@@ -50,7 +50,7 @@ class GatewayTest(LiveCase):
                 self.assertEqual(status, 404)
                 self.assertNotIn(b"root:", body)
 
-    def test_only_its_own_page_gets_the_stream(self):
+    def test_stream_requires_the_page(self):
         address = self.start_view().address
         here = "127.0.0.1:{}".format(address[1])
         self.assertEqual(ask(address, target="/stream", headers=upgrade(f"http://{here}"))[0], 101)
@@ -65,7 +65,7 @@ class GatewayTest(LiveCase):
         self.assertNotEqual(ask(address, "POST", "/stream", headers=upgrade(f"http://{here}"))[0], 101)
         self.assertEqual(ask(address, target="/stream")[0], 426)
 
-    def test_what_is_wrong_is_refused_and_harms_nobody(self):
+    def test_invalid_requests_are_refused_without_effect(self):
         view = self.start_view()
         for rubbish in (b"\0" * 5000, b"GET\r\n\r\n", b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
                         b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n", b"", b"\x16\x03\x01\x02\x00"):
@@ -95,7 +95,7 @@ class GatewayTest(LiveCase):
         self.assertIsNone(view.poll(), view.said())
         self.assertEqual(ask(view.address)[0], 200)
 
-    def test_clients_that_do_not_read_cost_nothing(self):
+    def test_clients_that_do_not_read_do_not_block(self):
         view = self.start_view()
         self.start_run(speed="1")
         reader = open_stream(view.address)
@@ -130,7 +130,7 @@ class GatewayTest(LiveCase):
         reader.close()
         self.assertEqual(self.end(view), 0)
 
-    def test_a_signal_ends_it(self):
+    def test_signal_ends_the_program(self):
         view = self.start_view("--report", self.file("view.json"))
         stream = open_stream(view.address)
         self.addCleanup(stream.close)
@@ -171,7 +171,7 @@ class PageTest(BrowserCase):
         if shown["vTick"]:
             self.assertEqual(float(shown["v"]), energies[int(shown["vTick"])])
 
-    def test_values_are_those_of_the_recording(self):
+    def test_values_match_the_recording(self):
         view = self.start_view()
         page = self.open_page(view.address)
         self.assertEqual(page.js("sprag.frame.badge"), "waiting")
@@ -215,7 +215,7 @@ class PageTest(BrowserCase):
             self.assertEqual(texts["health-" + name.replace("_", "-")], str(counts[name]))
         self.expect_quiet(page)
 
-    def test_a_recording_is_shown(self):
+    def test_recording_is_shown(self):
         self.start_run(duration="8", speed="4", record=True)
         self.end_run()
         settled = estimates(self.file("run.lcmlog"), "SPRAG_SETTLED")
@@ -236,7 +236,7 @@ class PageTest(BrowserCase):
         self.expect_quiet(page)
         self.assertIsNone(view.poll())
 
-    def test_a_guaranteed_band_lies_beside_the_calibrated_one(self):
+    def test_guaranteed_and_calibrated_bands_are_shown(self):
         tolerant = self.file("tolerant.toml")
         with open(scene()) as nominal, open(tolerant, "w") as own:
             own.write(nominal.read() + "\n[tolerance]\ntime = 1e-4\n")
@@ -251,7 +251,7 @@ class PageTest(BrowserCase):
         self.assertTrue(all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None))
         self.expect_quiet(page)
 
-    def test_what_is_refused_is_shown_by_cause(self):
+    def test_refused_messages_are_shown_by_cause(self):
         secret, other = self.file("key"), self.file("other")
         for file, digit in ((secret, "a"), (other, "b")):
             with open(file, "w") as key:
@@ -270,7 +270,7 @@ class PageTest(BrowserCase):
         page.wait("the right master", "sprag.health.observer.master === 'heard' && sprag.frame.badge !== 'waiting'")
         self.expect_quiet(page)
 
-    def test_the_page_comes_back_when_the_program_does(self):
+    def test_page_reconnects_after_restart(self):
         view = self.start_view()
         page = self.open_page(view.address)
         self.start_run()
@@ -293,7 +293,7 @@ class PageTest(BrowserCase):
         for said in page.complaints():
             self.assertIn("WebSocket connection to", said)
 
-    def test_looking_about_while_it_streams(self):
+    def test_zoom_and_pan_during_streaming(self):
         view = self.start_view()
         page = self.open_page(view.address)
         self.start_run(speed="3")
@@ -373,7 +373,7 @@ class PageTest(BrowserCase):
             };
             look();""")
 
-    def test_stops_light_up(self):
+    def test_closed_stops_are_highlighted(self):
         # A beam with pulses only, and a ball that comes to rest.
         view = self.start_view()
         page = self.open_page(view.address)
@@ -403,7 +403,7 @@ class PageTest(BrowserCase):
         self.assertFalse(page.js("seen[0]")[0])
         self.expect_quiet(page)
 
-    def test_a_phone_and_the_dark(self):
+    def test_small_screen_and_dark_mode(self):
         view = self.start_view()
         page = self.open_page(view.address)
         self.start_run(speed="2")

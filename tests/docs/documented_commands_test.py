@@ -30,7 +30,7 @@ class MarkerTest(unittest.TestCase):
         for part in parts:
             self.assertIn(part, str(caught.exception))
 
-    def test_a_reason_is_needed(self):
+    def test_reason_is_required(self):
         (block,) = documented.check("page.md", page(sh("true", "not run: needs a rig")))
         self.assertEqual(block.skip, "needs a rig")
         for marker in "not run:", "not run: ", "not run", "not run: -":
@@ -40,13 +40,13 @@ class MarkerTest(unittest.TestCase):
         for marker in "run: twice", "run: exits with x", "run: in parallel", "run:", "run":
             self.refused(page(sh("true", marker)), "page.md:")
 
-    def test_no_command_hides(self):
+    def test_every_command_is_found(self):
         self.refused(page("```bash\ntrue\n```"), "page.md:4", "```sh")
         self.refused(page("```\nbuild/sprag plot a.csv\n```"), "page.md:4", "```sh")
         self.refused(page("`build/tools/plot a.csv`"), "page.md:3", "build/sprag")
         self.refused(page("```sh\ntrue"), "page.md:4", "no end")
 
-    def test_indented_blocks_lose_their_indent(self):
+    def test_indentation_of_blocks_is_removed(self):
         (block,) = documented.parse("* Item:\n\n  ```sh\n  cat << END\n  x\n  END\n  ```\n", "page.md")
         self.assertEqual(block.text, "cat << END\nx\nEND")
         self.assertEqual(block.line, 4)
@@ -66,26 +66,26 @@ class RunTest(unittest.TestCase):
     def test_output_is_returned(self):
         self.assertEqual(run(page(sh("echo one\necho two >&2"))), "one\ntwo\n")
 
-    def test_a_failure_names_page_line_command_and_output(self):
+    def test_failure_names_page_line_command_and_output(self):
         self.failed(page(sh("echo said\nfalse\necho after")), "page.md:4:", "exit code 1", "false", "said")
         self.failed(page(sh("false | cat")), "exit code 1")
         self.failed(page(sh("echo $unset_variable")), "exit code 1")
 
-    def test_the_exit_code_is_the_marked_one(self):
+    def test_exit_code_must_match_marker(self):
         run(page(sh("exit 3", "run: exits with 3")))
         self.failed(page(sh("exit 2", "run: exits with 3")), "exit code 2, not 3")
         self.failed(page(sh("true", "run: exits with 3")), "exit code 0, not 3")
 
-    def test_a_hanging_block_is_ended_with_all_that_it_started(self):
+    def test_hanging_block_is_killed_with_its_children(self):
         begin = time.monotonic()
         self.failed(page(sh("sleep 1000 &\nsleep 1000")), "does not end", limit=0.5)
         self.assertLess(time.monotonic() - begin, 900)
 
-    def test_the_network_is_its_own_and_has_a_route(self):
+    def test_network_is_isolated_and_has_a_route(self):
         self.assertIn("224.0.0.0/4 dev lo", run(page(sh("ip route"))))
         self.assertNotIn("224.0.0.0", run(page(sh("ip route", "run: without a network"))))
 
-    def test_parallel_commands_end_by_a_signal(self):
+    def test_parallel_commands_end_by_signal(self):
         wait = "bash -c 'trap \"exit 0\" INT; echo up; while true; do sleep 0.1; done'"
         printed = run(page(sh(f"{wait}   # one\n\n# comment\n{wait}", "run: in parallel for 1 s")))
         self.assertEqual(printed.count("up"), 2)
@@ -100,7 +100,7 @@ class OutputTest(unittest.TestCase):
     def expect(self, lines: str, printed: str) -> None:
         documented.expect_output(documented.Block("page.md", 7, "text", lines.split("\n")), printed)
 
-    def test_lines_are_in_order_numbers_apart(self):
+    def test_lines_are_compared_in_order_and_numbers_separately(self):
         self.expect("a 1.5 +- 2e-3\n...\nb -7", "x\na 2 +- 3.1\n  y\nb   8\n")
         for lines in "b\na", "a\nc", "a\na":
             with self.assertRaises(Failure):

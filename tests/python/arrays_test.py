@@ -75,14 +75,14 @@ class ArraysTest(unittest.TestCase):
                 again = getattr(owner, attribute)
                 self.assertEqual(array.ctypes.data, again.ctypes.data)
 
-    def test_a_long_run_is_held_once(self):
+    def test_long_run_is_stored_once(self):
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         run = sprag.simulate(self.scene, 1000.0, tick=1e-3)
         views = [run.t, run.q, run.u]
         grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
         self.assertLess(grown, 1.5 * sum(view.nbytes for view in views))
 
-    def test_arrays_outlive_what_they_were_taken_from(self):
+    def test_arrays_outlive_their_owner(self):
         def taken():
             run = sprag.simulate(self.scene, 200.0, tick=1e-2)
             return run.q, run.events, run.q.copy(), run.events.copy()
@@ -100,7 +100,7 @@ class ArraysTest(unittest.TestCase):
         np.testing.assert_array_equal(w, self.scene.model.contacts[0].w)
         np.testing.assert_array_equal(q, [-0.05, 0.0, 0.0])
 
-    def test_matrices_are_those_of_the_model(self):
+    def test_matrices_equal_the_model(self):
         model = self.scene.model
         np.testing.assert_allclose(np.diag(model.K) / np.diag(model.M), [12.3624, 485.519, 3806.55], 1e-5)
         self.assertFalse(model.M.flags.writeable)

@@ -20,7 +20,7 @@ def program(name: str, *options: str):
 
 
 class CheckTest(unittest.TestCase):
-    def test_it_says_what_the_program_says(self):
+    def test_equals_output_of_the_program(self):
         for name, synchronizes in [("paper_beam", True), ("bouncing_ball", False)]:
             with self.subTest(name):
                 check = sprag.check(scene(name))
@@ -35,13 +35,13 @@ class CheckTest(unittest.TestCase):
                     [tuple(finding.values()) for finding in printed["findings"]],
                 )
 
-    def test_what_does_not_hold_says_what_to_change(self):
+    def test_failed_findings_name_a_change(self):
         broken = [f for f in sprag.check(scene("bouncing_ball")).findings if f.required and not f.holds]
         self.assertGreater(len(broken), 0)
         for finding in broken:
             self.assertNotEqual(finding.change, "")
 
-    def test_how_many_modes_are_needed(self):
+    def test_number_of_modes_needed(self):
         self.assertIsNone(sprag.check(scene("paper_beam")).modes_needed)
         printed = json.loads(program("stiff_beam", "--json", "--accuracy", "0.01")[1])
         check = sprag.check(scene("stiff_beam"), accuracy=0.01)

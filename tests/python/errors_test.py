@@ -25,14 +25,14 @@ class ErrorsTest(unittest.TestCase):
         copied = pickle.loads(pickle.dumps(error))
         self.assertEqual((str(copied), copied.line), (str(error), 2))
 
-    def test_a_file_that_is_not_there_has_no_line(self):
+    def test_missing_file_has_no_line(self):
         with self.assertRaises(sprag.SceneError) as raised:
             sprag.read_scene("/nowhere/x.toml")
         error = raised.exception
         self.assertEqual((error.file, error.line, error.column), ("/nowhere/x.toml", None, None))
         self.assertEqual(error.message, "cannot be read: No such file or directory")
 
-    def test_a_name_that_no_scene_has(self):
+    def test_unknown_scene_name(self):
         with self.assertRaises(sprag.SceneError) as raised:
             sprag.read_scene("paper_baem")
         error = raised.exception
@@ -40,7 +40,7 @@ class ErrorsTest(unittest.TestCase):
         self.assertIn("no such file", error.message)
         self.assertIn("did you mean paper_beam?", error.message)
 
-    def test_a_simulation_that_cannot_go_on(self):
+    def test_simulation_error(self):
         # Three supports under a rigid plate, whose forces are not unique.
         plate = sprag.Model(
             np.diag([1.0, 0.5]),
@@ -54,7 +54,7 @@ class ErrorsTest(unittest.TestCase):
         self.assertIsInstance(raised.exception, sprag.Error)
         self.assertRegex(str(raised.exception), r"^t = 1\.41")
 
-    def test_a_machine_without_an_exact_flow(self):
+    def test_machine_without_exact_flow(self):
         # A double pair of eigenvalues: (s^2 + s/2 + 1)^2.
         defective = sprag.Model(
             np.eye(2),
@@ -68,7 +68,7 @@ class ErrorsTest(unittest.TestCase):
             self.assertIsInstance(raised.exception, sprag.Error)
             self.assertIn("defective mode", str(raised.exception))
 
-    def test_a_mass_that_is_none(self):
+    def test_invalid_mass(self):
         for given in ([[0.0]], [[-1.0]]):
             with self.assertRaises(ValueError):
                 sprag.Model(given, [[0.0]], [[1.0]], [sprag.Contact([1.0], 0.5)])
@@ -111,7 +111,7 @@ class ErrorsTest(unittest.TestCase):
             sprag.observe(beam, [(1.0, 1, 3), (2.0, 7, 3)], 1.0)
         self.assertEqual(str(raised.exception), "events[1]: contact is 7; must be from 1 to 1")
 
-    def test_what_does_not_fit_into_memory(self):
+    def test_out_of_memory(self):
         with self.assertRaises(MemoryError):
             sprag.simulate(scene(), 1e9, tick=1e-9)
 

@@ -99,10 +99,10 @@ class LiveTest(unittest.TestCase):
         self.assertFalse(received[0].q.flags.writeable)
         self.assertEqual(received[-1].closed, ())
 
-    def test_what_settles_live_is_what_is_observed_offline(self):
+    def test_settled_live_estimates_equal_offline_ones(self):
         self.expect_same(*self.observe_live(4.0, speed=math.inf))
 
-    def test_the_example_of_the_readme(self):
+    def test_readme_example(self):
         (example,) = [block for block in readme_examples() if "EventPublisher" in block]
         url = free_url()
         self.start_observer(url)
@@ -122,7 +122,7 @@ class LiveTest(unittest.TestCase):
             key.write_text(secrets.token_hex(32))
             self.expect_same(*self.observe_live(2.0, speed=math.inf, key=key))
 
-    def test_a_listener_waits_no_longer_than_asked_and_hears_ctrl_c(self):
+    def test_listener_has_a_timeout_and_is_interruptible(self):
         listener = sprag.EstimateListener(url=free_url())
         self.assertIsNone(listener.next(0.0))
         self.assertIsNone(listener.next(0.05))

@@ -25,7 +25,7 @@ def paper_beam() -> sprag.Scene:
 
 
 class MachinesTest(unittest.TestCase):
-    def test_a_scene_that_comes_with_sprag_has_a_name(self):
+    def test_shipped_scene_is_found_by_name(self):
         for name in ("paper_beam", "lab_rig.toml"):
             by_name, by_file = sprag.read_scene(name), scene(name.removesuffix(".toml"))
             self.assertEqual(by_name.name, by_file.name)
@@ -85,7 +85,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         with self.assertRaisesRegex(ValueError, "output"):
             sprag.Model(np.eye(1), np.eye(1), np.eye(1), model.contacts[:0], outputs=outputs)
 
-    def test_what_a_scene_is_told_to_be_is_a_warning(self):
+    def test_remarks_on_a_scene_are_warnings(self):
         text = (
             "[system]\nM = [[1.0, 1e-16], [0.0, 1.0]]\nrayleigh = { alpha = 0.1, beta = 0.0 }\n"
             "K = [[1.0, 0.0], [0.0, 2.0]]\n[excitation]\ninfluence = 1.0\namplitude = 0.1\n"
@@ -96,7 +96,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         np.testing.assert_array_equal(machine.model.C, 0.1 * machine.model.M)
         self.assertEqual(machine.model.contacts[0].motion.amplitude, 0.1)
 
-    def test_a_beam_in_code_is_the_one_of_the_file(self):
+    def test_beam_in_code_equals_scene_file(self):
         ours, theirs = paper_beam(), scene()
         self.assertEqual((ours.name, ours.f, ours.m), (theirs.name, theirs.f, theirs.m))
         self.assertEqual(ours.model.chatter_time, theirs.model.chatter_time)
@@ -120,7 +120,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertEqual(run.events["kind"][0], sprag.ContactEventKind.PULSE)
         np.testing.assert_allclose(run.q[:5, 0], 1.0 - 0.5 * 9.81 * run.t[:5] ** 2, rtol=1e-12)
 
-    def test_what_a_machine_says_of_itself(self):
+    def test_attributes_and_repr(self):
         ours = paper_beam()
         contact = ours.model.contacts[0]
         self.assertEqual((contact.restitution, contact.clearance), (0.7, 0.0))
@@ -131,7 +131,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertIsNone(scene("bouncing_ball").beam)
         self.assertEqual(repr(scene()), "<sprag.Scene paper_beam: f = 3, m = 1>")
 
-    def test_what_makes_no_machine_is_refused(self):
+    def test_invalid_machines_are_refused(self):
         one, contact = [[1.0]], sprag.Contact([1.0], 0.5)
         beam = sprag.Beam(3)
         model = sprag.Model(one, one, one, [contact])

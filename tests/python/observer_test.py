@@ -35,7 +35,7 @@ def columns(table, name: str, count: int):
 
 
 class ObserverTest(unittest.TestCase):
-    def test_observe_is_what_the_program_writes(self):
+    def test_observe_equals_the_program(self):
         cases = [
             ("paper_beam", "both", "exact"),
             ("paper_beam", "timing", "exact"),
@@ -69,7 +69,7 @@ class ObserverTest(unittest.TestCase):
                 if estimator == "both":
                     np.testing.assert_array_equal(ours.of_filter, theirs["from_filter"] == 1)
 
-    def test_step_by_step_is_the_same(self):
+    def test_stepwise_observer_equals_observe(self):
         for estimator in ("both", "timing", "replica"):
             with self.subTest(estimator):
                 beam = scene()
@@ -91,7 +91,7 @@ class ObserverTest(unittest.TestCase):
                 np.testing.assert_array_equal([e.bound for e in settled], at_once.bound)
                 self.assertEqual(observer.taken, len(events))
 
-    def test_an_adaptive_observer_says_what_it_has_found(self):
+    def test_adaptive_observer_reports_parameters(self):
         beam = scene()
         events = sprag.simulate(beam, 20.0, tick=0.0).events
         everything = sprag.observe(beam, events, 20.0, tick=0.02, estimator="adaptive")
@@ -112,7 +112,7 @@ class ObserverTest(unittest.TestCase):
         )
         self.assertEqual(sprag.Observer(beam).at(0.0).parameters, {})
 
-    def test_what_may_come_is_provisional_and_what_is_late_is_refused(self):
+    def test_provisional_estimates_and_refusal_of_late_events(self):
         observer = sprag.Observer(scene())
         self.assertEqual(observer.tick, 0.01)
         self.assertTrue(observer.take(0.4565))
@@ -128,7 +128,7 @@ class ObserverTest(unittest.TestCase):
         with self.assertRaises(ValueError):
             observer.at(1.0)
 
-    def test_events_that_come_while_one_looks_ahead_count(self):
+    def test_events_after_a_provisional_estimate_are_used(self):
         beam = scene()
         events = sprag.simulate(beam, 20.0, tick=0.0).events.tolist()
         informed, looking = sprag.Observer(beam), sprag.Observer(beam)
@@ -193,7 +193,7 @@ class ObserverTest(unittest.TestCase):
         with self.assertRaises(sprag.InputError):
             sprag.read_events("/nowhere/events.csv", scene())
 
-    def test_events_that_contradict_are_counted(self):
+    def test_contradictory_events_are_counted(self):
         estimates = sprag.observe(scene(), [(0.5, 1, 2), (0.6, 1, 3)], 1.0)
         self.assertEqual((estimates.taken, estimates.skipped), (1, 1))
 

@@ -29,7 +29,7 @@ class StubsTest(unittest.TestCase):
 
 
 class DocstringsTest(unittest.TestCase):
-    def test_all_that_is_public_says_what_it_is(self):
+    def test_public_names_have_docstrings(self):
         for name in sprag.__all__:
             if not callable(getattr(sprag, name)):
                 continue

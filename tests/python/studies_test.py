@@ -72,7 +72,7 @@ class StudiesTest(unittest.TestCase):
         self.write(self.rows()[:1])
         self.assertEqual(sprag.read_study(self.path).rows, 0)
 
-    def test_what_is_damaged_is_an_error_with_its_line(self):
+    def test_damage_is_an_error_with_its_line(self):
         for lines, what in (
             (self.rows() + ["12,6"], "rows.csv:14: 2 fields; the header has 7"),
             (["t,x", "0,1"], "rows.csv:1: the header"),
