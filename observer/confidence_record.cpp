@@ -97,7 +97,8 @@ void ConfidenceRecord::take_parameters(const Confidence& confidence, std::ostrea
     accepted_times_.push_back(parameters.accepted);
   }
   if (any && parameters.accepted < 0.0) {
-    out << "t = " << t_ << ": the events so far fit no machine with what [adapt] leaves free\n";
+    out << "t = " << t_
+        << ": the events so far fit no machine with the free parameters of [adapt]\n";
   } else if (any) {
     out << "t = " << t_ << ": " << parameters.keys->size()
         << " parameters are identified, and are estimated with the state from here on\n";

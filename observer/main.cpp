@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
                                       "with sigma; live, publish them");
   auto* predictions =
       sprag::add_file(*app, common, "--predictions", Use::written, options.predictions, "F.csv",
-                      "With --predict: write what is foreseen here");
+                      "With --predict: write the predictions here");
   sprag::needs(predictions, predict);
   sprag::add_positive(*app, "--history", options.history, "T",
                       "Simulated time of ticks that are kept to go back to [2]");

@@ -24,7 +24,7 @@ void describe(Notice notice, double first, double second, std::ostream& out) {
       out << "packet refused: part of a larger message than any of Sprag's";
       return;
     case Notice::other_host:
-      out << "message refused: from another host; --url with ttl=1 hears those";
+      out << "message refused: from another host; --url with ttl=1 accepts these";
       return;
     case Notice::wrong_type:
       out << "message refused: not of type sprag.contacts_t; its sender was built from another "

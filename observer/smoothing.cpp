@@ -41,9 +41,10 @@ int run_smoothing(const Scene& scene, const ObserverOptions& options, const Repl
   const std::string name = replay.file.string();
   if (!recorded.whole || !recorded.problems.empty() || recorded.begins > 0.0 ||
       recorded.closed != 0) {
-    throw UsageError("--smooth: " + name +
-                     " does not have every event since t = 0; the observer without --smooth takes "
-                     "what there is");
+    throw UsageError(
+        "--smooth: " + name +
+        " does not have every event since t = 0; the observer without --smooth accepts "
+        "such a recording");
   }
   if (recorded.events.empty()) throw UsageError("--smooth: " + name + " has no events");
   const double end = std::isinf(options.duration) ? recorded.events.back().t : options.duration;

@@ -86,7 +86,7 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss after_loss,
   recorded.events = history.events();
   if (recorded.begins > 0.0) {
     std::ostringstream text;
-    text << name << "begins at t = " << recorded.begins << ": what was before is not known";
+    text << name << "begins at t = " << recorded.begins << ": earlier events are unknown";
     recorded.problems.push_back(text.str());
   }
   for (std::size_t i = earlier_gaps; i < history.degraded().size(); ++i) {

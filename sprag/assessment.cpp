@@ -347,8 +347,8 @@ Finding by_filter(const Assessment& a) {
   if (!std::isfinite(trial.left)) {
     return {"by_filter", false, false,
             name + "does not know the machine after " + seen +
-                " (where nothing but the machine's own state moves it, events that jitter do not "
-                "tell how large its motion is)",
+                " (where nothing but the machine's own state moves it, jittered events do not "
+                "determine the size of its motion)",
             ""};
   }
   const bool cut_short = trial.duration < 0.99 * a.trial.duration;

@@ -80,8 +80,8 @@ auto sample_property(Member member) {
 void bind_publisher(py::module_& module) {
   py::class_<EventPublisher>(
       module, "EventPublisher",
-      "A machine of one's own as a master on the bus: takes contact events and does session, "
-      "numbers, repetition, horizon and heartbeat. contacts: how many the machine has; speed: "
+      "Publishes a machine as a master on the bus: takes contact events and maintains session, "
+      "numbers, repetition, watermark and heartbeat. contacts: how many the machine has; speed: "
       "simulated s per s, inf without a pace; key: a file of 64 hexadecimal digits. Threads may "
       "share one. A context that closes at its end. Raises BusError, InputError or ValueError.")
       .def(py::init([](int contacts, double speed, const std::string& url,
@@ -123,8 +123,8 @@ void bind_publisher(py::module_& module) {
 
 void bind_listener(py::module_& module) {
   py::class_<EstimateSample>(module, "LiveEstimate",
-                             "What an observer on the bus says of one tick. All arrays are "
-                             "read-only views.")
+                             "An observer's estimate of one tick, received from the bus. All "
+                             "arrays are read-only views.")
       .def_readonly("session", &EstimateSample::session, "The master's.")
       .def_readonly("tick", &EstimateSample::tick)
       .def_readonly("settled_tick", &EstimateSample::settled_tick,
@@ -161,8 +161,8 @@ void bind_listener(py::module_& module) {
 
   py::class_<Listener>(
       module, "EstimateListener",
-      "Hears what observers on the bus say: of now, or with settled=True what is final, in order. "
-      "Raises BusError, InputError or ValueError.")
+      "Receives the estimates of observers on the bus: the provisional ones, or with "
+      "settled=True the settled ones, in order. Raises BusError, InputError or ValueError.")
       .def(py::init([](bool settled, const std::string& url,
                        const std::optional<std::filesystem::path>& file) {
              const auto channel = settled ? EstimateChannel::settled : EstimateChannel::now;
@@ -173,7 +173,7 @@ void bind_listener(py::module_& module) {
            py::arg("key") = py::none())
       .def("next", &Listener::next, py::arg("timeout") = py::none(),
            "The next LiveEstimate; None once timeout [s] is over, if it is given. Other threads "
-           "run meanwhile, and Ctrl-C is heard.")
+           "run meanwhile, and Ctrl-C interrupts it.")
       .def_property_readonly("refused", &Listener::refused,
                              "Messages that were no estimates, or not made with the key.");
 }

@@ -360,10 +360,9 @@ void bind_scene(py::module_& module) {
 
   py::class_<Tolerance>(
       module, "Tolerance",
-      "Hard limits of what may be off, [tolerance] of a scene, for which the bound on V is proven: "
+      "Hard limits of deviations, [tolerance] of a scene, for which the bound on V is proven: "
       "time [s], of each event; restitution, absolute; stiffness and damping, as shares of K and "
-      "C, "
-      "at most 0.5; force, in the norm of the inverse of M; clearance [m].")
+      "C, at most 0.5; force, in the norm of the inverse of M; clearance [m].")
       .def(py::init(&make_tolerance), py::kw_only(), py::arg("time") = 0.0,
            py::arg("restitution") = 0.0, py::arg("stiffness") = 0.0, py::arg("damping") = 0.0,
            py::arg("force") = 0.0, py::arg("clearance") = 0.0)
@@ -376,14 +375,12 @@ void bind_scene(py::module_& module) {
 
   py::class_<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
-      "A machine, where its master and its replica start, and how sure of it all one is. Starts "
-      "may "
-      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's start, "
-      "or "
-      "in its place sigma: standard deviations of its q and u, as a State; "
+      "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
+      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's "
+      "start, or in its place sigma: standard deviations of its q and u, as a State; "
       "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
-      "[s]: from the machine's own time where it is not given; tolerance: hard limits of what may "
-      "be off, for the bound on V.")
+      "[s]: from the machine's own time where it is not given; tolerance: hard limits of "
+      "deviations, for the bound on V.")
       .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
            py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
            py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),

@@ -150,13 +150,13 @@ void bind_simulation(py::module_& module) {
 
 void bind_estimates(py::module_& module) {
   py::class_<Estimates>(module, "Estimates",
-                        "What an observer says of many ticks. All arrays are read-only views; row "
-                        "k is tick k. Sigmas have no columns without a timing filter.")
+                        "An observer's estimates of many ticks. All arrays are read-only views; "
+                        "row k is tick k. Sigmas have no columns without a timing filter.")
       .def_property_readonly("t", array_property(&Estimates::t), "Times k h [s], n entries.")
       .def_property_readonly("q", array_property(&Estimates::q), "Coordinates, n x f.")
       .def_property_readonly("u", array_property(&Estimates::u), "Velocities, n x f.")
       .def_property_readonly("sigma_q", array_property(&Estimates::sigma_q),
-                             "Standard deviations of q, n x f; inf where nothing is known.")
+                             "Standard deviations of q, n x f; inf where unknown.")
       .def_property_readonly("sigma_u", array_property(&Estimates::sigma_u),
                              "Standard deviations of u, n x f.")
       .def_property_readonly("sigma_gap", array_property(&Estimates::sigma_gap),
@@ -164,7 +164,7 @@ void bind_estimates(py::module_& module) {
       .def_property_readonly("outputs", array_property(&Estimates::outputs),
                              "The scene's outputs, n x as many.")
       .def_property_readonly("sigma_outputs", array_property(&Estimates::sigma_outputs),
-                             "Their standard deviations; inf where nothing is known.")
+                             "Their standard deviations; inf where unknown.")
       .def_property_readonly("bound", array_property(&Estimates::bound),
                              "The replica's V is at most this, n entries [energy]; inf where "
                              "nothing guarantees it.")
@@ -202,10 +202,10 @@ void bind_estimates(py::module_& module) {
                              "Their standard deviations, n x P; inf until they are found.")
       .def_property_readonly(
           "taken", [](const Estimates& all) { return all.counts.events; },
-          "How many events counted.")
+          "Number of accepted events.")
       .def_property_readonly(
           "skipped", [](const Estimates& all) { return skipped(all.counts); },
-          "How many events contradicted those before them, and were left out.");
+          "Number of events that contradicted earlier ones and were skipped.");
 
   module.def(
       "observe",
@@ -217,7 +217,7 @@ void bind_estimates(py::module_& module) {
       },
       py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
       py::arg("tick") = 0.01, py::arg("estimator") = "both", py::arg("stepper") = "exact",
-      "What an observer says of recorded events up to duration [s], at every tick [s]. events: an "
+      "Estimates from recorded events up to duration [s], at every tick [s]. events: an "
       "array of event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", "
       "\"timing\", \"replica\" or \"adaptive\"; stepper: \"exact\" or, of the replica, \"moreau\". "
       "Raises ModelError or ValueError.");
@@ -225,7 +225,7 @@ void bind_estimates(py::module_& module) {
 
 void bind_observer(py::module_& module) {
   py::class_<Estimate>(module, "Estimate",
-                       "What an observer says of one tick. All arrays are read-only views.")
+                       "An observer's estimate of one tick. All arrays are read-only views.")
       .def_readonly("tick", &Estimate::tick)
       .def_readonly("t", &Estimate::t, "tick h [s].")
       .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
@@ -233,7 +233,7 @@ void bind_observer(py::module_& module) {
       .def_property_readonly(
           "closed", [](const Estimate& estimate) { return contacts_of(estimate.closed); },
           "The contacts that are closed, from 1.")
-      .def_readonly("settled", &Estimate::settled, "Whether it never changes any more.")
+      .def_readonly("settled", &Estimate::settled, "Whether it is final.")
       .def_readonly("of_filter", &Estimate::of_filter,
                     "Whether q and u are the timing filter's; else the replica's.")
       .def_readonly("penetrating", &Estimate::penetrating,
@@ -363,9 +363,9 @@ void bind_energies(py::module_& module) {
         return long_call([&] { return energies_of(scene, of_q_m, of_u_m, of_q, of_u); });
       },
       py::arg("scene"), py::arg("q_m"), py::arg("u_m"), py::arg("q"), py::arg("u"),
-      "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns: what "
-      "they "
-      "lack counts as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
+      "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns; "
+      "missing ones count as zero), in the scene's unit of energy. Raises ModelError or "
+      "ValueError.");
 }
 
 // Same limit as in the program check_scene.
@@ -383,15 +383,15 @@ Assessment check(const Scene& scene, std::optional<double> accuracy) {
 }
 
 void bind_check(py::module_& module) {
-  py::class_<Finding>(module, "Finding", "One thing that was checked.")
+  py::class_<Finding>(module, "Finding", "Result of one check.")
       .def_readonly("id", &Finding::id, "Its short name.")
       .def_readonly("required", &Finding::required,
-                    "Whether the replica's convergence needs it; others only tell.")
-      .def_readonly("holds", &Finding::holds, "Whether it is so.")
-      .def_readonly("what", &Finding::what, "What was found, in words.")
+                    "Whether the replica's convergence requires it; others are for information.")
+      .def_readonly("holds", &Finding::holds, "Whether it is fulfilled.")
+      .def_readonly("what", &Finding::what, "The result, in words.")
       .def_readonly("provided", &Finding::provided,
-                    "The condition on which it holds beyond what can be checked; or empty.")
-      .def_readonly("change", &Finding::change, "What to change; empty where nothing needs to be.");
+                    "Condition that was not checked and on which it depends; or empty.")
+      .def_readonly("change", &Finding::change, "Remedy; empty if none is needed.");
   py::class_<Assessment>(module, "Assessment",
                          "Whether a scene's replica will synchronize, and why. str() has it all.")
       .def_property_readonly("synchronizes", &Assessment::synchronizes,

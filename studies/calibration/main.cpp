@@ -76,9 +76,10 @@ int main(int argc, char** argv) {
       ->delimiter(',')
       ->transform(CLI::CheckedTransformer(std::map<std::string, EstimatorKind>{
           {"timing", EstimatorKind::timing}, {"both", EstimatorKind::both}}));
-  app.add_option("--duration", options.duration,
-                 "Length of a run [s, simulated]; default 120 periods of what is slowest, or 2500 "
-                 "events")
+  app.add_option(
+         "--duration", options.duration,
+         "Length of a run [s, simulated]; default 120 periods of the slowest mode or excitation, "
+         "or 2500 events")
       ->check(CLI::PositiveNumber);
   app.add_option("--tick", options.tick, "Default: a twenty-thousandth of the duration [s]")
       ->check(CLI::PositiveNumber);

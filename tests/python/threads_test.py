@@ -32,7 +32,7 @@ def switches_during(call) -> int:
         call()
         during = counted
         if time.monotonic() - started < 0.05:
-            raise AssertionError("too short to tell")
+            raise AssertionError("too short to decide")
     finally:
         done.set()
         sys.setswitchinterval(interval)

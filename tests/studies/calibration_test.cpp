@@ -416,15 +416,15 @@ TEST_P(MachinesOfAllKinds, HaveNoFalseAlarm) {
 INSTANTIATE_TEST_SUITE_P(
     All, MachinesOfAllKinds,
     testing::Values(
-        Machine{"random:101", "an impact throws off a contact that is held", 1e-3, 5},
+        Machine{"random:101", "an impact forces the release of a held contact", 1e-3, 5},
         Machine{"random:51", "the same, with short holds", 1e-2, 5},
-        Machine{"random:107",
-                "a report comes before its impact, behind which another gap is closed", 1e-2, 5},
+        Machine{"random:107", "a report comes before its impact, after which another gap is closed",
+                1e-2, 5},
         Machine{"chatter:44", "nearly simultaneous releases, of which the last is known", 1e-2, 5},
         Machine{"random:79", "components know a time better than all of them do", 1e-3, 20},
-        Machine{"random:80", "two contacts have closed unheard", 1e-2, 5},
+        Machine{"random:80", "two contacts have closed without a report", 1e-2, 5},
         Machine{"random:159", "rounded times, none of them a noise", 0.0, 1},
-        Machine{"chatter:63", "nothing tells how large the motion is, far above its mean", 0.0, 1},
+        Machine{"chatter:63", "an unobservable scale, far above its mean", 0.0, 1},
         Machine{"random:1", "an impact without restitution", 1e-4, 10, {0.0}},
         Machine{"random:1", "a contact that touches and leaves", 1e-2, 10, {0.0}},
         Machine{"chatter:16",
@@ -432,7 +432,7 @@ INSTANTIATE_TEST_SUITE_P(
                 1e-4,
                 5,
                 {0.57, 0.0}},
-        Machine{"random:37", "a contact that closes right behind a touch", 1e-3, 3, {0.0}},
+        Machine{"random:37", "a contact that closes right after a touch", 1e-3, 3, {0.0}},
         Machine{"random:9",
                 "a contact is thrown off by an impact that is still to come",
                 1e-2,
@@ -446,11 +446,7 @@ INSTANTIATE_TEST_SUITE_P(
                 3,
                 {0.0},
                 0.025},
-        Machine{"chatter:29",
-                "no restitution, and nothing tells how large the motion is",
-                0.0,
-                1,
-                {0.0}}));
+        Machine{"chatter:29", "no restitution, and an unobservable scale", 0.0, 1, {0.0}}));
 
 // Long after the start a report with this jitter contains no new information. The covariance then
 // follows the machine's flow through impacts and releases. Difference quotients of a master's runs

@@ -35,8 +35,8 @@ int main(int argc, char** argv) {
 
   CLI::Option* accuracy =
       sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
-                          "Also tell how few modes show the tip to TOL metres, and how few "
-                          "coordinates with a correction for the modes that are left out");
+                          "Also report the fewest modes that show the tip to TOL metres, and the "
+                          "fewest coordinates with a correction for the omitted modes");
   sprag::needs(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, output,
                                "REDUCED.toml", "With --accuracy: write the scene in these"),
                accuracy);

@@ -4,8 +4,8 @@
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
-      "Tells whether contact events fit a scene's machine and, if not, which single parameter "
-      "would explain them, and by what value. Exit code 0: they fit, 3: they do not.",
+      "Reports whether contact events fit a scene's machine and, if not, which value of which "
+      "single parameter would explain them. Exit code 0: they fit, 3: they do not.",
       "diagnose");
   sprag::CommonOptions common;
   sprag::DiagnoseRun run;

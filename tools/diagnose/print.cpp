@@ -146,7 +146,7 @@ std::string to_text(const Diagnosis& diagnosis) {
                                  : "as exact.\n";
   if (diagnosis.misfit <= diagnosis.largest_misfit) {
     text += "The model as it is predicts them: mean square " + number(diagnosis.misfit, 3) +
-            " of what is expected.\n";
+            " of the expected one.\n";
   } else {
     text += "The model as it is follows them to within " + number(diagnosis.scatter, 3) + " s.\n";
   }

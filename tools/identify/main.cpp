@@ -5,8 +5,8 @@
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
       "Finds the parameters of a scene's machine from the times of its contact events alone, with "
-      "standard deviations, and says which of them explain the events. Exit code 0: the events fit "
-      "with what was found, 3: they do not, 1: too few of them.",
+      "standard deviations, and reports which of them explain the events. Exit code 0: the events "
+      "fit with the identified parameters, 3: they do not, 1: too few of them.",
       "identify");
   sprag::CommonOptions common;
   sprag::IdentifyRun run;
@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   sprag::add_text(*app, "--free", run.sought.free, "NAME,...",
                   "Parameters that are sought, by their keys in the scene, or all");
   sprag::add_text(*app, "--known", run.sought.known, "NAME,...",
-                  "Parameters that are right; of a clearance it also says what fixes the scale");
+                  "Parameters that are correct; a known clearance also sets the scale");
   sprag::add_text(*app, "--within", run.sought.within, "SHARE",
                   "How far each may be off, default 0.2; NAME=SHARE,... of single ones");
   sprag::add_positive(*app, "--jitter", jitter, "SIGMA",

@@ -118,7 +118,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   if (const auto column = alternating_column(columns, chosen)) {
     std::cerr << file << ": column '" << *column
               << "' alternates between 0 and 1: these are the times of both its edges, and each is "
-                 "taken as an impact; --level tells closings from openings\n";
+                 "taken as an impact; --level distinguishes closings from openings\n";
   }
   for (const std::string& line : expand_levels(run.levels, file, columns, chosen)) {
     std::cerr << line << '\n';
@@ -135,7 +135,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   if (import.events.empty()) throw std::runtime_error(file + ": no event is left");
   const bool from_another_start = import.of_clock || import.events.front().t > hardly_a_run;
   if (run.import.offset.mantissa == 0 && from_another_start)
-    std::cerr << "the first event comes late; --offset says which time of the file is t = 0\n";
+    std::cerr << "the first event comes late; --offset gives the time of the file at t = 0\n";
 
   if (run.output.extension() == ".lcmlog") {
     const double end = std::isinf(run.import.duration) ? 0.0 : run.import.duration;

@@ -26,8 +26,9 @@ int main(int argc, char** argv) {
       "Panels, in this order: names of outputs, keys of parameters, g1, q1, u1, contacts, "
       "V, ... [outputs, parameters and gaps or coordinates that fit, contacts, V]. Of a study: its "
       "quantities");
-  sprag::add_names(*app, "--over", run.study.over,
-                   "Of a study: one or two keys that vary, across and up [what it varies]");
+  sprag::add_names(
+      *app, "--over", run.study.over,
+      "Of a study: one or two keys that vary, across and up [the keys that it varies]");
   sprag::add_names(*app, "--where", run.study.where,
                    "Of a study: KEY=VALUE, only rows with the value of KEY next to this one");
   sprag::add_finite(*app, "--from", figure.from, "T", "Show the time from here on [s]");

@@ -104,7 +104,7 @@ class Maker {
     }
     if (names.empty() && options_.over.empty()) {
       throw std::invalid_argument(
-          "what the study varies is not known without its manifest; --over KEY says it");
+          "without its manifest the varied keys of the study are unknown; give --over KEY");
     }
     if (names.empty() || names.size() > 2) {
       throw std::invalid_argument("the study varies " + listed(names) +

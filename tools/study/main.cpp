@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
                   "Run the i-th of n equal parts alone, with files of its own");
   sprag::add_jobs(*app, run.jobs);
   sprag::add_count(*app, "--chunk", run.chunk, "n",
-                   "Hand out and write so many runs together [what takes a second]");
+                   "Hand out and write so many runs together [as many as take a second]");
 
   sprag::study::Ranks ranks;
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {

@@ -190,8 +190,8 @@ class Live {
     if (is_another && !freshness_.allows(state_.utime, arrival)) {
       if (stale_++ == 0) {
         std::cerr
-            << "a master is not heard: its messages are recordings, or its clock is more than "
-               "10 s off\n";
+            << "the messages of a master are refused: they are recordings, or its clock is more "
+               "than 10 s off\n";
       }
       return;
     }
@@ -317,7 +317,7 @@ class Live {
     reported_losses_ = all;
     next_loss_line_ = now + 1s;
     if (all.empty()) {
-      std::cerr << "what was late has arrived: nothing is lost\n";
+      std::cerr << "late messages have arrived: none is lost\n";
       return;
     }
     std::cerr << "lost on the way here: " << all;

@@ -49,7 +49,7 @@ double look_at_closings(const Scene& scene) {
       return trial.closings_per_time();
     }
   }
-  throw Error("no contact of the machine closes: there is nothing to tell an observer");
+  throw Error("no contact of the machine closes: an observer would receive no events");
 }
 
 double motion_energy_of(const study::Truth& truth) {

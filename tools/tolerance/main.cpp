@@ -5,10 +5,9 @@
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
-      "Tells how much may be off for V, the energy of the error, to stay below a target: jitter "
-      "and "
-      "offset of event times, lost and false events, and every parameter of the scene. The "
-      "observers are run on the scene's machine with one of these off at a time.",
+      "Reports the largest deviations for which V, the energy of the error, stays below a target: "
+      "jitter and offset of event times, lost and spurious events, and errors of every parameter "
+      "of the scene. The observers are run on the scene's machine with one deviation at a time.",
       "tolerance");
   sprag::CommonOptions common;
   sprag::tolerance::ToleranceRun run;
@@ -21,14 +20,16 @@ int main(int argc, char** argv) {
   sprag::add_flag(*app, "--modes", run.modes,
                   "In place of that: how few modes an observer needs, without and with a "
                   "correction for the others");
-  sprag::add_positive(*app, "--jitter", run.settings.jitter, "SIGMA",
-                      "Standard deviation of event times beside what is off [the scene's] [s]");
+  sprag::add_positive(
+      *app, "--jitter", run.settings.jitter, "SIGMA",
+      "Standard deviation of event times, in addition to a deviation [the scene's] [s]");
   sprag::add_positive(*app, "--drift", run.settings.drift, "D",
                       "Energy by which filters take their model to depart from the machine, per "
                       "unit of time [the scene's]");
   sprag::add_count(*app, "--runs", run.settings.runs, "n", "Runs of each amount [7]");
-  sprag::add_positive(*app, "--duration", run.settings.duration, "T",
-                      "Of a run [twice what the replica needs, and 200 closings] [s]");
+  sprag::add_positive(
+      *app, "--duration", run.settings.duration, "T",
+      "Of a run [twice the time to convergence of the replica, and 200 closings] [s]");
   sprag::add_file(
       *app, common, "--output", sprag::NamedFile::Use::written, run.output, "F",
       "Draw V against every amount, or the error against the modes: .png, .svg or .pdf");

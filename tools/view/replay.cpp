@@ -134,8 +134,7 @@ class Player {
  private:
   bool log(InputFile file) {
     if (!std::filesystem::is_regular_file(options_.file)) {
-      throw InputError(options_.file.string() +
-                       ": must be a file; what it holds is looked at first");
+      throw InputError(options_.file.string() + ": must be a file; its content is examined first");
     }
     const bool estimated = has_estimates(options_.file);
     report_["observed_here"] = !estimated;
