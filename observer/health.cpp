@@ -15,7 +15,7 @@ Health::Times times_of(const Histogram& histogram) {
 
 }  // namespace
 
-Health::Estimate whose(const Confidence& confidence) {
+Health::Estimate source_of(const Confidence& confidence) {
   if (!confidence.from_filter) return Health::Estimate::replica;
   return confidence.parameters.any() ? Health::Estimate::adaptive : Health::Estimate::filter;
 }

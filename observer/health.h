@@ -51,6 +51,6 @@ struct IntegrationStatus {
 Health health_of(const IntegrationStatus& status, const ReceptionFigures& reception);
 
 /// The source of an estimate with this confidence.
-Health::Estimate whose(const Confidence& confidence);
+Health::Estimate source_of(const Confidence& confidence);
 
 }  // namespace sprag

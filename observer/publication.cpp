@@ -81,7 +81,7 @@ void Publication::publish_health(const ReceptionFigures& reception, bool last) {
   Health health = health_of(status_, reception);
   health.utime = wall_clock_us();
   health.last = last;
-  health.estimate = whose_;
+  health.estimate = source_;
   health.ticks = settled_.ticks();
   health.inconsistencies = settled_.inconsistencies();
   health.unsent = unsent_;
@@ -91,7 +91,7 @@ void Publication::publish_health(const ReceptionFigures& reception, bool last) {
 void Publication::publish(EstimateSample& estimate, bool settled) {
   estimate.utime = wall_clock_us();
   if (settled) settled_.take(estimate);
-  if (!settled) whose_ = whose(estimate.confidence);
+  if (!settled) source_ = source_of(estimate.confidence);
   std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
   if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
     ++unsent_;

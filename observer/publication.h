@@ -55,11 +55,11 @@ class Publication {
   std::vector<std::uint8_t> buffer_;
   std::vector<std::uint8_t> last_outputs_;  // last settled message
   std::vector<std::uint8_t> last_settled_;
-  std::vector<std::uint8_t> parameters_;             // last message sent
-  double known_ = 0.0, accepted_ = 0.0;              // values in it
-  bool from_filter_ = false;                         // value in it
-  IntegrationStatus status_;                         // last status received
-  Health::Estimate whose_ = Health::Estimate::none;  // source of the last provisional estimate
+  std::vector<std::uint8_t> parameters_;              // last message sent
+  double known_ = 0.0, accepted_ = 0.0;               // values in it
+  bool from_filter_ = false;                          // value in it
+  IntegrationStatus status_;                          // last status received
+  Health::Estimate source_ = Health::Estimate::none;  // source of the last provisional estimate
   std::vector<std::uint8_t> health_;
   std::int64_t unsent_ = 0;
   bool observing_ = false;  // set by the announcement of the first session

@@ -28,7 +28,7 @@ struct RecordedEvents {
 
 /// Throws InputError if the end of a run is undefined because a CSV's last event has an implausible
 /// time. `end` [s] is the end that the user has specified, infinity if none: then a run ends at the
-/// last event. `advice`: what the user can do besides "correct or remove the row".
+/// last event. `advice`: remedy besides "correct or remove the row".
 void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
                             const std::string& advice =
                                 ", shift all times (import_events "

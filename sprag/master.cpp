@@ -390,7 +390,7 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
   const Model& model = flows_.dynamics().model();
   const ContactSet participants = closed_ | closing;
   before_ = motion_;
-  ContactSet thrown_off = 0;
+  ContactSet forced_open = 0;
   while (true) {
     for (std::size_t i = 0; i < epsilon_.size(); ++i) {
       epsilon_[i] = contains(staying, static_cast<int>(i)) ? 0.0 : model.contacts[i].restitution;
@@ -409,12 +409,12 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
       collision = held;
     }
     const ContactSet locked = motion_.flow->locked();
-    const ContactSet sticking = closing & locked & ~staying & ~thrown_off;
-    const ContactSet thrown = staying & ~locked & ~penetrating_;
-    staying = (staying | sticking) & ~thrown;
-    thrown_off |= thrown;
+    const ContactSet sticking = closing & locked & ~staying & ~forced_open;
+    const ContactSet opening = staying & ~locked & ~penetrating_;
+    staying = (staying | sticking) & ~opening;
+    forced_open |= opening;
     bool restitution_matters = false;
-    for_each(sticking | thrown, [&](int i) {
+    for_each(sticking | opening, [&](int i) {
       if (model.contacts[index(i)].restitution != 0.0) restitution_matters = true;
     });
     if (!restitution_matters) return collision;

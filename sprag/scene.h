@@ -54,7 +54,7 @@ Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame);
 /// \return s(t) = w^T r e(t).
 Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame);
 
-/// \brief What the observer knows of a machine before the first event. f coordinates.
+/// \brief Prior of the observer: its knowledge before the first event. f coordinates.
 struct Prior {
   State start;                      ///< mean of the start, padded with zeros to f entries
   Eigen::VectorXd uncertainty;      ///< energies of the start's error, by coordinate if M and K are
@@ -67,7 +67,7 @@ struct Prior {
   ParameterUncertainty parameters;  ///< uncertain parameters; empty: not given
 };
 
-/// \brief What only the simulated machine (master) uses. f coordinates.
+/// \brief Truth: input of the simulated machine (master) only. f coordinates.
 struct Truth {
   State start;                       ///< start of the master, padded with zeros to f entries
   bool given = true;                 ///< false: the scene does not give the start

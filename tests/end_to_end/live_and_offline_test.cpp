@@ -255,31 +255,31 @@ quantity = "velocity"
 TEST_F(LiveAndOfflineTest, PredictionsMatchTheMaster) {
   const std::string ball = scene("bouncing_ball");
   const Arguments how{"--predict", "2", "--predictions"};
-  run_live(ball, "4", "0.015625", how + Arguments{file("live_foreseen.csv")}, {}, ball);
-  replay(
-      ball, file("events.csv"),
-      Arguments{"--tick", "0.015625", "--duration", "4"} + how + Arguments{file("foreseen.csv")});
+  run_live(ball, "4", "0.015625", how + Arguments{file("live_predictions.csv")}, {}, ball);
+  replay(ball, file("events.csv"),
+         Arguments{"--tick", "0.015625", "--duration", "4"} + how +
+             Arguments{file("predictions.csv")});
   const std::vector<ContactEvent> events = read_events(file("events.csv"), 1).events;
-  for (const char* name : {"live_foreseen.csv", "foreseen.csv"}) {
+  for (const char* name : {"live_predictions.csv", "predictions.csv"}) {
     SCOPED_TRACE(name);
     std::istringstream rows(text(name));
     std::string row;
     std::getline(rows, row);
     EXPECT_EQ(row, "made_at,certain_until,t,contact,kind,sigma_t");
-    int foreseen = 0;
+    int predicted = 0;
     while (std::getline(rows, row)) {
       double made_at = 0.0, t = 0.0, sigma = 0.0;
       if (std::sscanf(row.c_str(), "%lf,%*f,%lf,1,%*[a-z],%lf", &made_at, &t, &sigma) != 3)
         continue;
       EXPECT_LT(made_at, t);
       if (t + 4.0 * sigma > 3.5) continue;  // it may be after the last event
-      if (sigma < 1e-6) ++foreseen;
+      if (sigma < 1e-6) ++predicted;
       EXPECT_TRUE(std::any_of(events.begin(), events.end(), [&](const ContactEvent& event) {
         return std::abs(event.t - t) < 4.0 * sigma + 1e-9;
       })) << row;
     }
-    if (name == std::string("foreseen.csv")) {
-      EXPECT_GT(foreseen, 0);
+    if (name == std::string("predictions.csv")) {
+      EXPECT_GT(predicted, 0);
     }
   }
   EXPECT_NE(text("run.lcmlog").find("SPRAG_PREDICTION"), std::string::npos);

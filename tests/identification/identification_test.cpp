@@ -270,7 +270,7 @@ TEST(Identification, ReleasesOfSustainedContactsAreUsed) {
 }
 
 // The path continues through the end of a chatter and the following sustained contact. No stretch
-// starts anew, so that there are fewer unknowns.
+// begins there, so that there are fewer unknowns.
 TEST(Identification, PathContinuesThroughSustainedContacts) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution"}));

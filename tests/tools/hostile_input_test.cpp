@@ -1,5 +1,5 @@
 // Invalid scenes and recordings, by mistake or intent, crash no program. An error with exit code 2
-// says where, what is wrong and what is allowed, and no file is lost.
+// names the position, the fault and the allowed values, and no file is lost.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 

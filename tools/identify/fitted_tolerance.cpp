@@ -16,7 +16,7 @@ Tolerance fitted_tolerance(const Identification& fit, double jitter) {
     };
     switch (fitted.unknown.kind) {
       case Unknown::Kind::restitution:
-        // A common factor changes each restitution, which is at most 1, by no more than this.
+        // A common factor changes each restitution, which is at most 1, by at most this.
         raise(tolerance.restitution, limit, Tolerance::largest_restitution);
         break;
       case Unknown::Kind::stiffness:

@@ -66,8 +66,8 @@ double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const Con
 /// Largest epsilon of the contacts; 0 without contacts.
 double largest_restitution(const Model& model);
 
-/// \brief How many times an impact of these contacts can expand the distance of two states, at
-/// most, under Newton's or Poisson's law with any restitutions up to `epsilon`; >= 1.
+/// \brief Largest factor by which an impact of these contacts expands the distance of two states,
+/// under Newton's or Poisson's law with any restitutions up to `epsilon`; >= 1.
 ///
 /// On each of its linear pieces, with the contacts A active, the impact is the identity on the
 /// states that leave gamma_A alone and similar to L^-1 E L on the others, G_A = L L^T and E the

@@ -1,4 +1,4 @@
-// What an estimator reports about its own error.
+// Report of an estimator on its own error.
 #pragma once
 
 #include <Eigen/Core>

@@ -100,7 +100,7 @@ struct TrackingState {
                           ///< at t = 0 if the scene admits it, cleared by the contact's opening
   std::int64_t inconsistencies = 0;
   Inconsistency last;
-  /// How often the pool had no room for a belief, which loses the track.
+  /// Number of beliefs that found no room in the pool; each loses the track.
   std::int64_t forgotten = 0;
 };
 

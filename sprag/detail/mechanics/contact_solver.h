@@ -4,8 +4,8 @@
 //   0 <= lambda_S  _|_  gamma_S' = a_S + G_SS lambda_S >= 0,   S = closed contacts with gamma = 0,
 //
 // the time derivative of (4) in Baumann & Leine 2014. Master and replica both use it; they differ
-// in what closes a contact. Nothing here allocates, except flows that are built at first use
-// (flows.h).
+// in the events that close a contact. Nothing here allocates, except flows that are built at first
+// use (flows.h).
 #pragma once
 
 #include <Eigen/Core>

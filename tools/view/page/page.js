@@ -567,10 +567,10 @@
   }
 
   // ---- texts and numbers ----
-  const whose = { filter: "the filter's estimate", replica: "the replica's estimate", waiting: "waiting for an estimate" };
+  const badges = { filter: "the filter's estimate", replica: "the replica's estimate", waiting: "waiting for an estimate" };
 
   function words(frame) {
-    let text = whose[frame.badge];
+    let text = badges[frame.badge];
     if (frame.badge === "free") text = "running free: no contact messages arrive (" + (frame.from_filter ? "filter" : "replica") + ")";
     if (frame.penetration > 0 && frame.badge !== "waiting") text += ", inside a support by " + short(frame.penetration) + " m";
     if (sprag.over) text = "the recording is over";
