@@ -187,8 +187,9 @@ TEST(Lyapunov, OfAFreeOscillatorIsItsDamping) {
   EXPECT_NEAR(exponent, -0.4, std::log(2.0 * pi / 0.1 / 20.0) / (3600 * 0.1));
   // Overdamped: the exponent of the slow eigenvalue.
   scene.model.C(0, 0) = 50.0;
-  const Recurrence slow = recurrence(
-      scene.model, scene.truth.start, {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
+  const Recurrence slow =
+      recurrence(scene.model, scene.truth.start,
+                 {.period = 0.1, .transient = 100, .periods = 8, .lyapunov = true});
   EXPECT_NEAR(slow.lyapunov, -25.0 + std::sqrt(625.0 - 400.0), 1e-10);
 }
 
@@ -300,8 +301,9 @@ TEST(Lyapunov, SpectralRadius) {
 // A ball at rest on a table that does not release it is independent of its start.
 TEST(Recurrence, AtRestEverythingIsForgotten) {
   const Scene scene = shipped_scene("bouncing_ball");
-  const Recurrence found = recurrence(
-      scene.model, scene.truth.start, {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
+  const Recurrence found =
+      recurrence(scene.model, scene.truth.start,
+                 {.period = 0.5, .transient = 20, .periods = 8, .lyapunov = true});
   EXPECT_EQ(found.attractor_period, 1);
   EXPECT_EQ(found.lyapunov, -infinity);
   EXPECT_EQ(found.impacts_per_period, 0.0);

@@ -97,7 +97,8 @@ Floors floors_of(const std::string& name, const Tolerance& tolerance, double end
   BoundCase machine;
   machine.scene = shipped_scene(name);
   machine.scene.prior.tolerance = tolerance;
-  machine.scene.prior.uncertainty = Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
+  machine.scene.prior.uncertainty =
+      Eigen::VectorXd::Constant(machine.scene.model.coordinates(), 1e-12);
   machine.scene.prior.start = machine.start = machine.scene.truth.start;
   machine.truth = machine.scene.model;
   machine.truth.K *= 1.0 + tolerance.stiffness;

@@ -21,8 +21,8 @@ namespace {
 Scene tolerant_beam(double time) {
   Scene scene = shipped_scene("paper_beam");
   if (scene.prior.uncertainty.size() == 0) {
-    const double V0 = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                               scene.prior.start.u)[0];
+    const double V0 = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                               scene.prior.start.q, scene.prior.start.u)[0];
     scene.prior.uncertainty = Eigen::VectorXd::Constant(3, V0 * 1.001 / 3.0);
   }
   scene.prior.tolerance.time = time;

@@ -216,7 +216,8 @@ TEST(Scene, BeamWrittenOutAsASystemIsTheSameMachine) {
   EXPECT_EQ(system.prior.start.q, beam.prior.start.q);
   for (const double t : {0.0, 0.2, 1.7}) {
     EXPECT_EQ(force_at(system.model, t), force_at(beam.model, t));
-    EXPECT_EQ(gap(system.model.contacts[0], beam.prior.start.q, t), gap(contact, beam.prior.start.q, t));
+    EXPECT_EQ(gap(system.model.contacts[0], beam.prior.start.q, t),
+              gap(contact, beam.prior.start.q, t));
     EXPECT_EQ(gap_velocity(system.model.contacts[0], beam.prior.start.q, t),
               gap_velocity(contact, beam.prior.start.q, t));
   }

@@ -112,20 +112,21 @@ TEST(SceneWriter, AnyMachineKeepsItsBits) {
     scene.prior.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
     if (random.chance(0.5)) {
       scene.prior.tolerance = {.time = random.log_uniform(1e-9, 1.0),
-                         .restitution = random.uniform(0.0, 1.0),
-                         .stiffness = random.uniform(0.0, 0.5),
-                         .damping = random.uniform(0.0, 0.5),
-                         .force = random.log_uniform(1e-9, 1e9),
-                         .clearance = random.log_uniform(1e-9, 1.0)};
+                               .restitution = random.uniform(0.0, 1.0),
+                               .stiffness = random.uniform(0.0, 0.5),
+                               .damping = random.uniform(0.0, 0.5),
+                               .force = random.log_uniform(1e-9, 1e9),
+                               .clearance = random.log_uniform(1e-9, 1.0)};
     }
     scene.truth.release_penetration = random.chance(0.5);
     if (random.chance(0.5)) scene.prior.adaptation.free = {"contact.1.clearance", "system.K.1.1"};
     const auto free = std::max<Eigen::Index>(1, std::ssize(scene.prior.adaptation.free));
-    scene.prior.adaptation.within = random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
+    scene.prior.adaptation.within =
+        random.vector(free).cwiseAbs() + Eigen::VectorXd::Constant(free, 0.1);
     scene.prior.adaptation.walk = random.vector(free).cwiseAbs();
     if (random.chance(0.5)) {
       scene.prior.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
-                          Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
+                                Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
     }
     if (random.chance(0.5)) {
       for (Contact& contact : scene.model.contacts) {

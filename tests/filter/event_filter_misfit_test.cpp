@@ -84,7 +84,8 @@ TEST(EventFilter, WidensAStartThatIsToldTooSmall) {
     for (int i = 0; i < repetitions(24); ++i) {
       Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
-      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
+      scene.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, 1e-6), Eigen::VectorXd::Constant(f, 1e-6)};
       scene.prior.jitter = jitter;
       Pursuit run(scene, h);
       const auto jitters = [&](std::vector<ContactEvent>& events) {
@@ -187,13 +188,15 @@ TEST(EventFilter, SaysSoWhereEventsLeaveNoMotionOfAHomogeneousMachine) {
       // The start must be outside the supports: a start inside a support is mirrored at it.
       for (int pass = 0; pass < 20; ++pass) {
         for (const Contact& contact : scene.model.contacts) {
-          scene.truth.start.q -= 2.0 * std::min(gap(contact, scene.truth.start.q, 0.0), 0.0) * contact.w;
+          scene.truth.start.q -=
+              2.0 * std::min(gap(contact, scene.truth.start.q, 0.0), 0.0) * contact.w;
         }
       }
       const Eigen::Index f = scene.model.coordinates();
       scene.prior.start.q = scene.truth.start.q + 0.3 * random.vector(f);
       scene.prior.start.u = scene.truth.start.u + 0.3 * random.vector(f);
-      scene.prior.sigma = State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
+      scene.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, 0.3), Eigen::VectorXd::Constant(f, 0.3)};
       Pursuit run(scene, h);
       const auto loses = [&](std::vector<ContactEvent>& events) {
         std::erase_if(events, [&](const ContactEvent& event) {

@@ -48,8 +48,8 @@ TEST(EventFilter, LocksTheOtherScenesWithinThreeTimesAsManyEventsAsUnknowns) {
     Pursuit run(scene, 1e-3);
     const int enough = 3 * 2 * static_cast<int>(scene.model.coordinates());
     double V = 0.0;
-    const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                                  scene.prior.start.u)[0];
+    const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                                  scene.prior.start.q, scene.prior.start.u)[0];
     for (int k = 0; k < 100000 && run.impacts < enough; ++k) V = run.tick();
     std::cout << name << ": V " << first << " -> " << V << " after " << run.impacts << " events, t "
               << 1e-3 * static_cast<double>(run.k_) << '\n';
@@ -125,7 +125,8 @@ TEST(EventFilter, IsCalibrated) {
         start.prior.start.u[k] = start.truth.start.u[k] + of_u * normal(engine);
       }
       start.prior.jitter = sigma;
-      start.prior.sigma = State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
+      start.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
       Pursuit run(start, 0.1);
       for (int k = 1; k <= 200; ++k) {
         run.tick([&](std::vector<ContactEvent>& events) {
@@ -385,8 +386,8 @@ TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
   Pursuit run(scene, 0.1);
   std::mt19937_64 engine(31);
   std::normal_distribution<double> normal;
-  const double at_start =
-      ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)[0];
+  const double at_start = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                                   scene.prior.start.q, scene.prior.start.u)[0];
   double largest = 0.0;
   int held = 0;
   for (int k = 0; k < 600; ++k) {
@@ -468,7 +469,8 @@ TEST(EventFilter, DecidesASimultaneousImpactByTheLawAndIsLessSure) {
   model.contacts.push_back({Eigen::Vector2d(-0.8, 0.6), 0.0, {}, 0.7});
   Scene scene = scene_of(model);
   const double small = 1e-3;
-  scene.prior.sigma = State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
+  scene.prior.sigma =
+      State{Eigen::VectorXd::Constant(2, small), Eigen::VectorXd::Constant(2, small)};
   TimingEstimator filter(scene, 0.1);
   const auto after_impact = [&](const Eigen::Vector2d& u) {
     TrackingState state;

@@ -43,7 +43,8 @@ TEST(ExactStarts, OfTheShippedBouncingBallIsNeverInconsistent) {
   Scene scene = cached_scene("bouncing_ball.toml");
   scene.prior.start = scene.truth.start;
   for (const double sigma : {1e-3, 0.1}) {
-    scene.prior.sigma = State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
+    scene.prior.sigma =
+        State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
     const std::optional<ExactRun> run = run_exact(scene);
     ASSERT_TRUE(run);
     EXPECT_GT(run->events, 50);

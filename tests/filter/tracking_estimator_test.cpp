@@ -139,7 +139,8 @@ Scene with_start(const Scene& scene, double off, double sigma, Random& random) {
   const Eigen::Index f = scene.model.coordinates();
   told.prior.start.q = scene.truth.start.q + off * random.vector(f);
   told.prior.start.u = scene.truth.start.u + off * random.vector(f);
-  told.prior.sigma = State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
+  told.prior.sigma =
+      State{Eigen::VectorXd::Constant(f, sigma), Eigen::VectorXd::Constant(f, sigma)};
   return told;
 }
 

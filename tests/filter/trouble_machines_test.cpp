@@ -24,7 +24,8 @@ void expect_not_taken_for_another(const std::string& name, bool reported_start) 
   const ErrorEnergy energy(scene.model);
   const Eigen::Index f = scene.model.coordinates();
   const Eigen::VectorXd V_i =
-      energy(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u).tail(f);
+      energy(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)
+          .tail(f);
   if (reported_start) scene.prior.uncertainty = 3.0 * V_i.array() + 1e-9 * V_i.sum();
   constexpr double h = 0.01;
   BothEstimator both(scene, h);

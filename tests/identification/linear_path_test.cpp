@@ -241,7 +241,8 @@ TEST(FreeFlight, MeetsTheImpactsOfTheMaster) {
   const std::complex<double> e(inputs[0], inputs[1]);
   const std::complex<double> rate = e * std::complex<double>(0.0, machine.frequencies[0]);
   Eigen::VectorXd y = family.to_modes(scene.truth.start.q) - (machine.response.col(0) * e).real();
-  Eigen::VectorXd u = family.to_modes(scene.truth.start.u) - (machine.response.col(0) * rate).real();
+  Eigen::VectorXd u =
+      family.to_modes(scene.truth.start.u) - (machine.response.col(0) * rate).real();
   double t = 0.0;
   for (std::size_t k = 0; k < 8; ++k) {
     const auto next = flight.next_impact(y, u, t, t + 20.0);

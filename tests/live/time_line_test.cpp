@@ -109,8 +109,9 @@ TYPED_TEST(TimeLineTest, KnowingAllEventsEqualsTheStepperAlone) {
         settled.add(estimator, state, scene.model.coordinates());
         return true;
       });
-      EXPECT_EQ(difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), settled),
-                "")
+      EXPECT_EQ(
+          difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), settled),
+          "")
           << name << " h " << h;
       EXPECT_EQ(line.rollbacks().rollbacks, 0);
     }
@@ -367,7 +368,8 @@ TYPED_TEST(TimeLineTest, GoingBackForNoReasonAtEveryTickChangesNothing) {
     }
     run.to(far_ahead);
     EXPECT_EQ(
-        difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), run.settled), "")
+        difference(offline<TypeParam>(scene.model, scene.prior.start, h, events, end), run.settled),
+        "")
         << "history " << history;
   }
 }

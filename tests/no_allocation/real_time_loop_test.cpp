@@ -69,11 +69,11 @@ TEST(RealTimeLoop, BoundsTheErrorUnderTolerancesWithoutAllocating) {
     Scene scene = cached_scene(name);
     scene.prior.uncertainty = Eigen::VectorXd::Constant(scene.model.coordinates(), 1.0);
     scene.prior.tolerance = {.time = 1e-3,
-                       .restitution = 1e-3,
-                       .stiffness = 1e-4,
-                       .damping = 1e-3,
-                       .force = 1e-3,
-                       .clearance = 1e-4};
+                             .restitution = 1e-3,
+                             .stiffness = 1e-4,
+                             .damping = 1e-3,
+                             .force = 1e-3,
+                             .clearance = 1e-4};
     expect_no_allocation(scene);
   }
 }

@@ -153,8 +153,8 @@ TEST(CalibrationMachines, RandomOnesAreHitAgainAndAgainAndDiffer) {
     const double T = usual_duration(scene.model);
     master.advance(at(T), events, 30);
     EXPECT_GE(events.size(), 30U) << scene.name;
-    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                              scene.prior.start.u)[0];
+    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                              scene.prior.start.q, scene.prior.start.u)[0];
     EXPECT_NEAR(scene.prior.uncertainty.sum(), 3.0 * V, 1e-12 * V) << scene.name;
   }
   EXPECT_NE(random_scene(Kind::hit, 1), random_scene(Kind::hit, 3));

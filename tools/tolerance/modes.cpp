@@ -60,7 +60,8 @@ struct Outcome {
 
 Outcome outcome_of(const Bench& bench, const ModalMachine& whole, int modes, int run) {
   const study::Truth& truth = bench.truth(run);
-  const std::vector<ContactEvent> events = bench.arrived({.jitter = bench.scene().prior.jitter}, run);
+  const std::vector<ContactEvent> events =
+      bench.arrived({.jitter = bench.scene().prior.jitter}, run);
   std::vector<Eigen::Index> kept = by_frequency(whole);
   const bool all = modes == static_cast<int>(kept.size());
   kept.resize(static_cast<std::size_t>(modes));

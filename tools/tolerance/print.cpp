@@ -116,17 +116,18 @@ std::string to_text(const Bench& bench, const Tolerances& tolerances) {
   }
   text += '\n';
   append_wrapped(
-      text, "V: the median of the second half of a run, then of " + std::to_string(settings.runs) +
-                " runs of " + short_number(bench.duration()) + " s, " +
-                short_number(bench.duration() * bench.closings_per_time()) +
-                " closings each. One thing is off at a time; event times jitter by " +
-                short_number(bench.scene().prior.jitter) + " s beside it" +
-                (bench.scene().prior.drift > 0.0 ? ", and filters are told a drift of " +
+      text,
+      "V: the median of the second half of a run, then of " + std::to_string(settings.runs) +
+          " runs of " + short_number(bench.duration()) + " s, " +
+          short_number(bench.duration() * bench.closings_per_time()) +
+          " closings each. One thing is off at a time; event times jitter by " +
+          short_number(bench.scene().prior.jitter) + " s beside it" +
+          (bench.scene().prior.drift > 0.0 ? ", and filters are told a drift of " +
                                                  short_number(bench.scene().prior.drift) + " per s"
                                            : std::string()) +
-                ". The columns of estimators are measured. \"guaranteed for\" is proven: with a "
-                "deviation of every event, or of the parameter, up to there the replica's bound B "
-                "stays below the target.");
+          ". The columns of estimators are measured. \"guaranteed for\" is proven: with a "
+          "deviation of every event, or of the parameter, up to there the replica's bound B "
+          "stays below the target.");
   return text;
 }
 
