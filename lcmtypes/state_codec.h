@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "lcmtypes/refusal.h"
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/confidence.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "sprag/detail/estimates/confidence.h"
+#include "sprag/confidence.h"
 
 namespace sprag {
 

@@ -5,6 +5,7 @@
 /// state chi is that of Baumann & Leine 2014, eq. (5): bit i is set while contact i is closed.
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <span>
@@ -61,6 +62,38 @@ constexpr ContactSet after(ContactSet chi, const ContactEvent& event) {
   return event.kind == ContactEventKind::closes ? chi | bit(event.contact)
                                                 : chi & ~bit(event.contact);
 }
+
+/// \brief Interval of simulated time in which events may be missing.
+struct DegradedInterval {
+  double from = 0.0;       ///< begin [s]
+  double to = 0.0;         ///< end [s]
+  std::int64_t start = 0;  ///< number of the observer's start that it belongs to, from 1
+  /// \brief Exactly one record is missing, and it was a pulse.
+  bool one_pulse = false;
+};
+
+/// \brief Why an event was skipped.
+enum class Skip {
+  backwards,        ///< earlier than the event before it, or not after the horizon
+  beyond_horizon,   ///< later than its own message's horizon
+  unknown_contact,  ///< of a contact that the machine does not have
+  contradicting     ///< a closing or a pulse of a closed contact, or an opening of an open one
+};
+/// \brief Number of values of Skip.
+inline constexpr std::size_t skips = 4;
+
+/// \brief Events that an observer has taken and skipped.
+struct EventCounts {
+  std::int64_t events = 0;        ///< taken or inserted
+  std::int64_t made_up = 0;       ///< inserted so that chi agrees with a message after a gap
+  std::int64_t lost_records = 0;  ///< not received, nor repeated in a message
+  std::array<std::int64_t, skips> skipped{};  ///< by Skip
+
+  /// \brief Number of events that were skipped for one cause.
+  /// \param cause the cause.
+  /// \return the number.
+  std::int64_t of(Skip cause) const { return skipped[static_cast<std::size_t>(cause)]; }
+};
 
 /// \brief Calls a function for the events of each instant. Events of one instant are one impact.
 /// \param events in order of time.

@@ -604,7 +604,7 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   }
   result.fitted = family_.with(values);
   result.fitted.prior.start = result.start;
-  result.fitted.jitter = result.jitter;
+  result.fitted.prior.jitter = result.jitter;
 }
 
 // Principal directions in the space of the undetermined unknowns that the events do determine.

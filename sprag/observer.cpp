@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
+#include "sprag/confidence.h"
 #include "sprag/detail/bound/error_bound.h"
 #include "sprag/detail/bound/guarantee.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/interrupt.h"
@@ -255,7 +255,11 @@ std::vector<Estimate> Observer::settle() { return core_->settle(); }
 Estimate Observer::at(double t) { return core_->at(t); }
 void Observer::set_end(double t) { core_->set_end(t); }
 double Observer::tick() const { return core_->tick(); }
-const EventHistory& Observer::events() const { return core_->events(); }
+const EventCounts& Observer::counts() const { return core_->events().counts(); }
+
+const std::vector<DegradedInterval>& Observer::degraded() const {
+  return core_->events().degraded();
+}
 
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
                   const ObserverSettings& settings, std::stop_token stop) {
@@ -304,7 +308,7 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
       ++k;
     }
   }
-  all.counts = observer.events().counts();
+  all.counts = observer.counts();
   return all;
 }
 

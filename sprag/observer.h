@@ -26,10 +26,8 @@
 #include <string>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/confidence.h"
-#include "sprag/detail/events/event_history.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "sprag/scene.h"
 
 namespace sprag {
@@ -86,8 +84,9 @@ class Observer {
   ///
   /// Later estimates do not depend on the order in which events were taken. An event that
   /// contradicts the events before it (it closes a closed contact) is skipped when its time
-  /// settles. Without a tolerance the bound is infinite after a refused or skipped event. events()
-  /// counts both. \param event contact from 0. \return false if the event is refused: its time is
+  /// settles. Without a tolerance the bound is infinite after a refused or skipped event. counts()
+  /// counts both.
+  /// \param event contact from 0. \return false if the event is refused: its time is
   /// at or before the horizon, negative or not finite, or the machine does not have its contact.
   bool take(const ContactEvent& event);
 
@@ -118,9 +117,12 @@ class Observer {
   /// \brief Step h.
   /// \return h [s].
   double tick() const;
-  /// \brief Events that were taken and skipped, and intervals in which events may be missing.
-  /// \return the history.
-  const EventHistory& events() const;
+  /// \brief Events that were taken and skipped.
+  /// \return their numbers since the start.
+  const EventCounts& counts() const;
+  /// \brief Intervals in which events may be missing.
+  /// \return the intervals, in order.
+  const std::vector<DegradedInterval>& degraded() const;
 
  private:
   class Core;

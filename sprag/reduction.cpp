@@ -103,7 +103,8 @@ bool starts_inside(const Model& model, const State& start) {
 
 ModalMachine modal_machine(const Scene& scene) {
   const Model& model = scene.model;
-  ModalMachine machine{model, scene.truth.start, scene.prior.start, observed(scene), scene.prior.uncertainty};
+  ModalMachine machine{model, scene.truth.start, scene.prior.start, observed(scene),
+                       scene.prior.uncertainty};
   if (model.M.isDiagonal(0.0) && model.C.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
     return machine;
   }
@@ -193,8 +194,8 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
     VectorXd left_out = machine.uncertainty;
     left_out(kept).setZero();
     // Spread evenly: its distribution over the static vectors is not known.
-    part.prior.uncertainty =
-        joined(part.prior.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
+    part.prior.uncertainty = joined(part.prior.uncertainty,
+                                    VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
   }
   const MatrixXd kept_rows = part.observed;
   part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);
@@ -222,7 +223,8 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   part.prior.drift = scene.prior.drift;
   part.prior.jitter = scene.prior.jitter;
   part.truth.given = scene.truth.given;
-  part.truth.release_penetration = scene.truth.release_penetration || starts_inside(part.model, part.truth.start);
+  part.truth.release_penetration =
+      scene.truth.release_penetration || starts_inside(part.model, part.truth.start);
   return part;
 }
 

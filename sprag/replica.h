@@ -15,11 +15,10 @@
 #include <span>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
 #include "sprag/detail/bound/error_bound.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/detail/estimates/impact_record.h"
-#include "sprag/detail/estimates/innovation.h"
 #include "sprag/detail/mechanics/contact_solver.h"
 #include "sprag/detail/mechanics/event_search.h"
 #include "sprag/detail/mechanics/flow.h"

@@ -10,9 +10,8 @@
 #include <vector>
 
 #include "sprag/beam.h"
-#include "sprag/detail/mechanics/parameter_uncertainty.h"
-#include "sprag/detail/mechanics/tolerance.h"
 #include "sprag/model.h"
+#include "sprag/uncertainty.h"
 
 namespace sprag {
 

@@ -345,8 +345,8 @@ void read_master(const TomlTable& root, Scene& scene) {
   const Model& model = scene.model;
   const auto table = root.table("master", {"q", "u", "penetration"});
   scene.truth.start = table ? read_state(*table, model.coordinates())
-                       : State{Eigen::VectorXd::Zero(model.coordinates()),
-                               Eigen::VectorXd::Zero(model.coordinates())};
+                            : State{Eigen::VectorXd::Zero(model.coordinates()),
+                                    Eigen::VectorXd::Zero(model.coordinates())};
   scene.truth.given = table.has_value();
   scene.truth.release_penetration =
       table && table->choice("penetration", {"refuse", "release"}) == "release";
@@ -403,9 +403,9 @@ void read_replica(const TomlTable& root, Scene& scene) {
   if (!(energies.minCoeff() > 0.0)) {
     table->fail("uncertainty", "has " + to_text(energies.minCoeff()) + "; must be > 0");
   }
-  scene.prior.uncertainty = energies.size() == f
-                          ? energies
-                          : Eigen::VectorXd::Constant(f, energies[0] / static_cast<double>(f));
+  scene.prior.uncertainty =
+      energies.size() == f ? energies
+                           : Eigen::VectorXd::Constant(f, energies[0] / static_cast<double>(f));
 }
 
 void read_events(const TomlTable& root, Scene& scene) {
@@ -420,11 +420,11 @@ void read_tolerance(const TomlTable& root, Scene& scene) {
   constexpr Limits share{.low = 0.0, .high = Tolerance::largest_share};
   constexpr Limits of_restitution{.low = 0.0, .high = Tolerance::largest_restitution};
   scene.prior.tolerance = {.time = table->number_or("time", 0.0, not_negative),
-                     .restitution = table->number_or("restitution", 0.0, of_restitution),
-                     .stiffness = table->number_or("stiffness", 0.0, share),
-                     .damping = table->number_or("damping", 0.0, share),
-                     .force = table->number_or("force", 0.0, not_negative),
-                     .clearance = table->number_or("clearance", 0.0, not_negative)};
+                           .restitution = table->number_or("restitution", 0.0, of_restitution),
+                           .stiffness = table->number_or("stiffness", 0.0, share),
+                           .damping = table->number_or("damping", 0.0, share),
+                           .force = table->number_or("force", 0.0, not_negative),
+                           .clearance = table->number_or("clearance", 0.0, not_negative)};
 }
 
 void read_adaptation(const TomlTable& root, Scene& scene) {

@@ -9,6 +9,7 @@
 #include "sprag/assessment.h"
 #include "sprag/beam.h"
 #include "sprag/certified_floor.h"
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
 #include "sprag/energy.h"
 #include "sprag/error.h"
@@ -25,6 +26,7 @@
 #include "sprag/simulate.h"
 #include "sprag/smoother.h"
 #include "sprag/states_file.h"
+#include "sprag/uncertainty.h"
 #include "sprag/version.h"
 
 /// \namespace sprag

@@ -410,7 +410,8 @@ void bind_scene(py::module_& module) {
           "Energies of the replica's start, f entries; None where not given.")
       .def_readonly("sigma", &Scene::prior.sigma,
                     "Standard deviations of the replica's start; None where not given.")
-      .def_readonly("drift", &Scene::prior.drift, "Energy per unit of time by which the model departs.")
+      .def_readonly("drift", &Scene::prior.drift,
+                    "Energy per unit of time by which the model departs.")
       .def_property_readonly(
           "parameters",
           [](const Scene& scene) -> const ParameterUncertainty* {

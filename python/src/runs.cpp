@@ -91,7 +91,7 @@ class SharedObserver {
   }
   double tick() const { return observer_.tick(); }
   EventCounts counts() {
-    return locked([&] { return observer_.events().counts(); });
+    return locked([&] { return observer_.counts(); });
   }
 
  private:

@@ -110,6 +110,64 @@ class MovingMaster {
   std::optional<Master> master_;
 };
 
+// Reports of a machine's events: with jitter and spurious pulses, and some of them lost.
+class Reports {
+ public:
+  Reports(const Scene& machine, const Trial& trial, Random& draw)
+      : trial_(trial), draw_(&draw), master_(machine, trial) {}
+
+  // Reports up to t, into `reported`.
+  void advance(Instant t, std::vector<ContactEvent>& reported) {
+    // Jittered times may cross ticks, so the machine runs ahead by six standard deviations.
+    const double lead = 6.0 * trial_.jitter + trial_.tick;
+    drawn_.clear();
+    master_.advance(at(t.hi + lead), drawn_);
+    for (const ContactEvent& event : drawn_) report(event);
+    reported.clear();
+    while (!ahead_.empty() && ahead_.front().t <= t.hi) {
+      reported.push_back(ahead_.front());
+      ahead_.erase(ahead_.begin());
+    }
+  }
+
+ private:
+  void report(ContactEvent event) {
+    if (draw_->uniform() < trial_.spurious) {
+      const double before = last_ + draw_->uniform() * std::max(event.t - last_, 0.0);
+      last_ = std::max(last_, before);
+      if (chi_ == 0) ahead_.push_back({last_, event.contact, ContactEventKind::pulse});
+    }
+    // Reports keep their order.
+    event.t = last_ = std::max(event.t + trial_.jitter * draw_->normal(), last_);
+    const bool contradicts =
+        contains(chi_, event.contact) != (event.kind == ContactEventKind::opens);
+    if (contradicts || draw_->uniform() < trial_.lost) return;
+    chi_ = after(chi_, event);
+    ahead_.push_back(event);
+  }
+
+  Trial trial_;
+  Random* draw_;
+  MovingMaster master_;
+  std::vector<ContactEvent> drawn_, ahead_;
+  double last_ = 0.0;
+  ContactSet chi_ = 0;
+};
+
+// True values at the end, as the trial has moved them.
+Eigen::VectorXd final_values(const Scene& machine, const Trial& trial) {
+  const MachineFamily family(machine, unknowns_to_adapt(machine));
+  Eigen::VectorXd values = family.nominal();
+  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+    for (const Move& move : trial.moves) {
+      if (move.key == family.unknowns()[k].key) {
+        values[static_cast<Eigen::Index>(k)] *= 1.0 + move.share;
+      }
+    }
+  }
+  return values;
+}
+
 }  // namespace
 
 double median(std::vector<double> values) {
@@ -152,48 +210,23 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   Confidence confidence = adaptive.no_confidence();
   AdaptationResult result;
-  std::vector<ContactEvent> passed, ahead;  // events with their reported times
   Outcome outcome;
-  // Jittered times may cross ticks, so the machine runs ahead by six standard deviations.
-  const double lead = 6.0 * trial.jitter + trial.tick;
-  MovingMaster master_ahead(machine, trial);
+  Reports reports(machine, trial, draw);
   const auto ticks = last_tick(trial.duration, trial.tick);
-  std::vector<ContactEvent> drawn;
-  double last = 0.0;
-  ContactSet chi = 0;
+  std::vector<ContactEvent> drawn, reported;
   for (std::int64_t k = 1; k <= ticks; ++k) {
     const Instant t = tick_instant(k, trial.tick);
-    drawn.clear();
-    master_ahead.advance(at(t.hi + lead), drawn);
-    for (ContactEvent event : drawn) {
-      if (draw.uniform() < trial.spurious) {
-        const double before = last + draw.uniform() * std::max(event.t - last, 0.0);
-        last = std::max(last, before);
-        if (chi == 0) ahead.push_back({last, event.contact, ContactEventKind::pulse});
-      }
-      // Reports keep their order.
-      event.t = last = std::max(event.t + trial.jitter * draw.normal(), last);
-      const bool contradicts =
-          contains(chi, event.contact) != (event.kind == ContactEventKind::opens);
-      if (contradicts || draw.uniform() < trial.lost) continue;
-      chi = after(chi, event);
-      ahead.push_back(event);
-    }
-    passed.clear();
-    while (!ahead.empty() && ahead.front().t <= t.hi) {
-      passed.push_back(ahead.front());
-      outcome.events.push_back(ahead.front().t);
-      ahead.erase(ahead.begin());
-    }
+    reports.advance(t, reported);
+    for (const ContactEvent& event : reported) outcome.events.push_back(event.t);
     const std::clock_t begin = std::clock();
     if (identify_now(adaptive, state, result)) {
       outcome.longest_identification =
           std::max(outcome.longest_identification,
                    static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
     }
-    adaptive.tick(passed, state);
-    replica.tick(passed, of_replica);
-    both.tick(passed, of_both);
+    adaptive.tick(reported, state);
+    replica.tick(reported, of_replica);
+    both.tick(reported, of_both);
     drawn.clear();
     master.advance(t, drawn);
     master.state(t, q_m, u_m);
@@ -217,15 +250,7 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   outcome.inconsistencies = confidence.inconsistencies;
   outcome.values = confidence.parameters.values;
   outcome.sigmas = confidence.parameters.sigmas;
-  const MachineFamily of_machine(machine, unknowns_to_adapt(machine));
-  outcome.truth = of_machine.nominal();
-  for (std::size_t k = 0; k < of_machine.unknowns().size(); ++k) {
-    for (const Move& move : trial.moves) {
-      if (move.key == of_machine.unknowns()[k].key) {
-        outcome.truth[static_cast<Eigen::Index>(k)] *= 1.0 + move.share;
-      }
-    }
-  }
+  outcome.truth = final_values(machine, trial);
   return outcome;
 }
 

@@ -136,7 +136,8 @@ void row(benchmark::State& run) {
   for (Eigen::Index i = 0; i < n; ++i) {
     scene.model.contacts.push_back({Eigen::VectorXd::Unit(n, i), 1.0, {}, 0.6});
   }
-  scene.truth.start = scene.prior.start = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
+  scene.truth.start =
+      scene.prior.start = {Eigen::VectorXd::Constant(n, 0.1), Eigen::VectorXd::Zero(n)};
   scene.prior.start.q *= 1.1;
   Filter filter(scene, tick);
   TrackingState state;

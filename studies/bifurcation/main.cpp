@@ -55,8 +55,9 @@ int compare(nlohmann::ordered_json& report) {
     const sprag::Recurrence found = sprag::recurrence(model, scene.truth.start, settings);
     exact += cpu_seconds() - start;
     settings.lyapunov = true;
-    const bool counts = found.attractor_period > 0 &&
-                        sprag::recurrence(model, scene.truth.start, settings).lyapunov < clearly_stable;
+    const bool counts =
+        found.attractor_period > 0 &&
+        sprag::recurrence(model, scene.truth.start, settings).lyapunov < clearly_stable;
     stable += counts ? 1 : 0;
 
     sprag::work_precision::Task task;

@@ -212,8 +212,8 @@ bool is_of_use(const Scene& scene, Kind kind) {
 
 Scene with_uncertainty(Scene scene) {
   if (scene.prior.uncertainty.size() > 0) return scene;
-  const double V =
-      ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q, scene.prior.start.u)[0];
+  const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                            scene.prior.start.q, scene.prior.start.u)[0];
   const Eigen::Index f = scene.model.coordinates();
   if (V > 0.0) scene.prior.uncertainty.setConstant(f, of_first_energy * V / static_cast<double>(f));
   return scene;

@@ -55,8 +55,8 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
   const auto& contacts = given.model.contacts;
   TrackingEstimator estimator(given, truth.tick, kind, StepperKind::exact, thresholds);
   const ErrorEnergy energy(machine.model);
-  const double start =
-      energy(machine.truth.start.q, machine.truth.start.u, given.prior.start.q, given.prior.start.u)[0];
+  const double start = energy(machine.truth.start.q, machine.truth.start.u, given.prior.start.q,
+                              given.prior.start.u)[0];
   TrackingState state;
   estimator.start(given.prior.start, 0, 0, state);
   Confidence confidence = estimator.no_confidence();

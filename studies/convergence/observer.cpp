@@ -49,7 +49,8 @@ template <Estimator E, typename... Kind>
 void replay(const Scene& scene, const Events& events, double h, States* ends, Kind... kind) {
   E estimator(scene, h, kind...);
   typename E::State state;
-  State end{Eigen::VectorXd(scene.prior.start.q.size()), Eigen::VectorXd(scene.prior.start.u.size())};
+  State end{Eigen::VectorXd(scene.prior.start.q.size()),
+            Eigen::VectorXd(scene.prior.start.u.size())};
   estimator.start(scene.prior.start, 0, 0, state);
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
@@ -77,7 +78,8 @@ void copy_impact_map(const Scene& scene, const Events& events, double h, States*
   Motion shown;
   flow.enter(scene.prior.start.q, scene.prior.start.u, at(0.0), Eigen::VectorXd(0), motion);
   shown = motion;
-  State end{Eigen::VectorXd(scene.prior.start.q.size()), Eigen::VectorXd(scene.prior.start.u.size())};
+  State end{Eigen::VectorXd(scene.prior.start.q.size()),
+            Eigen::VectorXd(scene.prior.start.u.size())};
   auto next = events.begin();
   const std::int64_t last = std::llround(T / h);
   for (std::int64_t k = 1; k <= last; ++k) {

@@ -89,7 +89,8 @@ void follow(const Scene& given, const calibration::Truth& truth,
     const auto window = window_to(t, happened, impacts, begins, recording);
     std::optional<Moments> exact;
     if (window) {
-      exact = moments(flows, *window, given.prior.jitter, options.steps, seed_of_walk(seed, sample));
+      exact =
+          moments(flows, *window, given.prior.jitter, options.steps, seed_of_walk(seed, sample));
     }
     if (!exact) {
       ++sums.of.skipped;

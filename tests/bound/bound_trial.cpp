@@ -166,8 +166,8 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
     const double fastest = std::sqrt(eigenpairs(scene.model.K, scene.model.M).values.maxCoeff());
     scene.prior.tolerance = random_tolerance(random, 1.0 / std::max(fastest, 1e-3));
     for (Contact& contact : scene.model.contacts) {
-      contact.clearance -=
-          gap(contact, machine.start.q, 0.0) - random.uniform(0.0, 0.3) - scene.prior.tolerance.clearance;
+      contact.clearance -= gap(contact, machine.start.q, 0.0) - random.uniform(0.0, 0.3) -
+                           scene.prior.tolerance.clearance;
     }
     scene.model.chatter_time = 1e-9;
     machine.truth = true_machine(random, scene, settings.corners);
@@ -177,8 +177,8 @@ BoundCase random_bound_case(Random& random, const BoundCaseSettings& settings, i
       scene.prior.start.q += 0.3 * off.q;
       scene.prior.start.u += 0.3 * off.u;
     }
-    const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u, scene.prior.start.q,
-                                               scene.prior.start.u)[0];
+    const double V0 = ErrorEnergy(scene.model)(machine.start.q, machine.start.u,
+                                               scene.prior.start.q, scene.prior.start.u)[0];
     // Upper limit of the rounding errors of machine and replica.
     const double rounding = 1e-26 * (1.0 + machine.start.u.dot(scene.model.M * machine.start.u) +
                                      machine.start.q.dot(scene.model.K * machine.start.q));

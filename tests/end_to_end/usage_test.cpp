@@ -69,7 +69,7 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
                    "--stepper moreau: a timing filter needs the exact one");
   }
   expect_refused("observer", {beam_, "--stepper", "moreau", "--impacts", file("impacts.csv")},
-                 "--impacts has nothing to say");
+                 "has no states for --impacts");
   const std::string recorded = simulate(beam_, "5", "0.1");
   expect_refused("observer", {beam_, "--predictions", file("p.csv")}, "--predict");
   expect_refused("observer", {beam_, "--predict", "-1"}, "--predict");
@@ -85,7 +85,7 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("observer", smooth + states + Arguments{"--impacts", file("i.csv")}, "--impacts");
   expect_refused("observer", smooth + states + Arguments{"--predict", "1"}, "--predict");
   expect_refused("observer", smooth + states + Arguments{"--estimator", "adaptive"},
-                 "leave --estimator");
+                 "choose --estimator both or timing");
   expect_refused("observer", smooth + states, "event times are exact");
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");

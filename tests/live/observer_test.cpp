@@ -168,9 +168,9 @@ TEST(Observer, RefusesLateEventsWithMessage) {
   observer.set_horizon(7.0);
   const std::vector<Estimate> settled = observer.settle();
   EXPECT_TRUE(std::isinf(settled.back().bound));
-  EXPECT_EQ(observer.events().counts().of(Skip::contradicting), 1);
-  EXPECT_EQ(observer.events().counts().of(Skip::unknown_contact), 1);
-  EXPECT_EQ(observer.events().counts().events, 0);
+  EXPECT_EQ(observer.counts().of(Skip::contradicting), 1);
+  EXPECT_EQ(observer.counts().of(Skip::unknown_contact), 1);
+  EXPECT_EQ(observer.counts().events, 0);
   EXPECT_THROW(observer.at(6.0), std::invalid_argument);
   EXPECT_THROW(observer.at(std::nan("")), std::invalid_argument);
 }

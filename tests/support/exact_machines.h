@@ -118,7 +118,7 @@ inline Scene exact_scene(Random& random, MachineKind kind) {
   scene.prior.start = scene.truth.start;
   const Eigen::Index f = scene.model.coordinates();
   scene.prior.sigma = State{Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 0.3)),
-                      Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 1.0))};
+                            Eigen::VectorXd::Constant(f, random.log_uniform(1e-3, 1.0))};
   return scene;
 }
 

@@ -15,8 +15,9 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
                            AfterLoss::dropped, common, report);
-  const Diagnosis diagnosis = diagnose(scene, recorded.events, run.jitter.value_or(scene.prior.jitter),
-                                       {recorded.begins, recorded.closed});
+  const Diagnosis diagnosis =
+      diagnose(scene, recorded.events, run.jitter.value_or(scene.prior.jitter),
+               {recorded.begins, recorded.closed});
   nlohmann::ordered_json object;
   write_json(diagnosis, object);
   print_result(object, to_text(diagnosis), run.json, report);

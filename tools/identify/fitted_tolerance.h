@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/detail/mechanics/tolerance.h"
 #include "sprag/identification.h"
+#include "sprag/uncertainty.h"
 
 namespace sprag {
 

@@ -1,6 +1,7 @@
 #include "tools/plot/gnuplot.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -91,90 +92,134 @@ Layout layout_of(const Figure& figure) {
   return layout;
 }
 
-void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest, Script& script) {
-  const int pixels = static_cast<int>(place.right - place.left);
-  std::vector<std::string> parts;
-  const auto add = [&](const std::string& name, const std::string& how, const std::string& title) {
-    parts.push_back(name + " " + how + (title.empty() ? " notitle" : " title " + quoted(title)));
-  };
-  double least = std::numeric_limits<double>::infinity(), greatest = -least;
-  const auto see = [&](const std::vector<double>& t, const std::vector<double>& y) {
-    for (std::size_t k = 0; k < t.size(); ++k) {
-      if (!std::isfinite(y[k]) || t[k] < axis.from || t[k] > axis.to) continue;
-      least = std::min(least, y[k]);
-      greatest = std::max(greatest, y[k]);
-    }
-  };
-  for (const Band& band : panel.bands) {
-    const BandPoints points = thinned(band.t, band.low, band.high, axis.from, axis.to, pixels);
-    if (!reaches(points.t, axis)) continue;
-    see(points.t, points.low);
-    see(points.t, points.high);
-    add(script.data({points.t, points.low, points.high}),
-        "using 1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " +
-            rgb(band.colour),
+// The data of one panel within an interval of time, as parts of a plot command.
+class PanelData {
+ public:
+  PanelData(Figure::Zoom axis, int pixels, Script& script)
+      : axis_(axis), pixels_(pixels), script_(&script) {}
+
+  void add(const Band& band) {
+    const BandPoints points = thinned(band.t, band.low, band.high, axis_.from, axis_.to, pixels_);
+    if (!reaches(points.t, axis_)) return;
+    extend_range(points.t, points.low);
+    extend_range(points.t, points.high);
+    add({points.t, points.low, points.high},
+        "1:2:3 with filledcurves fs transparent solid 0.25 noborder fc rgb " + rgb(band.colour),
         band.title);
   }
-  for (const Curve& curve : panel.curves) {
+
+  void add(const Curve& curve, bool logarithmic) {
     std::vector<double> y = curve.y;
     // A logarithmic axis cannot show these values.
-    if (panel.logarithmic) {
+    if (logarithmic) {
       for (double& value : y) value = value > 0.0 ? value : std::nan("");
     }
-    const Points points = thinned(curve.t, y, axis.from, axis.to, pixels);
+    const Points points = thinned(curve.t, y, axis_.from, axis_.to, pixels_);
     const bool known = std::any_of(points.y.begin(), points.y.end(),
                                    [](double value) { return std::isfinite(value); });
-    if (!known || !reaches(points.t, axis)) continue;
-    see(points.t, points.y);
-    add(script.data({points.t, points.y}),
-        "using 1:2 with lines " + style(curve.line) + " lc rgb " + rgb(curve.colour), curve.title);
+    if (!known || !reaches(points.t, axis_)) return;
+    extend_range(points.t, points.y);
+    add({points.t, points.y},
+        "1:2 with lines " + style(curve.line) + " lc rgb " + rgb(curve.colour), curve.title);
   }
-  for (const Dots& dots : panel.dots) {
-    const std::vector<int> shapes{7, 5, 9, 11, 13, 6, 4, 8};
-    const std::string look = " pt " +
-                             std::to_string(shapes[static_cast<std::size_t>(dots.shape) % 8]) +
-                             " ps 0.7 lc rgb " + rgb(dots.colour);
+
+  void add(const Dots& dots) {
+    constexpr std::array shapes{7, 5, 9, 11, 13, 6, 4, 8};
     std::vector<double> t, y, bar;
     for (std::size_t k = 0; k < dots.t.size(); ++k) {
-      if (dots.t[k] < axis.from || dots.t[k] > axis.to) continue;
+      if (!contains(dots.t[k])) continue;
       t.push_back(dots.t[k]);
       y.push_back(dots.y[k]);
       bar.push_back(std::isfinite(dots.sigma[k]) ? 2.0 * dots.sigma[k] : 0.0);
     }
-    if (!t.empty()) add(script.data({t, y, bar}), "using 1:2:3 with yerrorbars" + look, dots.title);
+    if (t.empty()) return;
+    has_dots_ = true;
+    const int shape = shapes[static_cast<std::size_t>(dots.shape) % shapes.size()];
+    add({t, y, bar},
+        "1:2:3 with yerrorbars pt " + std::to_string(shape) + " ps 0.7 lc rgb " + rgb(dots.colour),
+        dots.title);
   }
-  std::vector<double> impacts;
-  for (const double t : panel.impacts) {
-    if (axis.from <= t && t <= axis.to) impacts.push_back(t);
-  }
-  if (!impacts.empty()) {
-    add(script.data({impacts, std::vector<double>(impacts.size(), 0.0)}),
-        "using 1:2 with points pt 7 ps 0.6 lc rgb '#303030'", "contact closes, as reported");
-  }
-  std::vector<double> pulse_t, pulse_row, from, to, row;
-  for (std::size_t i = 0; i < panel.contacts.size(); ++i) {
-    const auto height = static_cast<double>(i + 1);
-    for (const double t : panel.contacts[i].pulses) {
-      if (t < axis.from || t > axis.to) continue;
-      pulse_t.push_back(t);
-      pulse_row.push_back(height);
+
+  void add_impacts(const std::vector<double>& times) {
+    std::vector<double> impacts;
+    for (const double t : times) {
+      if (contains(t)) impacts.push_back(t);
     }
-    for (const auto& [begin, end] : panel.contacts[i].closed) {
-      if (end < axis.from || begin > axis.to) continue;
-      from.push_back(std::max(begin, axis.from));
-      to.push_back(std::min(end, axis.to));
-      row.push_back(height);
+    if (impacts.empty()) return;
+    has_dots_ = true;
+    add({impacts, std::vector<double>(impacts.size(), 0.0)},
+        "1:2 with points pt 7 ps 0.6 lc rgb '#303030'", "contact closes, as reported");
+  }
+
+  // A row for each contact.
+  template <typename Contacts>
+  void add_contacts(const Contacts& contacts) {
+    std::vector<double> pulse_t, pulse_row, from, to, row;
+    for (std::size_t i = 0; i < contacts.size(); ++i) {
+      const auto height = static_cast<double>(i + 1);
+      for (const double t : contacts[i].pulses) {
+        if (!contains(t)) continue;
+        pulse_t.push_back(t);
+        pulse_row.push_back(height);
+      }
+      for (const auto& [begin, end] : contacts[i].closed) {
+        if (end < axis_.from || begin > axis_.to) continue;
+        from.push_back(std::max(begin, axis_.from));
+        to.push_back(std::min(end, axis_.to));
+        row.push_back(height);
+      }
+    }
+    if (!from.empty()) {
+      add({from, row, to}, "1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'",
+          "contact stays closed");
+    }
+    if (!pulse_t.empty()) {
+      add({pulse_t, pulse_row}, "1:($2-0.35):(0):(0.7) with vectors nohead lw 1.2 lc rgb '#303030'",
+          "impact, as reported");
     }
   }
-  if (!from.empty()) {
-    add(script.data({from, row, to}),
-        "using 1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'", "contact stays closed");
+
+  const std::vector<std::string>& parts() const { return parts_; }
+
+  // Range of a constant curve, which has none of its own; else the range of all data.
+  std::string y_range(bool logarithmic) const {
+    if (logarithmic || least_ != greatest_ || has_dots_) return "[*:*]";
+    const double around = least_ == 0.0 ? 1.0 : 0.1 * std::abs(least_);
+    return "[" + number(least_ - around) + ":" + number(least_ + around) + "]";
   }
-  if (!pulse_t.empty()) {
-    add(script.data({pulse_t, pulse_row}),
-        "using 1:($2-0.35):(0):(0.7) with vectors nohead lw 1.2 lc rgb '#303030'",
-        "impact, as reported");
+
+ private:
+  bool contains(double t) const { return axis_.from <= t && t <= axis_.to; }
+
+  void add(const std::vector<std::vector<double>>& columns, const std::string& how,
+           const std::string& title) {
+    parts_.push_back(script_->data(columns) + " using " + how +
+                     (title.empty() ? " notitle" : " title " + quoted(title)));
   }
+
+  void extend_range(const std::vector<double>& t, const std::vector<double>& y) {
+    for (std::size_t k = 0; k < t.size(); ++k) {
+      if (!std::isfinite(y[k]) || !contains(t[k])) continue;
+      least_ = std::min(least_, y[k]);
+      greatest_ = std::max(greatest_, y[k]);
+    }
+  }
+
+  Figure::Zoom axis_;
+  int pixels_;
+  Script* script_;
+  std::vector<std::string> parts_;
+  double least_ = std::numeric_limits<double>::infinity(), greatest_ = -least_;
+  bool has_dots_ = false;
+};
+
+void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest, Script& script) {
+  PanelData data(axis, static_cast<int>(place.right - place.left), script);
+  for (const Band& band : panel.bands) data.add(band);
+  for (const Curve& curve : panel.curves) data.add(curve, panel.logarithmic);
+  for (const Dots& dots : panel.dots) data.add(dots);
+  data.add_impacts(panel.impacts);
+  data.add_contacts(panel.contacts);
 
   script.panel(place, panel.y_label, place.left - to_the_left + 14.0);
   script.line("set xrange [" + number(axis.from) + ":" + number(axis.to) + "]");
@@ -183,24 +228,19 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
   script.line(panel.logarithmic ? "set logscale y" : "unset logscale y");
   script.line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
-    // A constant curve has no range of its own.
-    const bool constant = least == greatest && panel.dots.empty() && impacts.empty();
-    const double around = least == 0.0 ? 1.0 : 0.1 * std::abs(least);
-    script.line(constant && !panel.logarithmic
-                    ? "set yrange [" + number(least - around) + ":" + number(least + around) + "]"
-                    : "set yrange [*:*]");
+    script.line("set yrange " + data.y_range(panel.logarithmic));
     script.line("set ytics autofreq");
   } else {
     script.line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) +
                 "]");
     script.line("set ytics 1");
   }
-  if (parts.empty()) {
+  if (data.parts().empty()) {
     // An empty frame: there is no data in this interval.
     script.line("unset logscale y");
     script.line("plot [][0:1] -1 notitle");
   } else {
-    script.plot(parts);
+    script.plot(data.parts());
   }
   script.line("unset label 1");
 }

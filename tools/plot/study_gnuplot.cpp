@@ -116,6 +116,9 @@ class StudyScript {
   void draw_points(const StudyPanel& panel, const Place& place);
   void draw_bands(const StudyPanel& panel);
   void draw_plane(const StudyPanel& panel);
+  std::string plane(const StudyPanel& panel, const Cells& x_cells, const Cells& y_cells);
+  void name_labels(const StudyPanel& panel, std::vector<std::string>& parts);
+  void draw_colour_scale(const StudyPanel& panel);
   bool on_grid(const StudyPanel& panel) const;
 
   const StudyFigure& figure_;
@@ -277,13 +280,10 @@ bool StudyScript::on_grid(const StudyPanel& panel) const {
          2 * panel.x.size() >= figure_.axes[0].values.size() * figure_.axes[1].values.size();
 }
 
-void StudyScript::draw_plane(const StudyPanel& panel) {
-  const Axis& x_axis = figure_.axes[0];
-  const Axis& y_axis = figure_.axes[1];
-  const Cells x_cells = cells_of(x_axis);
-  const Cells y_cells = cells_of(y_axis);
-  range('y', y_cells.low(0), y_cells.high(y_cells.centres.size() - 1));
-  ticks('y', y_axis, true);
+// Part of a plot command: the values of a plane as an image, as boxes if the axes are uneven, or as
+// points if they are on no grid.
+std::string StudyScript::plane(const StudyPanel& panel, const Cells& x_cells,
+                               const Cells& y_cells) {
   const bool labels = panel.kind == StudyPanel::Kind::labels;
   std::vector<double> x, y, z, red, green, blue, packed;
   std::vector<double> x_low, x_high, y_low, y_high;
@@ -300,8 +300,8 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
   for (std::size_t i = 0; i < panel.x.size(); ++i) {
     if (!std::isfinite(panel.z[i])) continue;
     if (!labels && panel.logarithmic && !(panel.z[i] > 0.0)) continue;
-    const std::size_t column = place(x_axis.values, panel.x[i]);
-    const std::size_t row = place(y_axis.values, panel.y[i]);
+    const std::size_t column = place(figure_.axes[0].values, panel.x[i]);
+    const std::size_t row = place(figure_.axes[1].values, panel.y[i]);
     x.push_back(x_cells.centres[column]);
     y.push_back(y_cells.centres[row]);
     x_low.push_back(x_cells.low(column));
@@ -319,43 +319,55 @@ void StudyScript::draw_plane(const StudyPanel& panel) {
   // gnuplot's images need at least 2 x 2 values.
   const bool image =
       x_cells.even && y_cells.even && x_cells.centres.size() > 1 && y_cells.centres.size() > 1;
-  std::vector<std::string> parts;
-  if (x.empty()) {
-    parts.emplace_back("NaN notitle");
-  } else if (!on_grid(panel)) {
-    parts.push_back(script_.data({x, y, labels ? packed : z}) +
-                    " using 1:2:3 with points pt 7 ps 0.5 lc " +
-                    (labels ? "rgb variable" : "palette") + " notitle");
-  } else if (image && labels) {
-    parts.push_back(script_.data({x, y, red, green, blue}) +
-                    " using 1:2:3:4:5 with rgbimage notitle");
-  } else if (image) {
-    parts.push_back(script_.data({x, y, z}) + " using 1:2:3 with image notitle");
-  } else {
-    parts.push_back(script_.data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
-                    " using 1:2:3:4:5:6:7 with boxxyerror fs solid noborder fc " +
-                    (labels ? "rgb variable" : "palette") + " notitle");
+  const std::string colour = labels ? "rgb variable" : "palette";
+  if (x.empty()) return "NaN notitle";
+  if (!on_grid(panel)) {
+    return script_.data({x, y, labels ? packed : z}) + " using 1:2:3 with points pt 7 ps 0.5 lc " +
+           colour + " notitle";
   }
-  if (labels) {
+  if (image && labels) {
+    return script_.data({x, y, red, green, blue}) + " using 1:2:3:4:5 with rgbimage notitle";
+  }
+  if (image) return script_.data({x, y, z}) + " using 1:2:3 with image notitle";
+  return script_.data({x, y, x_low, x_high, y_low, y_high, labels ? packed : z}) +
+         " using 1:2:3:4:5:6:7 with boxxyerror fs solid noborder fc " + colour + " notitle";
+}
+
+// Adds the labels that occur to the key of the plot.
+void StudyScript::name_labels(const StudyPanel& panel, std::vector<std::string>& parts) {
+  for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_named + 1); ++label) {
+    const bool occurs = std::any_of(panel.z.begin(), panel.z.end(),
+                                    [&](double of) { return colour_number(of) == label; });
+    if (!occurs) continue;
+    const bool others = label == labels_named && panel.titles.size() > labels_named + 1;
+    char colour[16];
+    std::snprintf(colour, sizeof colour, "'#%06x'", label_colours[label]);
+    parts.push_back(std::string("NaN with points pt 5 ps 1.6 lc rgb ") + colour + " title " +
+                    quoted(others ? std::to_string(label) + " and on" : panel.titles[label]));
+  }
+}
+
+void StudyScript::draw_colour_scale(const StudyPanel& panel) {
+  if (panel.logarithmic) script_.line("set logscale cb");
+  script_.line(panel.logarithmic ? "set format cb '10^{%T}'" : "set format cb '%g'");
+  script_.line(panel.most > panel.least
+                   ? "set cbrange [" + number(panel.least) + ":" + number(panel.most) + "]"
+                   : std::string("set cbrange [*:*]"));
+  script_.line("set cblabel " + quoted(panel.name) + " noenhanced offset 1");
+  script_.line("set colorbox");
+}
+
+void StudyScript::draw_plane(const StudyPanel& panel) {
+  const Cells x_cells = cells_of(figure_.axes[0]);
+  const Cells y_cells = cells_of(figure_.axes[1]);
+  range('y', y_cells.low(0), y_cells.high(y_cells.centres.size() - 1));
+  ticks('y', figure_.axes[1], true);
+  std::vector<std::string> parts{plane(panel, x_cells, y_cells)};
+  if (panel.kind == StudyPanel::Kind::labels) {
     script_.line("unset colorbox");
-    for (std::size_t label = 0; label < std::min(panel.titles.size(), labels_named + 1); ++label) {
-      const bool occurs = std::any_of(panel.z.begin(), panel.z.end(),
-                                      [&](double of) { return colour_number(of) == label; });
-      if (!occurs) continue;
-      const bool others = label == labels_named && panel.titles.size() > labels_named + 1;
-      char colour[16];
-      std::snprintf(colour, sizeof colour, "'#%06x'", label_colours[label]);
-      parts.push_back(std::string("NaN with points pt 5 ps 1.6 lc rgb ") + colour + " title " +
-                      quoted(others ? std::to_string(label) + " and on" : panel.titles[label]));
-    }
+    name_labels(panel, parts);
   } else {
-    if (panel.logarithmic) script_.line("set logscale cb");
-    script_.line(panel.logarithmic ? "set format cb '10^{%T}'" : "set format cb '%g'");
-    script_.line(panel.most > panel.least
-                     ? "set cbrange [" + number(panel.least) + ":" + number(panel.most) + "]"
-                     : std::string("set cbrange [*:*]"));
-    script_.line("set cblabel " + quoted(panel.name) + " noenhanced offset 1");
-    script_.line("set colorbox");
+    draw_colour_scale(panel);
   }
   script_.plot(parts);
 }

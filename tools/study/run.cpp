@@ -274,6 +274,28 @@ struct Leaving {
   ~Leaving() { ranks.leave(); }
 };
 
+// In place of the hash of a study: rank 0 has refused the study.
+constexpr std::uint64_t refused = 0;
+
+// A rank other than 0: computes the runs that rank 0 assigns.
+int serve(const StudyRun& run, Ranks& ranks) {
+  const std::uint64_t hash = ranks.from_manager(refused);
+  if (hash == refused) return exit_usage;  // rank 0 prints the reason
+  try {
+    const Study study = read_study(run.study);
+    if (study.hash != hash) {
+      throw InputError(run.study.string() + ": is another one, or of another scene, on this host");
+    }
+    Measurement measurement(study);
+    ranks.serve(
+        [&](Range range, std::string& text) { return measurement.append_rows(range, text); });
+  } catch (...) {
+    ranks.give_up();
+    throw;
+  }
+  return exit_done;
+}
+
 }  // namespace
 
 int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& report) {
@@ -286,26 +308,7 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
   }
   const int cores = static_cast<int>(std::max(std::thread::hardware_concurrency(), 1U));
   const int threads = run.jobs > 0 ? run.jobs : cores;
-
-  constexpr std::uint64_t refused = 0;
-  if (!first) {
-    const std::uint64_t hash = ranks.from_manager(refused);
-    if (hash == refused) return exit_usage;  // rank 0 prints the reason
-    try {
-      const Study study = read_study(run.study);
-      if (study.hash != hash) {
-        throw InputError(run.study.string() +
-                         ": is another one, or of another scene, on this host");
-      }
-      Measurement measurement(study);
-      ranks.serve(
-          [&](Range range, std::string& text) { return measurement.append_rows(range, text); });
-    } catch (...) {
-      ranks.give_up();
-      throw;
-    }
-    return exit_done;
-  }
+  if (!first) return serve(run, ranks);
 
   std::optional<Study> study;
   std::optional<Session> session;

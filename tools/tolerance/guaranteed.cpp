@@ -48,11 +48,12 @@ std::optional<Limit> guaranteed_limit(const Bench& bench, const Deviation& devia
   Scene scene = bench.scene();
   if (!tolerance_of(scene, deviation, deviation.least)) return std::nullopt;
   if (scene.prior.uncertainty.size() == 0) {
-    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u, scene.prior.start.q,
-                                              scene.prior.start.u)[0];
+    const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
+                                              scene.prior.start.q, scene.prior.start.u)[0];
     const Eigen::Index f = scene.model.coordinates();
     const double least = 1e-12 * bench.motion_energy();
-    scene.prior.uncertainty = Eigen::VectorXd::Constant(f, std::max(V, least) / static_cast<double>(f));
+    scene.prior.uncertainty =
+        Eigen::VectorXd::Constant(f, std::max(V, least) / static_cast<double>(f));
   }
   if (!why_no_bound(scene).empty()) return std::nullopt;
   const auto holds = [&](double amount) {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/detail/estimates/confidence.h"
+#include "sprag/confidence.h"
 #include "tools/view/history.h"
 #include "tools/view/raster.h"
 

@@ -12,7 +12,7 @@
 #pragma once
 
 #include "sprag/detail/bound/energy_metric.h"
-#include "sprag/detail/mechanics/tolerance.h"
+#include "sprag/uncertainty.h"
 
 namespace sprag {
 

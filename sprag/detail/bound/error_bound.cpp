@@ -254,10 +254,11 @@ void ErrorBound::note_energy(const Motion& motion, ErrorBoundState& state) {
 }
 
 double initial_bound(const Scene& scene) {
-  const bool exact = scene.prior.tolerance.any() ||
-                     (scene.prior.jitter == 0.0 && scene.prior.drift == 0.0 && scene.prior.parameters.empty());
+  const bool exact =
+      scene.prior.tolerance.any() ||
+      (scene.prior.jitter == 0.0 && scene.prior.drift == 0.0 && scene.prior.parameters.empty());
   return scene.prior.uncertainty.size() > 0 && exact ? scene.prior.uncertainty.sum()
-                                               : std::numeric_limits<double>::infinity();
+                                                     : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace sprag

@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <memory>
 
+#include "sprag/confidence.h"
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/half_width.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/scene.h"
 

@@ -7,15 +7,11 @@
 #include <cstdint>
 #include <span>
 
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/model.h"
 
 namespace sprag {
-
-/// replica: the replica alone. timing: the event filter alone. both: the filter while its track is
-/// confirmed, else the replica. adaptive: both, with an identified model.
-enum class EstimatorKind { replica, timing, both, adaptive };
 
 /// E::State holds everything that changes, with `tick` and `chi`. Copies between states of one
 /// estimator do not allocate. Of the functions only start() and no_confidence() allocate. h is the

@@ -47,7 +47,8 @@ Uncertainty uncertainty_of(const Scene& scene) {
     uncertainty.u = scene.prior.sigma->u.asDiagonal();
   }
   if (scene.prior.drift > 0.0) {
-    const Eigen::VectorXd each = Eigen::VectorXd::Constant(f, scene.prior.drift / static_cast<double>(f));
+    const Eigen::VectorXd each =
+        Eigen::VectorXd::Constant(f, scene.prior.drift / static_cast<double>(f));
     uncertainty.drift_q = modes.Phi * of_q(each, false).asDiagonal();
     uncertainty.drift_u = modes.Phi * of_u(each).asDiagonal();
   }

@@ -15,28 +15,6 @@ namespace sprag {
 
 inline constexpr double no_horizon = -1.0;
 
-/// Interval of simulated time in which events may be missing.
-struct DegradedInterval {
-  double from = 0.0;
-  double to = 0.0;
-  std::int64_t start = 0;  ///< number of the time line's start it belongs to, from 1
-  /// Exactly one record is missing, and it was a pulse, by the numbers of the records and `closed`.
-  bool one_pulse = false;
-};
-
-/// Why an event was skipped.
-enum class Skip { backwards, beyond_horizon, unknown_contact, contradicting };
-inline constexpr std::size_t skips = 4;
-
-struct EventCounts {
-  std::int64_t events = 0;        ///< taken or inserted
-  std::int64_t made_up = 0;       ///< inserted so that chi agrees with a message after a gap
-  std::int64_t lost_records = 0;  ///< not received, nor repeated in a message
-  std::array<std::int64_t, skips> skipped{};  ///< by Skip
-
-  std::int64_t of(Skip cause) const { return skipped[static_cast<std::size_t>(cause)]; }
-};
-
 /// Events of one machine in order of time. An event is skipped if it is
 ///  - earlier than the event before it, or not after the horizon (`backwards`);
 ///  - later than its own message's horizon (`beyond_horizon`);

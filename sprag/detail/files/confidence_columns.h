@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/detail/estimates/confidence.h"
+#include "sprag/confidence.h"
 #include "sprag/model.h"
 
 namespace sprag {

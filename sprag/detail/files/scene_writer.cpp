@@ -197,7 +197,8 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add(text, "jitter", scene.prior.jitter);
   if (scene.prior.tolerance.any()) text += '\n' + to_toml(scene.prior.tolerance);
   add_adaptation(text, scene);
-  if (!scene.beam && !scene.prior.parameters.empty()) text += '\n' + to_toml(scene.prior.parameters);
+  if (!scene.beam && !scene.prior.parameters.empty())
+    text += '\n' + to_toml(scene.prior.parameters);
   return text;
 }
 

@@ -11,8 +11,8 @@
 #include <cmath>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/innovation.h"
 
 namespace sprag {
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/detail/estimates/belief.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/detail/filter/belief_pool.h"
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/identification/machine_family.h"

@@ -37,8 +37,8 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
     filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
     received_.resize(2 * static_cast<std::size_t>(most_events));
   } else if (!scene.prior.parameters.empty()) {
-    filter_ =
-        std::make_unique<SceneFilter>(scene, unknowns_named(scene, scene.prior.parameters.keys), true);
+    filter_ = std::make_unique<SceneFilter>(
+        scene, unknowns_named(scene, scene.prior.parameters.keys), true);
   } else {
     filter_ = std::make_unique<SceneFilter>(scene, shared_flows(base_.flows(), scene));
   }

@@ -42,7 +42,8 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
   settings.closed = task.closed;
   settings.through_contact = false;  // path_posterior() restarts at each stretch
   // Parameters that walk scatter the event times beyond the jitter.
-  if (scene.prior.jitter > 0.0 && !scene.prior.adaptation.walks()) settings.jitter = scene.prior.jitter;
+  if (scene.prior.jitter > 0.0 && !scene.prior.adaptation.walks())
+    settings.jitter = scene.prior.jitter;
   settings.white = !scene.prior.adaptation.walks();
   settings.strictly_within = false;  // parameters may have moved since the scene was written
   Identification found;

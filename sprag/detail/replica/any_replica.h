@@ -14,8 +14,6 @@
 
 namespace sprag {
 
-enum class StepperKind { exact, moreau };
-
 class AnyReplica {
  public:
   struct State {

@@ -12,8 +12,8 @@
 #include <span>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/confidence.h"
 #include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/scene.h"

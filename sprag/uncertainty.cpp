@@ -1,4 +1,4 @@
-#include "sprag/detail/mechanics/parameter_uncertainty.h"
+#include "sprag/uncertainty.h"
 
 #include "sprag/detail/mechanics/linear_algebra.h"
 
