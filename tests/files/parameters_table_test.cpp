@@ -199,7 +199,7 @@ correlation = [["system.K", "contact.1.motion.phase", 0.1234567890123456],
                ["contact.1.clearance", "system.K", -0.5]]
 consider = false
 )"));
-  const ParameterUncertainty again = parse(to_toml(scene)).parameters;
+  const ParameterUncertainty again = parse(to_toml(scene)).prior.parameters;
   EXPECT_EQ(again.keys, (Keys{"system.K", "contact.1.clearance", "contact.1.motion.phase"}));
   EXPECT_EQ(again.keys, scene.prior.parameters.keys);
   EXPECT_EQ(again.sigma, scene.prior.parameters.sigma);

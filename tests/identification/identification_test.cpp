@@ -512,8 +512,8 @@ TEST(Identification, FittedSceneEqualsMachine) {
   ASSERT_TRUE(found.fits());
   EXPECT_NEAR(found.fitted.model.contacts[0].restitution, 0.7, 1e-10);
   EXPECT_NEAR(found.fitted.beam->damping, 0.17, 1e-10);
-  EXPECT_LT((found.fitted.replica.q - scene.truth.start.q).norm(), 1e-9);
-  EXPECT_LT((found.fitted.replica.u - scene.truth.start.u).norm(), 1e-9);
+  EXPECT_LT((found.fitted.prior.start.q - scene.truth.start.q).norm(), 1e-9);
+  EXPECT_LT((found.fitted.prior.start.u - scene.truth.start.u).norm(), 1e-9);
   EXPECT_LT((found.fitted.model.C - scene.model.C).norm(), 1e-9);
 }
 
