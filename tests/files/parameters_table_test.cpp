@@ -215,7 +215,7 @@ consider = false
 TEST(ParametersTable, IsNotWrittenOfABeam) {
   const std::string text = to_toml(parse(beam_with("beam.damping = { sigma = 0.1 }")));
   EXPECT_EQ(text.find("[parameters]"), std::string::npos);
-  EXPECT_TRUE(parse(text).parameters.empty());
+  EXPECT_TRUE(parse(text).prior.parameters.empty());
 }
 
 }  // namespace

@@ -306,7 +306,7 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
   };
   for (const Wrong& wrong : {Wrong{"stiff_beam", "beam.damping", 0.2, 15.0, 1e-7},
                              Wrong{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0}}) {
-    if (sanitized && wrong.prior.jitter > 0.0) continue;
+    if (sanitized && wrong.jitter > 0.0) continue;
     const Scene scene = shipped_scene(wrong.scene);
     const MachineFamily family(scene, unknowns_named(scene, {wrong.key}));
     auto events = events_of(family.with(Eigen::VectorXd::Constant(1, wrong.value)), wrong.duration);
@@ -314,11 +314,11 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
     std::normal_distribution<double> normal;
     double last = 0.0;
     for (ContactEvent& event : events) {
-      event.t = last = std::max(last, event.t + wrong.prior.jitter * normal(engine));
+      event.t = last = std::max(last, event.t + wrong.jitter * normal(engine));
     }
     IdentificationSettings settings;
     settings.unknowns = family.unknowns();
-    settings.jitter = wrong.prior.jitter;
+    settings.jitter = wrong.jitter;
     const Identification found = identify(scene, events, settings);
     std::cout << "seed 6, " << wrong.scene << ": " << found.unknowns[0].value << " +- "
               << found.unknowns[0].sigma << ", " << found.impacts << " impacts in "
