@@ -86,8 +86,11 @@ void Intake::take_line(const ParsedLine& line, std::int64_t number, std::string_
   last_line_ = arrival;
   if (line.kind == Kind::header) {
     header_again_ = any_session_;
-    if (const auto unit = unit_in(parser_.time_name()); unit && unit->seconds)
+    if (const auto unit = unit_in(parser_.time_name()); unit && unit->seconds) {
       clock_.set_named_unit(*unit->seconds);
+    } else if (unit && !options_.clock.unit) {
+      refuse(number, text, "times are in " + unit->text + "; say how long that is: --unit SECONDS");
+    }
   }
   if (line.kind != Kind::levels) return;
   if (!options_.stamp_arrival) return take_timed(line, number, text, arrival);
@@ -124,6 +127,12 @@ void Intake::take_timed(const ParsedLine& line, std::int64_t number, std::string
     return use(held);
   }
   if (held.reading.order != Order::follows) return hold(std::move(held));
+  // A line that seemed to lie in the future is right if a later one is later.
+  if (!held_.empty() && held_.front().reading.order == Order::leaps &&
+      held.reading.t >= held_.back().reading.t) {
+    release_held(false);
+    held.reading = clock_.read(*line.time, arrival);
+  }
   drop_held();
   use(held);
 }
