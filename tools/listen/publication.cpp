@@ -61,6 +61,12 @@ void ListenPublication::notice(const std::string& text) {
   }
 }
 
+void ListenPublication::flush() {
+  const std::lock_guard lock(log_mutex_);
+  if (!log_ || log_->flush() || std::exchange(said_failure_, true)) return;
+  std::cerr << log_->error() << ": the recording is incomplete; publishing goes on\n";
+}
+
 void ListenPublication::finish() {
   if (std::exchange(finished_, true)) return;
   publisher_->close();

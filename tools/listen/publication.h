@@ -34,6 +34,9 @@ class ListenPublication : public IntakeSink {
   void problem(const LineProblem& problem) override;
   void notice(const std::string& text) override;
 
+  /// Writes the recording so far to the disk. Once, if that fails, prints a message.
+  void flush();
+
   /// Sends the final messages and completes the recording. Throws std::runtime_error if it is not
   /// complete.
   void finish();
@@ -62,6 +65,7 @@ class ListenPublication : public IntakeSink {
   std::int64_t published_ = 0;
   std::int64_t problems_ = 0, notices_ = 0;
   bool finished_ = false;
+  bool said_failure_ = false;
 };
 
 }  // namespace sprag

@@ -122,6 +122,7 @@ int run_listen(ListenRun run, int contacts, const CommonOptions& common,
     intake.pass(now);
     if (now < next_progress) continue;
     next_progress = now + progress_interval;
+    publication.flush();
     std::cerr << "t " << intake.watermark() << "  lines " << intake.counts().lines << "  events "
               << publication.published() << '\n';
   }

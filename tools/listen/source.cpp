@@ -103,8 +103,7 @@ speed_t code_of(int baud) {
 class SerialPort : public EdgeSource {
  public:
   SerialPort(std::string device, int baud) : name_(std::move(device)), rate_(code_of(baud)) {
-    if (const std::string why = open(host_seconds()); !why.empty())
-      throw UsageError(name_ + ": " + why);
+    if (const std::string why = open(); !why.empty()) throw UsageError(name_ + ": " + why);
   }
 
   const std::string& name() const override { return name_; }
@@ -112,7 +111,8 @@ class SerialPort : public EdgeSource {
 
   bool read(Intake& intake, IntakeSink& sink, double now) override {
     const Piece piece = reader_.read(port_.get());
-    if (!piece.bytes.empty() && std::exchange(fresh_, false) && now - opened_ < under_way) {
+    if (!piece.bytes.empty() && std::exchange(fresh_, false) &&
+        (!waits_since_ || now - *waits_since_ < under_way)) {
       sink.notice("the first line may have lost its begin, and is skipped");
       intake.skip_line();
     }
@@ -125,9 +125,10 @@ class SerialPort : public EdgeSource {
   }
 
   void revive(IntakeSink& sink, double now) override {
+    if (port_ && !waits_since_) waits_since_ = now;
     if (port_ || now - tried_ < pause) return;
     tried_ = now;
-    if (!open(now).empty()) return;
+    if (!open().empty()) return;
     ++reconnections_;
     sink.notice("the device is back: a new session begins with its next line");
   }
@@ -138,7 +139,7 @@ class SerialPort : public EdgeSource {
   static constexpr double pause = 0.2;  // s, between attempts to open it
 
   /// Returns why it cannot be opened.
-  std::string open(double now) {
+  std::string open() {
     Descriptor port(::open(name_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!port) return std::string("cannot be opened: ") + std::strerror(errno);
     termios settings{};
@@ -151,7 +152,7 @@ class SerialPort : public EdgeSource {
       return std::string("cannot be set up: ") + std::strerror(errno);
     ::tcflush(port.get(), TCIFLUSH);
     port_ = std::move(port);
-    opened_ = now;
+    waits_since_.reset();
     fresh_ = true;
     return {};
   }
@@ -160,8 +161,9 @@ class SerialPort : public EdgeSource {
   speed_t rate_;
   Descriptor port_;
   Reader reader_;
-  double opened_ = 0.0, tried_ = 0.0;
-  bool fresh_ = true;  // no byte has arrived since it was opened
+  double tried_ = 0.0;                 // last attempt to open it
+  bool fresh_ = true;                  // no byte has arrived since it was opened
+  std::optional<double> waits_since_;  // after it was opened
 };
 
 class TcpPort : public EdgeSource {
