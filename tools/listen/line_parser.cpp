@@ -88,7 +88,7 @@ bool LineParser::is_header() const {
     if (parse_clock_time(field, DecimalMark::point_or_comma)) return false;
     const std::string name = lower(field);
     known = known || name == "contact" || name == "level" || names_time(name) ||
-            field == options_.time ||
+            (!field.empty() && field == options_.time) ||
             std::ranges::any_of(options_.levels, [&](const ColumnOption& option) {
               return field == option.text.substr(option.text.find('=') + 1);
             });
