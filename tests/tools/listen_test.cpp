@@ -167,7 +167,7 @@ TEST(ListenPropertyTest, PacedLinesWithDelaysGiveTheEventsOfImportEvents) {
     options.clock.latency = 0.05;
     options.stall = 0.3;
     const std::vector<Row> rows = random_rows(random, contacts, 120);
-    const double rate = 1.0 + 1e-4 * random.uniform(-1.0, 1.0);
+    const double rate = 1.0 + 5e-3 * random.uniform(-1.0, 1.0);
     const std::string table = table_of(rows, 100.0);
     Kept kept;
     Intake intake(options, kept);
@@ -180,7 +180,7 @@ TEST(ListenPropertyTest, PacedLinesWithDelaysGiveTheEventsOfImportEvents) {
     double now = 0.0;
     take_line(now);
     for (const Row& row : rows) {
-      const double arrival = std::max(now, 7.0 + row.t * rate + random.uniform(0.0, 0.049));
+      const double arrival = std::max(now, 7.0 + row.t * rate + random.uniform(0.0, 0.03));
       for (; now < arrival; now += random.uniform(0.0, 0.02)) intake.pass(now);
       now = arrival;
       take_line(now);
@@ -409,6 +409,21 @@ TEST(ListenTest, LinesThatWaitedAreAllTaken) {
   intake.finish();
   EXPECT_TRUE(kept.problems.empty()) << kept.problems[0];
   EXPECT_EQ(kept.sessions[0].size(), expected.size());
+}
+
+TEST(ListenTest, AWrongUnitIsFound) {
+  for (const auto& [unit, said] :
+       {std::pair("1e-6", false), std::pair("1", true), std::pair("1e-9", true)}) {
+    IntakeOptions options = plain(1.0);
+    options.clock.unit = parse_decimal(unit).value();
+    Kept kept;
+    Intake intake(options, kept);
+    for (int i = 0; i < 100; ++i) intake.take(std::to_string(50000 * i) + ",1,0\n", 0.05 * i);
+    const auto about_the_rate = [](const std::string& text) {
+      return text.find("times as fast") != std::string::npos;
+    };
+    EXPECT_EQ(std::ranges::count_if(kept.notices, about_the_rate), said ? 1 : 0) << unit;
+  }
 }
 
 TEST(ListenTest, AHeaderThatIsRepeatedConfirmsARestartAtOnce) {

@@ -190,8 +190,10 @@ void Intake::use(const Held& held) {
   if (held.reading.wraps) ++counts_.wraps;
   header_again_ = false;
   clock_.accept(held.reading, held.arrival);
-  if (!std::isinf(options_.clock.speed))
+  if (!std::isinf(options_.clock.speed)) {
     scatter_.add_timed(held.reading.t, options_.clock.speed * held.arrival);
+    check_rate(held.reading.t, held.arrival);
+  }
   take_levels(held.line.levels, held.reading.t, held.number, held.text);
   latest_ = std::max(latest_.value_or(held.reading.t), held.reading.t);
 }
@@ -237,11 +239,31 @@ void Intake::begin_session() {
     stream_ = ContactStream(options_.lines.contacts, options_.rules);
     levels_.assign(levels_.size(), new_level());
     scatter_.restart();
+    first_.reset();
     sink_.new_session();
   }
   any_session_ = connected_ = true;
   header_again_ = false;
   ++counts_.sessions;
+}
+
+// Finds a wrong unit, as of a header that was missed.
+void Intake::check_rate(double t, double arrival) {
+  constexpr double long_enough = 1.0;  // s
+  constexpr double largest_factor = 2.0;
+  if (!first_) first_ = {t, arrival};
+  const double elapsed = arrival - first_->second;
+  if (said_rate_ || elapsed < long_enough) return;
+  said_rate_ = true;
+  const double rate = (t - first_->first) / (options_.clock.speed * elapsed);
+  if (rate < largest_factor && rate > 1.0 / largest_factor) return;
+  std::array<char, 160> text;
+  std::snprintf(
+      text.data(), text.size(),
+      "the device's time runs %.3g times as fast as this host's clock: --unit says the unit "
+      "of its times, --speed its pace",
+      rate);
+  sink_.notice(text.data());
 }
 
 void Intake::restart_clock(double from, double to) {

@@ -112,6 +112,7 @@ class Intake {
                    std::string_view text);
   void begin_session();
   void restart_clock(double from, double to);
+  void check_rate(double t, double arrival);
   void flush();
   void refuse(std::int64_t number, std::string_view text, std::string why);
   LevelEdges new_level() const;
@@ -129,11 +130,13 @@ class Intake {
   IntakeCounts counts_;
   std::optional<double> latest_;     // time of the last lines, not yet given to stream_
   std::optional<double> last_line_;  // its arrival
-  double began_ = 0.0;               // arrival at the begin of waiting
+  std::optional<std::pair<double, double>> first_;  // time and arrival of a session's first line
+  double began_ = 0.0;                              // arrival at the begin of waiting
   bool any_session_ = false;
   bool connected_ = true;      // false: the next line is of another connection
   bool header_again_ = false;  // a header came after lines
   bool stalled_ = false;
+  bool said_rate_ = false;  // the rate of the device's clock has been checked
 };
 
 }  // namespace sprag
