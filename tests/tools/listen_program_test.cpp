@@ -317,15 +317,21 @@ TEST_F(ListenProgramTest, ASerialPortThatWasGoneIsOpenedAgain) {
 // looks like another one.
 TEST_F(ListenProgramTest, ALineThatWasUnderWayWhenThePortWasOpenedIsSkipped) {
   Wire wire = open_terminal();
-  Process& process = start(listen({"--serial", path("tty")}));
-  // The device prints all the time, and the port is opened in the midst of it.
+  Process& process = start(listen({"--serial", path("tty"), "--duration", "5"}));
+  // The device prints all the time, and the port is opened in the midst of a line.
   ASSERT_TRUE(eventually(
       [&] {
-        for (int i = 0; i < 1000; ++i) wire.send("1,1,0\n");
+        for (int i = 0; i < 1000; ++i) wire.send("12345678");
         return process.err().find("may have lost its begin") != std::string::npos;
       },
       patience))
       << process.err();
+  wire.send(",1,1\n5,1,1\n");
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(report()["lines"], 1);
+  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
+  EXPECT_EQ(read_log(directory_ / "run.lcmlog").sessions,
+            (std::vector<std::vector<ContactEvent>>{{{5.0, 0, closes}}}));
 }
 
 TEST_F(ListenProgramTest, AnotherClientOfThePortBeginsANewSession) {
