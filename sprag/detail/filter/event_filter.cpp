@@ -1,6 +1,7 @@
 #include "sprag/detail/filter/event_filter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -282,6 +283,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   const double residual = at_.of.g + at_.of_g.dot(at_.dx) + at_.by_c.dot(offset_.tail(unknowns()));
   const double noise = at_.noise + event.extra;
   const double variance = at_.phi.squaredNorm() + noise;
+  node.departs = 0.0;
   node.log_weight = -0.5 * (square(residual) / variance + std::log(variance));
   if (!exact) node.log_weight -= 0.5 * square(tau / belief.sigma);
   at_.measure(residual, noise, x_, c_);
@@ -291,6 +293,8 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
     at_.psi.noalias() += at_.T.transpose().lazyProduct(at_.velocity_by_c);
     gamma = at_.of.velocity + at_.of_velocity.dot(x_) - at_.of_velocity.dot(at_.x) +
             at_.velocity_by_c.dot(c_ - theta);
+    if (!exact && event.kind == Kind::impact)
+      node.departs = square(std::max(gamma, 0.0) / at_.psi.norm());
     if (!exact && !at_.considers() && event.extra == 0.0) {
       weigh_flux(belief.sigma, variance, gamma, node);
     }
@@ -417,35 +421,67 @@ void EventFilter::keep(Eigen::Index columns, FilterBelief& belief) {
                      all_.block(size, size, size, size)});
 }
 
-// Places nodes around point_.tau within `reach`, conditions the belief on each and collapses them.
+// Conditions the belief on nodes around `center` within `reach`.
+EventFilter::Placement EventFilter::place(const Event& event, double center, double reach,
+                                          int nodes, const FilterBelief& belief) {
+  Placement of{center, reach, -infinity};
+  for (int i = 0; i < nodes; ++i) {
+    Node& node = nodes_[index(i)];
+    node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
+    condition(event, belief, node);
+    if (!(node.log_weight < infinity)) return {center, reach, -infinity};
+    if (nodes > 1 && event.kind != Kind::opens && precedes_last(event, node.tau, belief)) {
+      node.log_weight = -infinity;
+    }
+    if (node.log_weight > of.largest) of.heaviest = i;
+    of.largest = std::max(of.largest, node.log_weight);
+  }
+  if (!std::isfinite(of.largest)) return of;
+  for (int i = 0; i < nodes; ++i) of.total += std::exp(nodes_[index(i)].log_weight - of.largest);
+  return of;
+}
+
+// Conditions the belief on nodes around point_.tau within `reach` and collapses them.
 // If one node has nearly all the weight, the spacing does not resolve the posterior of the time:
-// the nodes move to it, closer together.
+// the nodes move to it, closer together. A peak may be so narrow that it has less mass than the
+// nodes around it; then these are used, and the node on the peak gets the mass of the peak.
 bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBelief& belief) {
-  double center = point_.tau, largest = -infinity;
-  for (int attempt = 0; attempt < most_placements; ++attempt) {
+  std::array<Placement, most_placements> placed;
+  std::size_t last = 0;
+  placed[0] = place(event, point_.tau, reach, nodes, belief);
+  while (nodes > 1 && last + 1 < placed.size() && std::isfinite(placed[last].largest) &&
+         placed[last].total < 1.0 / most_share) {
+    const double center = nodes_[index(placed[last].heaviest)].tau;
+    double next = closer * placed[last].reach;
+    // The middle of the first nodes is the most likely time, whose spread is known.
+    if (last == 0 && 2 * placed[0].heaviest == nodes - 1) {
+      next = std::min(next, node_reach * point_.spread);
+    }
+    placed[++last] = place(event, center, next, nodes, belief);
+  }
+  if (!std::isfinite(placed[last].largest)) return false;
+  // Masses as integrals over the time, over exp(largest) of the last placement.
+  const auto mass = [&](const Placement& of, double total) {
+    return total * of.reach * std::exp(of.largest - placed[last].largest);
+  };
+  double inside = mass(placed[last], placed[last].total);
+  std::size_t used = last;
+  double of_peak = inside;
+  for (std::size_t i = last; i-- > 0;) {
+    const double outside = mass(placed[i], placed[i].total - 1.0);
+    if (outside > (1.0 - most_share) * (inside + outside)) {
+      used = i;
+      of_peak = inside;
+    }
+    inside += outside;
+  }
+  double largest = placed[used].largest;
+  if (used < last) {
+    const Placement& of = placed[used];
+    place(event, of.center, of.reach, nodes, belief);
+    nodes_[index(of.heaviest)].log_weight = placed[last].largest + std::log(of_peak / of.reach);
     largest = -infinity;
-    int heaviest = 0;
-    for (int i = 0; i < nodes; ++i) {
-      Node& node = nodes_[index(i)];
-      node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
-      condition(event, belief, node);
-      if (!(node.log_weight < infinity)) return false;
-      if (nodes > 1 && event.kind != Kind::opens && precedes_last(event, node.tau, belief)) {
-        node.log_weight = -infinity;
-      }
-      if (node.log_weight > largest) heaviest = i;
-      largest = std::max(largest, node.log_weight);
-    }
-    if (!std::isfinite(largest)) return false;
-    if (nodes == 1) break;
-    double total = 0.0;
-    for (int i = 0; i < nodes; ++i) total += std::exp(nodes_[index(i)].log_weight - largest);
-    if (total < 1.0 / most_share) {
-      center = nodes_[index(heaviest)].tau;
-      reach *= closer;
-    } else {
-      break;
-    }
+    for (int i = 0; i < nodes; ++i) largest = std::max(largest, nodes_[index(i)].log_weight);
   }
   collapse(largest, nodes, belief);
   describe(event, nodes, belief);
@@ -456,7 +492,7 @@ bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBe
 void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) {
   ImpactEstimate& impact = belief.impact;
   const double epsilon = event.kind == Kind::impact ? flight().restitution(event.contact) : 0.0;
-  double mean = 0.0, squares = 0.0, rebound = 0.0, heaviest = 0.0;
+  double mean = 0.0, squares = 0.0, rebound = 0.0, heaviest = 0.0, departs = 0.0;
   impact.before = impact.after = 0.0;
   for (int i = 0; i < nodes; ++i) {
     const Node& node = nodes_[index(i)];
@@ -467,6 +503,7 @@ void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) 
     impact.after += node.log_weight * node.after;
     if (node.log_weight <= heaviest) continue;
     heaviest = node.log_weight;
+    departs = node.departs;
     rebound = epsilon * std::hypot(node.gamma, node.gamma_sigma);
     if (event.kind == Kind::opens) {
       impact.jump.setZero();
@@ -482,6 +519,7 @@ void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) 
   }
   impact.before_sigma = std::sqrt(of_before);
   impact.after_sigma = std::sqrt(of_after);
+  belief.square += departs;
   belief.t = event.t - point_.tau;
   belief.occurred[event.contact] = belief.t;
   belief.rebound[event.contact] = rebound;
@@ -568,13 +606,13 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
         std::clamp(std::round(wanted) + 1.0, 1.0 * fewest_nodes, 1.0 * most_nodes));
   }
   double reach = node_reach * point_.spread;
-  const double apart = 2.0 * node_reach * belief.sigma / (most_nodes - 1);
-  if (!expected && point_.grazes && point_.spread > apart) {
+  if (!expected && point_.grazes) {
     // The event time may have several maxima of its posterior, so the nodes cover all of the
-    // jitter.
-    reach = node_reach * belief.sigma;
+    // jitter. A narrow maximum is one of the nodes.
+    const double apart = 2.0 * node_reach * belief.sigma / (most_nodes - 1);
+    if (point_.spread > apart) point_.tau = 0.0;
+    reach = node_reach * belief.sigma + std::abs(point_.tau);
     nodes = most_nodes;
-    point_.tau = 0.0;
   }
   belief.square = point_.square;
   belief.bursting &= ~bit(event.contact);

@@ -126,7 +126,8 @@ class EventFilter {
     double log_weight = 0.0;
     double gamma = 0.0, gamma_sigma = 0.0;  // gap velocity before the impact
     double after = 0.0, after_sigma = 0.0;  // and after it
-    ContactSet held = 0;                    // after it
+    double departs = 0.0;  // square of a positive gap velocity before the impact, in deviations
+    ContactSet held = 0;   // after it
     Eigen::VectorXd z, jump, past_mean;
     Eigen::MatrixXd columns, past;
   };
@@ -135,6 +136,14 @@ class EventFilter {
     Kind kind = Kind::impact;
     double t = 0.0;
     double extra = 0.0;  // variance of the gap besides that of the belief
+  };
+
+  // Evenly spaced nodes, and their weights.
+  struct Placement {
+    double center = 0.0, reach = 0.0;
+    double largest = 0.0;  // log weight; not finite: there is no estimate
+    double total = 0.0;    // sum of all weights, over the largest one
+    int heaviest = 0;      // node of the largest weight
   };
 
   bool find(const Event& event, FilterBelief& belief);
@@ -146,6 +155,8 @@ class EventFilter {
   bool measure_together(double t, ContactSet closing, ContactSet staying, FilterBelief& belief);
   double variance_of_unreported(const Event& event);
   void note_touched(double t, int contact, FilterBelief& belief);
+  Placement place(const Event& event, double center, double reach, int nodes,
+                  const FilterBelief& belief);
   bool condense(const Event& event, double reach, int nodes, FilterBelief& belief);
   void condition(const Event& event, const FilterBelief& belief, Node& node);
   double remainder(const Event& event);
