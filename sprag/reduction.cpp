@@ -139,11 +139,11 @@ ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept
   for (Force& force : part.model.forces) force.direction = of(force.direction);
   for (Contact& contact : part.model.contacts) contact.w = of(contact.w);
   for (Output& output : part.model.outputs) output.direction = of(output.direction);
-  for (State* state : {&part.truth.start, &part.prior.start}) {
+  for (State* state : {&part.master, &part.replica}) {
     state->q = of(state->q);
     state->u = of(state->u);
   }
-  if (part.prior.uncertainty.size() > 0) part.prior.uncertainty = of(part.prior.uncertainty);
+  if (part.uncertainty.size() > 0) part.uncertainty = of(part.uncertainty);
   part.observed = machine.observed(Eigen::all, kept);
   return part;
 }
@@ -190,12 +190,12 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
     (part.*state).q = joined((part.*state).q, to_static * (machine.*state).q);
     (part.*state).u = joined((part.*state).u, to_static * (machine.*state).u);
   }
-  if (part.prior.uncertainty.size() > 0) {
+  if (part.uncertainty.size() > 0) {
     VectorXd left_out = machine.uncertainty;
     left_out(kept).setZero();
     // Spread evenly: its distribution over the static vectors is not known.
-    part.prior.uncertainty = joined(part.prior.uncertainty,
-                                    VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
+    part.uncertainty =
+        joined(part.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
   }
   const MatrixXd kept_rows = part.observed;
   part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);

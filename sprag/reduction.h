@@ -34,7 +34,7 @@ struct ModalMachine {
   Model model;                  ///< f coordinates
   State master, replica;        ///< starts, f entries each
   Eigen::MatrixXd observed;     ///< rows x f: the tip of a beam, else the gap at each contact
-  Eigen::VectorXd uncertainty;  ///< Scene::uncertainty by coordinate; empty: not given
+  Eigen::VectorXd uncertainty;  ///< Prior::uncertainty by coordinate; empty: not given
 };
 
 /// \brief Transforms a scene to its modes. A scene that is diagonal already keeps its coordinates.

@@ -408,19 +408,28 @@ void bind_scene(py::module_& module) {
             return view(scene.prior.uncertainty, self);
           },
           "Energies of the replica's start, f entries; None where not given.")
-      .def_readonly("sigma", &Scene::prior.sigma,
-                    "Standard deviations of the replica's start; None where not given.")
-      .def_readonly("drift", &Scene::prior.drift,
-                    "Energy per unit of time by which the model departs.")
+      .def_property_readonly(
+          "sigma",
+          [](const Scene& scene) -> const std::optional<State>& { return scene.prior.sigma; },
+          py::return_value_policy::reference_internal,
+          "Standard deviations of the replica's start; None where not given.")
+      .def_property_readonly(
+          "drift", [](const Scene& scene) { return scene.prior.drift; },
+          "Energy of the model's process noise per unit of time.")
       .def_property_readonly(
           "parameters",
           [](const Scene& scene) -> const ParameterUncertainty* {
             return scene.prior.parameters.empty() ? nullptr : &scene.prior.parameters;
           },
           py::return_value_policy::reference_internal,
-          "How uncertain parameters of the machine are; None where not given.")
-      .def_readonly("jitter", &Scene::prior.jitter, "Standard deviation of event times [s].")
-      .def_readonly("tolerance", &Scene::prior.tolerance, "Hard limits of what may be off.")
+          "Uncertainty of the machine's parameters; None where not given.")
+      .def_property_readonly(
+          "jitter", [](const Scene& scene) { return scene.prior.jitter; },
+          "Standard deviation of event times [s].")
+      .def_property_readonly(
+          "tolerance", [](const Scene& scene) -> const Tolerance& { return scene.prior.tolerance; },
+          py::return_value_policy::reference_internal,
+          "Hard limits of the deviations of machine and event times.")
       .def("__repr__", [](const Scene& scene) {
         return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +
                ", m = " + std::to_string(scene.model.contacts.size()) + ">";

@@ -79,7 +79,7 @@ Quality quality(const Truth& truth, const Reduction& reduction) {
   const ModalMachine& part = reduction.machine;
   Replica replica(part.model, h);
   Replica::State state;
-  replica.start(part.prior.start, 0, 0, state);
+  replica.start(part.replica, 0, 0, state);
   const Index n = reduction.modes;
   Eigen::VectorXd q(part.model.coordinates()), u(part.model.coordinates());
   std::vector<double> V;

@@ -29,7 +29,7 @@ impact.restitution = { sigma = 0.01 }
 beam.damping = { sigma = 0.002 }
 correlation = [["impact.restitution", "beam.damping", -0.3]]
 )"))
-                                              .parameters;
+                                              .prior.parameters;
   EXPECT_FALSE(parameters.empty());
   EXPECT_EQ(parameters.keys, (Keys{"impact.restitution", "contact.1.position", "beam.damping"}));
   EXPECT_EQ(parameters.sigma, Eigen::Vector3d(0.01, 1e-4, 0.002));
@@ -42,7 +42,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
 TEST(ParametersTable, IsEmptyByDefault) {
   for (const std::string& text : {std::string(beam_text), beam_with(""),
                                   beam_with("consider = true"), beam_with("correlation = []")}) {
-    const ParameterUncertainty parameters = parse(text).parameters;
+    const ParameterUncertainty parameters = parse(text).prior.parameters;
     EXPECT_TRUE(parameters.empty());
     EXPECT_EQ(parameters.sigma.size(), 0);
     EXPECT_EQ(parameters.root_of_covariance().size(), 0);
@@ -55,7 +55,7 @@ beam.damping = { sigma = 0.002 }
 beam.bending_stiffness = { sigma = 1, consider = false }
 consider = true
 )"))
-                                              .parameters;
+                                              .prior.parameters;
   EXPECT_EQ(parameters.consider, (std::vector<bool>{true, false}));
 }
 
@@ -65,7 +65,7 @@ TEST(ParametersTable, AcceptsAllFormsOfKey) {
                            "[parameters]\ncontact = { 1 = { position = { sigma = 0.5 } } }\n",
                            "[parameters]\ncontact.1.position.sigma = 0.5\n",
                            "[parameters]\ncontact.\"1.position\" = { sigma = 0.5 }\n"}) {
-    const ParameterUncertainty parameters = parse(std::string(beam_text) + text).parameters;
+    const ParameterUncertainty parameters = parse(std::string(beam_text) + text).prior.parameters;
     EXPECT_EQ(parameters.keys, (Keys{"contact.1.position"})) << text;
     EXPECT_EQ(parameters.sigma[0], 0.5) << text;
   }
@@ -73,7 +73,8 @@ TEST(ParametersTable, AcceptsAllFormsOfKey) {
 
 TEST(ParametersTable, FactorsOfASystemAreParameters) {
   const ParameterUncertainty parameters =
-      parse(system_with("system.K = { sigma = 0.02 }\nsystem.C = { sigma = 0.1 }\n")).parameters;
+      parse(system_with("system.K = { sigma = 0.02 }\nsystem.C = { sigma = 0.1 }\n"))
+          .prior.parameters;
   EXPECT_EQ(parameters.keys, (Keys{"system.K", "system.C"}));
 }
 
@@ -198,7 +199,7 @@ correlation = [["system.K", "contact.1.motion.phase", 0.1234567890123456],
                ["contact.1.clearance", "system.K", -0.5]]
 consider = false
 )"));
-  const ParameterUncertainty again = parse(to_toml(scene)).parameters;
+  const ParameterUncertainty again = parse(to_toml(scene)).prior.parameters;
   EXPECT_EQ(again.keys, (Keys{"system.K", "contact.1.clearance", "contact.1.motion.phase"}));
   EXPECT_EQ(again.keys, scene.prior.parameters.keys);
   EXPECT_EQ(again.sigma, scene.prior.parameters.sigma);
@@ -214,7 +215,7 @@ consider = false
 TEST(ParametersTable, IsNotWrittenOfABeam) {
   const std::string text = to_toml(parse(beam_with("beam.damping = { sigma = 0.1 }")));
   EXPECT_EQ(text.find("[parameters]"), std::string::npos);
-  EXPECT_TRUE(parse(text).parameters.empty());
+  EXPECT_TRUE(parse(text).prior.parameters.empty());
 }
 
 }  // namespace

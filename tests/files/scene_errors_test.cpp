@@ -214,8 +214,8 @@ TEST(SceneErrors, TolerancesAreLimited) {
     EXPECT_EQ(error_of(with(line)), error);
   }
   EXPECT_NE(error_of(with("times = 1")).find("tolerance.time"), std::string::npos);
-  EXPECT_FALSE(parse(std::string(beam_text)).tolerance.any());
-  const Tolerance tolerance = parse(with("time = 1e-4\nclearance = 2e-3")).tolerance;
+  EXPECT_FALSE(parse(std::string(beam_text)).prior.tolerance.any());
+  const Tolerance tolerance = parse(with("time = 1e-4\nclearance = 2e-3")).prior.tolerance;
   EXPECT_EQ(tolerance, (Tolerance{.time = 1e-4, .clearance = 2e-3}));
 }
 
@@ -439,7 +439,7 @@ TEST(SceneErrors, MasterMustNotStartInsideASupport) {
             "x.toml:14:5: master.q starts inside the support of contact 2: its gap is -0.25; must "
             "be >= 0 (move master.q or contact[2].clearance), or set master.penetration = "
             "\"release\"");
-  EXPECT_TRUE(parse(inside + "penetration = \"release\"\n").release_penetration);
+  EXPECT_TRUE(parse(inside + "penetration = \"release\"\n").truth.release_penetration);
   EXPECT_EQ(error_of(inside + "penetration = \"refuse\"\n"), error_of(inside));
   EXPECT_EQ(error_of(replaced(inside, "q = [0.5]", "q = [0.25]")), "no error");
   // Without [master] the machine's start is unknown, and not 0.

@@ -248,8 +248,8 @@ TEST(ShippedScenes, PaperBeamAsPrintedStartsInsideWithTheSameEnergy) {
   EXPECT_TRUE(scene.truth.release_penetration);
   EXPECT_NEAR(synchronization_energy(scene), 0.4783533, 5e-8);
   EXPECT_NEAR(gap(scene.model.contacts[0], scene.truth.start.q, 0.0), -0.0518, 5e-5);
-  EXPECT_EQ(scene.truth.start.q, -read_scene(shipped("paper_beam")).master.q);
-  EXPECT_EQ(scene.prior.start.q, -read_scene(shipped("paper_beam")).replica.q);
+  EXPECT_EQ(scene.truth.start.q, -read_scene(shipped("paper_beam")).truth.start.q);
+  EXPECT_EQ(scene.prior.start.q, -read_scene(shipped("paper_beam")).prior.start.q);
 }
 
 TEST(ShippedScenes, VariantsDifferFromPaperBeamAsNamed) {
@@ -292,7 +292,7 @@ TEST(Scene, StartOnSupportIsAcceptedDespiteRounding) {
   // 0.1 * 3 exceeds 0.3 by one rounding.
   EXPECT_EQ(parse("[system]\nM = [[1]]\nC = [[0]]\nK = [[0]]\n[impact]\nrestitution = 0.5\n"
                   "[[contact]]\ndirection = [-3]\nclearance = 0.3\n[master]\nq = [0.1]\n")
-                .master.q(0),
+                .truth.start.q(0),
             0.1);
 }
 

@@ -265,7 +265,7 @@ TEST(TrackingEstimator, MayJoinLate) {
     estimator.tick(of_tick, state);
   }
   ASSERT_TRUE(state.track.status == TrackStatus::confirmed);
-  Master master(machine.model, machine.master);
+  Master master(machine.model, machine.truth.start);
   std::vector<ContactEvent> passed;
   master.advance(at(60.0), passed);
   Eigen::VectorXd q_m(3), u_m(3), q(3), u(3);

@@ -96,7 +96,7 @@ TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
 
   // The estimate has converged to the machine and gives its parameters.
   const Estimate now = observer.at(duration + 1.0);
-  Master master(machine.model, machine.master);
+  Master master(machine.model, machine.truth.start);
   std::vector<ContactEvent> passed;
   Eigen::VectorXd q(3), u(3);
   master.advance(at(duration), passed);

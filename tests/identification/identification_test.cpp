@@ -306,7 +306,7 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
   };
   for (const Wrong& wrong : {Wrong{"stiff_beam", "beam.damping", 0.2, 15.0, 1e-7},
                              Wrong{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0}}) {
-    if (sanitized && wrong.prior.jitter > 0.0) continue;
+    if (sanitized && wrong.jitter > 0.0) continue;
     const Scene scene = shipped_scene(wrong.scene);
     const MachineFamily family(scene, unknowns_named(scene, {wrong.key}));
     auto events = events_of(family.with(Eigen::VectorXd::Constant(1, wrong.value)), wrong.duration);
@@ -314,11 +314,11 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
     std::normal_distribution<double> normal;
     double last = 0.0;
     for (ContactEvent& event : events) {
-      event.t = last = std::max(last, event.t + wrong.prior.jitter * normal(engine));
+      event.t = last = std::max(last, event.t + wrong.jitter * normal(engine));
     }
     IdentificationSettings settings;
     settings.unknowns = family.unknowns();
-    settings.jitter = wrong.prior.jitter;
+    settings.jitter = wrong.jitter;
     const Identification found = identify(scene, events, settings);
     std::cout << "seed 6, " << wrong.scene << ": " << found.unknowns[0].value << " +- "
               << found.unknowns[0].sigma << ", " << found.impacts << " impacts in "
@@ -512,8 +512,8 @@ TEST(Identification, FittedSceneEqualsMachine) {
   ASSERT_TRUE(found.fits());
   EXPECT_NEAR(found.fitted.model.contacts[0].restitution, 0.7, 1e-10);
   EXPECT_NEAR(found.fitted.beam->damping, 0.17, 1e-10);
-  EXPECT_LT((found.fitted.replica.q - scene.truth.start.q).norm(), 1e-9);
-  EXPECT_LT((found.fitted.replica.u - scene.truth.start.u).norm(), 1e-9);
+  EXPECT_LT((found.fitted.prior.start.q - scene.truth.start.q).norm(), 1e-9);
+  EXPECT_LT((found.fitted.prior.start.u - scene.truth.start.u).norm(), 1e-9);
   EXPECT_LT((found.fitted.model.C - scene.model.C).norm(), 1e-9);
 }
 

@@ -45,7 +45,7 @@ std::vector<Scene> scenes(const char* name) {
   std::vector<Scene> all{cached_scene(name)};
   if (std::is_same_v<E, BothEstimator>) {
     all.push_back(all.front());
-    all.back().jitter = 1e-3;
+    all.back().prior.jitter = 1e-3;
   }
   return all;
 }

@@ -177,7 +177,7 @@ TEST_F(IdentifyProgramTest, ALogAndAJitter) {
   const auto json = nlohmann::json::parse(found.out);
   EXPECT_NEAR(json["jitter"].get<double>(), 1e-4, 3e-5);
   EXPECT_EQ(json["jitter_told"], false);
-  EXPECT_NEAR(read_scene(path("fitted.toml")).jitter, 1e-4, 3e-5);
+  EXPECT_NEAR(read_scene(path("fitted.toml")).prior.jitter, 1e-4, 3e-5);
   const Ended given = identify({path("run.lcmlog"), scene_file("paper_beam"), "--jitter", "1e-6",
                                 "--within", "0.1", "--free", "impact.restitution"});
   EXPECT_EQ(given.code, 3) << given.out;
@@ -275,7 +275,7 @@ TEST_F(IdentifyProgramTest, MisfitIsRefusedUnlessAccepted) {
       identify({events, scene_file("paper_beam"), "--free", "beam.bending_stiffness,beam.damping",
                 "--within", "0.1", "--accept", "--output", path("fitted.toml")});
   EXPECT_EQ(taken.code, 0) << taken.out;
-  EXPECT_GT(read_scene(path("fitted.toml")).jitter, 1e-3);
+  EXPECT_GT(read_scene(path("fitted.toml")).prior.jitter, 1e-3);
 }
 
 TEST_F(IdentifyProgramTest, TooFewEventsAndBadUsage) {
@@ -343,7 +343,7 @@ TEST_F(IdentifyProgramTest, RepairedEventsAreWritten) {
   EXPECT_EQ(mended.substr(0, mended.find('\n')), "t,contact,closed,note");
   EXPECT_NE(mended.find(",1,1,lost\n"), std::string::npos) << mended;
   EXPECT_EQ(read_events(path("mended.csv"), 1).events.size(), (rows.size() - 1) / 2 + 1);
-  EXPECT_EQ(read_scene(path("fitted.toml")).drift, 0.0);
+  EXPECT_EQ(read_scene(path("fitted.toml")).prior.drift, 0.0);
   const Ended again =
       identify({path("mended.csv"), path("fitted.toml"), "--free", "impact.restitution", "--json"});
   EXPECT_EQ(again.code, 0) << again.out;
@@ -366,7 +366,7 @@ TEST_F(IdentifyProgramTest, UndeterminedParametersAreNotWritten) {
   }
   EXPECT_GT(undetermined, 0) << ended.out;
   if (ended.code == 0) {
-    const auto listed = read_scene(path("fitted.toml")).parameters.keys.size();
+    const auto listed = read_scene(path("fitted.toml")).prior.parameters.keys.size();
     EXPECT_EQ(listed + static_cast<std::size_t>(undetermined), json["parameters"].size());
   }
   EXPECT_EQ(ended.code == 0, json["fits"] == true);
@@ -453,7 +453,7 @@ TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
                 "system.K,impact.restitution", "--output", path("fitted.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   const auto json = nlohmann::json::parse(ended.out);
-  const ParameterUncertainty parameters = read_scene(path("fitted.toml")).parameters;
+  const ParameterUncertainty parameters = read_scene(path("fitted.toml")).prior.parameters;
   ASSERT_EQ(parameters.keys, (std::vector<std::string>{"system.K", "impact.restitution"}));
   EXPECT_NEAR(json["parameters"][0]["value"].get<double>(), 1.1, 1e-6);
   EXPECT_NEAR(parameters.sigma[0] / json["parameters"][0]["sigma"].get<double>(), 1.0 / 1.1, 1e-6);
@@ -468,7 +468,7 @@ TEST_F(IdentifyProgramTest, ParametersThatFilterCannotEstimateAreNotListed) {
       identify({events, scene_file("lab_rig"), "--free", "system.K.2.2,impact.restitution",
                 "--output", path("fitted.toml")});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
-  EXPECT_EQ(read_scene(path("fitted.toml")).parameters.keys,
+  EXPECT_EQ(read_scene(path("fitted.toml")).prior.parameters.keys,
             (std::vector<std::string>{"impact.restitution"}));
   EXPECT_NE(ended.err.find("system.K.2.2 is not listed in [parameters] of " + path("fitted.toml")),
             std::string::npos)

@@ -69,7 +69,7 @@ FittedParameters fitted_parameters(const Identification& fit, const Scene& writt
     numbers.push_back(k);
     sigma.push_back(sigma_in(written, of));
     uncertainty.keys.push_back(of.unknown.key);
-    uncertainty.consider.push_back(is_considered(fit.fitted.parameters, of.unknown.key));
+    uncertainty.consider.push_back(is_considered(fit.fitted.prior.parameters, of.unknown.key));
   }
   uncertainty.sigma = Eigen::Map<const Eigen::VectorXd>(sigma.data(), std::ssize(sigma));
   uncertainty.correlation = correlation_of(fit, numbers);

@@ -299,7 +299,7 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
       out.set("master.u", fit.start.u);
     }
   }
-  if (fit.fitted.drift != scene.prior.drift) out.set("replica.drift", fit.fitted.drift);
+  if (fit.fitted.prior.drift != scene.prior.drift) out.set("replica.drift", fit.fitted.prior.drift);
   // A jitter below the resolution of times counts as none.
   const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
   if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);

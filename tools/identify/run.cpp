@@ -28,10 +28,10 @@ void put_drift(const IdentifyRun& run, Identification& fit) {
   const std::optional<DriftEstimate>& drift = fit.departure.drift;
   if (!drift) return;
   if (fit.departure.is_drift() || fit.departure.is_scatter()) {
-    fit.fitted.drift = drift->drift;
+    fit.fitted.prior.drift = drift->drift;
     fit.jitter = drift->jitter;
   } else if (!run.no_drift_limit) {
-    fit.fitted.drift = drift->high;
+    fit.fitted.prior.drift = drift->high;
   }
 }
 
@@ -92,7 +92,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   if (effective) {
     result.accepted = true;
     result.fit.jitter = result.fit.scatter;
-    result.fit.fitted.jitter = result.fit.scatter;
+    result.fit.fitted.prior.jitter = result.fit.scatter;
   }
   nlohmann::ordered_json object;
   write_json(result, object);

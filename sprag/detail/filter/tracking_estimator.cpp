@@ -570,10 +570,13 @@ void TrackingEstimator::take_result(TrackingState& state) {
   state.window.wanted = false;
   ++state.window.identifications;
   const std::int64_t first = first_size();
-  const FilterBelief& of = result_->belief;
-  filter_->of_state = of.S.topRows(2 * filter_->flight->n());
-  const double of_error = filter_->flight->twice_energy(filter_->of_state);
-  if (!result_->accepted || !(of_error < thresholds_.energy_to_accept * note_energy(state))) {
+  const FilterBelief& of = result_->belief;  // empty if not accepted
+  const auto is_accurate = [&] {
+    filter_->of_state = of.S.topRows(2 * filter_->flight->n());
+    const double of_error = filter_->flight->twice_energy(filter_->of_state);
+    return of_error < thresholds_.energy_to_accept * note_energy(state);
+  };
+  if (!result_->accepted || !is_accurate()) {
     state.window.size += state.window.size / 2;
     if (state.window.size > longest_window) {
       begin_window(state.window.events - 2 * first, state);

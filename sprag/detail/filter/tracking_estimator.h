@@ -14,8 +14,7 @@
 // * While an event is overdue, no sigma is claimed. An impact that stays away for `long_inside` of
 //   the flight's duration is missing.
 // * After any other gate failure the track is lost. `both` and `adaptive` then show the replica.
-// The
-//   filter resets its state to the replica's, at this event or at the next one.
+//   The filter resets its state to the replica's, at this event or at the next one.
 // * `timing` shows the filter from then on, with infinite deviations until it is confirmed.
 // * Parameters with a prior return to it after a failure before confirmation. Others are identified
 //   again from the events since.
