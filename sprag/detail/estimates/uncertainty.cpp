@@ -19,19 +19,21 @@ Eigen::VectorXd energies_of(const Scene& scene) {
   return Eigen::VectorXd::Constant(f, scale > 0.0 ? scale : 1.0);
 }
 
-// Appends M^-1 times the noise of sampled forces, per root of the unit of time. Errors of the
+// M^-1 times the noise of sampled forces, per root of the unit of time. Errors of the
 // samples with standard deviation sigma at intervals dt act on slow motions as white noise of
 // intensity sigma^2 dt.
-void add_input_noise(const Model& model, Eigen::MatrixXd& drift_u) {
+Eigen::MatrixXd input_noise_of(const Model& model) {
+  Eigen::MatrixXd noise_u(model.coordinates(), 0);
   const Dynamics dynamics(model);
   const SampledInputs& inputs = dynamics.inputs();
   for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
     const SampledInput& input = inputs.channel(c);
     const double noise = input.settings().noise * std::sqrt(input.spacing());
     if (noise == 0.0) continue;
-    drift_u.conservativeResize(model.coordinates(), drift_u.cols() + 1);
-    drift_u.col(drift_u.cols() - 1) = noise * (inverse(model.M) * inputs.forces().col(c));
+    noise_u.conservativeResize(model.coordinates(), noise_u.cols() + 1);
+    noise_u.col(noise_u.cols() - 1) = noise * (inverse(model.M) * inputs.forces().col(c));
   }
+  return noise_u;
 }
 
 }  // namespace
@@ -69,7 +71,7 @@ Uncertainty uncertainty_of(const Scene& scene) {
     uncertainty.drift_q = modes.Phi * of_q(each, false).asDiagonal();
     uncertainty.drift_u = modes.Phi * of_u(each).asDiagonal();
   }
-  if (has_sampled_inputs(scene.model)) add_input_noise(scene.model, uncertainty.drift_u);
+  if (has_sampled_inputs(scene.model)) uncertainty.input_noise = input_noise_of(scene.model);
   return uncertainty;
 }
 

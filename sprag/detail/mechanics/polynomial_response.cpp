@@ -98,8 +98,9 @@ void move_under_force(double delta, double kappa, const PolynomialForce& F, doub
   const double damping = 2.0 * delta;
   const double x = std::max(damping, std::sqrt(kappa)) * std::abs(tau);
   if (x <= 1.0) {
-    // Enough terms for a remainder x^terms / terms! below the rounding error.
-    const int terms = x < 0.02 ? 8 : x < 0.1 ? 10 : x < 0.4 ? 14 : 19;
+    // Enough terms for a remainder below the rounding error. With F_5 it is of the order of
+    // x^(terms - 7) / terms! of the terms of F.
+    const int terms = x < 0.02 ? 12 : x < 0.1 ? 14 : x < 0.4 ? 16 : 19;
     double before = z;
     double now = v;
     double factor = tau;  // tau^k / k!, k = 1, 2, ...
