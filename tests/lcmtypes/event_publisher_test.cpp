@@ -93,10 +93,10 @@ TEST(EventPublisher, CopiesEveryMessageAsSent) {
   Bus receiver(url, key);
   std::vector<std::vector<std::uint8_t>> received, copied;
   receiver.subscribe(contacts_channel,
-                [&](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-                  const auto sent = receiver.as_sent(data);
-                  received.emplace_back(sent.begin(), sent.end());
-                });
+                     [&](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+                       const auto sent = receiver.as_sent(data);
+                       received.emplace_back(sent.begin(), sent.end());
+                     });
   EventPublisher publisher(
       1, {.url = url, .key = key, .copy = [&](std::span<const std::uint8_t> message) {
             copied.emplace_back(message.begin(), message.end());
