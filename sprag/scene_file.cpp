@@ -213,8 +213,9 @@ void read_system_frame(const TomlTable& root, Scene& scene) {
                   "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty"});
   if (!table) return;
   Model& model = scene.model;
+  Eigen::VectorXd influence = one_or_each(*table, "influence", model.coordinates());
   const FrameMotion motion = read_frame_motion(*table);
-  ShakenFrame frame{.influence = one_or_each(*table, "influence", model.coordinates()),
+  ShakenFrame frame{.influence = std::move(influence),
                     .motion = motion.harmonic,
                     .force = model.forces.size(),
                     .on_ground = {},
